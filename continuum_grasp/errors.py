@@ -1,0 +1,101 @@
+"""The errors that the package raises on purpose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+__all__ = ["ContinuumGraspError", "InputError", "NumericalError", "SolverError"]
+
+
+class ContinuumGraspError(Exception):
+    """Base class of every error that the package raises on purpose."""
+
+
+class InputError(ContinuumGraspError, ValueError):
+    """What the user gave is wrong.
+
+    Parameters
+    ----------
+    message : str
+        What was wrong, what was expected, what was got.
+    file, line, column, key : optional
+        Where: path of the file, position in it (from 1), dotted path of the key.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        file: str | None = None,
+        line: int | None = None,
+        column: int | None = None,
+        key: str | None = None,
+    ) -> None:
+        self.message = message
+        self.file = file
+        self.line = line
+        self.column = column
+        self.key = key
+        place = ":".join(str(part) for part in (file, line, column) if part is not None)
+        super().__init__(": ".join(part for part in (place, key, message) if part))
+
+
+class SolverError(ContinuumGraspError, RuntimeError):
+    """A solver did not reach what was asked of it.
+
+    Parameters
+    ----------
+    message : str
+        What failed.
+    status : str
+        The typed status of the solver.
+    violated : sequence of str
+        The violated constraints by name, with their amounts.
+    advice : str
+        A likely cause and what to try.
+    result : object, optional
+        What was reached, for inspection.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        status: str,
+        violated: Sequence[str] = (),
+        advice: str = "",
+        result: Any = None,
+    ) -> None:
+        self.status = status
+        self.violated = tuple(violated)
+        self.advice = advice
+        self.result = result
+        parts = [f"{message} (status: {status})"]
+        if self.violated:
+            parts.append("violated: " + "; ".join(self.violated))
+        if advice:
+            parts.append(advice)
+        super().__init__("\n".join(parts))
+
+
+class NumericalError(ContinuumGraspError, ArithmeticError):
+    """A computation left the range in which its numbers mean something.
+
+    Parameters
+    ----------
+    message : str
+        What happened and what to try.
+    time : float, optional
+        Model time at which it happened [s].
+    state : array_like, optional
+        The last finite state.
+    result : object, optional
+        What was computed so far.
+    """
+
+    def __init__(self, message: str, *, time: float | None = None, state: Any = None, result: Any = None) -> None:
+        self.time = time
+        self.state = state
+        self.result = result
+        super().__init__(message)

@@ -1,0 +1,309 @@
+"""The equations of motion of one model as CasADi expressions.
+
+M qdd + bias + gravity + elastic + damping = actuation + external forces, equation (43) of the paper, for the full
+coordinates of the family; where the tip is matched, the last of these is a function of the input.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+
+import casadi as ca
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.model.actuation import Drive, friction_factors
+from continuum_grasp.model.chain import Chain, Force, Moment
+from continuum_grasp.model.family import Rod
+from continuum_grasp.model.layout import place_at
+from continuum_grasp.model.ldl import solve_ldl
+from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, minus, plus, times
+from continuum_grasp.model.structure import Structure
+from continuum_grasp.scene.loads import ForceLoad
+
+__all__ = ["Equations"]
+
+
+class Equations:
+    """Symbols and expressions of a model; every property is built when it is first read.
+
+    Parameters
+    ----------
+    structure : Structure
+        The make-up of the model.
+    """
+
+    def __init__(self, structure: Structure) -> None:
+        self._made = structure
+        self._par = structure.parameters
+        self._family = structure.family
+        self.q = ca.SX.sym("q", structure.n)
+        self.qd = ca.SX.sym("qd", structure.n)
+        self.qdd = ca.SX.sym("qdd", structure.n)
+        self.lag = ca.SX.sym("lag", 2 if structure.lagged else 0)
+        self.x = ca.vertcat(self.q, self.qd, self.lag)
+        self.u = ca.SX.sym("u", len(structure.u_names))
+        self.w = ca.SX.sym("w", len(structure.w_names))
+        self.s = ca.SX.sym("s")
+        self.p = structure.parameters.symbol
+
+    # -- input ---------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def commanded(self) -> Drive:
+        """The drive as the input gives it."""
+        offset = self._par["tendon_offset"] if self._made.inputs.tendons else 0.0
+        return Drive.from_input(self.u, self._made.inputs, offset)
+
+    @cached_property
+    def drive(self) -> Drive:
+        """The drive that acts: the commanded one, or the one that follows it."""
+        if not self._made.lagged:
+            return self.commanded
+        return Drive(self.lag[0], self.commanded.couple, self.lag[1], self.lag_acceleration)
+
+    @cached_property
+    def lag_acceleration(self) -> Scalar:
+        """Second derivative of the lagged tip moment: a critically damped second-order lag."""
+        tendons = self._made.finger.tendons
+        if tendons is None or tendons.time_constant is None:
+            return 0.0
+        pole = 1.0 / tendons.time_constant
+        return pole**2 * (self.commanded.moment - self.lag[0]) - 2.0 * pole * self.lag[1]
+
+    # -- coordinates ---------------------------------------------------------------------------------------------
+
+    @cached_property
+    def lengths(self) -> tuple[Scalar, ...]:
+        """Element lengths [m]."""
+        return tuple(self._par.vector("element_lengths"))
+
+    @cached_property
+    def full(self) -> list[Scalar]:
+        """Full coordinates: q, and the tip's curvature where it is matched."""
+        q: list[Scalar] = [self.q[k] for k in range(self._made.n)]
+        if not self._made.matched:
+            return q
+        return [*q, plus(self._per_stiffness(plus(self.drive.moment, self.drive.couple)), self._tip_rest)]
+
+    @cached_property
+    def full_rates(self) -> list[Scalar]:
+        """Rates of the full coordinates."""
+        rates: list[Scalar] = [self.qd[k] for k in range(self._made.n)]
+        return [*rates, self._per_stiffness(self.drive.rate)] if self._made.matched else rates
+
+    def _per_stiffness(self, moment: Scalar) -> Scalar:
+        stiffness = self._par["bending_stiffness"]
+        return times(1.0 / stiffness, moment) if isinstance(stiffness, float) else moment / stiffness
+
+    @cached_property
+    def _tip_rest(self) -> Scalar:
+        if self._par.is_runtime("rest_curvature"):
+            return self._par["rest_curvature"]
+        return self._made.finger.curvature_pieces[-1][2]
+
+    @cached_property
+    def bends(self) -> list[Scalar]:
+        """Bending angle of each element [rad]."""
+        count = len(self.lengths)
+        return [_dot(self._family.bend_gradient(k, self.lengths), self.full) for k in range(count)]
+
+    # -- geometry ------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The chain of links."""
+        family, par = self._family, self._par
+        masses = tuple((place.link, float(place.fraction), par[name]) for name, place in self._made.masses())
+        rod = Rod(self.lengths, self._made.ranges, par["linear_density"], par["rotary_inertia"], masses)
+        local = [family.local(k) for k in range(len(self.lengths))]
+        return Chain(family.links(self.full, rod), local, family.size)
+
+    @cached_property
+    def turn(self) -> Rotation:
+        """From the chain's axes (X along the undeformed finger) to the world's."""
+        angle = self._made.finger.base.angle + math.pi / 2
+        return Rotation(*(0.0 if abs(v) < 1e-15 else v for v in (math.cos(angle), math.sin(angle))))
+
+    def to_world(self, v: Vec) -> Vec:
+        """World position of a point given from the base in the chain's axes."""
+        turned, (x, y) = self.turn.apply(v), self._made.finger.base.position
+        return Vec(plus(turned.x, x), plus(turned.y, y))
+
+    @cached_property
+    def tip_position(self) -> Vec:
+        """World position of the tip [m]."""
+        return self.to_world(self.chain.position(self._made.tip))
+
+    @cached_property
+    def section(self) -> tuple[Vec, Scalar]:
+        """World position [m] of the section at the run-time position s, and its angle in the world [rad]."""
+        start: Scalar = 0.0
+        turn, total, angle = IDENTITY, ZERO, self._made.finger.base.angle
+        for link, h, local in zip(self.chain.links, self.lengths, self.chain.coordinates, strict=True):
+            fraction = ca.fmin(ca.fmax((self.s - start) / h, 0.0), 1.0)
+            section = link.link.section(fraction)
+            total = total + turn.apply(section.position)
+            turn = turn @ section.rotation
+            angle = plus(angle, _dot(section.angles, [self.full[a] for a in local]))
+            start = plus(start, h)
+        return self.to_world(total), angle
+
+    # -- forces --------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def gravity_vector(self) -> Vec:
+        """Gravity in the chain's axes [m/s2]."""
+        gx, gy = self._par.vector("gravity")
+        if isinstance(gx, float) and isinstance(gy, float) and gx == 0.0 and gy == 0.0:
+            return ZERO
+        return self.turn.transposed().apply(Vec(gx, gy))
+
+    @cached_property
+    def loads(self) -> tuple[list[Force], list[Moment]]:
+        """Point forces and moments of ``w``."""
+        back, made = self.turn.transposed(), self._made
+        forces, moments = [], []
+        places = [place_at(at, made.lengths) for at in made.contacts]
+        for k, place in enumerate([*places, made.tip] if made.tip_force else places):
+            forces.append(Force(place, back.apply(Vec(self.w[2 * k], self.w[2 * k + 1]))))
+        for load, (vector, start) in zip(made.loads, made.load_entries, strict=True):
+            place = place_at(load.at, made.lengths)
+            if isinstance(load, ForceLoad) and load.follows:
+                forces.append(Force(place, Vec(self.w[start + 1], -self.w[start]), follows=True))
+            elif isinstance(load, ForceLoad):
+                forces.append(Force(place, back.apply(Vec(self.w[start], self.w[start + 1]))))
+            elif vector == "w":
+                moments.append(Moment(place, self.w[start]))
+        return forces, moments
+
+    @cached_property
+    def rest(self) -> list[Scalar]:
+        """Integral of the rest curvature times the curvature shapes."""
+        if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
+            if len(self._made.finger.curvature_pieces) > 1:
+                raise InputError("a piecewise rest curvature needs element_lengths that are not run-time arguments")
+            return [times(self._tip_rest, r) for r in self._family.rest_uniform(self.lengths)]
+        return list(self._family.rest(self._made.lengths, self._made.finger.curvature_pieces))
+
+    @cached_property
+    def elastic(self) -> list[Scalar]:
+        """Gradient of the elastic energy; equation (32)."""
+        stiffness = self._par["bending_stiffness"]
+        force = _product(self._family.stiffness(self.lengths), self.full, stiffness)
+        return [minus(f, times(stiffness, r)) for f, r in zip(force, self.rest, strict=True)]
+
+    @cached_property
+    def damping(self) -> list[Scalar]:
+        """Damping forces, positive against the motion."""
+        rates, per_arc = self.full_rates, self._par["per_arc_damping"]
+        force = _product(self._family.stiffness(self.lengths), rates, self._par["material_damping"])
+        if isinstance(per_arc, float) and per_arc == 0.0:
+            return force
+        for k in range(len(self.lengths)):
+            gradient = self._family.bend_gradient(k, self.lengths)
+            moment = times(per_arc, _dot(gradient, rates))
+            force = [plus(f, times(g, moment)) for f, g in zip(force, gradient, strict=True)]
+        return force
+
+    @cached_property
+    def actuation(self) -> list[Scalar]:
+        """Generalised forces of the drive."""
+        drive, count = self.drive, len(self.lengths)
+        gradients = [self._family.bend_gradient(k, self.lengths) for k in range(count)]
+        whole = [_sum(column) for column in zip(*gradients, strict=True)]
+        if not self._made.rubs:
+            return [times(g, plus(drive.moment, drive.couple)) for g in whole]
+        total = [times(g, drive.couple) for g in whole]
+        factors = friction_factors(self._par["tendon_friction"], self.bends)
+        for gradient, factor in zip(gradients, factors, strict=True):
+            moment = times(factor, drive.moment)
+            total = [plus(t, times(g, moment)) for t, g in zip(total, gradient, strict=True)]
+        return total
+
+    # -- motion --------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def mass_matrix(self) -> list[list[Scalar]]:
+        """Mass matrix of the unknowns."""
+        return [row[: self._made.n] for row in self.chain.mass_matrix[: self._made.n]]
+
+    @cached_property
+    def tip_inertia_force(self) -> list[Scalar]:
+        """Inertia of the matched tip's own motion: M_qN kappa_N''."""
+        acceleration = self._per_stiffness(self.drive.acceleration) if self._made.matched else 0.0
+        return [times(row[-1], acceleration) for row in self.chain.mass_matrix[: self._made.n]]
+
+    @cached_property
+    def bias(self) -> list[Scalar]:
+        """Velocity products, and what the motion of a matched tip adds."""
+        motion = self.chain.motion_forces(self.full_rates, ZERO)
+        return [minus(f, m) for f, m in zip(self.tip_inertia_force, motion, strict=False)]
+
+    @cached_property
+    def gravity(self) -> list[Scalar]:
+        """Gradient of the weight's potential; equation (29)."""
+        weight = self.chain.motion_forces(None, self.gravity_vector)
+        return [minus(0.0, f) for f in weight[: self._made.n]]
+
+    @cached_property
+    def external_force(self) -> list[Scalar]:
+        """Generalised forces of ``w``; equation (41)."""
+        return self.chain.motion_forces(None, ZERO, *self.loads)[: self._made.n]
+
+    @cached_property
+    def net_force(self) -> list[Scalar]:
+        """M qdd."""
+        motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, *self.loads)
+        net = []
+        for k in range(self._made.n):
+            internal = plus(self.elastic[k], self.damping[k])
+            value = minus(minus(plus(motion[k], self.actuation[k]), internal), self.tip_inertia_force[k])
+            net.append(value)
+        return net
+
+    @cached_property
+    def state_rate(self) -> list[Scalar]:
+        """Derivative of the state."""
+        rates: list[Scalar] = [self.qd[k] for k in range(self._made.n)]
+        rates += solve_ldl(self.mass_matrix, self.net_force)
+        return [*rates, self.lag[1], self.lag_acceleration] if self._made.lagged else rates
+
+    @cached_property
+    def kinetic_energy(self) -> Scalar:
+        """Kinetic energy [J], with the motion of a matched tip."""
+        return times(0.5, _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates))
+
+    @cached_property
+    def potential_energy(self) -> Scalar:
+        """Elastic energy above the rest shape and potential of the weight above the base's level [J]."""
+        stiffness, pieces = self._par["bending_stiffness"], self._made.finger.curvature_pieces
+        product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
+        constant: Scalar = sum(0.5 * (b - a) * k**2 for a, b, k in pieces)
+        if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
+            constant = times(0.5, times(_sum(self.lengths), times(self._tip_rest, self._tip_rest)))
+        elastic = times(stiffness, plus(minus(_dot(product, self.full), _dot(self.rest, self.full)), constant))
+        mass, first = self.chain.first_moment()
+        gx, gy = self._par.vector("gravity")
+        x, y = self._made.finger.base.position
+        weight = plus(first.dot(self.gravity_vector), times(mass, plus(times(gx, x), times(gy, y))))
+        return minus(elastic, weight)
+
+
+def _sum(values: Sequence[Scalar]) -> Scalar:
+    total: Scalar = 0.0
+    for value in values:
+        total = plus(total, value)
+    return total
+
+
+def _dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
+    return _sum([times(u, v) for u, v in zip(a, b, strict=True)])
+
+
+def _product(matrix: Sequence[Sequence[Scalar]], vector: Sequence[Scalar], scale: Scalar) -> list[Scalar]:
+    """scale * matrix * vector, with a numeric scale folded into a numeric matrix."""
+    if isinstance(scale, float):
+        return [_dot([times(scale, entry) for entry in row], vector) for row in matrix]
+    return [times(scale, _dot(row, vector)) for row in matrix]

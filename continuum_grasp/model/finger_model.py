@@ -1,0 +1,287 @@
+"""The finger as named CasADi functions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import casadi as ca
+
+from continuum_grasp.model.chain import column
+from continuum_grasp.model.equations import Equations
+from continuum_grasp.model.planar import Scalar, Vec
+from continuum_grasp.model.structure import Structure
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.loads import Load
+from continuum_grasp.scene.simulate import Scene
+
+__all__ = ["FUNCTIONS", "FingerModel"]
+
+
+class FingerModel:
+    """A planar continuum finger, written once as CasADi functions.
+
+    The motion obeys ``M qdd + bias + gravity + elastic + damping = actuation + external_force``. All functions are SX
+    functions with named inputs and outputs; inputs that a model does not need are empty. World vectors are in the
+    scene's axes; positive bending turns counter-clockwise, towards the base's -X axis.
+
+    Parameters
+    ----------
+    finger : Scene or Finger
+        A scene supplies finger, contacts, gravity, fidelity, parameters and loads; a keyword overrides it.
+    contacts : sequence of float, optional
+        Positions along the finger where contact forces may act [m]; element boundaries.
+    gravity : (2,) sequence, optional
+        World gravity [m/s2]; (0, -9.81) for a bare finger; zero leaves the weight out.
+    family : {"arc", "clothoid", "matched_clothoid"}, optional
+        Curvature family; ``matched_clothoid`` where nothing is said (``clothoid`` where tendons rub, or where a
+        moment of the scene on the tip varies in time).
+    elements : int or sequence of float, optional
+        Number of elements, or their lengths [m]; two, or one per stretch between contacts, where nothing is said.
+    bending_range : float, optional
+        Greatest bend of an element [rad]; 2 pi / 3, or less where the finger's strain limit allows less.
+    accuracy : float, optional
+        Relative accuracy of the evaluation over the bending range; sets Horner terms and quadrature nodes.
+    parameters : sequence of str, optional
+        Parameters that stay run-time arguments (``p``); all others are folded into the code.
+    loads : sequence of ForceLoad and MomentLoad, optional
+        Where loads act; their values are entries of ``w`` (of ``u`` for moments on the tip, where they act like the
+        tip moment).
+    tip_force : bool, optional
+        Whether a force acts at the tip; for a scene, where it has contacts.
+    input_rates : bool, optional
+        Whether rates and accelerations follow the values in ``u``. A matched tip moves with the tip moment, so a
+        moment that varies needs them; without them the moment is taken to be constant.
+
+    Attributes
+    ----------
+    family : str
+    lengths : tuple of float
+        Element lengths [m].
+    ranges : tuple of float
+        Declared bending range of each element [rad].
+    n, nx, nu, nw, np : int
+        Numbers of coordinates q, states x, inputs u, force components w and parameters p.
+    q_names, x_names, u_names, w_names, p_names : list of str
+        Name and unit of each entry.
+    p_nominal : list of float
+        Nominal values of ``p``.
+    load_entries : list of (str, int)
+        Per load, the vector ("u" or "w") and the index at which its value begins.
+
+    Notes
+    -----
+    ====================  =======================  =========================================================
+    function              inputs                   outputs
+    ====================  =======================  =========================================================
+    forward_dynamics      x, u, w, p               xd (nx)
+    inverse_dynamics      q, qd, qdd, u, w, p      Q (n), the generalised force that is missing
+    mass_matrix           q, u, p                  M (n, n)
+    bias                  q, qd, u, p              b (n), velocity products
+    gravity               q, u, p                  G (n), gradient of the weight's potential
+    elastic               q, u, p                  K (n), gradient of the elastic energy
+    damping               q, qd, u, p              D (n)
+    actuation             q, u, p                  Q (n)
+    external_force        q, u, w, p               Q (n)
+    position              q, u, s, p               r (2), world [m], of the section at s [m]
+    orientation           q, u, s, p               angle [rad] from the world's to the section's axes
+    jacobian              q, u, s, p               J (2, n), world
+    jacobian_rate         q, qd, u, s, p           Jd (2, n), world
+    tip                   q, u, p                  r (2), world [m]
+    energy                x, u, p                  kinetic, potential [J]
+    bending               q, u, p                  bend of each element [rad]
+    range_use             q, u, p                  use of the declared bending range, per element [1]
+    linearization         x, u, w, p               A (nx, nx), B (nx, nu)
+    ====================  =======================  =========================================================
+
+    x = [q, qd], and [q, qd, tip moment, its rate] where the tendons have a time constant; the functions of q then take
+    the tip moment that u commands. w = world forces at the contacts, then at the tip (if any), then the loads.
+    Stretch and shear of the rod are not modelled.
+
+    Raises
+    ------
+    InputError
+        If the pieces do not fit together.
+    """
+
+    def __init__(
+        self,
+        finger: Scene | Finger,
+        *,
+        contacts: Sequence[float] | None = None,
+        gravity: Sequence[float] | None = None,
+        family: str | None = None,
+        elements: int | Sequence[float] | None = None,
+        bending_range: float | None = None,
+        accuracy: float | None = None,
+        parameters: Sequence[str] | None = None,
+        loads: Sequence[Load] | None = None,
+        tip_force: bool | None = None,
+        input_rates: bool | None = None,
+    ) -> None:
+        made = Structure(
+            finger,
+            contacts,
+            gravity,
+            family,
+            elements,
+            bending_range,
+            accuracy,
+            parameters,
+            loads,
+            tip_force,
+            input_rates,
+        )
+        self.structure = made
+        self.finger = made.finger
+        self.family = made.family_name
+        self.contacts = made.contacts
+        self.loads = made.loads
+        self.load_entries = made.load_entries
+        self.lengths = made.lengths
+        self.ranges = made.ranges
+        self.q_names, self.x_names = made.q_names, made.x_names
+        self.u_names, self.w_names = made.u_names, made.w_names
+        self.p_names, self.p_nominal = made.parameters.labels, made.parameters.nominal
+        self.n, self.nx = made.n, len(made.x_names)
+        self.nu, self.nw, self.np = len(made.u_names), len(made.w_names), len(self.p_names)
+        self._equations = Equations(made)
+
+    def _function(self, name: str, inputs: str, **outputs: ca.SX | Vec | Scalar | list[Scalar]) -> ca.Function:
+        """A named function of space-separated inputs."""
+        eq = self._equations
+        names = inputs.split()
+        arguments = [getattr(eq, key) for key in names]
+        expressions = [_dense(value) for value in outputs.values()]
+        if eq.lag.numel() and "x" not in names:
+            commanded = ca.vertcat(ca.SX(eq.commanded.moment), 0.0)
+            expressions = ca.substitute(expressions, [eq.lag], [commanded])
+        return ca.Function(name, arguments, ca.cse(expressions), names, list(outputs))
+
+    @cached_property
+    def forward_dynamics(self) -> ca.Function:
+        """State derivative."""
+        return self._function("forward_dynamics", "x u w p", xd=self._equations.state_rate)
+
+    @cached_property
+    def inverse_dynamics(self) -> ca.Function:
+        """Generalised force that a motion asks for beyond what acts; zero on a motion of the finger."""
+        eq = self._equations
+        inertia = ca.mtimes(_matrix(eq.mass_matrix), eq.qdd)
+        return self._function("inverse_dynamics", "q qd qdd u w p", Q=inertia - column(eq.net_force))
+
+    @cached_property
+    def mass_matrix(self) -> ca.Function:
+        """Mass matrix, equation (37)."""
+        return self._function("mass_matrix", "q u p", M=_matrix(self._equations.mass_matrix))
+
+    @cached_property
+    def bias(self) -> ca.Function:
+        """Coriolis and centrifugal forces, equation (38)."""
+        return self._function("bias", "q qd u p", b=self._equations.bias)
+
+    @cached_property
+    def gravity(self) -> ca.Function:
+        """Gradient of the weight's potential, equation (29)."""
+        return self._function("gravity", "q u p", G=self._equations.gravity)
+
+    @cached_property
+    def elastic(self) -> ca.Function:
+        """Gradient of the elastic energy, equation (32)."""
+        return self._function("elastic", "q u p", K=self._equations.elastic[: self.n])
+
+    @cached_property
+    def damping(self) -> ca.Function:
+        """Material damping and the paper's friction, equation (39)."""
+        return self._function("damping", "q qd u p", D=self._equations.damping[: self.n])
+
+    @cached_property
+    def actuation(self) -> ca.Function:
+        """Generalised forces of the tip moment or the tendons, equation (42)."""
+        return self._function("actuation", "q u p", Q=self._equations.actuation[: self.n])
+
+    @cached_property
+    def external_force(self) -> ca.Function:
+        """Generalised forces of the point loads, equation (41)."""
+        return self._function("external_force", "q u w p", Q=self._equations.external_force)
+
+    @cached_property
+    def position(self) -> ca.Function:
+        """World position of a section [m]."""
+        return self._function("position", "q u s p", r=self._equations.section[0])
+
+    @cached_property
+    def orientation(self) -> ca.Function:
+        """Angle from the world's axes to a section's [rad]; its tangent is (-sin, cos) of it."""
+        return self._function("orientation", "q u s p", angle=self._equations.section[1])
+
+    @cached_property
+    def jacobian(self) -> ca.Function:
+        """Derivative of a section's world position with respect to q."""
+        return self._function("jacobian", "q u s p", J=self._section_jacobian)
+
+    @cached_property
+    def jacobian_rate(self) -> ca.Function:
+        """Time derivative of the Jacobian at constant input."""
+        eq, jacobian = self._equations, self._section_jacobian
+        rate = ca.jtimes(ca.vec(jacobian), eq.q, eq.qd)
+        return self._function("jacobian_rate", "q qd u s p", Jd=ca.reshape(rate, 2, self.n))
+
+    @cached_property
+    def tip(self) -> ca.Function:
+        """World position of the tip [m]."""
+        return self._function("tip", "q u p", r=self._equations.tip_position)
+
+    @cached_property
+    def energy(self) -> ca.Function:
+        """Kinetic and potential energy [J]."""
+        eq = self._equations
+        return self._function("energy", "x u p", kinetic=eq.kinetic_energy, potential=eq.potential_energy)
+
+    @cached_property
+    def bending(self) -> ca.Function:
+        """Bending angle of each element [rad]."""
+        return self._function("bending", "q u p", bend=self._equations.bends)
+
+    @cached_property
+    def range_use(self) -> ca.Function:
+        """Share of the declared bending range that each element uses; above 1 the series lose their accuracy."""
+        eq = self._equations
+        use: list[Scalar] = []
+        for k, reach in enumerate(self.ranges):
+            bends = [eq.full[a] for a in self.structure.family.local(k)]
+            if self.family != "arc":
+                bends = [eq.lengths[k] * bend for bend in bends]
+            peak = ca.fabs(ca.SX(bends[0]))
+            for bend in bends[1:]:
+                peak = ca.fmax(peak, ca.fabs(ca.SX(bend)))
+            use.append(peak / reach)
+        return self._function("range_use", "q u p", use=use)
+
+    @cached_property
+    def linearization(self) -> ca.Function:
+        """Jacobians of the state derivative with respect to state and input."""
+        eq = self._equations
+        rate = column(eq.state_rate)
+        return self._function("linearization", "x u w p", A=ca.jacobian(rate, eq.x), B=ca.jacobian(rate, eq.u))
+
+    @cached_property
+    def _section_jacobian(self) -> ca.SX:
+        eq = self._equations
+        return ca.jacobian(eq.section[0].column(), eq.q)
+
+
+FUNCTIONS = tuple(name for name, value in vars(FingerModel).items() if isinstance(value, cached_property))[:-1]
+"""Names of a model's functions."""
+
+
+def _matrix(rows: Sequence[Sequence[Scalar]]) -> ca.SX:
+    return ca.vertcat(*[ca.horzcat(*[ca.SX(v) for v in row]) for row in rows])
+
+
+def _dense(value: ca.SX | Vec | Scalar | list[Scalar]) -> ca.SX:
+    if isinstance(value, Vec):
+        return value.column()
+    if isinstance(value, list):
+        return ca.densify(column(value))
+    return ca.densify(ca.SX(value))

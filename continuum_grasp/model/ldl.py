@@ -1,0 +1,43 @@
+"""Symbolic solution of a symmetric positive definite system."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from continuum_grasp.model.planar import Scalar, minus, times
+
+__all__ = ["solve_ldl"]
+
+
+def solve_ldl(matrix: Sequence[Sequence[Scalar]], right: Sequence[Scalar]) -> list[Scalar]:
+    """Solve ``matrix x = right`` by an L D L' factorisation without pivoting.
+
+    Parameters
+    ----------
+    matrix : n x n scalars
+        Symmetric positive definite; the lower triangle is read.
+    right : n scalars
+
+    Returns
+    -------
+    list of n scalars
+    """
+    n = len(right)
+    a = [list(row) for row in matrix]
+    inverse: list[Scalar] = [0.0] * n
+    factor: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
+    y = list(right)
+    for j in range(n):
+        inverse[j] = 1.0 / a[j][j]
+        for i in range(j + 1, n):
+            factor[i][j] = times(a[i][j], inverse[j])
+        for i in range(j + 1, n):
+            for k in range(j + 1, i + 1):
+                a[i][k] = minus(a[i][k], times(factor[i][j], a[k][j]))
+            y[i] = minus(y[i], times(factor[i][j], y[j]))
+    x: list[Scalar] = [0.0] * n
+    for i in range(n - 1, -1, -1):
+        x[i] = times(y[i], inverse[i])
+        for k in range(i + 1, n):
+            x[i] = minus(x[i], times(factor[k][i], x[k]))
+    return x

@@ -1,0 +1,140 @@
+"""What the chain needs to know of a flexible link, whatever curvature it has.
+
+A link is a stretch of rod with a few bending coordinates of its own (its *local coordinates*). All vectors are in the
+axes of its start section (X along the tangent there) and from its start. The derivative of a point with respect to a
+bending coordinate is stored *before* its turn by a right angle: ``dr/dq = perp(arm)``, because the derivative of a
+tangent is the tangent turned by 90 degrees. Scalar products of derivatives are then scalar products of arms, and no
+sign ever has to be changed.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from continuum_grasp.model.planar import Rotation, Scalar, Vec, plus
+
+__all__ = ["Bias", "Inertia", "Link", "Section"]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A cross-section of a link."""
+
+    position: Vec
+    """From the start of the link."""
+    rotation: Rotation
+    """From the section's axes to the link's."""
+    arms: tuple[Vec, ...]
+    """Per local coordinate; dr/dq = perp(arm)."""
+    angles: tuple[Scalar, ...]
+    """Per local coordinate: derivative of the bending angle."""
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Mass integrals of a link about its start."""
+
+    mass: Scalar
+    first: Vec
+    """Integral of r dm."""
+    second: Scalar
+    """Integral of |r|^2 dm, and rotary inertia."""
+    arms: tuple[Vec, ...]
+    """Per local coordinate: integral of arm dm."""
+    swing: tuple[Scalar, ...]
+    """Per local coordinate: integral of r . arm dm (= r x dr/dq), and rotary inertia."""
+    matrix: tuple[tuple[Scalar, ...], ...]
+    """Integrals of arm_a . arm_b dm, and rotary inertia."""
+
+
+@dataclass(frozen=True)
+class Bias:
+    """Integrals of a link's velocity-product acceleration, with the sign reversed (centripetal, towards the start)."""
+
+    end: Vec
+    """At the end section."""
+    force: Vec
+    """Integral over dm."""
+    moment: Scalar
+    """Integral of r x ( ) dm."""
+    generalized: tuple[Scalar, ...]
+    """Per local coordinate: integral of dr/dq . ( ) dm."""
+
+
+class Link(ABC):
+    """A flexible link; see the module's text for its conventions."""
+
+    @property
+    @abstractmethod
+    def end(self) -> Section:
+        """The end section."""
+
+    @abstractmethod
+    def section(self, fraction: Scalar) -> Section:
+        """The section at a fraction of the length, 0 at the start and 1 at the end."""
+
+    @abstractmethod
+    def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
+        """Reversed velocity-product acceleration of a section.
+
+        ``omega`` is the angular velocity of the start section, ``rates`` those of the local coordinates.
+        """
+
+    @property
+    @abstractmethod
+    def inertia(self) -> Inertia:
+        """Mass integrals of the link's rod."""
+
+    @abstractmethod
+    def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
+        """Velocity-product terms of the link's rod."""
+
+
+@dataclass(frozen=True)
+class LoadedLink:
+    """A link with the point masses that it carries."""
+
+    link: Link
+    masses: tuple[tuple[Scalar, Scalar], ...]
+    """(fraction of the length, mass)."""
+
+    def inertia(self) -> Inertia:
+        """Mass integrals with the point masses."""
+        total = self.link.inertia
+        for fraction, mass in self.masses:
+            total = _add_mass(total, self.link.section(fraction), mass)
+        return total
+
+    def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
+        """Velocity-product terms with the point masses."""
+        total = self.link.bias(omega, rates)
+        for fraction, mass in self.masses:
+            section = self.link.section(fraction)
+            force = self.link.section_bias(fraction, omega, rates).scaled(mass)
+            total = Bias(
+                end=total.end,
+                force=total.force + force,
+                moment=plus(total.moment, section.position.cross(force)),
+                generalized=tuple(
+                    plus(q, arm.cross(force)) for q, arm in zip(total.generalized, section.arms, strict=True)
+                ),
+            )
+        return total
+
+
+def _add_mass(inertia: Inertia, section: Section, mass: Scalar) -> Inertia:
+    r = section.position.scaled(mass)
+    arms = [arm.scaled(mass) for arm in section.arms]
+    pairs = range(len(arms))
+    return Inertia(
+        mass=plus(inertia.mass, mass),
+        first=inertia.first + r,
+        second=plus(inertia.second, r.dot(section.position)),
+        arms=tuple(a + b for a, b in zip(inertia.arms, arms, strict=True)),
+        swing=tuple(plus(s, r.dot(arm)) for s, arm in zip(inertia.swing, section.arms, strict=True)),
+        matrix=tuple(
+            tuple(plus(inertia.matrix[a][b], arms[a].dot(section.arms[b])) for b in pairs) for a in pairs
+        ),
+    )

@@ -1,0 +1,131 @@
+"""Model parameters: constants that are folded into the expressions, or run-time arguments that the user names."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+
+import casadi as ca
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.model.planar import Scalar
+from continuum_grasp.scene.finger import Finger, PiecewiseCurvature
+
+__all__ = ["Parameters"]
+
+_UNITS = {
+    "gravity": "m/s2",
+    "element_lengths": "m",
+    "linear_density": "kg/m",
+    "bending_stiffness": "N m2",
+    "rotary_inertia": "kg m",
+    "material_damping": "N m2 s",
+    "per_arc_damping": "N m s",
+    "rest_curvature": "1/m",
+    "tendon_offset": "m",
+    "tendon_friction": "1",
+    "tip_mass": "kg",
+}
+
+
+class Parameters:
+    """Values of the model's parameters.
+
+    Parameters
+    ----------
+    finger : Finger
+        Where the nominal values come from.
+    gravity : pair of float
+        World gravity [m/s2].
+    lengths : sequence of float
+        Element lengths [m].
+    names : sequence of str
+        Parameters that stay run-time arguments, in the order of the argument ``p``.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or repeated, or does not fit the finger.
+    """
+
+    def __init__(
+        self, finger: Finger, gravity: tuple[float, float], lengths: Sequence[float], names: Sequence[str]
+    ) -> None:
+        self._nominal = _nominal_values(finger, gravity, lengths)
+        _check(names, self._nominal)
+        self.names = tuple(names)
+        self._symbols = {name: ca.SX.sym(name, len(self._nominal[name])) for name in names}
+
+    @property
+    def symbol(self) -> ca.SX:
+        """The argument ``p`` as a column."""
+        return ca.vertcat(*self._symbols.values()) if self._symbols else ca.SX.sym("p", 0)
+
+    @property
+    def nominal(self) -> list[float]:
+        """Nominal values of ``p``."""
+        return [value for name in self.names for value in self._nominal[name]]
+
+    @property
+    def labels(self) -> list[str]:
+        """Name and unit of each entry of ``p``."""
+        labels = []
+        for name in self.names:
+            count = len(self._nominal[name])
+            unit = _UNITS.get(name, "kg")
+            tags = [name] if count == 1 else [f"{name}_{'xy'[k] if name == 'gravity' else k + 1}" for k in range(count)]
+            labels += [f"{tag} [{unit}]" for tag in tags]
+        return labels
+
+    def is_runtime(self, name: str) -> bool:
+        """Whether a parameter is a run-time argument."""
+        return name in self._symbols
+
+    def vector(self, name: str) -> list[Scalar]:
+        """All entries of a parameter, floats or symbols."""
+        if name in self._symbols:
+            symbol = self._symbols[name]
+            return [symbol[k] for k in range(symbol.numel())]
+        return list(self._nominal[name])
+
+    def __getitem__(self, name: str) -> Scalar:
+        return self.vector(name)[0]
+
+
+def _nominal_values(
+    finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]
+) -> dict[str, list[float]]:
+    rod, tendons, length = finger.rod, finger.tendons, finger.rod.length
+    values = {
+        "gravity": [float(g) for g in gravity],
+        "element_lengths": [float(h) for h in lengths],
+        "linear_density": [rod.mass_per_length],
+        "bending_stiffness": [rod.stiffness],
+        "rotary_inertia": [rod.inertia_per_length],
+        "material_damping": [finger.damping.material],
+        "per_arc_damping": [finger.damping.per_arc],
+        "tip_mass": [sum(m.mass for m in finger.masses if _at_tip(m.at, length))],
+    }
+    for k, mass in enumerate(finger.masses):
+        if not _at_tip(mass.at, length):
+            values[f"mass_{k}"] = [mass.mass]
+    if tendons is not None:
+        values["tendon_offset"] = [tendons.offset]
+        values["tendon_friction"] = [tendons.friction]
+    if not isinstance(finger.rest_curvature, PiecewiseCurvature):
+        values["rest_curvature"] = [float(finger.rest_curvature)]
+    return {name: [float(v) for v in value] for name, value in values.items()}
+
+
+def _at_tip(at: float, length: float) -> bool:
+    return abs(at - length) <= 1e-9 * length
+
+
+def _check(names: Sequence[str], known: dict[str, list[float]]) -> None:
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise InputError(f"unknown parameter {name!r}{hint} (this finger has {', '.join(sorted(known))})")
+    if len(set(names)) != len(names):
+        raise InputError(f"parameters are repeated: {list(names)}")

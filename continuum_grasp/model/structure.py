@@ -1,0 +1,160 @@
+"""What a model is made of: elements, family, inputs, forces and their names; resolved once from scene and keywords."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.model.actuation import InputLayout
+from continuum_grasp.model.chain import Place
+from continuum_grasp.model.family import ArcFamily, ClothoidFamily, Family
+from continuum_grasp.model.layout import element_lengths, element_ranges, place_at
+from continuum_grasp.model.parameters import Parameters
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
+from continuum_grasp.scene.simulate import Fidelity, Scene
+
+__all__ = ["Structure"]
+
+FAMILIES = ("arc", "clothoid", "matched_clothoid")
+
+
+class Structure:
+    """The resolved make-up of a model; arguments and errors as in ``FingerModel``."""
+
+    def __init__(
+        self,
+        finger: Scene | Finger,
+        contacts: Sequence[float] | None,
+        gravity: Sequence[float] | None,
+        family: str | None,
+        elements: int | Sequence[float] | None,
+        bending_range: float | None,
+        accuracy: float | None,
+        parameters: Sequence[str] | None,
+        loads: Sequence[Load] | None,
+        tip_force: bool | None,
+        input_rates: bool | None,
+    ) -> None:
+        scene = finger if isinstance(finger, Scene) else None
+        self.finger: Finger = finger.finger if isinstance(finger, Scene) else finger
+        fidelity = scene.fidelity if scene else Fidelity()
+        self.length = self.finger.rod.length
+        self.contacts = tuple(float(at) for at in _first(contacts, scene and scene.contacts, ()))
+        self.loads: tuple[Load, ...] = tuple(_first(loads, scene and scene.loads, ()))
+        self.tip_force = bool(_first(tip_force, bool(scene.contacts) if scene else None, True))
+        gx, gy = _first(gravity, scene and scene.gravity, (0.0, -9.81))
+        self.lengths = element_lengths(self.length, self.contacts, _first(elements, fidelity.elements, None))
+        self.ranges = element_ranges(
+            self.lengths, _first(bending_range, fidelity.bending_range, None), self.finger.curvature_limit
+        )
+        names = _first(parameters, scene and scene.parameters, ())
+        self.parameters = Parameters(self.finger, (float(gx), float(gy)), self.lengths, names)
+        self.accuracy: float | None = _first(accuracy, fidelity.accuracy, None)
+        self.family_name: str = _first(family, fidelity.family, None) or self._default_family()
+        if self.family_name not in FAMILIES:
+            raise InputError(f"unknown family {self.family_name!r}: expected one of {', '.join(FAMILIES)}")
+        self.inputs = self._input_layout(input_rates, scene is not None and _input_varies(scene))
+        self.family = self._make_family()
+        self.n = self.family.size - (1 if self.matched else 0)
+        self._name_entries()
+
+    @property
+    def matched(self) -> bool:
+        """Whether the tip's curvature follows from the moment balance there."""
+        return self.family_name == "matched_clothoid"
+
+    @property
+    def lagged(self) -> bool:
+        """Whether the tip moment is a state."""
+        return self.finger.tendons is not None and self.finger.tendons.time_constant is not None
+
+    @property
+    def rubs(self) -> bool:
+        """Whether tendon friction is modelled."""
+        tendons = self.finger.tendons
+        return tendons is not None and (tendons.friction > 0.0 or self.parameters.is_runtime("tendon_friction"))
+
+    @property
+    def tip(self) -> Place:
+        """The tip section."""
+        return Place(len(self.lengths) - 1)
+
+    def on_tip(self, at: float) -> bool:
+        """Whether a position is the tip."""
+        return abs(at - self.length) <= 1e-9 * self.length
+
+    def masses(self) -> list[tuple[str, Place]]:
+        """Names and places of the point masses that the model has."""
+        runtime, value = self.parameters.is_runtime, self.parameters.__getitem__
+        found = [("tip_mass", self.tip)] if runtime("tip_mass") or value("tip_mass") != 0.0 else []
+        for k, mass in enumerate(self.finger.masses):
+            name = f"mass_{k}"
+            if not self.on_tip(mass.at) and (runtime(name) or mass.mass > 0.0):
+                found.append((name, place_at(mass.at, self.lengths)))
+        return found
+
+    def _default_family(self) -> str:
+        couples = [k for k in self.loads if isinstance(k, MomentLoad) and self.on_tip(k.at)]
+        if self.rubs or any(isinstance(k.moment, Samples) for k in couples):
+            return "clothoid"
+        return "matched_clothoid"
+
+    def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
+        if self.matched and self.rubs:
+            raise InputError(
+                "matched_clothoid cannot carry tendon friction (the moment at the tip then depends on the whole "
+                "shape): use family clothoid"
+            )
+        if input_rates and not self.matched:
+            raise InputError(f"input_rates needs family matched_clothoid; {self.family_name} has no use for them")
+        if input_rates and self.lagged:
+            raise InputError("input_rates and tendons.time_constant exclude each other: the lag gives the rates")
+        if input_rates is None:
+            input_rates = self.matched and varies and not self.lagged
+        couples = sum(isinstance(load, MomentLoad) and self.on_tip(load.at) for load in self.loads)
+        return InputLayout(self.finger.tendons is not None, couples, input_rates)
+
+    def _make_family(self) -> Family:
+        count = len(self.lengths)
+        return ArcFamily(count, self.accuracy) if self.family_name == "arc" else ClothoidFamily(count, self.accuracy)
+
+    def _name_entries(self) -> None:
+        self.q_names = self.family.labels[: self.n]
+        self.x_names = self.q_names + [_rate_label(label) for label in self.q_names]
+        if self.lagged:
+            self.x_names += ["tip_moment [N m]", "tip_moment_rate [N m/s]"]
+        self.u_names = self.inputs.labels
+        self.w_names = [f"contact_{k + 1}_{axis} [N]" for k in range(len(self.contacts)) for axis in "xy"]
+        if self.tip_force:
+            self.w_names += ["tip_x [N]", "tip_y [N]"]
+        self.load_entries: list[tuple[str, int]] = []
+        next_couple = self.inputs.count - self.inputs.couples
+        for k, load in enumerate(self.loads):
+            if isinstance(load, MomentLoad) and self.on_tip(load.at):
+                self.load_entries.append(("u", next_couple))
+                next_couple += 1
+                continue
+            self.load_entries.append(("w", len(self.w_names)))
+            if isinstance(load, ForceLoad):
+                axes = ("across", "along") if load.follows else ("x", "y")
+                self.w_names += [f"load_{k + 1}_{axis} [N]" for axis in axes]
+            else:
+                self.w_names.append(f"load_{k + 1}_moment [N m]")
+
+
+def _first(*values):  # type: ignore[no-untyped-def]
+    """The first value that is given."""
+    return next((value for value in values if value is not None), None)
+
+
+def _input_varies(scene: Scene) -> bool:
+    if scene.actuation is None:
+        return False
+    inputs = scene.actuation.tensions or (scene.actuation.tip_moment,)
+    return any(isinstance(value, Samples) for value in inputs)
+
+
+def _rate_label(label: str) -> str:
+    name, unit = label.split(" ", 1)
+    return f"{name}_rate [{unit[1:-1]}/s]"

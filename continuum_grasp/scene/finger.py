@@ -1,0 +1,207 @@
+"""The finger: rod, damping, masses, tendons, base pose."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from continuum_grasp.scene.value import NonNegative, Positive, Real, Value, Vector2
+
+__all__ = ["BasePose", "Damping", "Finger", "PiecewiseCurvature", "PointMass", "Rod", "Tendons"]
+
+_SECTION_KEYS = ("diameter", "density", "youngs_modulus")
+_LINEAR_KEYS = ("linear_density", "bending_stiffness", "rotary_inertia")
+
+
+class Rod(Value):
+    """A uniform, inextensible, unshearable elastic rod.
+
+    Give either ``diameter``, ``density`` and ``youngs_modulus`` (a solid round section), or
+    ``linear_density``, ``bending_stiffness`` and, where it matters, ``rotary_inertia``.
+    """
+
+    length: Positive
+    """Length L [m]."""
+    diameter: Positive | None = None
+    """Diameter of a solid round section [m]."""
+    density: Positive | None = None
+    """Density [kg/m3]."""
+    youngs_modulus: Positive | None = None
+    """Young's modulus E [Pa]."""
+    linear_density: Positive | None = None
+    """Mass per length, rho A [kg/m]."""
+    bending_stiffness: Positive | None = None
+    """Bending stiffness E I [N m2]."""
+    rotary_inertia: NonNegative | None = None
+    """Rotary inertia per length, rho I [kg m]; 0 leaves it out of the model."""
+
+    @model_validator(mode="after")
+    def _one_description(self) -> Rod:
+        section = [k for k in _SECTION_KEYS if getattr(self, k) is not None]
+        linear = [k for k in _LINEAR_KEYS[:2] if getattr(self, k) is not None]
+        if section and linear:
+            raise ValueError(
+                f"give either {', '.join(_SECTION_KEYS)} or linear_density, bending_stiffness, "
+                f"not both; got {', '.join(section + linear)}"
+            )
+        wanted = _LINEAR_KEYS[:2] if linear else _SECTION_KEYS
+        missing = [k for k in wanted if getattr(self, k) is None]
+        if missing:
+            raise ValueError(f"a rod needs {', '.join(wanted)}; missing {', '.join(missing)}")
+        return self
+
+    @property
+    def mass_per_length(self) -> float:
+        """Mass per length rho A [kg/m]."""
+        if self.linear_density is not None:
+            return self.linear_density
+        return (self.density or 0.0) * math.pi * (self.diameter or 0.0) ** 2 / 4
+
+    @property
+    def stiffness(self) -> float:
+        """Bending stiffness E I [N m2]."""
+        if self.bending_stiffness is not None:
+            return self.bending_stiffness
+        return (self.youngs_modulus or 0.0) * self._second_moment
+
+    @property
+    def inertia_per_length(self) -> float:
+        """Rotary inertia per length rho I [kg m]."""
+        if self.rotary_inertia is not None:
+            return self.rotary_inertia
+        return (self.density or 0.0) * self._second_moment
+
+    @property
+    def _second_moment(self) -> float:
+        return math.pi * (self.diameter or 0.0) ** 4 / 64
+
+
+class Damping(Value):
+    """Internal damping; both kinds may be given and add up."""
+
+    material: NonNegative = 0.0
+    """Material (Kelvin-Voigt) damping eta [N m2 s]: bending moment per curvature rate. Does not depend on the mesh."""
+    per_arc: NonNegative = 0.0
+    """The paper's c_frc [N m s] of equation (39): moment per rate of each element's bending angle."""
+
+
+class PointMass(Value):
+    """A point mass on the backbone."""
+
+    at: NonNegative
+    """Position along the finger [m]."""
+    mass: NonNegative
+    """Mass [kg]."""
+
+
+class PiecewiseCurvature(Value):
+    """A rest curvature that is constant between ``breaks``."""
+
+    breaks: Annotated[tuple[Positive, ...], Field(strict=False)]
+    """Positions along the finger where the curvature jumps, increasing [m]."""
+    values: Annotated[tuple[Real, ...], Field(strict=False)]
+    """Curvatures between them, one more than ``breaks`` [1/m]."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> PiecewiseCurvature:
+        if len(self.values) != len(self.breaks) + 1:
+            raise ValueError(
+                f"values must have one entry more than breaks ({len(self.breaks) + 1}), got {len(self.values)}"
+            )
+        if any(b <= a for a, b in zip(self.breaks, self.breaks[1:], strict=False)):
+            raise ValueError(f"breaks must increase, got {list(self.breaks)}")
+        return self
+
+
+class Tendons(Value):
+    """Two tendons at equal distances from the backbone; tendon 1 is on the -X side and bends the finger positively."""
+
+    offset: Positive
+    """Distance e of each tendon from the backbone [m]; tip moment = (F1 - F2) e, equation (42)."""
+    min_tension: NonNegative = 0.0
+    """Least tension [N]."""
+    max_tension: Positive
+    """Greatest tension [N]."""
+    friction: NonNegative = 0.0
+    """Capstan friction coefficient between tendon and guides [1]: tension falls as exp(-friction * bent angle)."""
+    time_constant: Positive | None = None
+    """Time constant of the tension drive [s]: the commanded tension is followed through a critically damped
+    second-order lag. None: the tension is what is commanded."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Tendons:
+        if self.min_tension >= self.max_tension:
+            raise ValueError(
+                f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})"
+            )
+        return self
+
+
+class BasePose(Value):
+    """Pose of the clamped base in the world; the undeformed finger points along the base's Y axis."""
+
+    position: Vector2 = (0.0, 0.0)
+    """World position of the base [m]."""
+    angle: Real = 0.0
+    """Angle from world axes to base axes, counter-clockwise [rad]."""
+
+
+class Finger(Value):
+    """A tendon-driven continuum finger."""
+
+    rod: Rod
+    damping: Damping = Damping()
+    rest_curvature: Real | PiecewiseCurvature = 0.0
+    """Curvature of the unloaded finger [1/m], positive towards -X."""
+    half_thickness: NonNegative | None = None
+    """Half the outer thickness [m], where contacts touch; half the rod's diameter where not given."""
+    strain_limit: Positive | None = None
+    """Greatest bending strain of the rod [1]; needs the rod's diameter."""
+    masses: Annotated[tuple[PointMass, ...], Field(strict=False)] = ()
+    tendons: Tendons | None = None
+    """None: the input is the tip moment itself."""
+    base: BasePose = BasePose()
+
+    @model_validator(mode="after")
+    def _sense(self) -> Finger:
+        length = self.rod.length
+        for k, m in enumerate(self.masses):
+            if m.at > length * (1 + 1e-12):
+                raise ValueError(f"masses[{k}].at = {m.at} m is beyond the finger's length of {length} m")
+        if self.tendons is not None and self.tendons.offset >= length:
+            raise ValueError(
+                f"tendons.offset = {self.tendons.offset} m is not smaller than the finger's length of {length} m"
+            )
+        if self.strain_limit is not None and self.rod.diameter is None:
+            raise ValueError("strain_limit needs rod.diameter")
+        if isinstance(self.rest_curvature, PiecewiseCurvature) and self.rest_curvature.breaks:
+            if self.rest_curvature.breaks[-1] >= length:
+                raise ValueError(
+                    f"rest_curvature.breaks end at {self.rest_curvature.breaks[-1]} m, "
+                    f"not before the finger's length of {length} m"
+                )
+        return self
+
+    @property
+    def thickness_radius(self) -> float:
+        """Half the outer thickness [m]."""
+        if self.half_thickness is not None:
+            return self.half_thickness
+        return 0.5 * (self.rod.diameter or 0.0)
+
+    @property
+    def curvature_limit(self) -> float:
+        """Greatest curvature that the strain limit allows [1/m]; infinite without a limit."""
+        if self.strain_limit is None or self.rod.diameter is None:
+            return math.inf
+        return self.strain_limit / (0.5 * self.rod.diameter)
+
+    @property
+    def curvature_pieces(self) -> tuple[tuple[float, float, float], ...]:
+        """Rest curvature as (start [m], end [m], curvature [1/m])."""
+        if isinstance(self.rest_curvature, PiecewiseCurvature):
+            edges = (0.0, *self.rest_curvature.breaks, self.rod.length)
+            return tuple(zip(edges, edges[1:], self.rest_curvature.values, strict=False))
+        return ((0.0, self.rod.length, self.rest_curvature),)

@@ -1,0 +1,79 @@
+"""Loads and inputs, constant or given by samples in time."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
+
+__all__ = ["Actuation", "ForceLoad", "Load", "MomentLoad", "Samples", "VectorSamples"]
+
+
+class _Sampled(Value):
+    times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2)]
+    """Instants, increasing [s]; before the first and after the last the value is held."""
+    interpolation: Literal["smooth", "linear"] = "smooth"
+    """smooth: monotone piecewise cubic with continuous rate (PCHIP); linear: straight lines."""
+
+    @model_validator(mode="after")
+    def _increasing(self) -> _Sampled:
+        if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
+            raise ValueError(f"times must increase, got {list(self.times)}")
+        count = len(self.values)  # type: ignore[attr-defined]
+        if count != len(self.times):
+            raise ValueError(f"values must be as many as times ({len(self.times)}), got {count}")
+        return self
+
+
+class Samples(_Sampled):
+    """A scalar function of time."""
+
+    values: Annotated[tuple[Real, ...], Field(strict=False)]
+
+
+class VectorSamples(_Sampled):
+    """A planar vector function of time."""
+
+    values: Annotated[tuple[Vector2, ...], Field(strict=False)]
+
+
+class ForceLoad(Value):
+    """A point force on the backbone."""
+
+    kind: Literal["force"] = "force"
+    at: NonNegative
+    """Position along the finger [m]."""
+    force: Vector2 | VectorSamples
+    """Force [N]: in the world, or in the section's axes (X across, Y along) where it follows."""
+    follows: bool = False
+    """True: the force turns with the section it acts on."""
+
+
+class MomentLoad(Value):
+    """A point moment on the backbone, positive counter-clockwise."""
+
+    kind: Literal["moment"] = "moment"
+    at: NonNegative
+    """Position along the finger [m]."""
+    moment: Real | Samples
+    """Moment [N m]."""
+
+
+Load = Annotated[ForceLoad | MomentLoad, Field(discriminator="kind")]
+
+
+class Actuation(Value):
+    """The input of the finger: the tip moment, or the two tendon tensions."""
+
+    tip_moment: Real | Samples | None = None
+    """Tip moment [N m], for a finger without tendons."""
+    tensions: Annotated[tuple[Real | Samples, Real | Samples], Field(strict=False)] | None = None
+    """Tensions F1, F2 [N], for a finger with tendons."""
+
+    @model_validator(mode="after")
+    def _one(self) -> Actuation:
+        if (self.tip_moment is None) == (self.tensions is None):
+            raise ValueError("give exactly one of tip_moment and tensions")
+        return self

@@ -1,0 +1,132 @@
+"""A finger in its surroundings: what simulation, statics and modes need."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.loads import Actuation, Load, Samples
+from continuum_grasp.scene.value import Positive, Real, Value, Vector2
+
+__all__ = ["Fidelity", "Initial", "Scene", "Timing"]
+
+Family = Literal["arc", "clothoid", "matched_clothoid"]
+
+
+class Fidelity(Value):
+    """How finely the finger is modelled."""
+
+    family: Family | None = None
+    """Curvature family; None: matched_clothoid, or clothoid where a moving tip balance forbids it (tendon friction)."""
+    elements: (
+        Annotated[int, Field(ge=1, le=64)]
+        | Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)]
+        | None
+    ) = None
+    """Number of elements, or their lengths from base to tip [m]; None: two, or one per stretch between contacts."""
+    bending_range: Positive | None = None
+    """Greatest bend of one element [rad]; None: 2 pi / 3, or less where the strain limit allows less."""
+    accuracy: Annotated[float, Field(gt=0.0, le=1e-2)] | None = None
+    """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
+    nodes); None: rounding for arcs, and for clothoids far below their discretisation error."""
+
+
+class Initial(Value):
+    """State at time zero: a named pose, or bending and rates."""
+
+    pose: Literal["straight", "rest", "equilibrium"] | None = None
+    """straight; rest: the unloaded shape; equilibrium: under the scene's loads at time zero and ``held_by``."""
+    held_by: Annotated[tuple[Load, ...], Field(strict=False)] = ()
+    """Constant loads that hold the equilibrium pose and are released at time zero."""
+    q: Annotated[tuple[Real, ...], Field(strict=False)] | None = None
+    """Bending coordinates: angles [rad] (arcs) or nodal curvatures [1/m] (clothoids)."""
+    qd: Annotated[tuple[Real, ...], Field(strict=False)] | None = None
+    """Their rates."""
+
+    @model_validator(mode="after")
+    def _one(self) -> Initial:
+        if (self.pose is None) == (self.q is None):
+            raise ValueError("give exactly one of pose and q")
+        if self.held_by and self.pose != "equilibrium":
+            raise ValueError("held_by needs pose: equilibrium")
+        for k, load in enumerate(self.held_by):
+            value = load.force if load.kind == "force" else load.moment
+            if hasattr(value, "times"):
+                raise ValueError(f"held_by[{k}] must be constant")
+        return self
+
+
+class Timing(Value):
+    """Time span, output step and integration method."""
+
+    duration: Positive
+    """[s]"""
+    step: Positive
+    """Output step [s]; the integrator takes sub-steps of its own where the scene needs them."""
+    method: Literal["auto", "rk4", "implicit", "reference"] = "auto"
+    """auto: rk4, or implicit for a stiff scene; reference: variable step with error control."""
+
+    @model_validator(mode="after")
+    def _whole(self) -> Timing:
+        if self.step > self.duration:
+            raise ValueError(f"step ({self.step} s) is longer than duration ({self.duration} s)")
+        return self
+
+
+class Scene(Value):
+    """One finger with gravity, contacts, loads and, for a simulation, initial state and time."""
+
+    schema_version: Literal[1]
+    name: str | None = None
+    finger: Finger
+    gravity: Vector2
+    """World gravity [m/s2]."""
+    contacts: Annotated[tuple[Positive, ...], Field(strict=False)] = ()
+    """Positions along the finger where contact forces may act [m]; element boundaries."""
+    fidelity: Fidelity = Fidelity()
+    parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    """Names of model parameters that stay run-time arguments of the generated functions."""
+    actuation: Actuation | None = None
+    """None: no input, the finger is passive."""
+    initial: Initial = Initial(pose="straight")
+    loads: Annotated[tuple[Load, ...], Field(strict=False)] = ()
+    time: Timing | None = None
+
+    @model_validator(mode="after")
+    def _sense(self) -> Scene:
+        length = self.finger.rod.length
+        for k, at in enumerate(self.contacts):
+            if at >= length:
+                raise ValueError(
+                    f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
+                )
+        if any(b <= a for a, b in zip(self.contacts, self.contacts[1:], strict=False)):
+            raise ValueError(f"contacts must increase along the finger, got {list(self.contacts)}")
+        for where, loads in (("loads", self.loads), ("initial.held_by", self.initial.held_by)):
+            for k, load in enumerate(loads):
+                if load.at > length * (1 + 1e-12):
+                    raise ValueError(f"{where}[{k}].at = {load.at} m is beyond the finger's length of {length} m")
+        if self.actuation is not None:
+            self._check_actuation(self.actuation)
+        lengths = self.fidelity.elements
+        if isinstance(lengths, tuple) and abs(sum(lengths) - length) > 1e-9 * length:
+            raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")
+        return self
+
+    def _check_actuation(self, actuation: Actuation) -> None:
+        tendons = self.finger.tendons
+        if actuation.tensions is not None:
+            if tendons is None:
+                raise ValueError("actuation.tensions needs finger.tendons; without tendons give tip_moment")
+            for k, tension in enumerate(actuation.tensions):
+                for value in tension.values if isinstance(tension, Samples) else (tension,):
+                    if not 0.0 <= value <= tendons.max_tension:
+                        raise ValueError(
+                            f"actuation.tensions[{k}] = {value} N is outside 0 to max_tension = {tendons.max_tension} N"
+                        )
+        elif tendons is not None:
+            raise ValueError("actuation.tip_moment needs a finger without tendons; give tensions")
+
+
