@@ -1,7 +1,7 @@
-"""A link whose bending angle is a polynomial of the arc length, by Gauss-Legendre collocation.
+"""A clothoid as a flexible link: curvature linear along it, two local coordinates, by Gauss-Legendre collocation.
 
-The bending angle at the nodes is phi_k = sum_a Phi_a(u_k) q_a, the tangents are t_k = (cos phi_k, sin phi_k), and kinetic
-energy is a double sum over the nodes with a constant kernel K,
+The bending angle at the nodes is phi_k = h [kappa_a (u_k - u_k^2/2) + kappa_b u_k^2/2], the tangents are
+t_k = (cos phi_k, sin phi_k), and kinetic energy is a double sum over the nodes with a constant kernel K,
 
     T = 1/2 sum_jk K_jk phid_j phid_k cos(phi_j - phi_k),
 
@@ -12,7 +12,8 @@ own that conserves energy, whatever the number of nodes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -20,207 +21,211 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.model.link import Bias, Inertia, Link, Section
-from continuum_grasp.model.planar import Rotation, Scalar, Vec, combine, minus, plus, times
+from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, combine, minus, plus, times
 from continuum_grasp.model.quadrature import collocation
 from continuum_grasp.model.stumpff import rotation
 
-__all__ = ["CLOTHOID_BASIS", "CollocatedLink"]
-
-Basis = Sequence[Callable[[Scalar], Scalar]]
-
-CLOTHOID_BASIS: Basis = (lambda u: u * (1.0 - 0.5 * u), lambda u: 0.5 * (u * u))
-"""Bending angle per length and curvature at the start and at the end of a clothoid."""
+__all__ = ["Clothoid"]
 
 
-class CollocatedLink(Link):
-    """A link with curvature in the span of a polynomial basis.
+@dataclass(frozen=True)
+class _Nodes:
+    """Directions along a link or the first part of it."""
+
+    tangents: list[Vec]
+    """At the nodes."""
+    turns: list[Rotation]
+    """From each node to the next."""
+    doubled: list[Rotation]
+    """From each node to the second next."""
+    end: Rotation
+    """Of the end section."""
+
+
+class Clothoid(Link):
+    """A link whose curvature is linear in the arc length; its local coordinates are the curvatures at its ends.
 
     Parameters
     ----------
-    coordinates : sequence of casadi.SX
-        Local coordinates, curvatures [1/m].
-    basis : sequence of callables
-        Per coordinate, its bending angle at a fraction of a link of length one.
+    start, end : casadi.SX
+        Curvature at the start and at the end [1/m].
     length : float or casadi.SX
         Length [m].
     linear_density, rotary_inertia : float or casadi.SX
         rho A [kg/m] and rho I [kg m].
-    angle_range, accuracy : float
-        Range of length times curvature and truncation error of the trigonometric series over it.
+    angle_range : float
+        Range of length times curvature [rad].
     nodes : int
         Number of collocation nodes.
     end_mass : float
-        Point mass at the end [kg]; costs nothing.
+        Point mass at the end [kg]; it is folded into the constants. Needs a numeric length and density.
     """
 
     def __init__(
         self,
-        coordinates: Sequence[Scalar],
-        basis: Basis,
+        start: Scalar,
+        end: Scalar,
         length: Scalar,
         linear_density: Scalar,
         rotary_inertia: Scalar,
         angle_range: float,
-        accuracy: float,
         nodes: int,
         end_mass: float = 0.0,
     ) -> None:
-        self._q = tuple(coordinates)
-        self._basis = basis
+        self._start = start
+        self._slope = minus(end, start)
         self._length = length
-        self._linear_density = linear_density
         self._rotary_inertia = rotary_inertia
         self._angle_range = angle_range
-        self._accuracy = accuracy
         self._rule = collocation(nodes)
-        self._shape = np.array([[float(phi(u)) for u in self._rule.nodes] for phi in basis])
-        self._scales(end_mass)
-
-    def _scales(self, end_mass: float) -> None:
-        """Constant kernel and weights, with every numeric factor folded in; the rest is left as a symbolic scale."""
-        h, density, rule = self._length, self._linear_density, self._rule
-        self._kernel, self._mean = rule.kernel, rule.mean_weights
-        self._mass = times(density, h)
-        self._first_scale = times(self._mass, h)
-        self._kernel_scale = times(self._first_scale, h)
-        if isinstance(h, float) and isinstance(density, float):
-            w = rule.weights
-            self._kernel = rule.kernel * self._kernel_scale + end_mass * h**2 * np.outer(w, w)
-            self._mean = rule.mean_weights * self._first_scale + end_mass * h * w
+        u = self._rule.nodes
+        self._shape = np.array([_rising(float(v)) for v in u]).T
+        self._mass = times(linear_density, length)
+        self._first_scale = times(self._mass, length)
+        self._kernel_scale = times(self._first_scale, length)
+        self._kernel, self._mean = self._rule.kernel, self._rule.mean_weights
+        if isinstance(length, float) and isinstance(self._mass, float):
+            w = self._rule.weights
+            self._kernel = self._kernel * self._kernel_scale + end_mass * length**2 * np.outer(w, w)
+            self._mean = self._mean * self._first_scale + end_mass * length * w
             self._mass = self._mass + end_mass
             self._first_scale = self._kernel_scale = 1.0
-        elif end_mass:
-            raise ValueError("an end mass is folded in only where length and density are numbers")
+
+    # -- kinematics ----------------------------------------------------------------------------------------------
 
     @cached_property
-    def _tangents(self) -> list[Vec]:
-        return self._tangents_up_to(1.0)
+    def _whole(self) -> _Nodes:
+        return self._nodes_up_to(1.0)
 
-    def _tangents_up_to(self, fraction: Scalar) -> list[Vec]:
-        tangents = []
-        for u in self._rule.nodes:
-            turn = self._turn(times(fraction, float(u)), self._angle_range * float(u))
-            tangents.append(Vec(turn.c, turn.s))
-        return tangents
+    def _nodes_up_to(self, fraction: Scalar) -> _Nodes:
+        """Directions at the nodes of a part of the link, each turned from the one before it.
 
-    def _turn(self, fraction: Scalar, angle_range: float) -> Rotation:
-        """Rotation of the section at a fraction of the length."""
-        angle: Scalar = 0.0
-        for q, phi in zip(self._q, self._basis, strict=True):
-            angle = plus(angle, times(times(phi(fraction), self._length), q))
-        return rotation(ca.SX(angle), angle_range, self._accuracy)
+        The turns between neighbours are small, so their series are short, and they are wanted for themselves. The mean
+        curvature between two nodes is that at the middle, and the rule is symmetric, so products are shared.
+        """
+        rise = times(self._slope, fraction)
+        reach = times(fraction, self._length)
+        middle = times(reach, plus(self._start, times(0.5, rise)))
+        lean = times(reach, rise)
+        turns = []
+        for step, offset in zip(self._rule.steps, self._rule.offsets, strict=True):
+            join = plus if offset > 0.0 else minus
+            angle = join(times(float(step), middle), times(float(abs(offset)), lean))
+            turns.append(rotation(ca.SX(angle), self._angle_range * float(step)))
+        # Products of two turns first: half the depth, so the processor can work on them side by side.
+        doubled = [a @ b for a, b in zip(turns, turns[1:-1], strict=False)]
+        rotations = [turns[0], doubled[0]]
+        for k in range(2, len(turns) - 1):
+            rotations.append(rotations[k - 2] @ doubled[k - 1])
+        return _Nodes([Vec(r.c, r.s) for r in rotations], turns[1:-1], doubled[1:], rotations[-1] @ turns[-1])
 
     @cached_property
     def end(self) -> Section:
-        return self._section(1.0, self._tangents)
+        return self._section(1.0, self._whole)
 
     def section(self, fraction: Scalar) -> Section:
         if isinstance(fraction, float) and fraction == 1.0:
             return self.end
-        return self._section(fraction, self._tangents_up_to(fraction))
+        return self._section(fraction, self._nodes_up_to(fraction))
 
-    def _section(self, fraction: Scalar, tangents: list[Vec]) -> Section:
+    def _section(self, fraction: Scalar, nodes: _Nodes) -> Section:
         reach = times(fraction, self._length)
-        weights = self._rule.weights
-        arms = []
-        for phi in self._basis:
-            at_nodes = [phi(times(fraction, float(u))) for u in self._rule.nodes]
-            scale = times(reach, self._length)
-            if all(isinstance(p, float) for p in at_nodes):
-                arms.append(_weigh(weights * np.array(at_nodes, dtype=float), tangents, scale))
-            else:
-                arms.append(_weigh(weights, [t.scaled(p) for t, p in zip(tangents, at_nodes, strict=True)], scale))
+        weights, tangents = self._rule.weights, nodes.tangents
+        shapes = zip(*[_rising(times(fraction, float(u))) for u in self._rule.nodes], strict=True)
         return Section(
             position=_weigh(weights, tangents, reach),
-            rotation=self._turn(fraction, self._angle_range),
-            arms=tuple(arms),
-            angles=tuple(times(phi(fraction), self._length) for phi in self._basis),
+            rotation=nodes.end,
+            arms=tuple(_weigh_products(weights, s, tangents, times(reach, self._length)) for s in shapes),
+            angles=tuple(times(phi, self._length) for phi in _rising(fraction)),
         )
 
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
         whole = isinstance(fraction, float) and fraction == 1.0
-        tangents = self._tangents if whole else self._tangents_up_to(fraction)
-        squares = [
-            self._spin(times(fraction, float(u)), omega, rates) for u in self._rule.nodes
-        ]
-        turned = [t.scaled(s) for t, s in zip(tangents, squares, strict=True)]
-        return _weigh(self._rule.weights, turned, times(fraction, self._length))
+        nodes = self._whole if whole else self._nodes_up_to(fraction)
+        spins = [self._spin(times(fraction, float(u)), omega, rates) for u in self._rule.nodes]
+        return _weigh_products(self._rule.weights, spins, nodes.tangents, times(fraction, self._length))
 
     def _spin(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Scalar:
         """Squared angular velocity of the section at a fraction of the length."""
         total = omega
-        for rate, phi in zip(rates, self._basis, strict=True):
-            total = plus(total, times(times(phi(fraction), self._length), rate))
+        for rate, phi in zip(rates, _rising(fraction), strict=True):
+            total = plus(total, times(times(phi, self._length), rate))
         return times(total, total)
 
-    @cached_property
-    def _pairs(self) -> list[tuple[int, int]]:
-        count = len(self._rule.nodes)
-        return [(j, k) for j in range(count) for k in range(j + 1, count)]
+    # -- kinetics ------------------------------------------------------------------------------------------------
 
     @cached_property
-    def _cosines(self) -> list[Scalar]:
-        return [self._tangents[j].dot(self._tangents[k]) for j, k in self._pairs]
+    def _differences(self) -> dict[tuple[int, int], Rotation]:
+        """Per pair of nodes j < k, the turn from the tangent at j to that at k."""
+        nodes, count = self._whole, len(self._rule.nodes)
+        found: dict[tuple[int, int], Rotation] = {}
+        for j in range(count):
+            for k in range(j + 1, count):
+                if k == j + 1:
+                    found[j, k] = nodes.turns[j]
+                elif k == j + 2:
+                    found[j, k] = nodes.doubled[j]
+                else:
+                    found[j, k] = found[j, k - 2] @ nodes.doubled[k - 2]
+        return found
 
     def _form(self, f: NDArray[np.float64], g: NDArray[np.float64], scale: Scalar) -> Scalar:
         """sum_jk f_j K_jk g_k cos(phi_j - phi_k)."""
         kernel = np.outer(f, g) * self._kernel
         kernel = kernel + kernel.T
         terms: list[tuple[float, Scalar]] = [(0.5 * float(np.trace(kernel)), 1.0)]
-        terms += [(float(kernel[j, k]), c) for (j, k), c in zip(self._pairs, self._cosines, strict=True)]
+        terms += [(float(kernel[pair]), turn.c) for pair, turn in self._differences.items()]
         return combine(scale, terms)
 
     @cached_property
     def inertia(self) -> Inertia:
-        one = np.ones(len(self._rule.nodes))
-        h, scale = self._length, self._kernel_scale
+        h, scale, shape, weights = self._length, self._kernel_scale, self._shape, self._rule.weights
+        one = np.ones(len(weights))
         rotary = times(self._rotary_inertia, h)
-        rule, shape = self._rule, self._shape
-        arm_scale, matrix_scale = times(scale, h), times(times(scale, h), h)
-        means = shape @ rule.weights
-        products = (shape * rule.weights) @ shape.T
-        size = range(len(self._q))
+        rotary_swing = [times(times(float(f @ weights), rotary), h) for f in shape]
+        rotary_matrix = [
+            [times(times(times(float((f * weights) @ g), rotary), h), h) for g in shape] for f in shape
+        ]
+        tangents = self._whole.tangents
         return Inertia(
             mass=self._mass,
-            first=_weigh(self._mean, self._tangents, self._first_scale),
+            first=_weigh(self._mean, tangents, self._first_scale),
             second=plus(self._form(one, one, scale), rotary),
-            arms=tuple(
-                _weigh(self._mean * shape[a], self._tangents, times(self._first_scale, h)) for a in size
-            ),
+            arms=tuple(_weigh(self._mean * f, tangents, times(self._first_scale, h)) for f in shape),
             swing=tuple(
-                plus(self._form(one, shape[a], arm_scale), times(times(float(means[a]), rotary), h)) for a in size
+                plus(self._form(one, f, times(scale, h)), r) for f, r in zip(shape, rotary_swing, strict=True)
             ),
             matrix=tuple(
                 tuple(
-                    plus(
-                        self._form(shape[a], shape[b], matrix_scale),
-                        times(times(times(float(products[a, b]), rotary), h), h),
-                    )
-                    for b in size
+                    plus(self._form(f, g, times(times(scale, h), h)), r) for g, r in zip(shape, row, strict=True)
                 )
-                for a in size
+                for f, row in zip(shape, rotary_matrix, strict=True)
             ),
         )
 
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
-        nodes = range(len(self._rule.nodes))
+        nodes, tangents = range(len(self._rule.nodes)), self._whole.tangents
         spins = [self._spin(float(u), omega, rates) for u in self._rule.nodes]
-        turned = [t.scaled(s) for t, s in zip(self._tangents, spins, strict=True)]
         loads: list[Scalar] = [0.0 for _ in nodes]
-        for j, k in self._pairs:
-            sine = times(float(self._kernel[j, k]), self._tangents[j].cross(self._tangents[k]))
+        for (j, k), turn in self._differences.items():
+            sine = times(float(self._kernel[j, k]), turn.s)
             loads[j] = plus(loads[j], times(sine, spins[k]))
             loads[k] = minus(loads[k], times(sine, spins[j]))
         scale, h = self._kernel_scale, self._length
         return Bias(
-            end=_weigh(self._rule.weights, turned, h),
-            force=_weigh(self._mean, turned, self._first_scale),
+            end=_weigh_products(self._rule.weights, spins, tangents, h),
+            force=_weigh_products(self._mean, spins, tangents, self._first_scale),
             moment=combine(scale, [(1.0, load) for load in loads]),
             generalized=tuple(
-                combine(times(scale, h), [(float(self._shape[a, k]), loads[k]) for k in nodes])
-                for a in range(len(self._q))
+                combine(times(scale, h), [(float(f[k]), loads[k]) for k in nodes]) for f in self._shape
             ),
         )
+
+
+def _rising(u: Scalar) -> tuple[Scalar, Scalar]:
+    """Bending angle at a fraction of a link of length one, per curvature at its start and at its end."""
+    late = times(0.5, times(u, u))
+    return minus(u, late), late
 
 
 def _weigh(weights: NDArray[np.float64], vectors: Sequence[Vec], scale: Scalar) -> Vec:
@@ -230,3 +235,14 @@ def _weigh(weights: NDArray[np.float64], vectors: Sequence[Vec], scale: Scalar) 
         combine(scale, [(w, v.x) for w, v in pairs]),
         combine(scale, [(w, v.y) for w, v in pairs]),
     )
+
+
+def _weigh_products(
+    weights: NDArray[np.float64], factors: Sequence[Scalar], vectors: Sequence[Vec], scale: Scalar
+) -> Vec:
+    """scale * sum of weight times factor times vector; the scalars meet first."""
+    constant = scale if isinstance(scale, float) else 1.0
+    total = ZERO
+    for w, factor, vector in zip(weights, factors, vectors, strict=True):
+        total = total + vector.scaled(times(float(w) * constant, factor))
+    return total if isinstance(scale, float) else total.scaled(scale)

@@ -1,0 +1,1 @@
+"""What continuum_grasp is measured against: the paper's equations and other libraries."""

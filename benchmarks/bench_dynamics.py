@@ -1,0 +1,263 @@
+"""Forward dynamics: against the paper and other libraries, instructions, batches, growth with the elements.
+
+Run ``python -m benchmarks.bench_dynamics`` in the root of the repository; see README.md beside this file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import Any
+
+import numpy as np
+
+from benchmarks.baselines import paper_appendix, paper_closed_forms, peers
+from benchmarks.baselines.two_arcs import TwoArcs
+from benchmarks.c_loop import STATES, CLoop, time_c_loop
+from benchmarks.harness import Timing, count_instructions, race
+from benchmarks.machine import one_core
+from benchmarks.report import Report, Table
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.finger import BasePose, Damping, Finger, PointMass, Rod, Tendons
+
+LENGTH, LINEAR_DENSITY, STIFFNESS = 0.6, 6450 * math.pi * 0.001**2, 60e9 * math.pi * 0.002**4 / 64
+TIP_MASS, DAMPING, TENDON_OFFSET = 0.02, 1e-4, 0.005
+FAMILIES = ("arc", "clothoid", "matched_clothoid")
+ELEMENTS = (1, 2, 4, 8, 16, 32)
+BATCH = 4096
+OURS = "two arcs"
+
+
+def finger(tip_mass: float = TIP_MASS, damping: float = DAMPING, tendons: bool = True) -> Finger:
+    """The paper's rod along world +X, with a tip mass, the paper's friction and tendons."""
+    return Finger(
+        rod=Rod(length=LENGTH, linear_density=LINEAR_DENSITY, bending_stiffness=STIFFNESS),
+        damping=Damping(per_arc=damping),
+        masses=(PointMass(at=LENGTH, mass=tip_mass),) if tip_mass else (),
+        tendons=Tendons(offset=TENDON_OFFSET, max_tension=40.0) if tendons else None,
+        base=BasePose(angle=-math.pi / 2),
+    )
+
+
+def full_model(family: str = "arc", **settings: Any) -> FingerModel:
+    """Everything in: tip mass, gravity, forces at contact and tip, damping, tendons; constants folded."""
+    return FingerModel(finger(), contacts=(0.3,), family=family, **settings)
+
+
+def bare_model() -> FingerModel:
+    """Two arcs without gravity, mass, damping, or forces; the tip moment drives them."""
+    bare = finger(tip_mass=0.0, damping=0.0, tendons=False)
+    return FingerModel(bare, elements=2, family="arc", gravity=(0.0, 0.0), tip_force=False)
+
+
+def paper_finger() -> TwoArcs:
+    """The same finger for the baselines."""
+    return TwoArcs(
+        mass_per_length=LINEAR_DENSITY,
+        bending_stiffness=STIFFNESS,
+        tip_mass=TIP_MASS,
+        arc_damping=DAMPING,
+        tendon_offset=TENDON_OFFSET,
+        base_angle=-math.pi / 2,
+    )
+
+
+def random_arguments(model: FingerModel, rng: np.random.Generator) -> list[np.ndarray]:
+    """``STATES`` random x, u, w and p; bends up to 0.9 of the declared range, the chain at most 4 rad."""
+    reach = min(0.9 * min(model.ranges), 4.0 / len(model.lengths))
+    scale = reach if model.family == "arc" else reach / max(model.lengths) / 2
+    x = rng.uniform(-1.0, 1.0, (STATES, model.nx))
+    x[:, : model.n] *= scale
+    x[:, model.n :] *= 5.0 * scale
+    u = rng.uniform(0.0, 20.0 if model.nu == 2 else 0.1, (STATES, model.nu))
+    return [x, u, rng.uniform(-0.5, 0.5, (STATES, model.nw)), np.tile(model.p_nominal, (STATES, 1))]
+
+
+def against_the_paper(report: Report, rng: np.random.Generator) -> None:
+    """Two arcs with everything in against the paper's closed forms and its appendix."""
+    model, paper = full_model(), paper_finger()
+    functions = {
+        OURS: model.forward_dynamics,
+        "closed forms, Lagrange": paper_closed_forms.forward_dynamics(paper, bias="lagrange"),
+        "closed forms, Christoffel": paper_closed_forms.forward_dynamics(paper, bias="christoffel"),
+        "appendix, corrected": paper_appendix.forward_dynamics(paper),
+    }
+    given = random_arguments(model, rng)
+    extra = {}
+    for name, function in functions.items():
+        counts = count_instructions(function)
+        extra[name] = [
+            counts["total"],
+            counts["arithmetic"],
+            _difference(function, model.forward_dynamics, given),
+        ]
+    columns = ["instructions", "arithmetic", "greatest difference"]
+    note = "Difference of xd, relative to its greatest entry, over states with both angles beyond 0.3 rad."
+    found = {}
+    for title, dependent in (
+        ("Two arcs, everything in, each evaluation waiting for the one before", True),
+        ("Two arcs, everything in, evaluations overlapping", False),
+    ):
+        timings = time_c_loop(functions, given, seed=report.seed, dependent=dependent)
+        found[dependent] = report.add_race(
+            title, timings, OURS, extra=extra, extra_columns=columns, note=note
+        )
+    ratio = found[True]
+    report.claim(
+        "closed forms in the paper's style take so many times as long",
+        ratio["closed forms, Lagrange"],
+        ">=",
+        8,
+    )
+    report.claim("two arcs take so many times the appendix", 1 / ratio["appendix, corrected"], "<=", 1.1)
+
+
+def _difference(function: Any, reference: Any, given: list[np.ndarray]) -> float:
+    x = given[0]
+    chosen = [k for k in range(STATES) if np.abs(x[k, :2]).min() > 0.3][:200]
+    worst = 0.0
+    for k in chosen:
+        expected = reference(*[g[k] for g in given]).full()
+        worst = max(
+            worst,
+            float(np.abs(function(*[g[k] for g in given]).full() - expected).max() / np.abs(expected).max()),
+        )
+    return worst
+
+
+def against_other_libraries(report: Report, rng: np.random.Generator) -> None:
+    """Two arcs with everything in against other libraries' compiled loops, one after the other in turns."""
+    model = full_model()
+    loop = CLoop(model.forward_dynamics, random_arguments(model, rng))
+    rows = []
+    for library in peers.LIBRARIES:
+        with one_core():
+            before = race({OURS: loop}, repeats=11)[OURS]
+            found = peers.measure(library, forces=True)
+            after = race({OURS: loop}, repeats=11)[OURS]
+        if found["status"] != "ok":
+            report.missing.append(f"{library}: {found['status']}, {found['reason']}")
+            continue
+        own = 1e9 * float(np.median(before.samples + after.samples))
+        rows.append(
+            [f"{library} {found['version']}", found["ns"], own, found["ns"] / own, found["compile_seconds"]]
+        )
+    if not rows:
+        return
+    columns = ["", "median [ns]", f"{OURS} [ns]", "ratio", "compiling [s]"]
+    note = "The libraries leave the tip mass and the tendons out; both forces are in. JAX, double, one core."
+    report.tables.append(Table("Other libraries", columns, rows, note))
+    report.claim(
+        "the fastest of the other libraries takes so many times as long",
+        min(row[3] for row in rows),
+        ">=",
+        40,
+    )
+
+
+def instructions(report: Report) -> None:
+    """Instruction counts of the forward dynamics."""
+    models = {
+        "two arcs, everything in, constants folded": full_model(),
+        "two arcs, everything in, tip mass and stiffness at run time": full_model(
+            parameters=("tip_mass", "bending_stiffness")
+        ),
+        "two arcs, no gravity, mass, damping or forces": bare_model(),
+        "two clothoids, everything in": full_model("clothoid"),
+        "two matched clothoids, everything in": full_model("matched_clothoid"),
+    }
+    counts = {name: count_instructions(model.forward_dynamics) for name, model in models.items()}
+    columns = ["", *next(iter(counts.values()))]
+    rows = [[name, *count.values()] for name, count in counts.items()]
+    report.tables.append(Table("Instructions", columns, rows, "total: with loads, stores and constants."))
+    totals = [count["total"] for count in counts.values()]
+    report.claim("instructions, everything in, constants folded", totals[0], "<=", 650)
+    report.claim("instructions, bare", totals[2], "<=", 380)
+
+
+def batch(report: Report, rng: np.random.Generator) -> None:
+    """A batch in one call against one state at a time, on one core."""
+    try:
+        from continuum_grasp.core import compile as compile_model
+    except ImportError as error:
+        report.missing.append(f"batch of {BATCH}: {error}")
+        return
+    rows = []
+    for family in FAMILIES:
+        model = full_model(family)
+        given = random_arguments(model, rng)
+        core = compile_model(model)
+        many = [np.ascontiguousarray(np.tile(g, (BATCH // STATES, 1))) for g in given]
+
+        def evaluate(count: int, core: Any = core, many: list[np.ndarray] = many) -> None:
+            for _ in range(count):
+                core.batch("forward_dynamics", *many)
+
+        with one_core():
+            timings = race({"one": CLoop(model.forward_dynamics, given), "batch": evaluate}, seed=report.seed)
+        one, together = 1e9 * timings["one"].median, 1e9 * timings["batch"].median / BATCH
+        rows.append(
+            [family, one, together, one / together, timings["batch"].reason or timings["batch"].status]
+        )
+        if family == "arc":
+            report.claim(f"a batch of {BATCH} is so many times as fast per state", one / together, ">=", 4)
+    columns = ["", "one at a time [ns]", "in a batch [ns]", "gain", "status"]
+    report.tables.append(Table(f"Batch of {BATCH} states, everything in", columns, rows))
+
+
+def growth(report: Report, rng: np.random.Generator, most: int) -> None:
+    """Cost of the forward dynamics over the number of elements of each family."""
+    rows = []
+    two: dict[str, Timing] = {}
+    for count in [c for c in ELEMENTS if c <= most]:
+        models = {
+            family: FingerModel(finger(tendons=False), elements=count, family=family, tip_force=False)
+            for family in FAMILIES
+        }
+        functions = {family: model.forward_dynamics for family, model in models.items()}
+        given = {family: random_arguments(model, rng) for family, model in models.items()}
+        flags = ("-O1" if count > 8 else "-O3", "-march=native", "-fPIC")
+        timings = time_c_loop(functions, given, seed=report.seed, flags=flags, repeats=15)
+        two = timings if count == 2 else two
+        for family, timing in timings.items():
+            total = functions[family].n_instructions()
+            rows.append([family, count, models[family].n, total, 1e9 * timing.median, timing.status])
+    columns = ["family", "elements", "unknowns", "instructions", "median [ns]", "status"]
+    rows.sort(key=lambda row: (FAMILIES.index(row[0]), row[1]))
+    note = (
+        "Tip mass, gravity, damping and tip moment; -O1 above 8 elements, where -O3 takes minutes to compile."
+    )
+    report.tables.append(Table("Growth with the number of elements", columns, rows, note))
+    if two:
+        ratio = two["matched_clothoid"].median / two["arc"].median
+        report.claim("two matched clothoids take so many times two arcs", ratio, "<=", 2)
+
+
+def main() -> None:
+    """Run what is asked for and write the report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parts = ("paper", "libraries", "instructions", "batch", "growth")
+    parser.add_argument("--only", choices=parts, nargs="+", default=parts)
+    parser.add_argument(
+        "--elements", type=int, default=max(ELEMENTS), help="most elements in the growth table"
+    )
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    report, rng = Report("dynamics", arguments.seed), np.random.default_rng(arguments.seed)
+    if "paper" in arguments.only:
+        against_the_paper(report, rng)
+    if "libraries" in arguments.only:
+        against_other_libraries(report, rng)
+    if "instructions" in arguments.only:
+        instructions(report)
+    if "batch" in arguments.only:
+        batch(report, rng)
+    if "growth" in arguments.only:
+        growth(report, rng, arguments.elements)
+    for file in report.write():
+        print(file)
+    print(report.status)
+
+
+if __name__ == "__main__":
+    main()

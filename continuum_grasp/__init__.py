@@ -1,0 +1,73 @@
+"""Planar tendon-driven continuum fingers: physics written once, compiled C, simulation and grasping.
+
+Everything here is loaded when it is first used; importing the package is quick.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from continuum_grasp._lazy import lazy_names
+
+__version__ = "0.1.0"
+
+_ROOMS = {
+    "continuum_grasp.core": ("compile",),
+    "continuum_grasp.errors": ("ContinuumGraspError", "InputError", "NumericalError", "SolverError"),
+    "continuum_grasp.grasp": ("optimize_grasp",),
+    "continuum_grasp.model": ("FingerModel",),
+    "continuum_grasp.scene": (
+        "Actuation",
+        "BasePose",
+        "Damping",
+        "Fidelity",
+        "Finger",
+        "ForceLoad",
+        "GraspScene",
+        "Initial",
+        "MomentLoad",
+        "PiecewiseCurvature",
+        "PointMass",
+        "Rod",
+        "Samples",
+        "Scene",
+        "Tendons",
+        "Timing",
+        "VectorSamples",
+    ),
+    "continuum_grasp.scene.load": ("load",),
+    "continuum_grasp.simulation": ("equilibrium", "modes", "simulate"),
+}
+__all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)]
+
+if TYPE_CHECKING:
+    from continuum_grasp.core import compile as compile
+    from continuum_grasp.errors import ContinuumGraspError as ContinuumGraspError
+    from continuum_grasp.errors import InputError as InputError
+    from continuum_grasp.errors import NumericalError as NumericalError
+    from continuum_grasp.errors import SolverError as SolverError
+    from continuum_grasp.grasp import optimize_grasp as optimize_grasp
+    from continuum_grasp.model import FingerModel as FingerModel
+    from continuum_grasp.scene import Actuation as Actuation
+    from continuum_grasp.scene import BasePose as BasePose
+    from continuum_grasp.scene import Damping as Damping
+    from continuum_grasp.scene import Fidelity as Fidelity
+    from continuum_grasp.scene import Finger as Finger
+    from continuum_grasp.scene import ForceLoad as ForceLoad
+    from continuum_grasp.scene import GraspScene as GraspScene
+    from continuum_grasp.scene import Initial as Initial
+    from continuum_grasp.scene import MomentLoad as MomentLoad
+    from continuum_grasp.scene import PiecewiseCurvature as PiecewiseCurvature
+    from continuum_grasp.scene import PointMass as PointMass
+    from continuum_grasp.scene import Rod as Rod
+    from continuum_grasp.scene import Samples as Samples
+    from continuum_grasp.scene import Scene as Scene
+    from continuum_grasp.scene import Tendons as Tendons
+    from continuum_grasp.scene import Timing as Timing
+    from continuum_grasp.scene import VectorSamples as VectorSamples
+    from continuum_grasp.scene.load import load as load
+    from continuum_grasp.simulation import equilibrium as equilibrium
+    from continuum_grasp.simulation import modes as modes
+    from continuum_grasp.simulation import simulate as simulate
+
+__getattr__, __dir__ = lazy_names(__name__, _ROOMS)

@@ -1,0 +1,74 @@
+"""The command ``continuum-grasp``: its verbs and its one way of reporting errors."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from continuum_grasp import __version__
+from continuum_grasp.cli.codegen import codegen
+from continuum_grasp.cli.doctor import doctor
+from continuum_grasp.cli.grasp import grasp
+from continuum_grasp.cli.modes import modes
+from continuum_grasp.cli.schema import schema
+from continuum_grasp.cli.simulate import simulate
+from continuum_grasp.cli.validate import validate
+from continuum_grasp.errors import ContinuumGraspError, InputError
+
+__all__ = ["app", "main"]
+
+SOLVER_FAILED = 1
+BAD_INPUT = 2
+
+
+class _Verbs(TyperGroup):
+    """Turns the package's errors into one message and an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except ContinuumGraspError as error:
+            typer.echo(f"error: {error}", err=True)
+            raise typer.Exit(BAD_INPUT if isinstance(error, InputError) else SOLVER_FAILED) from None
+        except OSError as error:
+            if error.filename is None:
+                raise
+            typer.echo(f"error: {error.filename}: {error.strerror}", err=True)
+            raise typer.Exit(BAD_INPUT) from None
+
+
+app = typer.Typer(
+    name="continuum-grasp",
+    cls=_Verbs,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Planar tendon-driven continuum fingers: simulate, grasp, generate C.",
+    epilog="Exit status: 0 done, 1 a solver failed, 2 bad input.",
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"continuum-grasp {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    pass
+
+
+for _verb in (simulate, grasp, modes, codegen, schema, validate, doctor):
+    app.command()(_verb)
+
+
+def main() -> None:
+    """Run the command line."""
+    app(prog_name="continuum-grasp")

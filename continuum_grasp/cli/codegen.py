@@ -1,0 +1,44 @@
+"""``continuum-grasp codegen``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from continuum_grasp.cli.options import Config, Json, Quiet, Set
+from continuum_grasp.cli.output import Output, run_folder
+
+__all__ = ["codegen"]
+
+
+def codegen(
+    config: Config,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for the files (default: NAME-OF-CONFIG_c); they are replaced.",
+        ),
+    ] = None,
+    changes: Set = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write the finger's equations as C, with an example that calls them."""
+    from continuum_grasp.cli.scenes import simulation_scene
+
+    output = Output(as_json, quiet)
+    scene = simulation_scene(config, changes)
+    folder = run_folder(out if out is not None else Path(f"{config.stem}_c"), config)
+
+    from continuum_grasp.core import codegen as write
+    from continuum_grasp.model import FingerModel
+
+    with output.busy("generating"):
+        files = [Path(file) for file in write(FingerModel(scene), folder)]
+    for file in files:
+        output.say(str(file))
+    output.result(folder=str(folder), files=[str(file) for file in files])

@@ -1,0 +1,86 @@
+"""``continuum-grasp doctor``."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from typing import Any
+
+import typer
+
+from continuum_grasp.cli.options import Json
+from continuum_grasp.cli.output import Output
+
+__all__ = ["doctor"]
+
+_PACKAGES = ("casadi", "numpy", "matplotlib", "pydantic", "pyyaml", "typer", "rich")
+_COMPILERS = ("cc", "gcc", "clang")
+
+
+def doctor(as_json: Json = False) -> None:
+    """Print versions, solvers, compiler, and how fast the finger runs here."""
+    output = Output(as_json)
+    facts: dict[str, Any] = {**_versions(), **_tools()}
+    facts |= _speed()
+    output.pairs(facts)
+    output.result(**facts)
+    if facts["ipopt"] != "found":
+        output.warn(["IPOPT is not in this CasADi: grasps cannot be optimised; install casadi from PyPI"])
+        raise typer.Exit(1)
+
+
+def _versions() -> dict[str, str]:
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    from continuum_grasp import __version__
+
+    found = {"continuum_grasp": __version__}
+    found |= {"python": platform.python_version(), "platform": platform.platform()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not found"
+    return found
+
+
+def _tools() -> dict[str, str]:
+    import casadi
+
+    compiler = os.environ.get("CC") or next((name for name in _COMPILERS if shutil.which(name)), None)
+    path = shutil.which(compiler.split()[0]) if compiler else None
+    return {
+        "processors": str(os.cpu_count()),
+        "ipopt": "found" if casadi.has_nlpsol("ipopt") else "not found",
+        "compiler": path or "not found: everything runs on CasADi's virtual machine, slower",
+        "ffmpeg": shutil.which("ffmpeg") or "not found: animations as GIF only",
+    }
+
+
+def _speed() -> dict[str, str]:
+    """Time of one forward dynamics of the 0.6 m rod, on CasADi's virtual machine and compiled."""
+    import timeit
+
+    import casadi
+    import numpy as np
+
+    from continuum_grasp.core import compile as compile_model
+    from continuum_grasp.model import FingerModel
+    from continuum_grasp.scene import Finger, Rod
+
+    rod = Rod(length=0.6, diameter=0.002, density=6450.0, youngs_modulus=60e9)
+    model = FingerModel(Finger(rod=rod))
+    core = compile_model(model)
+    arguments = [np.full(size, 0.1) for size in (model.nx, model.nu, model.nw, model.np)]
+
+    def microseconds(call: Any) -> str:
+        timer = timeit.Timer(call)
+        count, _ = timer.autorange()
+        return f"{min(timer.repeat(3, count)) / count * 1e6:.3g} us per call from Python"
+
+    dense = [casadi.DM(argument) for argument in arguments]
+    return {
+        "forward dynamics, virtual machine": microseconds(lambda: model.forward_dynamics(*dense)),
+        "forward dynamics, compiled": microseconds(lambda: core.forward_dynamics(*arguments)),
+    }

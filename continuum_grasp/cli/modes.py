@@ -1,0 +1,70 @@
+"""``continuum-grasp modes``."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from continuum_grasp.cli.options import Config, Json, Quiet, Set
+from continuum_grasp.cli.output import Output, run_folder
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.simulate import Scene
+    from continuum_grasp.simulation import Modes
+
+__all__ = ["modes"]
+
+
+def modes(
+    config: Config,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Save modes and their picture in this folder.")
+    ] = None,
+    changes: Set = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Natural frequencies and shapes about the equilibrium."""
+    from continuum_grasp.cli.scenes import simulation_scene
+
+    output = Output(as_json, quiet)
+    scene = simulation_scene(config, changes)
+
+    from continuum_grasp.simulation import modes as find
+
+    with output.busy("finding modes"):
+        found = find(scene)
+    if not found.stable:
+        output.warn(["the equilibrium is unstable"])
+    files = _save(found, scene, run_folder(out, config)) if out is not None else []
+    output.table(
+        ("mode", "frequency [Hz]", "damping ratio"),
+        (
+            (str(k + 1), f"{frequency:.5g}", "-" if math.isnan(ratio) else f"{ratio:.3g}")
+            for k, (frequency, ratio) in enumerate(
+                zip(found.frequencies_hz, found.damping_ratios, strict=True)
+            )
+        ),
+    )
+    if out is not None:
+        output.say(f"saved in {out}")
+    output.result(
+        stable=found.stable,
+        frequencies_hz=found.frequencies_hz,
+        damping_ratios=found.damping_ratios,
+        folder=None if out is None else str(out),
+        files=[str(file) for file in files],
+    )
+
+
+def _save(found: Modes, scene: Scene, folder: Path) -> list[Path]:
+    from continuum_grasp.plotting import plot_modes, save_picture
+    from continuum_grasp.results import write_run
+
+    names = ("frequencies_hz", "damping_ratios", "backbone", "shapes")
+    meta = {"config": scene.model_dump(mode="json"), "status": "stable" if found.stable else "unstable"}
+    write_run(folder, {name: getattr(found, name) for name in names}, meta)
+    return [save_picture(plot_modes(found), folder / "modes.png")]

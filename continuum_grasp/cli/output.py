@@ -1,0 +1,107 @@
+"""What the verbs print, and where."""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from continuum_grasp.errors import InputError
+
+__all__ = ["Output", "run_folder"]
+
+_PATIENCE = 2.0
+
+
+@dataclass(frozen=True)
+class Output:
+    """Text for people, or one JSON object for programs; warnings always go to the error stream."""
+
+    as_json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+
+    def __post_init__(self) -> None:
+        if self.quiet and (self.as_json or self.verbose):
+            raise InputError("--quiet cannot be combined with --json or --verbose")
+
+    def say(self, text: str) -> None:
+        """Print text for people."""
+        if not (self.quiet or self.as_json):
+            typer.echo(text)
+
+    def pairs(self, rows: Mapping[str, Any]) -> None:
+        """Print names and values in two columns."""
+        width = max((len(name) for name in rows), default=0)
+        for name, value in rows.items():
+            self.say(f"{name:<{width}}  {value}")
+
+    def table(self, head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+        """Print columns, aligned to the right."""
+        lines = [list(head), *(list(row) for row in rows)]
+        widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
+        for line in lines:
+            self.say("  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)))
+
+    def statistics(self, statistics: Mapping[str, Any]) -> None:
+        """Print statistics where they are wanted."""
+        if self.verbose and statistics:
+            self.pairs(statistics)
+
+    def warn(self, warnings: Iterable[str]) -> None:
+        """Print warnings."""
+        for warning in warnings:
+            typer.echo(f"warning: {warning}", err=True)
+
+    def result(self, **values: Any) -> None:
+        """Print the one JSON object, where JSON is wanted."""
+        if self.as_json:
+            from continuum_grasp.results.plain import plain
+
+            typer.echo(json.dumps(plain(values), indent=2, allow_nan=False))
+
+    @contextmanager
+    def busy(self, what: str) -> Iterator[None]:
+        """Show on a terminal, after two seconds, that work goes on."""
+        if self.quiet or not sys.stderr.isatty():
+            yield
+            return
+        done = threading.Event()
+        watcher = threading.Thread(target=_show_progress, args=(what, done), daemon=True)
+        watcher.start()
+        try:
+            yield
+        finally:
+            done.set()
+            watcher.join()
+
+
+def _show_progress(what: str, done: threading.Event) -> None:
+    start = time.monotonic()
+    if done.wait(_PATIENCE):
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(what, total=None)
+        progress.tasks[0].start_time = progress.get_time() - (time.monotonic() - start)
+        while not done.wait(0.1):
+            progress.update(task)
+
+
+def run_folder(out: Path | None, config: Path) -> Path:
+    """The folder of a run: as asked, or named after its configuration."""
+    folder = out if out is not None else Path("runs") / config.stem
+    if folder.exists() and not folder.is_dir():
+        raise InputError("expected a folder, got a file", file=str(folder))
+    return folder

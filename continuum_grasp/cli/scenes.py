@@ -1,0 +1,54 @@
+"""Reading the configuration that a verb needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from continuum_grasp.errors import InputError
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.grasp import GraspScene
+    from continuum_grasp.scene.simulate import Scene
+
+__all__ = ["grasp_scene", "simulation_scene"]
+
+
+def simulation_scene(config: Path, changes: Iterable[str] | None) -> Scene:
+    """A scene for simulation, statics, modes and code generation.
+
+    Raises
+    ------
+    InputError
+        Where the file is wrong or of another kind.
+    """
+    from continuum_grasp.scene.load import load
+    from continuum_grasp.scene.simulate import Scene
+
+    loaded = load(config, changes or ())
+    if isinstance(loaded, Scene):
+        return loaded
+    raise _other_kind(config, "a scene (finger, gravity, ...)", loaded)
+
+
+def grasp_scene(config: Path, changes: Iterable[str] | None) -> GraspScene:
+    """A scene for the grasp optimiser.
+
+    Raises
+    ------
+    InputError
+        Where the file is wrong or of another kind.
+    """
+    from continuum_grasp.scene.grasp import GraspScene
+    from continuum_grasp.scene.load import load
+
+    loaded = load(config, changes or ())
+    if isinstance(loaded, GraspScene):
+        return loaded
+    raise _other_kind(config, "a grasp (finger, object, ...)", loaded)
+
+
+def _other_kind(config: Path, wanted: str, loaded: object) -> InputError:
+    got = {"Scene": "a scene without an object", "GraspScene": "a grasp", "Finger": "a finger alone"}
+    return InputError(f"expected {wanted}, got {got[type(loaded).__name__]}", file=str(config))

@@ -1,0 +1,33 @@
+"""``continuum-grasp schema``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from continuum_grasp.errors import InputError
+
+__all__ = ["schema"]
+
+
+def schema(
+    kind: Annotated[
+        str | None,
+        typer.Argument(metavar="[simulate|grasp|finger]", help="Print this schema.", show_default=False),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Write all schemas into this folder.")
+    ] = None,
+) -> None:
+    """JSON Schema of the configurations, for editors."""
+    if (kind is None) == (out is None):
+        raise InputError("expected either one of simulate, grasp, finger, or --out DIR")
+    from continuum_grasp.scene.schema import schema_text, write_schemas
+
+    if kind is not None:
+        typer.echo(schema_text(kind), nl=False)
+    elif out is not None:
+        for path in write_schemas(out):
+            typer.echo(str(path))

@@ -1,0 +1,100 @@
+"""``continuum-grasp simulate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set, Verbose
+from continuum_grasp.cli.output import Output, run_folder
+
+if TYPE_CHECKING:
+    from continuum_grasp.simulation import Trajectory
+
+__all__ = ["simulate"]
+
+
+def simulate(
+    config: Config,
+    out: Out = None,
+    changes: Set = None,
+    animation: Annotated[
+        str | None,
+        typer.Option("--animate", metavar="gif|mp4", help="Write an animation too; mp4 needs ffmpeg."),
+    ] = None,
+    pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")] = True,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Move a finger in time: saves the motion, draws pictures."""
+    from continuum_grasp.cli.scenes import simulation_scene
+    from continuum_grasp.errors import InputError, NumericalError
+
+    output = Output(as_json, quiet, verbose)
+    if animation not in (None, "gif", "mp4"):
+        raise InputError(f"expected gif or mp4, got {animation!r}", key="--animate")
+    scene = simulation_scene(config, changes)
+    if scene.time is None:
+        raise InputError("a simulation needs time: {duration: ..., step: ...}", file=str(config), key="time")
+    folder = run_folder(out, config)
+
+    from continuum_grasp.simulation import simulate as run
+
+    try:
+        with output.busy("simulating"):
+            trajectory = run(scene)
+    except NumericalError as error:
+        if error.result is not None:
+            error.result.save(folder)
+            typer.echo(f"what was computed until then is in {folder}", err=True)
+        raise
+    files = _save(trajectory, folder, animation, pictures, output)
+    _report(trajectory, folder, files, output)
+
+
+def _save(
+    trajectory: Trajectory, folder: Path, animation: str | None, pictures: bool, output: Output
+) -> list[Path]:
+    trajectory.save(folder)
+    files: list[Path] = []
+    if pictures or animation:
+        from continuum_grasp.plotting import animate, save_simulation_pictures
+
+        with output.busy("drawing"):
+            if pictures:
+                files += save_simulation_pictures(trajectory, folder)
+            if animation:
+                files.append(animate(trajectory, folder / f"animation.{animation}"))
+    return files
+
+
+def _report(trajectory: Trajectory, folder: Path, files: list[Path], output: Output) -> None:
+    energy = trajectory.kinetic + trajectory.potential
+    x, y = trajectory.tip[-1]
+    statistics: dict[str, Any] = dict(getattr(trajectory, "statistics", {}))
+    output.warn(trajectory.warnings)
+    output.pairs(
+        {
+            "status": trajectory.status,
+            "time": f"{trajectory.t[-1]:g} s in {len(trajectory.t) - 1} steps",
+            "tip at the end": f"({x:.4f}, {y:.4f}) m",
+            "energy": f"{energy[0]:.6g} J at the start, {energy[-1]:.6g} J at the end",
+            "saved in": f"{folder}",
+            "pictures": ", ".join(file.name for file in files) or "none",
+        }
+    )
+    output.statistics(statistics)
+    output.result(
+        status=trajectory.status,
+        folder=str(folder),
+        files=[str(file) for file in files],
+        duration=float(trajectory.t[-1]),
+        steps=len(trajectory.t) - 1,
+        tip=[float(x), float(y)],
+        energy=[float(energy[0]), float(energy[-1])],
+        warnings=list(trajectory.warnings),
+        statistics=statistics,
+    )

@@ -1,0 +1,3 @@
+"""C source of a model for use elsewhere, with an example that calls it."""
+from __future__ import annotations
+def codegen(model, folder): ...

@@ -1,0 +1,122 @@
+"""C for many states at once: the instructions of an SX function on vectors of lanes.
+
+CasADi's own generator writes scalar code that compilers do not vectorise across calls. This one walks the same
+instructions and writes them for the vector types that gcc and clang share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+
+from continuum_grasp.errors import InputError
+
+__all__ = ["PRELUDE", "lane_function"]
+
+PRELUDE = """
+#if defined(__AVX512F__)
+#define CG_LANES 8
+#elif defined(__AVX__)
+#define CG_LANES 4
+#else
+#define CG_LANES 2
+#endif
+typedef double cg_lanes __attribute__((vector_size(8 * CG_LANES)));
+#define CG_EACH(name, call) \\
+  static inline cg_lanes name(cg_lanes a) { \\
+    for (int l = 0; l < CG_LANES; ++l) a[l] = call(a[l]); \\
+    return a; \\
+  }
+#define CG_EACH2(name, call) \\
+  static inline cg_lanes name(cg_lanes a, cg_lanes b) { \\
+    for (int l = 0; l < CG_LANES; ++l) a[l] = call(a[l], b[l]); \\
+    return a; \\
+  }
+CG_EACH(cg_sqrt, sqrt) CG_EACH(cg_exp, exp) CG_EACH(cg_fabs, fabs) CG_EACH(cg_sin, sin) CG_EACH(cg_cos, cos)
+CG_EACH2(cg_fmin, fmin) CG_EACH2(cg_fmax, fmax)
+"""
+
+_BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
+_CALLS = {
+    ca.OP_SQRT: "cg_sqrt",
+    ca.OP_EXP: "cg_exp",
+    ca.OP_FABS: "cg_fabs",
+    ca.OP_SIN: "cg_sin",
+    ca.OP_COS: "cg_cos",
+    ca.OP_FMIN: "cg_fmin",
+    ca.OP_FMAX: "cg_fmax",
+}
+_UNARY: dict[int, Callable[[str], str]] = {
+    ca.OP_NEG: lambda a: f"-{a}",
+    ca.OP_SQ: lambda a: f"{a} * {a}",
+    ca.OP_TWICE: lambda a: f"2.0 * {a}",
+    ca.OP_INV: lambda a: f"1.0 / {a}",
+    ca.OP_ASSIGN: lambda a: a,
+}
+
+
+def lane_function(function: ca.Function) -> str:
+    """C of ``static void NAME_lanes(const cg_lanes *const in[], cg_lanes *const out[])``.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        A dense SX function.
+
+    Returns
+    -------
+    str
+        The function's C source; ``PRELUDE`` must stand before it.
+
+    Raises
+    ------
+    InputError
+        If the function has an operation that is not known here.
+    """
+    lines = [f"static void {function.name()}_lanes(const cg_lanes *const in[], cg_lanes *const out[])", "{"]
+    lines += [
+        f"  for (int k = 0; k < {function.nnz_out(i)}; ++k) out[{i}][k] = (cg_lanes){{0.0}};"
+        for i in range(function.n_out())
+    ]
+    values: dict[int, str] = {}
+    constants: set[int] = set()
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        arguments, results = function.instruction_input(k), function.instruction_output(k)
+        if operation == ca.OP_OUTPUT:
+            value = values[arguments[0]]
+            vector = f"(cg_lanes){{0.0}} + {value}" if arguments[0] in constants else value
+            lines.append(f"  out[{results[0]}][{results[1]}] = {vector};")
+            continue
+        target = results[0]
+        name = f"v{k}"
+        if operation == ca.OP_CONST:
+            values[target] = f"({float(function.instruction_constant(k))!r})"
+            constants.add(target)
+            continue
+        if operation == ca.OP_INPUT:
+            text = f"in[{arguments[0]}][{arguments[1]}]"
+            constants.discard(target)
+        else:
+            operands = [values[a] for a in arguments]
+            fixed = all(a in constants for a in arguments)
+            text = _expression(operation, operands, [a in constants for a in arguments])
+            (constants.add if fixed else constants.discard)(target)
+        lines.append(f"  const {'double' if target in constants else 'cg_lanes'} {name} = {text};")
+        values[target] = name
+    return "\n".join([*lines, "}", ""])
+
+
+def _expression(operation: int, operands: list[str], fixed: list[bool]) -> str:
+    if operation in _BINARY:
+        return f"{operands[0]} {_BINARY[operation]} {operands[1]}"
+    if operation in _UNARY:
+        return _UNARY[operation](operands[0])
+    if operation in _CALLS:
+        vectors = [
+            f"(cg_lanes){{0.0}} + {operand}" if constant else operand
+            for operand, constant in zip(operands, fixed, strict=True)
+        ]
+        return f"{_CALLS[operation]}({', '.join(vectors)})"
+    raise InputError(f"no vector code for CasADi operation {operation}")

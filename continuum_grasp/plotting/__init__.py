@@ -1,0 +1,27 @@
+"""Pictures of results: one file per thing drawn.
+
+Every ``plot_x(result, *, ax=None)`` draws into the axes it is given, or into axes of a new figure, and
+returns the axes; their ``figure`` can be saved. Nothing is shown and no global style or current figure is
+touched. matplotlib is imported when the first picture is drawn.
+"""
+
+from __future__ import annotations
+
+from continuum_grasp.plotting.animation import animate
+from continuum_grasp.plotting.coordinates import plot_coordinates
+from continuum_grasp.plotting.energy import plot_energy
+from continuum_grasp.plotting.modes import plot_modes
+from continuum_grasp.plotting.pictures import save_picture, save_simulation_pictures
+from continuum_grasp.plotting.snapshots import plot_snapshots
+from continuum_grasp.plotting.tip_path import plot_tip_path
+
+__all__ = [
+    "animate",
+    "plot_coordinates",
+    "plot_energy",
+    "plot_modes",
+    "plot_snapshots",
+    "plot_tip_path",
+    "save_picture",
+    "save_simulation_pictures",
+]

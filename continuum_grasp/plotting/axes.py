@@ -1,0 +1,159 @@
+"""Figures, axes, colours and labels that all pictures share, without matplotlib's global state."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Colormap
+    from matplotlib.figure import Figure
+
+Box = tuple[float, float, float, float]
+
+__all__ = [
+    "BLUE",
+    "GREEN",
+    "GREY",
+    "INK",
+    "ORANGE",
+    "SPARE",
+    "Box",
+    "bend_box",
+    "colors",
+    "head",
+    "new_axes",
+    "new_figure",
+    "plane_axes",
+    "quiet",
+    "split_unit",
+    "symbol",
+    "time_bar",
+    "time_map",
+]
+
+# told apart also by colour-blind readers (Okabe and Ito)
+BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
+INK, GREY = "#222222", "#8A8A8A"
+SPARE = (PURPLE, YELLOW, SKY)
+_SYMBOL = re.compile(r"(theta|kappa|tau|phi)_?(\d*)")
+
+
+def new_figure(width: float = 6.4, height: float = 4.2) -> Figure:
+    """An empty figure [inch] on an Agg canvas, unknown to pyplot."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=150, layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def new_axes(ax: Axes | None, width: float = 6.4, height: float = 4.2) -> Axes:
+    """The axes given, or quiet axes in a new figure."""
+    return ax if ax is not None else quiet(new_figure(width, height).add_subplot())
+
+
+def plane_axes(ax: Axes | None, box: Box, colorbar: bool = True) -> Axes:
+    """World axes in metres, one scale for both: those given, or new ones in a figure that fits."""
+    wide = (box[1] - box[0]) / (box[3] - box[2])
+    height = min(4.4, 5.4 / wide)
+    ax = new_axes(ax, wide * height + (1.9 if colorbar else 0.8), height + 1.1)
+    ax.set_aspect("equal", adjustable="box")
+    ax.set_xlim(box[0], box[1])
+    ax.set_ylim(box[2], box[3])
+    ax.set_xlabel("x [m]", color=INK)
+    ax.set_ylabel("y [m]", color=INK)
+    return ax
+
+
+def time_bar(ax: Axes, drawn: ScalarMappable) -> None:
+    """A colour bar for artists coloured by time [s]."""
+    bar = ax.figure.colorbar(drawn, ax=ax, pad=0.03)
+    bar.set_label("time [s]", color=INK)
+    bar.ax.tick_params(colors=INK, labelsize=9)
+    bar.outline.set_visible(False)
+
+
+def quiet(ax: Axes) -> Axes:
+    """Leave out the frame's top and right side, and draw a light grid behind everything."""
+    ax.spines[["top", "right"]].set_visible(False)
+    for side in ("left", "bottom"):
+        ax.spines[side].set_color(GREY)
+    ax.tick_params(colors=INK, labelsize=9)
+    ax.grid(True, color="#E4E4E4", linewidth=0.6)
+    ax.set_axisbelow(True)
+    return ax
+
+
+def head(ax: Axes, name: str | None, entries: int = 0, columns: int = 4) -> None:
+    """Above the axes: the name, where there is no title yet, and under it a legend of so many entries."""
+    if entries:
+        legend = ax.legend(
+            frameon=False,
+            fontsize=9,
+            ncols=columns,
+            loc="lower left",
+            bbox_to_anchor=(-0.015, 1.0),
+            borderpad=0.2,
+            handlelength=1.5,
+            handletextpad=0.4,
+            columnspacing=1.2,
+        )
+        legend.set_in_layout(False)  # the title keeps its place free
+    if not ax.get_title() and not ax.get_title("left"):
+        rows = -(-entries // columns)
+        ax.set_title(name or " ", fontsize=10, color=INK, loc="left", pad=7.0 + 15.0 * rows)
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Name and unit of ``"name [unit]"``; the unit is empty where there is none."""
+    head, bracket, rest = name.partition("[")
+    return head.strip(), rest.rpartition("]")[0].strip() if bracket else ""
+
+
+def symbol(name: str) -> str:
+    """A name as it is typeset in a legend: ``theta_1`` becomes the Greek letter with an index."""
+    found = _SYMBOL.fullmatch(name)
+    if not found:
+        return name
+    index = f"_{{{found[2]}}}" if found[2] else ""
+    return rf"$\{found[1]}{index}$"
+
+
+def colors(count: int) -> list[Any]:
+    """Colours for so many curves: distinct ones for a few, an ordered scale for many."""
+    few = [BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY]
+    if count <= len(few):
+        return few[:count]
+    return list(time_map()(np.linspace(0.0, 1.0, count)))
+
+
+def time_map() -> Colormap:
+    """Dark to light for early to late, without the palest end, which is lost on white."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.93, 256)), name="time")
+
+
+def bend_box(points: Sequence[NDArray[Any]], margin: float, slimmest: float = 0.5) -> Box:
+    """Limits (left, right, bottom, top) [m] around world points (..., 2), with a margin on every side.
+
+    Neither side is shorter than ``slimmest`` of the other.
+    """
+    flat = np.concatenate([np.reshape(p, (-1, 2)) for p in points])
+    flat = flat[np.isfinite(flat).all(axis=1)]
+    if not len(flat):
+        flat = np.zeros((1, 2))
+    low, high = flat.min(axis=0) - margin, flat.max(axis=0) + margin
+    sides = high - low
+    more = np.maximum(0.0, slimmest * sides.max() - sides) / 2
+    low, high = low - more, high + more
+    return float(low[0]), float(high[0]), float(low[1]), float(high[1])

@@ -1,0 +1,8 @@
+"""Run folders: what a run computed and how, written whole or not at all."""
+
+from __future__ import annotations
+
+from continuum_grasp.results.atomic import replacing
+from continuum_grasp.results.run_folder import Run, read_run, write_run
+
+__all__ = ["Run", "read_run", "replacing", "write_run"]

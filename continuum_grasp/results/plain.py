@@ -1,0 +1,97 @@
+"""From Python values to plain JSON, the same text for the same value."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+from collections.abc import Mapping
+from datetime import date
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.errors import InputError
+
+__all__ = ["digest", "plain"]
+
+
+def plain(value: Any, key: str = "") -> Any:
+    """A value in the types that JSON has.
+
+    Numpy numbers and arrays become numbers and lists, validated models and mappings become objects, paths,
+    dates and enumerations become strings. JSON has no NaN and no infinity: they become the strings ``"NaN"``,
+    ``"Infinity"`` and ``"-Infinity"``, which ``float`` reads back.
+
+    Parameters
+    ----------
+    value : object
+        What to convert.
+    key : str
+        Dotted path of ``value``, named in an error.
+
+    Returns
+    -------
+    dict, list, str, float, int, bool or None
+
+    Raises
+    ------
+    InputError
+        A value has no plain form, or the keys of a mapping are not strings.
+    """
+    if isinstance(value, Enum):
+        return plain(value.value, key)
+    if value is None or isinstance(value, (bool, str)):
+        return value
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, np.bool_):
+        return bool(value)
+    if isinstance(value, (float, np.floating)):
+        return _number(float(value))
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist(), key)
+    if hasattr(value, "model_dump"):
+        return plain(value.model_dump(mode="python"), key)
+    if isinstance(value, Mapping):
+        return {_name(k, key): plain(v, f"{key}.{k}" if key else str(k)) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v, f"{key}[{i}]") for i, v in enumerate(value)]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, date):
+        return value.isoformat()
+    raise InputError(f"expected a value that JSON can hold, got {type(value).__name__}", key=key or None)
+
+
+def digest(value: Any) -> str:
+    """SHA-256 of a value's plain form with sorted keys.
+
+    Parameters
+    ----------
+    value : object
+        Anything that `plain` takes.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits; equal for equal values whatever the order of their keys.
+    """
+    text = json.dumps(plain(value), sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=True)
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+def _number(value: float) -> float | str:
+    if math.isnan(value):
+        return "NaN"
+    if math.isinf(value):
+        return "Infinity" if value > 0 else "-Infinity"
+    return value
+
+
+def _name(name: Any, key: str) -> str:
+    if not isinstance(name, str):
+        raise InputError(f"expected a string as key, got {name!r}", key=key or None)
+    return name

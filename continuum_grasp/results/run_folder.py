@@ -1,0 +1,199 @@
+"""One folder per run: ``result.npz`` and ``meta.json``."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.results.atomic import flush_folder, replacing
+from continuum_grasp.results.plain import digest, plain
+from continuum_grasp.results.provenance import created_now, machine, versions
+
+__all__ = ["Run", "read_run", "write_run"]
+
+RESULT = "result.npz"
+META = "meta.json"
+FORMAT_VERSION = 1
+_META_KEY = "__meta__"
+# what zipfile and numpy raise on damaged files
+_BROKEN = (
+    OSError,
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    EOFError,
+    RuntimeError,
+    zlib.error,
+    zipfile.BadZipFile,
+)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run as read from its folder.
+
+    Attributes
+    ----------
+    folder : pathlib.Path
+        Where it lies.
+    arrays : dict of str to numpy.ndarray
+        What was computed, by name.
+    meta : dict
+        How it was computed: see `write_run`.
+    """
+
+    folder: Path
+    arrays: dict[str, NDArray[Any]]
+    meta: dict[str, Any]
+
+
+def write_run(
+    folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None
+) -> Path:
+    """Write a run into a folder, whole or not at all.
+
+    ``result.npz`` holds the arrays and a copy of the meta data, so one rename turns the old run into the new
+    one; a process killed at any instant leaves the old run or the new one. ``meta.json`` is the same meta
+    data for people and other programs: it is removed before that rename and written after it, so it is never
+    that of another run. Writing into a folder that already holds a run replaces that run; other files in it,
+    pictures for instance, stay.
+
+    Parameters
+    ----------
+    folder : path-like
+        Folder of the run; made where missing.
+    arrays : mapping of str to array_like
+        What was computed. Numbers, booleans and strings of fixed length; no Python objects, nothing is
+        pickled.
+    meta : mapping, optional
+        How it was computed. Keys used by the package: ``config`` (resolved configuration), ``seed``,
+        ``status``, ``statistics``, ``warnings``; others are kept as given. Added here: ``format_version``,
+        ``config_sha256`` (of the plain form of ``config``), ``versions``, ``platform``, ``created`` (UTC).
+        ``versions`` given by the caller, of a compiler or solver, are joined to those added.
+
+    Returns
+    -------
+    pathlib.Path
+        The folder.
+
+    Raises
+    ------
+    InputError
+        An array holds Python objects or has a name that cannot be a file name; a meta value has no JSON form.
+    OSError
+        The files cannot be written.
+
+    Notes
+    -----
+    The meta data is converted as by `continuum_grasp.results.plain.plain`: NaN and infinity become strings.
+    """
+    target = Path(folder)
+    checked = {_checked_name(name): _checked_array(name, value) for name, value in arrays.items()}
+    text = json.dumps(_complete(meta or {}), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    with replacing(target / RESULT) as temporary:
+        _write_npz(temporary, checked, text)
+        (target / META).unlink(missing_ok=True)
+        flush_folder(target)
+    with replacing(target / META) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return target
+
+
+def read_run(folder: str | os.PathLike[str]) -> Run:
+    """Read a run that `write_run` wrote.
+
+    Parameters
+    ----------
+    folder : path-like
+        Folder of the run.
+
+    Returns
+    -------
+    Run
+        Arrays and meta data of the same run, also where ``meta.json`` is missing.
+
+    Raises
+    ------
+    InputError
+        There is no run in the folder, or its file is damaged or of a later format.
+    """
+    target = Path(folder)
+    path = target / RESULT
+    if not path.is_file():
+        raise InputError(f"expected a run folder with {RESULT} in it, found none", file=str(target))
+    try:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        meta = json.loads(arrays.pop(_META_KEY).tobytes().decode("utf-8"))
+        version = meta["format_version"]
+    except _BROKEN as error:
+        raise InputError(f"not readable as the result of a run: {error}", file=str(path)) from error
+    if version > FORMAT_VERSION:
+        raise InputError(
+            f"written in format {version}, this version of the package reads up to {FORMAT_VERSION}",
+            file=str(path),
+        )
+    return Run(target, arrays, meta)
+
+
+def _complete(meta: Mapping[str, Any]) -> dict[str, Any]:
+    """The caller's meta data in plain form, with what is always recorded."""
+    given: dict[str, Any] = plain(meta)
+    config = given.pop("config", None)
+    found = {**versions(), **given.pop("versions", {})}
+    complete = {
+        "format_version": FORMAT_VERSION,
+        "created": created_now(),
+        "status": given.pop("status", None),
+        "seed": given.pop("seed", None),
+        "config_sha256": None if config is None else digest(config),
+        "versions": found,
+        "platform": machine(),
+    }
+    own = {"config_sha256", "created", "format_version", "platform"} & given.keys()
+    if own:
+        raise InputError(
+            f"recorded by the run folder itself, not given: {', '.join(sorted(own))}", key="meta"
+        )
+    return {**complete, **given, "config": config}
+
+
+def _write_npz(path: Path, arrays: Mapping[str, NDArray[Any]], text: str) -> None:
+    stored = {**arrays, _META_KEY: np.frombuffer(text.encode("utf-8"), dtype=np.uint8)}
+    with zipfile.ZipFile(path, "w", compression=zipfile.ZIP_DEFLATED, compresslevel=4) as archive:
+        for name, array in stored.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, array, allow_pickle=False)
+
+
+def _checked_array(name: str, value: Any) -> NDArray[Any]:
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise InputError(f"expected an array, got a ragged sequence: {error}", key=name) from error
+    if array.dtype.hasobject:
+        raise InputError("expected an array of numbers, booleans or strings, got Python objects", key=name)
+    return array
+
+
+def _checked_name(name: str) -> str:
+    if (
+        not isinstance(name, str)
+        or not name
+        or name == _META_KEY
+        or set(name) & set("/\\:\0")
+        or name[0] == "."
+    ):
+        raise InputError(f"expected a plain name for an array, got {name!r}", key="arrays")
+    return name

@@ -1,0 +1,90 @@
+"""Plain data that remembers where each part of it was written."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from continuum_grasp.errors import InputError
+
+__all__ = ["Document", "KeyPath", "Place", "dotted"]
+
+KeyPath = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a value stands, and where its key does; lines and columns count from 1, None outside a file."""
+
+    file: str
+    line: int | None = None
+    column: int | None = None
+    key_line: int | None = None
+    key_column: int | None = None
+
+    def error(self, message: str, path: KeyPath = ()) -> InputError:
+        """An error that says it is about what stands here."""
+        key = dotted(path) or None
+        return InputError(message, file=self.file, line=self.line, column=self.column, key=key)
+
+
+@dataclass
+class Document:
+    """Plain data and the place of each entry in it.
+
+    ``value`` holds dict, list, str, int, float, bool and None; ``places`` maps the path of each entry, such
+    as ``("finger", "masses", 0, "at")``, to where it was written.
+    """
+
+    value: Any
+    places: dict[KeyPath, Place] = field(default_factory=dict)
+
+    def get(self, path: KeyPath) -> Any:
+        """The value at a path that exists."""
+        value = self.value
+        for part in path:
+            value = value[part]
+        return value
+
+    def part(self, path: KeyPath) -> Document:
+        """What lies below ``path``, as a document of its own."""
+        count = len(path)
+        places = {p[count:]: place for p, place in self.places.items() if p[:count] == path}
+        return Document(self.get(path), places)
+
+    def put(self, path: KeyPath, new: Document) -> None:
+        """Set the entry at ``path``, whose parent exists."""
+        if path in self.places:
+            self.forget(path)
+        self.places.update({path + p: place for p, place in new.places.items()})
+        if path:
+            self.get(path[:-1])[path[-1]] = new.value
+        else:
+            self.value = new.value
+
+    def forget(self, path: KeyPath) -> None:
+        """Drop the places at and below ``path``."""
+        for p in [p for p in self.places if p[: len(path)] == path]:
+            del self.places[p]
+
+    def merged(self, other: Document) -> Document:
+        """A copy with the keys of the other laid over its own; mappings merge, all else is replaced."""
+        result = Document(self.value, dict(self.places))
+        if not (isinstance(self.value, dict) and isinstance(other.value, dict)):
+            return other
+        result.value = dict(self.value)
+        result.places[()] = other.places[()]
+        for key in other.value:
+            new = other.part((key,))
+            result.put((key,), self.part((key,)).merged(new) if key in self.value else new)
+        return result
+
+
+def dotted(path: KeyPath) -> str:
+    """A path as users write it: ``finger.masses[0].at``."""
+    words = (f"[{part}]" if isinstance(part, int) else f".{_printable(part)}" for part in path)
+    return "".join(words).removeprefix(".")
+
+
+def _printable(key: str) -> str:
+    return key if key and key.isprintable() and len(key) <= 60 else repr(key[:60])

@@ -1,0 +1,167 @@
+"""From a file to a scene."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.document import Document, KeyPath
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.overrides import Overrides, apply_override, read_overrides
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.yaml_loader import read_yaml
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from continuum_grasp.scene.grasp import GraspScene
+
+    Loaded: TypeAlias = Scene | GraspScene | Finger
+
+__all__ = ["kind_of", "load", "model_of"]
+
+_VERSION = 1
+
+
+def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
+    """Read a configuration and check all of it.
+
+    Parameters
+    ----------
+    path : path-like
+        A YAML file: a scene for simulation, a grasp (it has an ``object``) or a finger (it has a ``rod``).
+        Where it says ``finger: other.yaml`` or ``finger: {extends: other.yaml, ...}``, that file is read,
+        relative to the file that names it; keys given beside ``extends`` replace those of the other file,
+        mappings key by key.
+    overrides : iterable of str, or mapping
+        ``"key.path=value"`` texts, values read as YAML, or a mapping from key path to value; applied in
+        order, as if they stood in the file.
+
+    Returns
+    -------
+    Scene, GraspScene or Finger
+        By the content of the file; frozen, all values in SI units.
+
+    Raises
+    ------
+    InputError
+        With file, line, column and key of everything that is wrong.
+    """
+    from pydantic import ValidationError
+
+    from continuum_grasp.scene.problems import explain, raise_problems
+
+    document = _assemble(path, overrides)
+    model = model_of(kind_of(document.value))
+    if model is Finger:
+        _take_version(document)
+    try:
+        return model.model_validate(document.value)  # type: ignore[return-value]
+    except ValidationError as error:
+        raise_problems(explain(error, model, document.value), document)
+        raise
+
+
+def kind_of(data: Any) -> str:
+    """``grasp``, ``simulate`` or ``finger``: what kind of configuration the data is."""
+    if isinstance(data, dict):
+        if "object" in data:
+            return "grasp"
+        if "rod" in data and "finger" not in data:
+            return "finger"
+    return "simulate"
+
+
+def model_of(kind: str) -> type[BaseModel]:
+    """The model of a kind of configuration.
+
+    Raises
+    ------
+    InputError
+        Where there is no such kind.
+    """
+    if kind == "simulate":
+        return Scene
+    if kind == "finger":
+        return Finger
+    if kind == "grasp":
+        from continuum_grasp.scene.grasp import GraspScene
+
+        return GraspScene
+    raise InputError(f"no such kind of configuration: expected simulate, grasp or finger, got {kind!r}")
+
+
+def _assemble(path: str | Path, overrides: Overrides) -> Document:
+    """The data of the file, with overrides applied and fingers from other files put in."""
+    document = read_yaml(path)
+    if not isinstance(document.value, dict):
+        place = document.places[()]
+        got = "an empty file" if document.value is None else "no keys"
+        raise place.error(f"expected a mapping of keys to values, got {got}")
+    main = Path(path)
+    for where, new in read_overrides(overrides):
+        if len(where) > 1:
+            _put_in_fingers(document, main)
+        apply_override(document, where, new)
+    _put_in_fingers(document, main)
+    if "schema_version" in document.value:
+        _check_version(document)
+    return document
+
+
+def _put_in_fingers(document: Document, main: Path) -> None:
+    data = document.value
+    many = data.get("fingers")
+    paths: list[KeyPath] = [("finger",)] if "finger" in data else []
+    paths += [("fingers", k) for k in range(len(many))] if isinstance(many, list) else []
+    if "extends" in data:
+        paths.append(())
+    for path in paths:
+        value = document.get(path)
+        if isinstance(value, str) or (isinstance(value, dict) and "extends" in value):
+            document.put(path, _resolved(document, path, main, (os.path.realpath(main),)))
+
+
+def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, ...]) -> Document:
+    """The finger at ``path``, read from the file that it names."""
+    own = document.part(path)
+    key: KeyPath = ("extends",) if isinstance(own.value, dict) else ()
+    place, target = own.places[key], own.get(key)
+    if not isinstance(target, str):
+        raise place.error("expected the path of a finger file", path + key)
+    folder = Path(place.file).parent if place.line is not None else main.parent
+    file = folder / target
+    if os.path.realpath(file) in within:
+        raise place.error(f"{target} leads back to itself", path + key)
+    if not file.is_file():
+        raise place.error(f"no such finger file: {os.path.normpath(file)}", path + key)
+    base = read_yaml(file, name=os.path.normpath(file))
+    if not isinstance(base.value, dict) or "finger" in base.value:
+        raise base.places[()].error("expected a finger (rod, damping, tendons, ...)")
+    _take_version(base)
+    if "extends" in base.value:
+        base = _resolved(base, (), file, (*within, os.path.realpath(file)))
+    if isinstance(own.value, dict):
+        del own.value["extends"]
+        own.forget(("extends",))
+        return base.merged(own)
+    return base
+
+
+def _check_version(document: Document) -> None:
+    version, place = document.value["schema_version"], document.places[("schema_version",)]
+    if isinstance(version, bool) or not isinstance(version, int) or version != _VERSION:
+        message = f"not a format that is read here: expected {_VERSION}, got {version!r}"
+        raise place.error(message, ("schema_version",))
+
+
+def _take_version(document: Document) -> None:
+    """Check and remove the version of a finger file."""
+    if "schema_version" not in document.value:
+        message = f"missing; a file says which format it is in: schema_version: {_VERSION}"
+        raise document.places[()].error(message, ("schema_version",))
+    _check_version(document)
+    del document.value["schema_version"]
+    document.forget(("schema_version",))

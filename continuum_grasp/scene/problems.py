@@ -1,0 +1,269 @@
+"""What validation found wrong, said in the user's words and at the user's line."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from continuum_grasp.scene.document import Document, KeyPath, Place
+from continuum_grasp.scene.shape import Shape
+
+__all__ = ["Problem", "explain", "nearest", "raise_problems"]
+
+_MOST = 20
+_KINDS = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "text",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "dict_type": "a mapping",
+    "model_type": "a mapping",
+    "none_required": "nothing",
+}
+_LIMITS = {
+    "greater_than": ("gt", "greater than"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "at most"),
+}
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong: where in the data, and what; ``at_key`` points at the key rather than at its value."""
+
+    path: KeyPath
+    message: str
+    at_key: bool = False
+
+
+@dataclass(frozen=True)
+class _Located:
+    """An error of pydantic with its location taken apart into data path and union branches."""
+
+    path: KeyPath
+    branches: tuple[tuple[KeyPath, str], ...]
+    error: Mapping[str, Any]
+
+
+def raise_problems(problems: Iterable[Problem], document: Document) -> None:
+    """Raise one InputError that lists every problem on a line of its own, in the order of the file.
+
+    Raises
+    ------
+    InputError
+        Unless there are no problems. Its position is that of the first problem.
+    """
+    placed = [(_place(problem, document), problem) for problem in problems]
+    if not placed:
+        return
+    main_file = document.places[()].file
+    placed.sort(
+        key=lambda item: (item[0].file != main_file, item[0].file, item[0].line or 0, item[0].column or 0)
+    )
+    placed = list(dict.fromkeys(placed))
+    lines = [str(place.error(problem.message, problem.path)) for place, problem in placed[1:_MOST]]
+    if len(placed) > _MOST:
+        lines.append(f"and {len(placed) - _MOST} more")
+    place, first = placed[0]
+    raise place.error("\n".join([first.message, *lines]), first.path)
+
+
+def _place(problem: Problem, document: Document) -> Place:
+    path = problem.path
+    while path not in document.places and path:
+        path = path[:-1]
+    place = document.places[path]
+    if (problem.at_key or path != problem.path) and place.key_line is not None:
+        return Place(place.file, place.key_line, place.key_column)
+    return Place(place.file, place.line, place.column)
+
+
+def explain(error: ValidationError, model: type[BaseModel], data: Any) -> list[Problem]:
+    """Translate what pydantic reports about ``data`` into problems at the user's own keys.
+
+    Branch names that pydantic puts into locations inside unions are taken out, and only the branches that the
+    value could have been meant for are reported.
+    """
+    shape = Shape(model)
+    located = [_locate(e, data, shape) for e in error.errors(include_url=False)]
+    return _choose_branches(located, shape, data)
+
+
+def _locate(error: Any, data: Any, shape: Shape) -> _Located:
+    path: list[str | int] = []
+    branches: list[tuple[KeyPath, str]] = []
+    value, tagged = data, False
+    loc = error["loc"]
+    for k, part in enumerate(loc):
+        last = k == len(loc) - 1
+        if isinstance(value, dict) and isinstance(part, str):
+            if not tagged and any(value.get(tag) == part for tag in shape.discriminators):
+                tagged = True
+                continue
+            if part in value or (last and error["type"] == "missing"):
+                path.append(part)
+                value, tagged = value.get(part), False
+                continue
+        elif isinstance(value, list) and isinstance(part, int):
+            path.append(part)
+            value, tagged = (value[part] if part < len(value) else None), False
+            continue
+        branches.append((tuple(path), str(part)))
+    return _Located(tuple(path), tuple(branches), error)
+
+
+def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[Problem]:
+    """Of each union, keep the branches whose kind of value fits; where none does, say what all expect."""
+    unions = sorted({path for item in located for path, _ in item.branches}, key=len)
+    problems: list[Problem] = []
+    for union in unions:
+        here = [item for item in located if any(path == union for path, _ in item.branches)]
+        labels = {dict(item.branches)[union] for item in here}
+        unfit = {
+            dict(item.branches)[union] for item in here if item.path == union and item.error["type"] in _KINDS
+        }
+        located = [item for item in located if item not in here]
+        if labels == unfit:
+            wanted = " or ".join(
+                dict.fromkeys(_kind(item, shape, data) for item in here if item.path == union)
+            )
+            problems.append(_wrong_type(union, wanted, here[0].error["input"]))
+        else:
+            located += [item for item in here if dict(item.branches)[union] not in unfit]
+    return problems + [_problem(item, shape, data) for item in located]
+
+
+def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
+    error, path = item.error, item.path
+    kind, got, context = error["type"], error["input"], error.get("ctx") or {}
+    if kind in _KINDS:
+        return _wrong_type(path, _kind(item, shape, data), got)
+    if kind in _LIMITS:
+        name, words = _LIMITS[kind]
+        return Problem(path, f"out of range: expected a number {words} {context[name]:g}, got {_show(got)}")
+    match kind:
+        case "missing" if isinstance(path[-1], int):
+            size = shape.size(path[:-1], data)
+            return Problem(
+                path[:-1], f"the list is too short: expected {size or 'more'} entries, got {path[-1]}"
+            )
+        case "missing":
+            about = shape.description(path, data)
+            return Problem(path, "missing" + (f"; expected {about}" if about else ""))
+        case "extra_forbidden":
+            allowed = shape.keys(path[:-1], data)
+            return Problem(path, "unknown key" + nearest(str(path[-1]), allowed), at_key=True)
+        case "finite_number":
+            return Problem(path, f"not finite: expected a finite number, got {_show(got)}")
+        case "literal_error":
+            allowed = shape.choices(path, data)
+            hint = nearest(got, allowed, say_all=False) if isinstance(got, str) else ""
+            return Problem(
+                path, f"not one of the choices: expected {context['expected']}, got {_show(got)}{hint}"
+            )
+        case "union_tag_not_found":
+            tag = str(context["discriminator"]).strip("'")
+            return Problem((*path, tag), "missing" + _choices(shape.tags(path, data)))
+        case "union_tag_invalid":
+            tag = str(context["discriminator"]).strip("'")
+            hint = nearest(str(context["tag"]), shape.tags(path, data), say_all=False)
+            what = (
+                f"not one of the choices: expected {context['expected_tags']}, got {context['tag']!r}{hint}"
+            )
+            return Problem((*path, tag), what)
+        case "too_short":
+            return Problem(
+                path, f"too short: expected at least {context['min_length']} entries, got {_show(got)}"
+            )
+        case "too_long":
+            return Problem(
+                path, f"too long: expected at most {context['max_length']} entries, got {_show(got)}"
+            )
+        case "value_error":
+            message = str(context.get("error", error["msg"]))
+            return Problem(_mentioned(message, path, data), message)
+    return Problem(path, f"{error['msg']}; got {_show(got)}")
+
+
+def _wrong_type(path: KeyPath, wanted: str, got: Any) -> Problem:
+    hint = ""
+    if isinstance(got, str) and "number" in wanted:
+        if re.fullmatch(r"\s*[-+]?\d+,\d+\s*", got):
+            hint = " (write a decimal point, not a comma)"
+        elif re.fullmatch(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*", got, re.IGNORECASE):
+            hint = " (write it without quotes)"
+        elif re.match(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[a-zA-Z%°]", got):
+            hint = " (write the bare number, in SI units)"
+    elif isinstance(got, str) and "true" in wanted and got.lower() in {"yes", "no", "on", "off", "y", "n"}:
+        hint = f" (write {'true' if got.lower() in {'yes', 'on', 'y'} else 'false'})"
+    return Problem(path, f"wrong type: expected {wanted}, got {_show(got)}{hint}")
+
+
+def _kind(item: _Located, shape: Shape, data: Any) -> str:
+    kind = item.error["type"]
+    if kind in {"tuple_type", "list_type"}:
+        count = shape.size(item.path, data)
+        return f"a list of {count}" if count else "a list"
+    if kind == "model_type":
+        keys = shape.model_keys(str((item.error.get("ctx") or {}).get("class_name")))
+        return f"a mapping with keys like {', '.join(keys[:3])}" if keys else "a mapping"
+    return _KINDS[kind]
+
+
+def _mentioned(message: str, path: KeyPath, data: Any) -> KeyPath:
+    """The key that a message begins with, where the data has it; otherwise the path itself."""
+    value = data
+    for part in path:
+        value = value[part]
+    found: list[str | int] = []
+    start = re.match(r"[a-z_]\w*(?:\.[a-z_]\w*|\[\d+\])*", message)
+    for name, index in re.findall(r"([a-z_]\w*)|\[(\d+)\]", start.group()) if start else ():
+        if name and isinstance(value, dict) and name in value:
+            found.append(name)
+        elif index and isinstance(value, list) and int(index) < len(value):
+            found.append(int(index))
+        else:
+            break
+        value = value[found[-1]]
+    return (*path, *found)
+
+
+def nearest(word: str, allowed: Iterable[str], *, say_all: bool = True) -> str:
+    """``; did you mean 'x'?`` where one is near, otherwise what is allowed."""
+    allowed = list(allowed)
+    close = difflib.get_close_matches(word.lower(), allowed, n=1, cutoff=0.6)
+    if close:
+        return f"; did you mean {close[0]!r}?"
+    return f"; expected one of {', '.join(allowed)}" if allowed and say_all else ""
+
+
+def _choices(allowed: Iterable[str]) -> str:
+    words = " or ".join(repr(word) for word in allowed)
+    return f"; expected {words}" if words else ""
+
+
+def _show(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and not math.isfinite(value):
+        return ".nan" if math.isnan(value) else f"{'-' if value < 0 else ''}.inf"
+    if isinstance(value, dict):
+        return "a mapping" + (
+            f" with keys {', '.join(map(str, list(value)[:5]))}" if value else " without keys"
+        )
+    if isinstance(value, list | tuple):
+        return f"a list of {len(value)}"
+    if isinstance(value, str):
+        return f"text {value if len(value) <= 60 else value[:57] + '...'!r}"
+    return repr(value)

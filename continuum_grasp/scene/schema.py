@@ -1,0 +1,116 @@
+"""JSON Schema of the configurations, for editors."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+from continuum_grasp.scene.load import model_of
+
+__all__ = ["KINDS", "json_schema", "schema_text", "write_schemas"]
+
+KINDS = ("simulate", "grasp", "finger")
+
+_Node = dict[str, Any]
+_SUFFIX = "Changes"
+
+
+def json_schema(kind: str) -> _Node:
+    """JSON Schema of one kind of configuration file.
+
+    Parameters
+    ----------
+    kind : str
+        ``simulate``, ``grasp`` or ``finger``.
+
+    Returns
+    -------
+    dict
+        The schema of what `load` accepts: of the model, and where a finger may stand also the path of a
+        finger file, or changes to one (``extends``).
+
+    Raises
+    ------
+    InputError
+        Where there is no such kind.
+    """
+    schema = model_of(kind).model_json_schema()
+    definitions = schema.setdefault("$defs", {})
+    if kind == "finger":
+        schema["properties"] = {
+            "schema_version": {"const": 1, "description": "Format of this file."},
+            "extends": {
+                "type": "string",
+                "description": "Path of another finger file that this one changes.",
+            },
+            **schema["properties"],
+        }
+        schema["required"] = ["schema_version"]
+        schema["anyOf"] = [{"required": ["rod"]}, {"required": ["extends"]}]
+    else:
+        changes = _changes("Finger", definitions)
+        definitions[changes]["properties"] = {
+            "extends": {"type": "string", "description": "Path of a finger file, relative to this file."},
+            **definitions[changes]["properties"],
+        }
+        definitions[changes]["required"] = ["extends"]
+        schema["properties"]["finger"] = {
+            "description": "The finger itself, the path of a finger file, or changes to one (extends).",
+            "anyOf": [
+                {"type": "string", "description": "Path of a finger file, relative to this file."},
+                {"$ref": "#/$defs/Finger"},
+                {"$ref": f"#/$defs/{changes}"},
+            ],
+        }
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema,
+        "title": f"continuum_grasp {kind} configuration",
+    }
+
+
+def schema_text(kind: str) -> str:
+    """The schema as the text of its file."""
+    return json.dumps(json_schema(kind), indent=1, ensure_ascii=False) + "\n"
+
+
+def write_schemas(folder: str | Path) -> list[Path]:
+    """Write ``<kind>.json`` of every kind into a folder, which is made where missing."""
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for kind in KINDS:
+        path = target / f"{kind}.json"
+        path.write_text(schema_text(kind), encoding="utf-8")
+        paths.append(path)
+    return paths
+
+
+def _changes(name: str, definitions: _Node) -> str:
+    """Define a copy of a mapping, and of the mappings in it, that requires nothing; the name of the copy."""
+    new = name + _SUFFIX
+    if new not in definitions:
+        definitions[new] = node = copy.deepcopy(definitions[name])
+        node.pop("required", None)
+        node["title"] = new
+        node["properties"] = {key: _optional(child, definitions) for key, child in node["properties"].items()}
+    return new
+
+
+def _optional(node: Any, definitions: _Node) -> Any:
+    """The same with each mapping replaced by its changes; lists stay, since they are replaced whole."""
+    if isinstance(node, list):
+        return [_optional(child, definitions) for child in node]
+    if not isinstance(node, dict) or node.get("type") == "array":
+        return node
+    if "$ref" in node:
+        name = node["$ref"].rpartition("/")[2]
+        if "properties" in definitions[name]:
+            return {**node, "$ref": f"#/$defs/{_changes(name, definitions)}"}
+        return node
+    return {
+        key: _optional(child, definitions) if key in {"anyOf", "allOf"} else child
+        for key, child in node.items()
+    }

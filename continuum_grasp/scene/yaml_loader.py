@@ -1,0 +1,212 @@
+"""YAML as users mean it: 1.2 numbers and booleans, no duplicate keys, and the place of every value."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.document import Document, KeyPath, Place, dotted
+
+__all__ = ["parse_yaml", "read_yaml"]
+
+MAX_BYTES = 2_000_000
+MAX_ALIASES = 100
+MAX_NODES = 300_000
+MAX_DEPTH = 40
+
+
+class _Loader(yaml.SafeLoader):
+    """SafeLoader with the scalars of the YAML 1.2 core schema, bounded in depth and aliases."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012
+    _aliases = 0
+    _depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.peek_event()  # type: ignore[no-untyped-call]
+        mark = event.start_mark
+        if isinstance(event, yaml.AliasEvent):
+            self._aliases += 1
+            if self._aliases > MAX_ALIASES:
+                raise yaml.MarkedYAMLError(problem=f"more than {MAX_ALIASES} aliases", problem_mark=mark)
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise yaml.MarkedYAMLError(problem=f"nested deeper than {MAX_DEPTH} levels", problem_mark=mark)
+        try:
+            return super().compose_node(parent, index)
+        finally:
+            self._depth -= 1
+
+
+_CORE_SCHEMA = (
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", list("-+0123456789")),
+    (
+        "float",
+        r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
+        list("-+0123456789."),
+    ),
+)
+for _name, _pattern, _first in _CORE_SCHEMA:
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_name}", re.compile(rf"^(?:{_pattern})$"), _first)
+
+
+def read_yaml(path: str | Path, *, name: str | None = None) -> Document:
+    """Read one YAML file.
+
+    Parameters
+    ----------
+    path : path-like
+        A UTF-8 file of at most 2 MB.
+    name : str, optional
+        What errors call the file; its path where not given.
+
+    Returns
+    -------
+    Document
+        Plain data and places.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, or is not YAML of the accepted kind.
+    """
+    name = name or str(path)
+    try:
+        with open(path, "rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise InputError("no such file", file=name) from None
+    except IsADirectoryError:
+        raise InputError("expected a file, got a folder", file=name) from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=name) from None
+    if len(data) > MAX_BYTES:
+        raise InputError(f"the file is too large; expected at most {MAX_BYTES} bytes", file=name)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError("the file is not UTF-8 text", file=name, line=line) from None
+    return parse_yaml(text, name)
+
+
+def parse_yaml(text: str, name: str = "<text>") -> Document:
+    """Parse YAML text; ``name`` stands for the file in errors.
+
+    Raises
+    ------
+    InputError
+        With the position, where the text is not YAML of the accepted kind.
+    """
+    try:
+        loader = _Loader(text)
+        try:
+            node = loader.get_single_node()
+        finally:
+            loader.dispose()
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        what = " ".join(part for part in (error.context, error.problem) if part)
+        raise InputError(
+            f"not valid YAML: {what}",
+            file=name,
+            line=mark.line + 1 if mark else None,
+            column=mark.column + 1 if mark else None,
+        ) from None
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, int(error.position)) + 1
+        raise InputError(f"not valid YAML: {error.reason}", file=name, line=line) from None
+    return _Builder(name).document(node)
+
+
+class _Builder:
+    """Turns composed nodes into plain data and notes where each came from."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.places: dict[KeyPath, Place] = {}
+        self.count = 0
+
+    def document(self, node: yaml.Node | None) -> Document:
+        if node is None:
+            return Document(None, {(): Place(self.name, 1, 1)})
+        return Document(self.value(node, (), None, ()), self.places)
+
+    def value(
+        self, node: yaml.Node, path: KeyPath, key: yaml.Node | None, parents: tuple[yaml.Node, ...]
+    ) -> Any:
+        self.count += 1
+        if self.count > MAX_NODES:
+            raise self.error(node, path, f"more than {MAX_NODES} values, aliases counted in full")
+        if any(node is parent for parent in parents):
+            raise self.error(node, path, "an alias may not contain itself")
+        here, above = node.start_mark, (key or node).start_mark
+        self.places[path] = Place(self.name, here.line + 1, here.column + 1, above.line + 1, above.column + 1)
+        if isinstance(node, yaml.MappingNode):
+            self.plain_tag(node, path, "map")
+            return {
+                k: self.value(child, (*path, k), key_node, (*parents, node))
+                for k, key_node, child in self.entries(node, path)
+            }
+        if isinstance(node, yaml.SequenceNode):
+            self.plain_tag(node, path, "seq")
+            return [
+                self.value(child, (*path, k), None, (*parents, node)) for k, child in enumerate(node.value)
+            ]
+        return self.scalar(node, path)
+
+    def entries(self, node: yaml.MappingNode, path: KeyPath) -> Iterator[tuple[str, yaml.Node, yaml.Node]]:
+        lines: dict[str, int] = {}
+        for key, child in node.value:
+            if not isinstance(key, yaml.ScalarNode) or key.tag != "tag:yaml.org,2002:str":
+                got = repr(key.value) if isinstance(key, yaml.ScalarNode) else f"a {key.id}"
+                raise self.error(key, path, f"expected a word as key, got {got}")
+            if key.value == "<<":
+                raise self.error(
+                    key, path, "merge keys (<<) are not read; write the values out, or use extends"
+                )
+            if key.value in lines:
+                raise self.error(
+                    key, (*path, key.value), f"duplicate key, first given in line {lines[key.value]}"
+                )
+            lines[key.value] = key.start_mark.line + 1
+            yield key.value, key, child
+
+    def scalar(self, node: yaml.Node, path: KeyPath) -> Any:
+        kind = node.tag.removeprefix("tag:yaml.org,2002:")
+        text: str = node.value
+        try:
+            match kind:
+                case "str":
+                    return text
+                case "null":
+                    return None
+                case "bool":
+                    return text.lower() == "true"
+                case "int":
+                    base = {"0o": 8, "0x": 16}.get(text[:2], 10)
+                    return int(text[2:] if base != 10 else text, base)
+                case "float":
+                    word = text.lower()
+                    return float(word.replace(".inf", "inf").replace(".nan", "nan"))
+        except ValueError:
+            raise self.error(node, path, f"cannot be read as {kind}: {text[:60]!r}") from None
+        raise self.error(node, path, f"tags are not read, got {node.tag!r}")
+
+    def plain_tag(self, node: yaml.Node, path: KeyPath, kind: str) -> None:
+        if node.tag != f"tag:yaml.org,2002:{kind}":
+            raise self.error(node, path, f"tags are not read, got {node.tag!r}")
+
+    def error(self, node: yaml.Node, path: KeyPath, message: str) -> InputError:
+        mark = node.start_mark
+        return InputError(
+            message, file=self.name, line=mark.line + 1, column=mark.column + 1, key=dotted(path) or None
+        )

@@ -1,0 +1,114 @@
+#!/usr/bin/env python3
+"""Set up continuum_grasp in a folder of its own (.venv), then run it. Needs nothing but Python 3.11 or newer.
+
+    python3 start.py grasp configs/grasp/mug.yaml    any verb of continuum-grasp, with its options
+    python3 start.py test                            the tests, with pytest's options
+
+The first run installs, later runs start at once. Nothing is installed outside of .venv.
+"""
+
+# Old versions of Python must be able to read this file, to say that they are too old.
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+ROOT = os.path.dirname(os.path.abspath(__file__))
+VENV = os.path.join(ROOT, ".venv")
+PYTHON = os.path.join(VENV, *(("Scripts", "python.exe") if os.name == "nt" else ("bin", "python")))
+STAMP = os.path.join(VENV, "installed.json")
+
+
+def main(arguments):
+    """Set up what is missing, then run; the exit status is that of what was run."""
+    if sys.version_info < (3, 11):
+        return fail(
+            "Python 3.11 or newer is needed, this is " + sys.version.split()[0] + "; try: python3.12 start.py"
+        )
+    if not arguments or arguments[0] in ("-h", "--help"):
+        print(__doc__.strip())
+        return 0
+    testing = arguments[0] == "test"
+    if not set_up(["test"] if testing else []):
+        return 2
+    sys.stdout.flush()
+    if testing:
+        return subprocess.call([PYTHON, "-m", "pytest", *arguments[1:]], cwd=ROOT)
+    return subprocess.call([PYTHON, "-m", "continuum_grasp", *arguments])
+
+
+def set_up(extras):
+    """Make .venv and install into it, unless that was done for this state of the project."""
+    with open(os.path.join(ROOT, "pyproject.toml"), "rb") as stream:
+        state = {"project": hashlib.sha256(stream.read()).hexdigest(), "root": ROOT}
+    done = read_stamp()
+    usable = os.path.exists(PYTHON) and subprocess.call([PYTHON, "-c", ""]) == 0
+    if usable and all(done.get(key) == value for key, value in state.items()):
+        if set(extras) <= set(done.get("extras", [])):
+            return True
+        extras = sorted({*extras, *done["extras"]})
+    print("Setting up .venv, which takes a minute or two the first time ...", file=sys.stderr, flush=True)
+    pip = make_environment(usable)
+    if pip is None:
+        return False
+    target = ROOT + ("[" + ",".join(extras) + "]" if extras else "")
+    if subprocess.call([*pip, "install", "-qq", "--disable-pip-version-check", "--editable", target]) != 0:
+        fail(
+            "installing failed; what pip said stands above. Without network access nothing can be installed."
+        )
+        return False
+    with open(STAMP, "w") as stream:
+        json.dump({"extras": extras, **state}, stream)
+    return True
+
+
+def read_stamp():
+    """What was installed, as noted at the end of the last installation."""
+    try:
+        with open(STAMP) as stream:
+            return json.load(stream)
+    except (OSError, ValueError):
+        return {}
+
+
+def make_environment(usable):
+    """Make .venv where it is missing or broken; the command of a pip that installs into it, or None."""
+    own = [PYTHON, "-m", "pip"]
+    if usable and works([*own, "--version"]):
+        return own
+    if os.path.exists(VENV):
+        shutil.rmtree(VENV)
+    if works([sys.executable, "-m", "venv", VENV]) and works([*own, "--version"]):
+        return own
+    # Debian and Ubuntu split pip off from venv; a pip of the system can install into a .venv without one.
+    shutil.rmtree(VENV, ignore_errors=True)
+    foreign = [sys.executable, "-m", "pip", "--python", PYTHON]
+    if works([sys.executable, "-m", "venv", "--without-pip", VENV]) and works([*foreign, "--version"]):
+        return foreign
+    shutil.rmtree(VENV, ignore_errors=True)
+    if works([sys.executable, "-m", "virtualenv", VENV]):
+        return own
+    fail(
+        "this Python cannot make virtual environments with pip in them. On Debian and Ubuntu:\n"
+        "    sudo apt install python3-venv\n"
+        "and run this again."
+    )
+    return None
+
+
+def works(command):
+    """Run a command without showing what it says."""
+    return subprocess.call(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) == 0
+
+
+def fail(message):
+    """Say what is wrong; the exit status for it."""
+    print("error: " + message, file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,206 @@
+"""The command line: verbs, exit codes, what is printed where, and what is not imported."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import continuum_grasp
+from continuum_grasp.cli import app
+from continuum_grasp.errors import NumericalError, SolverError
+
+ROOT = Path(__file__).parents[1]
+RELEASE = str(ROOT / "configs/simulate/nitinol_release_020g.yaml")
+FINGER = str(ROOT / "configs/fingers/nitinol_60cm.yaml")
+HEAVY = ("casadi", "numpy", "matplotlib", "pydantic", "scipy", "yaml", "rich")
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, list(arguments))
+
+
+def fresh(code):
+    """What a new interpreter prints."""
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    return found.stdout.strip()
+
+
+@pytest.mark.parametrize("module", ["continuum_grasp", "continuum_grasp.cli"])
+def test_importing_loads_nothing_heavy(module):
+    loaded = fresh(f"import {module}, sys; print(*(m for m in {HEAVY!r} if m in sys.modules))")
+    assert loaded == ""
+
+
+def test_help_needs_nothing_heavy():
+    code = (
+        "import sys\nsys.argv = ['continuum-grasp', '--help']\nfrom continuum_grasp.cli import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    print('loaded:', *(m for m in "
+        f"{HEAVY[:-1]!r} if m in sys.modules))"
+    )
+    assert fresh(code).endswith("loaded:")
+
+
+def test_public_names_are_all_there():
+    for name in continuum_grasp.__all__:
+        assert getattr(continuum_grasp, name) is not None
+        assert name in dir(continuum_grasp)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        continuum_grasp.nothing  # noqa: B018
+
+
+@pytest.mark.parametrize("verb", ["simulate", "grasp", "modes", "codegen", "schema", "validate", "doctor"])
+def test_every_verb_explains_itself(verb):
+    assert run(verb, "--help").exit_code == 0
+    assert verb in run("--help").output
+
+
+def test_version():
+    assert run("--version").output.strip() == f"continuum-grasp {continuum_grasp.__version__}"
+    code = "from continuum_grasp.cli import main; import sys; sys.argv = ['x', '--version']; main()"
+    assert continuum_grasp.__version__ in fresh(code)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("simulate", "none.yaml"),
+        ("simulate", FINGER),
+        ("simulate", RELEASE, "--set", "time.step=-1"),
+        ("simulate", RELEASE, "--set", "time="),
+        ("simulate", RELEASE, "--animate", "avi"),
+        ("simulate", RELEASE, "--quiet", "--json"),
+        ("simulate", RELEASE, "--out", FINGER),
+        ("grasp", RELEASE),
+        ("modes", FINGER),
+        ("codegen", FINGER),
+        ("schema",),
+        ("schema", "other"),
+        ("validate", "none.yaml"),
+        ("simulate", RELEASE, "--no-such-option"),
+        ("no-such-verb",),
+    ],
+)
+def test_bad_input_exits_with_2_and_says_why(arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr.strip()
+    assert "Traceback" not in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_error_names_place_once():
+    result = run("simulate", RELEASE, "--set", "time.step=x")
+    assert result.stderr == (
+        "error: --set time.step=x: time.step: wrong type: expected a number, got text 'x'\n"
+    )
+
+
+def test_validate_reports_every_file(tmp_path):
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("schema_version: 1\n")
+    result = run("validate", RELEASE, str(bad), FINGER)
+    assert result.exit_code == 2
+    assert result.stdout.splitlines() == [f"{RELEASE}: valid (simulate)", f"{FINGER}: valid (finger)"]
+    assert f"{bad}:1:1: finger: missing" in result.stderr
+
+    found = json.loads(run("validate", "--json", RELEASE, str(bad)).stdout)["files"]
+    assert [one["valid"] for one in found] == [True, False]
+    assert run("validate", "--quiet", RELEASE).output == ""
+
+
+def test_schema_prints_and_writes(tmp_path):
+    printed = json.loads(run("schema", "simulate").stdout)
+    assert run("schema", "--out", str(tmp_path / "new")).exit_code == 0
+    assert json.loads((tmp_path / "new" / "simulate.json").read_text()) == printed
+    assert {"finger", "gravity"} <= set(printed["required"])
+
+
+# the verbs that compute, with a stand-in for what they call
+class FakeTrajectory(SimpleNamespace):
+    """As much of a trajectory as the command line touches."""
+
+    def __init__(self):
+        zero = np.zeros(3)
+        super().__init__(t=np.arange(3.0), tip=np.ones((3, 2)), kinetic=zero, potential=zero + 1.5)
+        self.status, self.warnings, self.statistics = "done", ["too bent"], {"substeps": 4}
+
+    def save(self, folder):
+        Path(folder).mkdir(parents=True)
+        (Path(folder) / "result.npz").touch()
+
+
+@pytest.fixture
+def pretend(monkeypatch, tmp_path):
+    """Replace functions of a room, and stand in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def _pretend(room, **names):
+        module = ModuleType(room)
+        vars(module).update(names)
+        monkeypatch.setitem(sys.modules, room, module)
+
+    return _pretend
+
+
+def test_simulate_saves_and_reports(pretend):
+    seen = []
+    pretend("continuum_grasp.simulation", simulate=lambda scene: seen.append(scene) or FakeTrajectory())
+    result = run("simulate", RELEASE, "--no-pictures", "--set", "time.duration=0.5", "-v")
+    assert result.exit_code == 0, result.output
+    assert seen[0].time.duration == 0.5
+    assert Path("runs/nitinol_release_020g/result.npz").exists()
+    assert "warning: too bent" in result.stderr
+    assert "substeps" in result.stdout
+
+    found = json.loads(run("simulate", RELEASE, "--no-pictures", "--out", "here", "--json").stdout)
+    assert found["folder"] == "here"
+    assert found["energy"] == [1.5, 1.5]
+    assert run("simulate", RELEASE, "--no-pictures", "--out", "quiet", "-q").stdout == ""
+
+
+def test_numerical_failure_exits_with_1_and_saves_what_there_is(pretend):
+    def simulate(scene):
+        raise NumericalError("not finite at 0.1 s", time=0.1, result=FakeTrajectory())
+
+    pretend("continuum_grasp.simulation", simulate=simulate)
+    result = run("simulate", RELEASE)
+    assert result.exit_code == 1
+    assert "error: not finite at 0.1 s" in result.stderr
+    assert Path("runs/nitinol_release_020g/result.npz").exists()
+
+
+def test_solver_failure_exits_with_1(pretend):
+    def modes(scene):
+        raise SolverError("no equilibrium", status="diverged", advice="load it in steps")
+
+    pretend("continuum_grasp.simulation", modes=modes)
+    result = run("modes", RELEASE)
+    assert result.exit_code == 1
+    assert result.stderr == "error: no equilibrium (status: diverged)\nload it in steps\n"
+
+
+def test_modes_prints_a_table(pretend):
+    found = SimpleNamespace(
+        frequencies_hz=np.array([2.5, 15.7]), damping_ratios=np.array([0.01, np.nan]), stable=True
+    )
+    pretend("continuum_grasp.simulation", modes=lambda scene: found)
+    lines = run("modes", RELEASE).stdout.splitlines()
+    assert lines[0].split() == ["mode", "frequency", "[Hz]", "damping", "ratio"]
+    assert lines[2].split() == ["2", "15.7", "-"]
+    assert json.loads(run("modes", RELEASE, "--json").stdout)["frequencies_hz"] == [2.5, 15.7]
+
+
+def test_codegen_lists_its_files(pretend):
+    pretend("continuum_grasp.model", FingerModel=lambda scene: scene.name)
+    pretend("continuum_grasp.core", codegen=lambda model, folder: [folder / "finger.c", folder / "main.c"])
+    lines = run("codegen", RELEASE, "--out", "c").stdout.split()
+    assert lines == [str(Path("c/finger.c")), str(Path("c/main.c"))]
