@@ -36,9 +36,13 @@ def codegen(
 
     from continuum_grasp.core import codegen as write
     from continuum_grasp.model import FingerModel
+    from continuum_grasp.simulation import initial_state
+    from continuum_grasp.simulation.signals import Signals
 
     with output.busy("generating"):
-        files = [Path(file) for file in write(FingerModel(scene), folder)]
+        model, end = FingerModel(scene), scene.time.duration if scene.time else 0.0
+        signals = Signals(scene, model)
+        files = write(model, folder, x0=initial_state(scene, model), u=signals.u(end)[0], w=signals.w(end)[0])
     for file in files:
         output.say(str(file))
     output.result(folder=str(folder), files=[str(file) for file in files])

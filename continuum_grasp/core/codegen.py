@@ -1,3 +1,149 @@
 """C source of a model for use elsewhere, with an example that calls it."""
+
 from __future__ import annotations
-def codegen(model, folder): ...
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from continuum_grasp.core.core import Core
+from continuum_grasp.core.integrators import step_function
+from continuum_grasp.errors import InputError
+from continuum_grasp.model import FingerModel
+from continuum_grasp.model.finger_model import FUNCTIONS
+
+__all__ = ["codegen"]
+
+_STEPS, _STEP = 1000, 1e-3
+
+
+def codegen(
+    model: FingerModel,
+    folder: str | Path,
+    *,
+    x0: ArrayLike | None = None,
+    u: ArrayLike | None = None,
+    w: ArrayLike | None = None,
+    prefix: str = "finger",
+) -> list[Path]:
+    """Write a model as C: source, header, and an example.
+
+    The example integrates one second and prints the tip; it is compiled by
+    ``cc -O3 main.c finger.c -lm -o finger`` and says what it should print.
+
+    Parameters
+    ----------
+    model : FingerModel
+        The model.
+    folder : path-like
+        Folder for the files; made where missing, files of the same names are replaced.
+    x0, u, w : array_like, optional
+        Initial state, input and forces of the example; zero where not given.
+    prefix : str
+        Name of the files and prefix of the functions, a C identifier.
+
+    Returns
+    -------
+    list of pathlib.Path
+        ``PREFIX.c``, ``PREFIX.h`` and ``main.c``.
+
+    Raises
+    ------
+    InputError
+        If the prefix is no identifier or a vector has the wrong size.
+    """
+    if not prefix.isidentifier() or not prefix.isascii():
+        raise InputError(f"prefix: expected a C identifier, got {prefix!r}")
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    start, inputs, forces = (
+        _row(name, value, size)
+        for name, value, size in (("x0", x0, model.nx), ("u", u, model.nu), ("w", w, model.nw))
+    )
+    options = {"with_header": True, "with_export": False, "static_aux": True, "with_mem": False}
+    generator = ca.CodeGenerator(f"{prefix}.c", options)
+    for name in FUNCTIONS:
+        generator.add(_renamed(getattr(model, name), f"{prefix}_{name}"))
+    step = step_function(model.forward_dynamics, "rk4")
+    generator.add(_renamed(step, f"{prefix}_rk4_step"))
+    generator.generate(f"{target}/")
+    example = target / "main.c"
+    example.write_text(_example(model, prefix, step, start, inputs, forces))
+    return [target / f"{prefix}.c", target / f"{prefix}.h", example]
+
+
+def _renamed(function: ca.Function, name: str) -> ca.Function:
+    symbols = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
+    return ca.Function(name, symbols, function.call(symbols), function.name_in(), function.name_out())
+
+
+def _row(name: str, value: ArrayLike | None, size: int) -> list[float]:
+    row = np.zeros(size) if value is None else np.asarray(value, dtype=float).reshape(-1)
+    if row.size != size:
+        raise InputError(f"{name}: expected {size} entries, got {row.size}")
+    return [float(v) for v in row]
+
+
+def _example(
+    model: FingerModel, prefix: str, step: ca.Function, x0: list[float], u: list[float], w: list[float]
+) -> str:
+    core = Core(model)
+    last = core.rollout(x0, _STEPS, _STEP, u=u, w=w)[-1]
+    tip = core.tip(last[: model.n], u)
+    functions = "\n".join(
+        f" *   {prefix}_{name}({', '.join(f.name_in())}) -> {', '.join(f.name_out())}"
+        for name, f in ((name, getattr(model, name)) for name in FUNCTIONS)
+    )
+    call = "const double **arg, double **res, casadi_int *iw, double *w, int mem"
+    return f"""/* One second of motion of the finger, by the fourth-order Runge-Kutta method.
+ *
+ *   cc -O3 main.c {prefix}.c -lm -o {prefix} && ./{prefix}
+ *
+ * Functions of {prefix}.c, each called as name({call});
+ * arg[i] points to input i, res[i] to output i (matrices by columns), a null input reads as zeros. Only the step may
+ * need work space in iw and w (as below); mem is not used.
+{functions}
+ *   {prefix}_rk4_step({", ".join(step.name_in())}) -> {", ".join(step.name_out())}
+ *
+ * x: {_list(model.x_names)}
+ * u: {_list(model.u_names)}
+ * w: {_list(model.w_names)}
+ * p: {_list(model.p_names)}
+ * s: position along the finger [m], h: step [s]; model: {model.family}, elements of {_list(map(str, model.lengths))} m
+ */
+#include <stdio.h>
+#include "{prefix}.h"
+
+int main(void)
+{{
+  double x[{model.nx}] = {_braces(x0)};
+  const double u[] = {_braces(u)}, w[] = {_braces(w)}, p[] = {_braces(model.p_nominal)};
+  const double h = {_STEP!r};
+  double next[{model.nx}], tip[2];
+  casadi_int iw[{max(step.sz_iw(), 1)}];
+  double work[{max(step.sz_w(), 1)}];
+  for (int k = 0; k < {_STEPS}; ++k) {{
+    const double *arg[{max(step.sz_arg(), 9)}] = {{x, u, u, u, w, w, w, p, &h}};
+    double *res[{max(step.sz_res(), 1)}] = {{next}};
+    if ({prefix}_rk4_step(arg, res, iw, work, 0)) return 1;
+    for (int i = 0; i < {model.nx}; ++i) x[i] = next[i];
+  }}
+  const double *arg[{max(model.tip.sz_arg(), 3)}] = {{x, u, p}};
+  double *res[{max(model.tip.sz_res(), 1)}] = {{tip}};
+  {prefix}_tip(arg, res, 0, 0, 0);
+  printf("tip after %g s: %.12g %.12g m\\n", {_STEPS} * h, tip[0], tip[1]);
+  printf("expected:       {tip[0]:.12g} {tip[1]:.12g} m\\n");
+  return 0;
+}}
+"""
+
+
+def _list(names: Sequence[str] | map[str]) -> str:
+    return ", ".join(names) or "none"
+
+
+def _braces(values: Sequence[float]) -> str:
+    return "{" + ", ".join(repr(float(v)) for v in values or [0.0]) + "}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import warnings
 from collections.abc import Callable, Sequence
+from threading import Lock
 from typing import Any
 
 import casadi as ca
@@ -271,8 +272,19 @@ class _Caller:
         self._sizes = [function.nnz_in(k) for k in range(function.n_in())]
         self._nominal = nominal
         self._code = getattr(library, function.name()) if library is not None else None
+        # Buffers with fixed addresses, so that a call passes nothing but pointers that are ready.
+        self._inputs = [np.zeros(size) for size in self._sizes]
+        self._outputs = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
         self._work = np.zeros(max(function.sz_w(), 1))
         self._integers = np.zeros(max(function.sz_iw(), 1), dtype=np.int64)
+        self._arguments = (
+            (_DOUBLES * max(function.sz_arg(), 1))(*[_pointer(a) for a in self._inputs]),
+            (_DOUBLES * max(function.sz_res(), 1))(*[_pointer(a) for a in self._outputs]),
+            ctypes.c_void_p(self._integers.ctypes.data),
+            _pointer(self._work),
+            0,
+        )
+        self._lock = Lock()
 
     def __call__(self, *arguments: ArrayLike | None, **named: ArrayLike | None) -> Any:
         values = list(arguments) + [None] * (len(self.names) - len(arguments))
@@ -308,15 +320,14 @@ class _Caller:
 
     def call(self, rows: Sequence[Array]) -> list[Array]:
         """Evaluate on one row per input."""
-        function = self.function
-        outputs = [np.empty(function.nnz_out(k)) for k in range(function.n_out())]
         if self._code is None:
-            results = function.call([ca.DM(row) for row in rows])
+            results = self.function.call([ca.DM(row) for row in rows])
             return [np.array(r.nonzeros()) for r in results]
-        arguments = (_DOUBLES * max(function.sz_arg(), 1))(*[_pointer(row) for row in rows])
-        results_ = (_DOUBLES * max(function.sz_res(), 1))(*[_pointer(out) for out in outputs])
-        self._code(arguments, results_, ctypes.c_void_p(self._integers.ctypes.data), _pointer(self._work), 0)
-        return outputs
+        with self._lock:
+            for buffer, row in zip(self._inputs, rows, strict=True):
+                buffer[:] = row
+            self._code(*self._arguments)
+            return [buffer.copy() for buffer in self._outputs]
 
 
 class _Rollout:

@@ -91,6 +91,7 @@ class FingerModel:
     energy                x, u, p                  kinetic, potential [J]
     bending               q, u, p                  bend of each element [rad]
     range_use             q, u, p                  use of the declared bending range, per element [1]
+    statics               q, u, w, p               Q (n), K (n, n): what is missing for equilibrium, and dQ/dq
     linearization         x, u, w, p               A (nx, nx), B (nx, nu)
     ====================  =======================  =========================================================
 
@@ -257,6 +258,14 @@ class FingerModel:
                 peak = ca.fmax(peak, ca.fabs(ca.SX(bend)))
             use.append(peak / reach)
         return self._function("range_use", "q u p", use=use)
+
+    @cached_property
+    def statics(self) -> ca.Function:
+        """What is missing for equilibrium, and the tangent stiffness."""
+        eq = self._equations
+        rest = [ca.SX.zeros(v.shape) for v in (eq.q, eq.q)]
+        missing = self.inverse_dynamics(eq.q, *rest, eq.u, eq.w, eq.p)
+        return self._function("statics", "q u w p", Q=missing, K=ca.jacobian(missing, eq.q))
 
     @cached_property
     def linearization(self) -> ca.Function:

@@ -54,7 +54,7 @@ class Structure:
         self.family_name: str = _first(family, fidelity.family, None) or self._default_family()
         if self.family_name not in FAMILIES:
             raise InputError(f"unknown family {self.family_name!r}: expected one of {', '.join(FAMILIES)}")
-        self.inputs = self._input_layout(input_rates, scene is not None and _input_varies(scene))
+        self.inputs = self._input_layout(input_rates, self._input_varies(scene))
         self.family = self._make_family()
         self.n = self.family.size - (1 if self.matched else 0)
         self._name_entries()
@@ -95,10 +95,19 @@ class Structure:
         return found
 
     def _default_family(self) -> str:
+        return "clothoid" if self.rubs or self._tip_couple_varies() else "matched_clothoid"
+
+    def _tip_couple_varies(self) -> bool:
         couples = [k for k in self.loads if isinstance(k, MomentLoad) and self.on_tip(k.at)]
-        if self.rubs or any(isinstance(k.moment, Samples) for k in couples):
-            return "clothoid"
-        return "matched_clothoid"
+        return any(isinstance(k.moment, Samples) for k in couples)
+
+    def _input_varies(self, scene: Scene | None) -> bool:
+        if self._tip_couple_varies():
+            return True
+        if scene is None or scene.actuation is None:
+            return False
+        inputs = scene.actuation.tensions or (scene.actuation.tip_moment,)
+        return any(isinstance(value, Samples) for value in inputs)
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
         if self.matched and self.rubs:
@@ -146,13 +155,6 @@ class Structure:
 def _first(*values):  # type: ignore[no-untyped-def]
     """The first value that is given."""
     return next((value for value in values if value is not None), None)
-
-
-def _input_varies(scene: Scene) -> bool:
-    if scene.actuation is None:
-        return False
-    inputs = scene.actuation.tensions or (scene.actuation.tip_moment,)
-    return any(isinstance(value, Samples) for value in inputs)
 
 
 def _rate_label(label: str) -> str:

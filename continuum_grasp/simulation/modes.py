@@ -1,0 +1,92 @@
+"""Natural frequencies and mode shapes about an equilibrium."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.core import Core
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.statics import Equilibrium, equilibrium
+
+__all__ = ["Modes", "modes"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Small undamped oscillations about an equilibrium.
+
+    Attributes
+    ----------
+    frequencies_hz : (m,) ndarray
+        Undamped natural frequencies, increasing [Hz]; zero for a direction in which the equilibrium is unstable.
+    damping_ratios : (m,) ndarray
+        Modal damping ratios [1]; NaN where the frequency is zero.
+    coordinates : (m, n) ndarray
+        Modes in the bending coordinates, normalised by the mass matrix.
+    backbone : (points, 2) ndarray
+        Equilibrium shape in the world [m].
+    shapes : (m, points, 2) ndarray
+        Displacements of the backbone, each of greatest length one.
+    equilibrium : Equilibrium
+    """
+
+    frequencies_hz: Array
+    damping_ratios: Array
+    coordinates: Array
+    backbone: Array
+    shapes: Array
+    equilibrium: Equilibrium
+
+    @property
+    def stable(self) -> bool:
+        """Whether the equilibrium is stable."""
+        return self.equilibrium.stable
+
+
+def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
+    """Modes of a finger about its equilibrium.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    about : Equilibrium, optional
+        Equilibrium to linearise about; found where not given.
+    points : int
+        Number of points of the shapes.
+
+    Returns
+    -------
+    Modes
+        As many as there are bending coordinates. The symmetric part of the stiffness is used, which is all of it but
+        for following loads and tendon friction.
+
+    Raises
+    ------
+    SolverError
+        If no equilibrium is found.
+    """
+    found = equilibrium(scene) if about is None else about
+    model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
+    core = Core(model)
+    mass = core.mass_matrix(q, u, p)
+    stiffness = core.statics(q, u, w, p)[1]
+    damping = np.array([core.damping(q, e, u, p) for e in np.eye(model.n)]).T
+    root = np.linalg.inv(np.linalg.cholesky(mass))
+    values, vectors = np.linalg.eigh(root @ (0.5 * (stiffness + stiffness.T)) @ root.T)
+    coordinates = (root.T @ vectors).T
+    pulsations = np.sqrt(np.maximum(values, 0.0))
+    modal_damping = np.einsum("ki,ij,kj->k", coordinates, damping, coordinates)
+    ratios = np.full(len(values), np.nan)
+    moving = pulsations > 0.0
+    ratios[moving] = modal_damping[moving] / (2.0 * pulsations[moving])
+    s = np.linspace(0.0, model.finger.rod.length, points)[:, None]
+    jacobians = np.asarray(core.batch("jacobian", q, u, s, p))
+    shapes = np.einsum("sij,kj->ksi", jacobians, coordinates)
+    shapes /= np.linalg.norm(shapes, axis=2).max(axis=1)[:, None, None]
+    return Modes(pulsations / (2.0 * np.pi), ratios, coordinates, found.backbone(points), shapes, found)

@@ -1,0 +1,71 @@
+"""Variable-step integration with error control."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import NumericalError
+from continuum_grasp.model import FingerModel
+
+__all__ = ["integrate_reference"]
+
+Array = NDArray[np.float64]
+
+_RELATIVE, _ABSOLUTE = 1e-11, 1e-12
+
+
+def integrate_reference(model: FingerModel, x0: Array, step: float, u: Array, w: Array) -> Array:
+    """Integrate with CVODES (backward differentiation, relative tolerance 1e-11).
+
+    Parameters
+    ----------
+    model : FingerModel
+    x0 : (nx,) ndarray
+    step : float
+        Time between kept states [s].
+    u, w : (2 * steps + 1, size) ndarray
+        Inputs and forces at half steps; quadratic in between.
+
+    Returns
+    -------
+    (steps + 1, nx) ndarray
+
+    Raises
+    ------
+    NumericalError
+        If the integrator fails; ``result`` holds the states before.
+    """
+    x, t = ca.MX.sym("x", model.nx), ca.MX.sym("t")
+    samples = ca.MX.sym("samples", 3 * (model.nu + model.nw))
+    blocks = ca.vertsplit(samples, [0, *np.cumsum([model.nu] * 3 + [model.nw] * 3).tolist()])
+    at = t / step
+    weights = ((1 - at) * (1 - 2 * at), 4 * at * (1 - at), at * (2 * at - 1))
+    now_u = sum((k * b for k, b in zip(weights, blocks[:3], strict=True)), ca.MX.zeros(model.nu))
+    now_w = sum((k * b for k, b in zip(weights, blocks[3:], strict=True)), ca.MX.zeros(model.nw))
+    rate = model.forward_dynamics(x, now_u, now_w, ca.DM(model.p_nominal))
+    options = {"abstol": _ABSOLUTE, "reltol": _RELATIVE, "max_num_steps": 200_000, "newton_scheme": "direct"}
+    one = ca.integrator("reference", "cvodes", {"x": x, "t": t, "p": samples, "ode": rate}, 0.0, step, options)
+    steps = (len(u) - 1) // 2
+    states = np.empty((steps + 1, model.nx))
+    states[0] = x0
+    for k in range(steps):
+        rows = np.concatenate([u[2 * k : 2 * k + 3].ravel(), w[2 * k : 2 * k + 3].ravel()])
+        try:
+            states[k + 1] = np.array(one(x0=states[k], p=rows)["xf"]).ravel()
+        except RuntimeError as error:
+            raise NumericalError(
+                f"the reference integrator failed after t = {k * step:g} s ({str(error).splitlines()[-1]})",
+                time=k * step,
+                state=states[k],
+                result=states[: k + 1],
+            ) from error
+        if not np.all(np.isfinite(states[k + 1])):
+            raise NumericalError(
+                f"the state is not finite after t = {k * step:g} s",
+                time=k * step,
+                state=states[k],
+                result=states[: k + 1],
+            )
+    return states

@@ -1,0 +1,137 @@
+"""Inputs and loads of a scene as rows over time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
+from continuum_grasp.scene.simulate import Scene
+
+__all__ = ["Signals", "interpolate"]
+
+Array = NDArray[np.float64]
+
+
+def interpolate(samples: Samples | VectorSamples, t: ArrayLike) -> tuple[Array, Array, Array]:
+    """Value, rate and acceleration of a sampled function.
+
+    ``smooth`` is a monotone piecewise cubic with a continuous rate that is zero at both ends (F. N. Fritsch,
+    J. Butland, 1984, doi:10.1137/0905021); ``linear`` has no acceleration. Outside the samples the value is held.
+
+    Parameters
+    ----------
+    samples : Samples or VectorSamples
+        The function.
+    t : (T,) array_like
+        Instants [s].
+
+    Returns
+    -------
+    value, rate, acceleration : ndarray
+        (T,) or (T, 2).
+    """
+    at, values = np.asarray(samples.times, dtype=float), np.asarray(samples.values, dtype=float)
+    instants = np.asarray(t, dtype=float)
+    if values.ndim == 2:
+        columns = [_interpolate(at, v, samples.interpolation, instants) for v in values.T]
+        value, rate, acceleration = (np.stack(parts, axis=-1) for parts in zip(*columns, strict=True))
+        return value, rate, acceleration
+    return _interpolate(at, values, samples.interpolation, instants)
+
+
+def _interpolate(at: Array, values: Array, kind: str, t: Array) -> tuple[Array, Array, Array]:
+    steps, secants = np.diff(at), np.diff(values) / np.diff(at)
+    k = np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(steps) - 1)
+    inside = (t >= at[0]) & (t < at[-1])
+    s, h = np.clip(t, at[0], at[-1]) - at[k], steps[k]
+    if kind == "linear":
+        return values[k] + secants[k] * s, np.where(inside, secants[k], 0.0), np.zeros_like(s)
+    slopes = np.zeros_like(values)
+    before, after = secants[:-1], secants[1:]
+    monotone = before * after > 0.0
+    weight = (steps[:-1] + 2.0 * steps[1:]) / (3.0 * (steps[:-1] + steps[1:]))
+    blend = np.where(monotone, weight * after + (1.0 - weight) * before, 1.0)
+    slopes[1:-1] = np.where(monotone, before * after / np.where(blend == 0.0, 1.0, blend), 0.0)
+    a, b, d = slopes[k], slopes[k + 1], secants[k]
+    second, third = (3.0 * d - 2.0 * a - b) / h, (a + b - 2.0 * d) / h**2
+    value = values[k] + s * (a + s * (second + s * third))
+    rate = np.where(inside, a + s * (2.0 * second + 3.0 * s * third), 0.0)
+    acceleration = np.where(inside, 2.0 * second + 6.0 * s * third, 0.0)
+    return value, rate, acceleration
+
+
+class Signals:
+    """Inputs ``u`` and forces ``w`` of a model in its scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Where actuation and values of loads come from.
+    model : FingerModel
+        Model of that scene, with its loads.
+
+    Raises
+    ------
+    InputError
+        If an input would move a matched tip with infinite acceleration.
+    """
+
+    def __init__(self, scene: Scene, model: FingerModel) -> None:
+        self._model = model
+        self._values: list[float | Samples] = self._actuation(scene)
+        self._loads = list(zip(model.loads, model.load_entries, strict=True))
+        couples = [load for load, (vector, _) in self._loads if vector == "u"]
+        self._values += [load.moment for load in couples if not isinstance(load, ForceLoad)]
+        self._rates = model.structure.inputs.rates
+        for value in self._values:
+            if self._rates and isinstance(value, Samples) and value.interpolation == "linear":
+                raise InputError(
+                    "an input with linear interpolation has kinks, at which a matched tip would be thrown: use "
+                    "interpolation: smooth, tendons.time_constant, or fidelity.family: clothoid"
+                )
+
+    def _actuation(self, scene: Scene) -> list[float | Samples]:
+        if scene.actuation is None:
+            return [0.0, 0.0] if self._model.structure.inputs.tendons else [0.0]
+        if scene.actuation.tensions is not None:
+            return list(scene.actuation.tensions)
+        return [scene.actuation.tip_moment if scene.actuation.tip_moment is not None else 0.0]
+
+    @property
+    def constant(self) -> bool:
+        """Whether nothing varies."""
+        sampled = (Samples, VectorSamples)
+        varies = any(isinstance(value, sampled) for value in self._values)
+        return not varies and not any(isinstance(_value(load), sampled) for load, _ in self._loads)
+
+    def u(self, t: ArrayLike) -> Array:
+        """Inputs (T, nu) at instants (T,)."""
+        instants = np.atleast_1d(np.asarray(t, dtype=float))
+        blocks = np.zeros((3, len(instants), len(self._values)))
+        for k, value in enumerate(self._values):
+            if isinstance(value, Samples):
+                blocks[:, :, k] = interpolate(value, instants)
+            else:
+                blocks[0, :, k] = value
+        return np.concatenate(list(blocks), axis=1) if self._rates else blocks[0]
+
+    def w(self, t: ArrayLike) -> Array:
+        """Forces (T, nw) at instants (T,)."""
+        instants = np.atleast_1d(np.asarray(t, dtype=float))
+        rows = np.zeros((len(instants), self._model.nw))
+        for load, (vector, start) in self._loads:
+            if vector != "w":
+                continue
+            value = _value(load)
+            width = 2 if isinstance(load, ForceLoad) else 1
+            sampled = isinstance(value, (Samples, VectorSamples))
+            now = interpolate(value, instants)[0] if sampled else np.asarray(value, dtype=float)  # type: ignore[arg-type]
+            rows[:, start : start + width] = now.reshape(-1, width) if sampled else now
+        return rows
+
+
+def _value(load: Load) -> object:
+    return load.force if isinstance(load, ForceLoad) else load.moment

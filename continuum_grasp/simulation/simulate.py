@@ -1,0 +1,218 @@
+"""Motion of a scene in time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.core import Core
+from continuum_grasp.core.integrators import STABILITY_RADIUS
+from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.simulate import Scene, Timing
+from continuum_grasp.simulation.reference import integrate_reference
+from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.spectrum import sample_shapes, spectral_radius
+from continuum_grasp.simulation.statics import equilibrium
+from continuum_grasp.simulation.trajectory import Trajectory
+
+__all__ = ["initial_state", "simulate"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+_TARGET_RADIUS = 1.5
+"""Product of sub-step and spectral radius that the explicit method is given; it is stable up to 2.7."""
+_IMPLICIT_FROM = 40
+"""Sub-steps per output step from which on the implicit method is chosen."""
+_CHUNK = 200_000
+"""Sub-steps between two calls of ``progress``."""
+
+
+def simulate(scene: Scene, *, progress: Progress | None = None) -> Trajectory:
+    """Simulate a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        With ``time``.
+    progress : callable, optional
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Trajectory
+        States at every output step. Its ``warnings`` tell when an element left its declared bending range.
+
+    Raises
+    ------
+    InputError
+        If the scene has no time, or a state that does not fit.
+    NumericalError
+        If the motion does not stay finite or the step is too large for it; ``result`` is the trajectory until then.
+    SolverError
+        If an initial equilibrium is not found.
+    """
+    if scene.time is None:
+        raise InputError("a simulation needs time: {duration: ..., step: ...}", key="time")
+    model = FingerModel(scene)
+    return _Run(scene, scene.time, model, progress).trajectory()
+
+
+def initial_state(scene: Scene, model: FingerModel) -> Array:
+    """State of a scene at time zero (nx,)."""
+    signals = Signals(scene, model)
+    u = signals.u(0.0)[0]
+    initial, n = scene.initial, model.n
+    q, qd = np.zeros(n), np.zeros(n)
+    if initial.q is not None:
+        q = np.array(initial.q, dtype=float)
+        qd = np.zeros(n) if initial.qd is None else np.array(initial.qd, dtype=float)
+        for name, value in (("q", q), ("qd", qd)):
+            if value.shape != (n,):
+                raise InputError(
+                    f"{name} has {value.size} entries, the {model.family} model has {n}: {', '.join(model.q_names)}",
+                    key=f"initial.{name}",
+                )
+    elif initial.pose == "equilibrium":
+        q = equilibrium(_as_modelled(scene, model), extra_loads=initial.held_by).q
+    elif initial.pose == "rest":
+        bare = scene.model_copy(update={"loads": (), "actuation": None, "gravity": (0.0, 0.0)})
+        q = equilibrium(_as_modelled(bare, model)).q
+    if model.nx == 2 * n:
+        return np.concatenate([q, qd])
+    tendons = scene.finger.tendons
+    moment = (u[0] - u[1]) * tendons.offset if tendons is not None else 0.0
+    return np.concatenate([q, qd, [moment, 0.0]])
+
+
+def _as_modelled(scene: Scene, model: FingerModel) -> Scene:
+    """The scene with the family that the model resolved."""
+    return scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"family": model.family})})
+
+
+class _Run:
+    """One simulation."""
+
+    def __init__(self, scene: Scene, time: Timing, model: FingerModel, progress: Progress | None) -> None:
+        self._scene, self._time, self._model = scene, time, model
+        self._progress = progress or (lambda share: None)
+        self._core = Core(model)
+        self._signals = Signals(scene, model)
+        self._steps = max(1, round(time.duration / time.step))
+        self._p = np.array(model.p_nominal)
+        self._statistics: dict[str, Any] = {}
+
+    def trajectory(self) -> Trajectory:
+        """Integrate and check."""
+        started = perf_counter()
+        x0 = initial_state(self._scene, self._model)
+        method, substeps, radius = self._choose(x0)
+        while True:
+            began = perf_counter()
+            states, error = self._integrate(x0, method, substeps)
+            took = perf_counter() - began
+            radius = max(radius, self._radius(states[:: max(1, len(states) // 12), : self._model.n]))
+            needed = math.ceil(radius * self._time.step / _TARGET_RADIUS)
+            unstable = radius * self._time.step / substeps > STABILITY_RADIUS["rk4"]
+            if method != "rk4" or not unstable or needed <= substeps:
+                break
+            if self._time.method == "auto" and needed > _IMPLICIT_FROM:
+                method, needed = "implicit", 1
+            substeps = needed
+        self._statistics |= {
+            "method": method,
+            "substeps": substeps,
+            "spectral_radius": radius,
+            "compiled": self._core.compiled,
+            "integration_s": took,
+            "real_time_factor": (len(states) - 1) * self._time.step / max(took, 1e-12),
+        }
+        result = self._result(states, "finished" if error is None else "stopped")
+        self._statistics["total_s"] = perf_counter() - started
+        result = replace(result, statistics=dict(self._statistics))
+        if error is not None:
+            raise NumericalError(str(error), time=error.time, state=error.state, result=result) from error
+        return result
+
+    def _choose(self, x0: Array) -> tuple[str, int, float]:
+        """Method, sub-steps and the spectral radius that they follow from."""
+        radius = self._radius(sample_shapes(self._model, x0[: self._model.n]))
+        wanted = max(1, math.ceil(radius * self._time.step / _TARGET_RADIUS))
+        asked = self._time.method
+        if asked in ("implicit", "reference"):
+            return asked, 1, radius
+        if asked == "auto" and wanted > _IMPLICIT_FROM:
+            return "implicit", 1, radius
+        return "rk4", wanted, radius
+
+    def _radius(self, shapes: Array) -> float:
+        finite = shapes[np.all(np.isfinite(shapes), axis=1)]
+        u, w = self._signals.u(0.0)[0], self._signals.w(0.0)[0]
+        try:
+            return spectral_radius(self._core, finite, u, w, self._p)
+        except np.linalg.LinAlgError:
+            return 0.0
+
+    def _integrate(self, x0: Array, method: str, substeps: int) -> tuple[Array, NumericalError | None]:
+        """States, whole or until the error."""
+        h, parts, start = self._time.step, [x0[None]], 0
+        chunk = max(1, _CHUNK // substeps)
+        while start < self._steps:
+            count = min(chunk, self._steps - start)
+            u, w = self._inputs(start * h, count, substeps)
+            try:
+                if method == "reference":
+                    part = integrate_reference(self._model, parts[-1][-1], h, u, w)
+                else:
+                    part = self._core.rollout(
+                        parts[-1][-1], count, h, u=u, w=w, substeps=substeps, method=method
+                    )
+            except NumericalError as error:
+                parts.append(error.result[1:])
+                time = start * h + (error.time or 0.0)
+                states = np.concatenate(parts)
+                return states, NumericalError(
+                    f"the motion is not finite after t = {time:g} s (last state {states[-1].tolist()}; method {method}, "
+                    f"{substeps} sub-steps of {h / substeps:g} s): take a smaller time.step or time.method: implicit; "
+                    "if the finger bends beyond its range, raise fidelity.bending_range or lower the loads",
+                    time=time,
+                    state=states[-1],
+                )
+            parts.append(part[1:])
+            start += count
+            self._progress(start / self._steps)
+        return np.concatenate(parts), None
+
+    def _inputs(self, start: float, count: int, substeps: int) -> tuple[Array, Array]:
+        """Inputs and forces at half sub-steps, or one row where nothing varies."""
+        if self._signals.constant and self._time.method != "reference":
+            return self._signals.u(start)[0], self._signals.w(start)[0]
+        t = start + np.arange(2 * count * substeps + 1) * (0.5 * self._time.step / substeps)
+        return self._signals.u(t), self._signals.w(t)
+
+    def _result(self, states: Array, status: str) -> Trajectory:
+        t = np.arange(len(states)) * self._time.step
+        result = Trajectory(
+            t, states, self._signals.u(t), self._signals.w(t), self._model, self._scene, status=status
+        )
+        return replace(result, warnings=tuple(self._range_warnings(result)))
+
+    def _range_warnings(self, result: Trajectory) -> list[str]:
+        use = np.asarray(self._core.batch("range_use", result.q, result.acting, None))
+        warnings = []
+        for k in range(use.shape[1]):
+            beyond = np.flatnonzero(use[:, k] > 1.0)
+            if beyond.size:
+                warnings.append(
+                    f"element {k + 1} left its declared bending range of {self._model.ranges[k]:.3g} rad at "
+                    f"t = {result.t[beyond[0]]:g} s (greatest: {use[:, k].max():.2f} times the range), where the model "
+                    "loses its accuracy: raise fidelity.bending_range"
+                )
+        return warnings

@@ -1,0 +1,60 @@
+"""How fast a scene can move: the spectral radius that an explicit step must resolve."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.core import Core
+from continuum_grasp.model import FingerModel
+
+__all__ = ["spectral_radius"]
+
+Array = NDArray[np.float64]
+
+_POSES = 12
+
+
+def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float:
+    """Largest absolute eigenvalue of the linearised motion over some shapes [1/s].
+
+    Parameters
+    ----------
+    core : Core
+        The compiled model.
+    q : (count, n) ndarray
+        Shapes.
+    u, w, p : ndarray
+        Input, forces and parameters.
+
+    Returns
+    -------
+    float
+        The largest over the shapes, with that of the tendons' lag. Velocities are left out.
+    """
+    model = core.model
+    largest = _drive_rate(model)
+    for shape in np.atleast_2d(q):
+        mass = core.mass_matrix(shape, u, p)
+        stiffness = core.statics(shape, u, w, p)[1]
+        damping = np.array([core.damping(shape, e, u, p) for e in np.eye(model.n)]).T
+        damping -= core.damping(shape, np.zeros(model.n), u, p)[:, None]
+        lower = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
+        motion = np.vstack([np.hstack([np.zeros_like(mass), np.eye(model.n)]), lower])
+        largest = max(largest, float(np.abs(np.linalg.eigvals(motion)).max()))
+    return largest
+
+
+def sample_shapes(model: FingerModel, start: Array) -> Array:
+    """Shapes to estimate the spectral radius at: the start, straight, and some over the bending range."""
+    reach = np.array(model.ranges)
+    if model.family != "arc":
+        per_length = reach / np.array(model.lengths)
+        reach = np.minimum(np.append(per_length, per_length[-1]), np.append(per_length[0], per_length))
+    spread = np.random.default_rng(0).uniform(-0.5, 0.5, (_POSES, model.n)) * reach[: model.n]
+    return np.vstack([start, np.zeros(model.n), spread])
+
+
+def _drive_rate(model: FingerModel) -> float:
+    tendons = model.finger.tendons
+    return 1.0 / tendons.time_constant if tendons is not None and tendons.time_constant is not None else 0.0

@@ -1,0 +1,203 @@
+"""The motion of a finger."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.core import Core
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.simulate import Scene
+
+__all__ = ["Trajectory"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A motion at T instants; SI units, world frame.
+
+    Attributes
+    ----------
+    t : (T,) ndarray
+        Instants [s].
+    x : (T, nx) ndarray
+        States.
+    u : (T, nu) ndarray
+        Inputs.
+    w : (T, nw) ndarray
+        Forces at contacts, tip and loads.
+    model : FingerModel
+    scene : Scene
+    status : {"finished", "stopped"}
+        ``stopped``: the motion ended early; the error that was raised says why.
+    warnings : tuple of str
+    statistics : mapping
+        Method, sub-steps, spectral radius, times.
+    """
+
+    t: Array
+    x: Array
+    u: Array
+    w: Array
+    model: FingerModel
+    scene: Scene
+    status: str = "finished"
+    warnings: tuple[str, ...] = ()
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def n(self) -> int:
+        """Number of bending coordinates."""
+        return self.model.n
+
+    @property
+    def x_names(self) -> list[str]:
+        """Name and unit of each state."""
+        return self.model.x_names
+
+    @property
+    def u_names(self) -> list[str]:
+        """Name and unit of each input."""
+        return self.model.u_names
+
+    @property
+    def w_names(self) -> list[str]:
+        """Name and unit of each force component."""
+        return self.model.w_names
+
+    @property
+    def length(self) -> float:
+        """Length of the finger [m]."""
+        return self.model.finger.rod.length
+
+    @property
+    def name(self) -> str | None:
+        """Name of the scene."""
+        return self.scene.name
+
+    @cached_property
+    def core(self) -> Core:
+        """The compiled model."""
+        return Core(self.model)
+
+    @property
+    def q(self) -> Array:
+        """Bending coordinates (T, n)."""
+        return self.x[:, : self.n]
+
+    @cached_property
+    def acting(self) -> Array:
+        """Inputs (T, nu) that act on the shape: with a tendon lag, the tensions that give the lagged moment."""
+        if self.x.shape[1] == 2 * self.n:
+            return self.u
+        tendons = self.model.finger.tendons
+        acting = self.u.copy()
+        acting[:, 0] = self.x[:, 2 * self.n] / (tendons.offset if tendons else 1.0)
+        acting[:, 1] = 0.0
+        return acting
+
+    @cached_property
+    def tip(self) -> Array:
+        """Tip positions (T, 2) [m]."""
+        return np.asarray(self.core.batch("tip", self.q, self.acting, None))
+
+    @cached_property
+    def _energies(self) -> tuple[Array, Array]:
+        kinetic, potential = self.core.batch("energy", self.x, self.u, None)
+        return np.asarray(kinetic)[:, 0], np.asarray(potential)[:, 0]
+
+    @property
+    def kinetic(self) -> Array:
+        """Kinetic energy (T,) [J]."""
+        return self._energies[0]
+
+    @property
+    def potential(self) -> Array:
+        """Elastic energy and potential of the weight (T,) [J]."""
+        return self._energies[1]
+
+    def backbone(self, indices: ArrayLike, points: int = 50) -> Array:
+        """Backbones (len(indices), points, 2) at some of the instants [m]."""
+        chosen = np.atleast_1d(np.asarray(indices, dtype=int))
+        s = np.tile(np.linspace(0.0, self.length, points), len(chosen))[:, None]
+        q = np.repeat(self.q[chosen], points, axis=0)
+        u = np.repeat(self.acting[chosen], points, axis=0)
+        return np.asarray(self.core.batch("position", q, u, s)).reshape(len(chosen), points, 2)
+
+    def loads_at(self, index: int) -> list[tuple[Array, Array, str]]:
+        """Forces at one instant: position (2,) [m], force (2,) in the world [N], and kind."""
+        places = [(at, "contact", 2 * k) for k, at in enumerate(self.model.contacts)]
+        if self.model.structure.tip_force:
+            places.append((self.length, "tip", 2 * len(places)))
+        found = []
+        q, u, w = self.q[index], self.acting[index], self.w[index]
+        for at, kind, start in places:
+            found.append((self._point(q, u, at), w[start : start + 2], kind))
+        for load, (_, start) in zip(self.model.loads, self.model.load_entries, strict=True):
+            if not isinstance(load, ForceLoad):
+                continue
+            force = w[start : start + 2]
+            if load.follows:
+                angle = float(self.core.orientation(q, u, [load.at])[0])
+                c, s = np.cos(angle), np.sin(angle)
+                force = np.array([[c, -s], [s, c]]) @ force
+            found.append((self._point(q, u, load.at), force, "load"))
+        return [(at, force, kind) for at, force, kind in found if np.any(force != 0.0)]
+
+    def _point(self, q: Array, u: Array, at: float) -> Array:
+        return np.asarray(self.core.position(q, u, [at]))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write ``result.npz`` and ``meta.json`` into a folder, atomically.
+
+        Returns
+        -------
+        pathlib.Path
+            The folder.
+        """
+        from continuum_grasp.results import write_run
+
+        arrays = {
+            "t": self.t,
+            "x": self.x,
+            "u": self.u,
+            "w": self.w,
+            "tip": self.tip,
+            "kinetic": self.kinetic,
+            "potential": self.potential,
+        }
+        meta = {
+            "config": self.scene.model_dump(mode="json"),
+            "status": self.status,
+            "warnings": list(self.warnings),
+            "statistics": dict(self.statistics),
+            "model": {
+                "family": self.model.family,
+                "lengths": list(self.model.lengths),
+                "x_names": self.x_names,
+                "u_names": self.u_names,
+                "w_names": self.w_names,
+            },
+        }
+        return write_run(folder, arrays, meta)
+
+    def plot(self, folder: str | Path) -> list[Path]:
+        """Draw tip path, coordinates, energies and snapshots into a folder."""
+        from continuum_grasp.plotting import save_simulation_pictures
+
+        return save_simulation_pictures(self, Path(folder))
+
+    def animate(self, path: str | Path, fps: int = 30) -> Path:
+        """Write an animation, GIF or MP4 by the suffix."""
+        from continuum_grasp.plotting import animate
+
+        return animate(self, Path(path), fps)
