@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -60,8 +61,7 @@ def codegen(
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     start, inputs, forces = (
-        _row(name, value, size)
-        for name, value, size in (("x0", x0, model.nx), ("u", u, model.nu), ("w", w, model.nw))
+        _row(name, value, size) for name, value, size in (("x0", x0, model.nx), ("u", u, model.nu), ("w", w, model.nw))
     )
     options = {"with_header": True, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator(f"{prefix}.c", options)
@@ -76,7 +76,7 @@ def codegen(
 
 
 def _renamed(function: ca.Function, name: str) -> ca.Function:
-    symbols = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
+    symbols: Any = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
     return ca.Function(name, symbols, function.call(symbols), function.name_in(), function.name_out())
 
 

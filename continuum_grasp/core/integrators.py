@@ -117,8 +117,8 @@ def _rodas(
             right = right + gamma * drift
         stages.append(solver.solve(matrix, right))
     following = x + stages[-1]
-    for a, stage in zip(_A[-1], stages, strict=False):
-        following = following + a * stage
+    for weight, stage in zip(_A[-1], stages, strict=False):
+        following = following + weight * stage
     return following
 
 

@@ -6,7 +6,7 @@ import casadi as ca
 
 from continuum_grasp.core.lanes import PRELUDE, lane_function
 
-__all__ = ["batch_source", "function_source", "rollout_source"]
+__all__ = ["batch_source", "function_source", "rollout_source", "rollouts_source"]
 
 _BATCH = """
 static void cg_gather(const double *from, long long stride, long long count, int size, cg_lanes *to)
@@ -99,5 +99,59 @@ long long {step.name()}_rollout(long long keep, long long sub, double h, const d
     for (int j = 0; j < {nx}; ++j) X[(k + 1) * {nx} + j] = x[j];
   }}
   return keep;
+}}
+"""
+
+
+def rollouts_source(step: ca.Function) -> str:
+    """C of ``NAME_rollouts``: many rollouts in one call, in vector lanes where the step is a straight-line function.
+
+    As ``rollout_source``, with a stride per rollout (``ur``, ``wr``) beside that per half step; ``kept`` receives the
+    result of each.
+    """
+    nx, nu, nw, n_p = (step.nnz_in(k) for k in (0, 1, 4, 7))
+    name = step.name()
+    head = f"""
+void {name}_rollouts(long long count, long long keep, long long sub, double h, const double *x0,
+    const double *u, long long us, long long ur, const double *w, long long ws, long long wr, const double *p,
+    long long *iw, double *work, double *X, long long *kept)
+{{"""
+    if not step.is_a("SXFunction"):
+        return f"""{rollout_source(step)}{head}
+  for (long long r = 0; r < count; ++r)
+    kept[r] = {name}_rollout(keep, sub, h, x0 + r * {nx}, u + r * ur, us, w + r * wr, ws, p, iw, work,
+        X + r * (keep + 1) * {nx});
+}}
+"""
+    return f"""#include <math.h>
+{PRELUDE}{_BATCH}
+{lane_function(step)}{head}
+  cg_lanes x[{nx}], next[{nx}], vp[{max(n_p, 1)}], vh[1], vu[3][{max(nu, 1)}], vw[3][{max(nw, 1)}];
+  const cg_lanes *const in[] = {{x, vu[0], vu[1], vu[2], vw[0], vw[1], vw[2], vp, vh}};
+  cg_lanes *const out[] = {{next}};
+  const long long row = (keep + 1) * {nx};
+  (void)iw; (void)work; (void)u; (void)us; (void)ur; (void)w; (void)ws; (void)wr; (void)p;
+  cg_gather(p, 0, 1, {n_p}, vp);
+  cg_gather(&h, 0, 1, 1, vh);
+  for (long long b = 0; b < count; b += CG_LANES) {{
+    const long long m = count - b < CG_LANES ? count - b : CG_LANES;
+    cg_gather(x0 + b * {nx}, {nx}, m, {nx}, x);
+    cg_scatter(x, row, m, {nx}, X + b * row);
+    for (long long l = 0; l < m; ++l) kept[b + l] = keep;
+    for (long long k = 0, t = 0; k < keep; ++k) {{
+      for (long long i = 0; i < sub; ++i, t += 2) {{
+        for (int a = 0; a < 3; ++a) {{
+          if (us || !t) cg_gather(u + b * ur + (t + a) * us, ur, m, {nu}, vu[a]);
+          if (ws || !t) cg_gather(w + b * wr + (t + a) * ws, wr, m, {nw}, vw[a]);
+        }}
+        {name}_lanes(in, out);
+        for (int j = 0; j < {nx}; ++j) x[j] = next[j];
+      }}
+      cg_scatter(x, row, m, {nx}, X + b * row + (k + 1) * {nx});
+      for (long long l = 0; l < m; ++l)
+        for (int j = 0; j < {nx}; ++j)
+          if (kept[b + l] == keep && !(x[j][l] - x[j][l] == 0.0)) kept[b + l] = k;
+    }}
+  }}
 }}
 """

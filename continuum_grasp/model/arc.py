@@ -9,10 +9,8 @@ combination of Stumpff functions; the table of the project's design (section 2.2
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-
-import casadi as ca
 
 from continuum_grasp.model.link import Bias, Inertia, Link, Section
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, combine, minus, plus, times
@@ -26,7 +24,7 @@ class Arc(Link):
 
     Parameters
     ----------
-    theta : casadi.SX
+    theta : float or casadi.SX
         Bending angle [rad].
     length : float or casadi.SX
         Length [m].
@@ -38,7 +36,7 @@ class Arc(Link):
 
     def __init__(
         self,
-        theta: ca.SX,
+        theta: Scalar,
         length: Scalar,
         linear_density: Scalar,
         rotary_inertia: Scalar,
@@ -121,11 +119,11 @@ class Arc(Link):
             generalized=(times(per_square, minus(times(square, y1y2), times(whirl, y0y1))),),
         )
 
-    def _weighted(self, scale: Scalar, omega: Scalar, rate: Scalar, moment: object) -> Vec:
+    def _weighted(self, scale: Scalar, omega: Scalar, rate: Scalar, moment: Callable[[int, Scalar], Vec]) -> Vec:
         """Integral of (omega + v rate)^2 t with the weights of a family of moments."""
-        total = moment(2, 1.0).scaled(rate * rate)  # type: ignore[operator]
+        total = moment(2, 1.0).scaled(rate * rate)
         if not (isinstance(omega, float) and omega == 0.0):
-            total = total + moment(1, 1.0).scaled(2.0 * (omega * rate)) + moment(0, 1.0).scaled(omega * omega)  # type: ignore[operator]
+            total = total + moment(1, 1.0).scaled(2.0 * (omega * rate)) + moment(0, 1.0).scaled(omega * omega)
         return total.scaled(scale)
 
     def _moment(self, j: int, scale: Scalar) -> Vec:

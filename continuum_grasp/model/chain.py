@@ -87,8 +87,7 @@ class Chain:
     @cached_property
     def _end_arms(self) -> tuple[tuple[Vec, ...], ...]:
         return tuple(
-            tuple(r.apply(arm) for arm in k.link.end.arms)
-            for r, k in zip(self.rotations, self.links, strict=False)
+            tuple(r.apply(arm) for arm in k.link.end.arms) for r, k in zip(self.rotations, self.links, strict=False)
         )
 
     def _section(self, place: Place) -> tuple[Section, Vec, tuple[Vec, ...]]:
@@ -186,37 +185,25 @@ class Chain:
         second: Scalar = 0.0
         for k in range(len(self.links) - 1, -1, -1):
             own, end, span, arms = self._inertias[k], self.links[k].link.end, self.spans[k], self._end_arms[k]
-            last = k == len(self.links) - 1
             here = self.coordinates[k]
-            forces, moments = [], []
             for a in range(len(here)):
-                if last:
-                    push, twist = ZERO, 0.0
-                else:
-                    push = arms[a].scaled(mass) + first.scaled(end.angles[a])
-                    twist = plus(first.dot(arms[a]), times(end.angles[a], second))
-                forces.append(own.arms[a] + push)
-                moments.append(plus(plus(own.swing[a], twist), span.dot(push) if not last else 0.0))
+                # Momentum of what lies beyond the link, per rate of coordinate a; then of the link too, about its start.
+                push = arms[a].scaled(mass) + first.scaled(end.angles[a])
+                twist = plus(first.dot(arms[a]), times(end.angles[a], second))
                 for b in range(a + 1):
-                    value = own.matrix[a][b]
-                    if not last:
-                        value = plus(value, plus(arms[b].dot(push), times(end.angles[b], twist)))
-                    same = here[a] == here[b]
-                    add(here[b], here[a], times(2.0, value) if same and a != b else value)
-            for a in range(len(here)):
-                moment = moments[a]
+                    beyond = plus(arms[b].dot(push), times(end.angles[b], twist))
+                    add(here[b], here[a], plus(own.matrix[a][b], beyond))
+                force = own.arms[a] + push
+                moment = plus(plus(own.swing[a], twist), span.dot(push))
                 for j in range(k - 1, -1, -1):
-                    for b, arm, angle in zip(
-                        self.coordinates[j], self._end_arms[j], self.links[j].link.end.angles, strict=True
-                    ):
-                        value = plus(arm.dot(forces[a]), times(angle, moment))
+                    inner = self.links[j].link.end.angles
+                    for b, arm, angle in zip(self.coordinates[j], self._end_arms[j], inner, strict=True):
+                        value = plus(arm.dot(force), times(angle, moment))
                         add(b, here[a], times(2.0, value) if b == here[a] else value)
-                    moment = plus(moment, self.spans[j].dot(forces[a]))
-            if not last:
-                second = plus(second, plus(times(2.0, span.dot(first)), times(mass, span.dot(span))))
-                first = first + span.scaled(mass)
+                    moment = plus(moment, self.spans[j].dot(force))
+            second = plus(second, plus(times(2.0, span.dot(first)), times(mass, span.dot(span))))
             second = plus(second, own.second)
-            first = first + own.first
+            first = first + span.scaled(mass) + own.first
             mass = plus(mass, own.mass)
         return matrix
 
@@ -282,9 +269,7 @@ class Chain:
             for a, arm, angle, q in zip(self.coordinates[k], self._end_arms[k], end.angles, extra, strict=True):
                 share = plus(plus(arm.cross(force), times(angle, moment)), q)
                 total[a] = plus(total[a], share)
-            wrench = _Wrench(
-                inner.force + force, plus(plus(inner.moment, moment), self.spans[k].cross(force))
-            )
+            wrench = _Wrench(inner.force + force, plus(plus(inner.moment, moment), self.spans[k].cross(force)))
         return total
 
     def _forward(self, rates: Sequence[Scalar] | None, gravity: Vec) -> tuple[list[Bias | None], list[Vec]]:

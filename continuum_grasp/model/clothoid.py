@@ -183,22 +183,16 @@ class Clothoid(Link):
         one = np.ones(len(weights))
         rotary = times(self._rotary_inertia, h)
         rotary_swing = [times(times(float(f @ weights), rotary), h) for f in shape]
-        rotary_matrix = [
-            [times(times(times(float((f * weights) @ g), rotary), h), h) for g in shape] for f in shape
-        ]
+        rotary_matrix = [[times(times(times(float((f * weights) @ g), rotary), h), h) for g in shape] for f in shape]
         tangents = self._whole.tangents
         return Inertia(
             mass=self._mass,
             first=_weigh(self._mean, tangents, self._first_scale),
             second=plus(self._form(one, one, scale), rotary),
             arms=tuple(_weigh(self._mean * f, tangents, times(self._first_scale, h)) for f in shape),
-            swing=tuple(
-                plus(self._form(one, f, times(scale, h)), r) for f, r in zip(shape, rotary_swing, strict=True)
-            ),
+            swing=tuple(plus(self._form(one, f, times(scale, h)), r) for f, r in zip(shape, rotary_swing, strict=True)),
             matrix=tuple(
-                tuple(
-                    plus(self._form(f, g, times(times(scale, h), h)), r) for g, r in zip(shape, row, strict=True)
-                )
+                tuple(plus(self._form(f, g, times(times(scale, h), h)), r) for g, r in zip(shape, row, strict=True))
                 for f, row in zip(shape, rotary_matrix, strict=True)
             ),
         )
@@ -216,9 +210,7 @@ class Clothoid(Link):
             end=_weigh_products(self._rule.weights, spins, tangents, h),
             force=_weigh_products(self._mean, spins, tangents, self._first_scale),
             moment=combine(scale, [(1.0, load) for load in loads]),
-            generalized=tuple(
-                combine(times(scale, h), [(float(f[k]), loads[k]) for k in nodes]) for f in self._shape
-            ),
+            generalized=tuple(combine(times(scale, h), [(float(f[k]), loads[k]) for k in nodes]) for f in self._shape),
         )
 
 
@@ -229,7 +221,7 @@ def _rising(u: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def _weigh(weights: NDArray[np.float64], vectors: Sequence[Vec], scale: Scalar) -> Vec:
-    """scale * sum of weight times vector."""
+    """Scale * sum of weight times vector."""
     pairs = [(float(w), v) for w, v in zip(weights, vectors, strict=True)]
     return Vec(
         combine(scale, [(w, v.x) for w, v in pairs]),
@@ -240,7 +232,7 @@ def _weigh(weights: NDArray[np.float64], vectors: Sequence[Vec], scale: Scalar) 
 def _weigh_products(
     weights: NDArray[np.float64], factors: Sequence[Scalar], vectors: Sequence[Vec], scale: Scalar
 ) -> Vec:
-    """scale * sum of weight times factor times vector; the scalars meet first."""
+    """Scale * sum of weight times factor times vector; the scalars meet first."""
     constant = scale if isinstance(scale, float) else 1.0
     total = ZERO
     for w, factor, vector in zip(weights, factors, vectors, strict=True):

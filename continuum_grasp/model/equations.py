@@ -140,7 +140,8 @@ class Equations:
     def section(self) -> tuple[Vec, Scalar]:
         """World position [m] of the section at the run-time position s, and its angle in the world [rad]."""
         start: Scalar = 0.0
-        turn, total, angle = IDENTITY, ZERO, self._made.finger.base.angle
+        turn, total = IDENTITY, ZERO
+        angle: Scalar = self._made.finger.base.angle
         for link, h, local in zip(self.chain.links, self.lengths, self.chain.coordinates, strict=True):
             fraction = ca.fmin(ca.fmax((self.s - start) / h, 0.0), 1.0)
             section = link.link.section(fraction)
@@ -303,7 +304,7 @@ def _dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
 
 
 def _product(matrix: Sequence[Sequence[Scalar]], vector: Sequence[Scalar], scale: Scalar) -> list[Scalar]:
-    """scale * matrix * vector, with a numeric scale folded into a numeric matrix."""
+    """Scale * matrix * vector, with a numeric scale folded into a numeric matrix."""
     if isinstance(scale, float):
         return [_dot([times(scale, entry) for entry in row], vector) for row in matrix]
     return [times(scale, _dot(row, vector)) for row in matrix]

@@ -136,9 +136,7 @@ class ClothoidFamily(Family):
         for k, (h, reach) in enumerate(zip(rod.lengths, rod.ranges, strict=True)):
             masses = [(fraction, mass) for element, fraction, mass in rod.masses if element == k]
             folds = isinstance(h, float) and isinstance(rod.linear_density, float)
-            folded = [
-                mass for fraction, mass in masses if folds and fraction == 1.0 and isinstance(mass, float)
-            ]
+            folded = [mass for fraction, mass in masses if folds and fraction == 1.0 and isinstance(mass, float)]
             kept = tuple(
                 (fraction, mass)
                 for fraction, mass in masses
@@ -191,7 +189,8 @@ class ClothoidFamily(Family):
 
 def _default_accuracy(elements: int) -> float:
     """A fifth of the discretisation error of the family, which is 1.7e-3 of the frequency at two elements and falls
-    with the fourth power of their number."""
+    with the fourth power of their number.
+    """
     return max(3.4e-4 * (2.0 / max(elements, 2)) ** 4, 1e-13)
 
 

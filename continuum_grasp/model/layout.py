@@ -67,9 +67,7 @@ def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tu
     return tuple(lengths)
 
 
-def element_ranges(
-    lengths: Sequence[float], bending_range: float | None, curvature_limit: float
-) -> tuple[float, ...]:
+def element_ranges(lengths: Sequence[float], bending_range: float | None, curvature_limit: float) -> tuple[float, ...]:
     """Bending range of each element [rad]: as declared, or the default, or less where the strain limit allows less."""
     if bending_range is not None:
         return tuple(bending_range for _ in lengths)

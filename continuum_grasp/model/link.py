@@ -134,7 +134,5 @@ def _add_mass(inertia: Inertia, section: Section, mass: Scalar) -> Inertia:
         second=plus(inertia.second, r.dot(section.position)),
         arms=tuple(a + b for a, b in zip(inertia.arms, arms, strict=True)),
         swing=tuple(plus(s, r.dot(arm)) for s, arm in zip(inertia.swing, section.arms, strict=True)),
-        matrix=tuple(
-            tuple(plus(inertia.matrix[a][b], arms[a].dot(section.arms[b])) for b in pairs) for a in pairs
-        ),
+        matrix=tuple(tuple(plus(inertia.matrix[a][b], arms[a].dot(section.arms[b])) for b in pairs) for a in pairs),
     )

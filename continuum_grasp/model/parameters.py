@@ -92,9 +92,7 @@ class Parameters:
         return self.vector(name)[0]
 
 
-def _nominal_values(
-    finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]
-) -> dict[str, list[float]]:
+def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:
     rod, tendons, length = finger.rod, finger.tendons, finger.rod.length
     values = {
         "gravity": [float(g) for g in gravity],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import InputLayout
@@ -152,7 +153,7 @@ class Structure:
                 self.w_names.append(f"load_{k + 1}_moment [N m]")
 
 
-def _first(*values):  # type: ignore[no-untyped-def]
+def _first(*values: Any) -> Any:
     """The first value that is given."""
     return next((value for value in values if value is not None), None)
 

@@ -46,7 +46,7 @@ def horner_degree(angle_range: float, accuracy: float, top: int) -> int:
         degree += 1
 
 
-def _series(x: ca.SX, k: int, degree: int) -> Scalar:
+def _series(x: Scalar, k: int, degree: int) -> Scalar:
     """c_k(x) to the given degree, by Horner's rule."""
     value: Scalar = (-1.0) ** degree / math.factorial(2 * degree + k)
     for n in range(degree - 1, -1, -1):
@@ -54,12 +54,12 @@ def _series(x: ca.SX, k: int, degree: int) -> Scalar:
     return value
 
 
-def stumpff(theta: ca.SX, angle_range: float, accuracy: float = ROUNDING, top: int = 7) -> list[Scalar]:
+def stumpff(theta: Scalar, angle_range: float, accuracy: float = ROUNDING, top: int = 7) -> list[Scalar]:
     """The Stumpff functions c_0 ... c_top of theta^2.
 
     Parameters
     ----------
-    theta : casadi.SX
+    theta : float or casadi.SX
         Bending angle [rad].
     angle_range : float
         Greatest absolute value that ``theta`` takes; beyond it the error grows, smoothly.
@@ -128,7 +128,8 @@ def _economized(k: int, angle_range: float, accuracy: float) -> tuple[float, ...
 @cache
 def _shifted_chebyshev(degree: int) -> tuple[int, ...]:
     """Coefficients of T_n(2 t - 1), ascending."""
-    before, here = (1,), (-1, 2)
+    before: tuple[int, ...] = (1,)
+    here: tuple[int, ...] = (-1, 2)
     if degree == 0:
         return before
     for _ in range(degree - 1):

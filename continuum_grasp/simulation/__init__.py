@@ -5,4 +5,13 @@ from continuum_grasp.simulation.simulate import initial_state, simulate
 from continuum_grasp.simulation.statics import Equilibrium, equilibrium, equilibrium_path
 from continuum_grasp.simulation.trajectory import Trajectory
 
-__all__ = ["Equilibrium", "Modes", "Trajectory", "equilibrium", "equilibrium_path", "initial_state", "modes", "simulate"]
+__all__ = [
+    "Equilibrium",
+    "Modes",
+    "Trajectory",
+    "equilibrium",
+    "equilibrium_path",
+    "initial_state",
+    "modes",
+    "simulate",
+]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -45,8 +47,9 @@ def integrate_reference(model: FingerModel, x0: Array, step: float, u: Array, w:
     now_u = sum((k * b for k, b in zip(weights, blocks[:3], strict=True)), ca.MX.zeros(model.nu))
     now_w = sum((k * b for k, b in zip(weights, blocks[3:], strict=True)), ca.MX.zeros(model.nw))
     rate = model.forward_dynamics(x, now_u, now_w, ca.DM(model.p_nominal))
-    options = {"abstol": _ABSOLUTE, "reltol": _RELATIVE, "max_num_steps": 200_000, "newton_scheme": "direct"}
-    one = ca.integrator("reference", "cvodes", {"x": x, "t": t, "p": samples, "ode": rate}, 0.0, step, options)
+    problem: Any = {"x": x, "t": t, "p": samples, "ode": rate}
+    options: Any = {"abstol": _ABSOLUTE, "reltol": _RELATIVE, "max_num_steps": 200_000, "newton_scheme": "direct"}
+    one = ca.integrator("reference", "cvodes", problem, 0.0, step, options)
     steps = (len(u) - 1) // 2
     states = np.empty((steps + 1, model.nx))
     states[0] = x0

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +30,8 @@ _TARGET_RADIUS = 1.5
 """Product of sub-step and spectral radius that the explicit method is given; it is stable up to 2.7."""
 _IMPLICIT_FROM = 40
 """Sub-steps per output step from which on the implicit method is chosen."""
+_LOST = 3.0
+"""Multiple of the declared bending range at which a run is stopped."""
 _CHUNK = 200_000
 """Sub-steps between two calls of ``progress``."""
 
@@ -107,7 +108,6 @@ class _Run:
         self._signals = Signals(scene, model)
         self._steps = max(1, round(time.duration / time.step))
         self._p = np.array(model.p_nominal)
-        self._statistics: dict[str, Any] = {}
 
     def trajectory(self) -> Trajectory:
         """Integrate and check."""
@@ -115,28 +115,38 @@ class _Run:
         x0 = initial_state(self._scene, self._model)
         method, substeps, radius = self._choose(x0)
         while True:
+            if method != "reference":
+                self._core.prepare_rollout(method)
             began = perf_counter()
             states, error = self._integrate(x0, method, substeps)
             took = perf_counter() - began
             radius = max(radius, self._radius(states[:: max(1, len(states) // 12), : self._model.n]))
             needed = math.ceil(radius * self._time.step / _TARGET_RADIUS)
-            unstable = radius * self._time.step / substeps > STABILITY_RADIUS["rk4"]
-            if method != "rk4" or not unstable or needed <= substeps:
+            stable = radius * self._time.step / substeps <= STABILITY_RADIUS["rk4"]
+            if method != "rk4" or stable or needed <= substeps:
                 break
             if self._time.method == "auto" and needed > _IMPLICIT_FROM:
                 method, needed = "implicit", 1
             substeps = needed
-        self._statistics |= {
+        result = self._result(states)
+        use = self._range_use(result)
+        lost = np.flatnonzero(np.any(use > _LOST, axis=1))
+        if lost.size:
+            last = max(int(lost[0]) - 1, 0)
+            result, use = self._result(states[: last + 1]), use[: last + 1]
+            error = self._lost_error(result, use)
+        statistics = {
             "method": method,
             "substeps": substeps,
             "spectral_radius": radius,
             "compiled": self._core.compiled,
             "integration_s": took,
             "real_time_factor": (len(states) - 1) * self._time.step / max(took, 1e-12),
+            "total_s": perf_counter() - started,
         }
-        result = self._result(states, "finished" if error is None else "stopped")
-        self._statistics["total_s"] = perf_counter() - started
-        result = replace(result, statistics=dict(self._statistics))
+        status = "finished" if error is None else "stopped"
+        warnings = tuple(self._range_warnings(result, use))
+        result = replace(result, status=status, warnings=warnings, statistics=statistics)
         if error is not None:
             raise NumericalError(str(error), time=error.time, state=error.state, result=result) from error
         return result
@@ -171,15 +181,13 @@ class _Run:
                 if method == "reference":
                     part = integrate_reference(self._model, parts[-1][-1], h, u, w)
                 else:
-                    part = self._core.rollout(
-                        parts[-1][-1], count, h, u=u, w=w, substeps=substeps, method=method
-                    )
+                    part = self._core.rollout(parts[-1][-1], count, h, u=u, w=w, substeps=substeps, method=method)
             except NumericalError as error:
                 parts.append(error.result[1:])
                 time = start * h + (error.time or 0.0)
                 states = np.concatenate(parts)
                 return states, NumericalError(
-                    f"the motion is not finite after t = {time:g} s (last state {states[-1].tolist()}; method {method}, "
+                    f"the motion is not finite after t = {time:g} s (last state {states[-1].tolist()}; {method}, "
                     f"{substeps} sub-steps of {h / substeps:g} s): take a smaller time.step or time.method: implicit; "
                     "if the finger bends beyond its range, raise fidelity.bending_range or lower the loads",
                     time=time,
@@ -197,15 +205,25 @@ class _Run:
         t = start + np.arange(2 * count * substeps + 1) * (0.5 * self._time.step / substeps)
         return self._signals.u(t), self._signals.w(t)
 
-    def _result(self, states: Array, status: str) -> Trajectory:
-        t = np.arange(len(states)) * self._time.step
-        result = Trajectory(
-            t, states, self._signals.u(t), self._signals.w(t), self._model, self._scene, status=status
-        )
-        return replace(result, warnings=tuple(self._range_warnings(result)))
+    def _result(self, states: Array) -> Trajectory:
+        t: Array = np.linspace(0.0, (len(states) - 1) * self._time.step, len(states))
+        return Trajectory(t, states, self._signals.u(t), self._signals.w(t), self._model, self._scene)
 
-    def _range_warnings(self, result: Trajectory) -> list[str]:
-        use = np.asarray(self._core.batch("range_use", result.q, result.acting, None))
+    def _range_use(self, result: Trajectory) -> Array:
+        """Share of the declared bending range that each element uses (T, elements)."""
+        return np.asarray(self._core.batch("range_use", result.q, result.acting, None))
+
+    def _lost_error(self, result: Trajectory, use: Array) -> NumericalError:
+        k = int(np.argmax(use[-1]))
+        return NumericalError(
+            f"element {k + 1} is about to bend beyond {_LOST:g} times its declared range of {self._model.ranges[k]:.3g} rad "
+            f"after t = {result.t[-1]:g} s (state {result.x[-1].tolist()}), where the model means nothing: raise "
+            "fidelity.bending_range, or lower the loads",
+            time=float(result.t[-1]),
+            state=result.x[-1],
+        )
+
+    def _range_warnings(self, result: Trajectory, use: Array) -> list[str]:
         warnings = []
         for k in range(use.shape[1]):
             beyond = np.flatnonzero(use[:, k] > 1.0)

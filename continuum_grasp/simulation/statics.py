@@ -171,9 +171,7 @@ class _Search:
             size = _IMPERFECTION * self._reach() / max(np.abs(kick).max(), 1e-300)
             q, iterations = self._descend(q + size * kick, iterations)
             margin, _, steady = self._stability(q)
-        return Equilibrium(
-            q, self._u, self._w, self._p, steady, margin, self._residual(q), iterations, self._model
-        )
+        return Equilibrium(q, self._u, self._w, self._p, steady, margin, self._residual(q), iterations, self._model)
 
     def _reach(self) -> float:
         """Typical size of a bending coordinate."""

@@ -1,0 +1,114 @@
+"""One function of a model on numpy arrays."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from threading import Lock
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.errors import InputError
+
+__all__ = ["Caller", "pointer", "pointers", "shaped"]
+
+Array = NDArray[np.float64]
+
+DOUBLES = ctypes.POINTER(ctypes.c_double)
+
+
+class Caller:
+    """One function on numpy arrays."""
+
+    def __init__(self, function: ca.Function, library: ctypes.CDLL | None, nominal: Array) -> None:
+        self.function = function
+        self.names = function.name_in()
+        self._sizes = [function.nnz_in(k) for k in range(function.n_in())]
+        self._defaults = [
+            nominal if name == "p" else np.zeros(size) for name, size in zip(self.names, self._sizes, strict=True)
+        ]
+        self._vectors = all(function.size2_out(k) == 1 for k in range(function.n_out()))
+        self._code = getattr(library, function.name()) if library is not None else None
+        # Buffers with fixed addresses, so that a call passes nothing but pointers that are ready.
+        self._inputs = [np.zeros(size) for size in self._sizes]
+        self._outputs = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
+        self._work = np.zeros(max(function.sz_w(), 1))
+        self._integers = np.zeros(max(function.sz_iw(), 1), dtype=np.int64)
+        self._arguments = (
+            (DOUBLES * max(function.sz_arg(), 1))(*[pointer(a) for a in self._inputs]),
+            (DOUBLES * max(function.sz_res(), 1))(*[pointer(a) for a in self._outputs]),
+            ctypes.c_void_p(self._integers.ctypes.data),
+            pointer(self._work),
+            0,
+        )
+        self._lock = Lock()
+
+    def __call__(self, *arguments: ArrayLike | None, **named: ArrayLike | None) -> Any:
+        values = [*arguments, *[None] * (len(self.names) - len(arguments))]
+        for name, value in named.items():
+            if name not in self.names:
+                raise InputError(f"{self.function.name()}: unknown input {name!r}, expected {', '.join(self.names)}")
+            values[self.names.index(name)] = value
+        ready = len(values) == len(self._inputs) and all(
+            value is None or (type(value) is np.ndarray and value.shape == buffer.shape)
+            for value, buffer in zip(values, self._inputs, strict=True)
+        )
+        rows = values if ready else self.rows(values)
+        if not ready and any(np.ndim(row) != 1 for row in rows):
+            raise InputError(f"{self.function.name()}: one state expected; use batch for many")
+        results = self.call(rows)
+        if self._vectors:
+            return results[0] if len(results) == 1 else tuple(results)
+        whole = tuple(shaped(self.function, k, out[None])[0] for k, out in enumerate(results))
+        return whole[0] if len(whole) == 1 else whole
+
+    def rows(self, values: Sequence[ArrayLike | None]) -> list[Array]:
+        """Contiguous inputs, each one row or a row per state."""
+        if len(values) > len(self.names):
+            raise InputError(f"{self.function.name()}: {len(self.names)} inputs expected, got {len(values)}")
+        values = [*values, *[None] * (len(self.names) - len(values))]
+        rows = []
+        for name, size, value, default in zip(self.names, self._sizes, values, self._defaults, strict=True):
+            if value is None:
+                rows.append(default)
+                continue
+            array = np.ascontiguousarray(value, dtype=float)
+            if array.ndim == 0 or (array.ndim == 1 and size == 1 and array.size == 1):
+                array = np.full(size, float(array.ravel()[0])) if size == 1 else array.reshape(-1)
+            if array.ndim > 2 or (array.shape[-1] != size and not (array.size == 0 and size == 0)):
+                raise InputError(
+                    f"{self.function.name()}: {name} has {size} entries, got an array of shape {np.shape(value)}"
+                )
+            rows.append(array)
+        return rows
+
+    def call(self, rows: Sequence[ArrayLike | None]) -> list[Array]:
+        """Evaluate on one row per input; None stands for the default."""
+        if self._code is None:
+            given = [d if row is None else row for row, d in zip(rows, self._defaults, strict=True)]
+            results = self.function.call([ca.DM(row) for row in given])
+            return [np.array(r.nonzeros()) for r in results]
+        with self._lock:
+            for buffer, row, default in zip(self._inputs, rows, self._defaults, strict=True):
+                buffer[:] = default if row is None else row
+            self._code(*self._arguments)
+            return [buffer.copy() for buffer in self._outputs]
+
+
+def pointer(array: Array) -> Any:
+    return ctypes.cast(array.ctypes.data, DOUBLES)
+
+
+def pointers(arrays: Sequence[Array]) -> Any:
+    return (DOUBLES * max(len(arrays), 1))(*[pointer(a) for a in arrays])
+
+
+def shaped(function: ca.Function, k: int, rows: Array) -> Array:
+    """Rows of an output in its own shape; CasADi is column-major."""
+    height, width = function.size_out(k)
+    if width == 1:
+        return rows
+    return np.ascontiguousarray(rows.reshape(len(rows), width, height).transpose(0, 2, 1))

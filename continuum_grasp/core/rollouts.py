@@ -1,0 +1,111 @@
+"""Many steps from one state, or from many, in one call."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.core.call import pointer
+from continuum_grasp.errors import InputError
+
+__all__ = ["Rollouts", "Signal", "row", "signal"]
+
+Array = NDArray[np.float64]
+
+_CHUNK = 256
+"""Steps per call of the virtual machine."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Rows over half steps, and the strides from one to the next in time and between rollouts."""
+
+    rows: Array
+    in_time: int
+    per_rollout: int
+
+
+class Rollouts:
+    """Many steps from one state, or from many, in one call."""
+
+    def __init__(self, step: ca.Function, library: ctypes.CDLL | None, single: bool) -> None:
+        self._step = step
+        self._single = single
+        self._code = None
+        if library is not None:
+            self._code = getattr(library, f"{step.name()}_rollout{'' if single else 's'}")
+            self._code.restype = ctypes.c_longlong if single else None
+
+    def __call__(
+        self, x0: Array, keep: int, sub: int, h: float, u: Signal, w: Signal, p: Array
+    ) -> tuple[Array, NDArray[np.int64]]:
+        states = np.empty((len(x0), keep + 1, x0.shape[1]))
+        kept = np.zeros(len(x0), dtype=np.int64)
+        if self._code is None:
+            for r, start in enumerate(x0):
+                own = u.rows[r % len(u.rows)], w.rows[r % len(w.rows)]
+                kept[r] = self._on_virtual_machine(states[r], start, keep, sub, h, *own, p)
+            return states, kept
+        whole, real = ctypes.c_longlong, ctypes.c_double
+        work = np.empty(max(self._step.sz_w(), 1))
+        integers = np.empty(max(self._step.sz_iw(), 1), dtype=np.int64)
+        tail = (pointer(p), ctypes.c_void_p(integers.ctypes.data), pointer(work), pointer(states))
+        begin = (whole(keep), whole(sub), real(h), pointer(x0))
+        if self._single:
+            signals = (pointer(u.rows), whole(u.in_time), pointer(w.rows), whole(w.in_time))
+            kept[0] = self._code(*begin, *signals, *tail)
+        else:
+            own_u = (pointer(u.rows), whole(u.in_time), whole(u.per_rollout))
+            own_w = (pointer(w.rows), whole(w.in_time), whole(w.per_rollout))
+            kept_at = ctypes.c_void_p(kept.ctypes.data)
+            self._code(whole(len(x0)), *begin, *own_u, *own_w, *tail, kept_at)
+        return states, kept
+
+    def _on_virtual_machine(
+        self, states: Array, x0: Array, keep: int, sub: int, h: float, u: Array, w: Array, p: Array
+    ) -> int:
+        chunk = max(1, min(keep, _CHUNK // sub))
+        chain = self._step.mapaccum("chain", sub * chunk)
+        states[0] = x0
+        for k in range(0, keep, chunk):
+            length = sub * min(chunk, keep - k)
+            if length < sub * chunk:
+                chain = self._step.mapaccum("chain", length)
+            at = 2 * k * sub
+            samples = [
+                rows[at + i : at + i + 2 * length - 1 : 2].T if len(rows) > 1 else np.repeat(rows.T, length, axis=1)
+                for rows in (u, w)
+                for i in range(3)
+            ]
+            fixed = ca.repmat(ca.DM(p), 1, length), ca.repmat(ca.DM(h), 1, length)
+            following = np.array(chain(states[k], *[ca.DM(v) for v in samples], *fixed)).T[sub - 1 :: sub]
+            states[k + 1 : k + 1 + len(following)] = following
+            broken = np.flatnonzero(~np.all(np.isfinite(following), axis=1))
+            if broken.size:
+                return k + int(broken[0])
+        return keep
+
+
+def row(name: str, value: ArrayLike, size: int) -> Array:
+    array = np.ascontiguousarray(value, dtype=float).reshape(-1)
+    if array.size != size:
+        raise InputError(f"{name}: expected {size} entries, got {array.size}")
+    return array
+
+
+def signal(name: str, value: ArrayLike | None, size: int, rows: int, count: int | None) -> Signal:
+    array = np.zeros(size) if value is None else np.ascontiguousarray(value, dtype=float)
+    if array.ndim <= 1:
+        return Signal(row(name, array, size)[None, None], 0, 0)
+    if array.shape == (rows, size):
+        return Signal(array[None], size, 0)
+    if count is not None and array.shape == (count, size):
+        return Signal(array[:, None], 0, size)
+    if count is not None and array.shape == (count, rows, size):
+        return Signal(array, size, rows * size)
+    own = "" if count is None else f", ({count}, {size}) or ({count}, {rows}, {size})"
+    raise InputError(f"{name}: expected ({size},) or ({rows}, {size}){own}, got {array.shape}")
