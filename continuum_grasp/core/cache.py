@@ -50,7 +50,7 @@ def library_for(source: str, compiler: Compiler) -> Path:
         If no cache folder can be written.
     """
     folder = _private_folder()
-    key = hashlib.sha256("\0".join((compiler.identity, source)).encode()).hexdigest()
+    key = hashlib.sha256(compiler.identity(source).encode()).hexdigest()
     library, record = folder / f"{key}.so", folder / f"{key}.json"
     if _sound(library, record, key):
         return library

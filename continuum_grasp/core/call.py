@@ -56,7 +56,7 @@ class Caller:
             value is None or (type(value) is np.ndarray and value.shape == buffer.shape)
             for value, buffer in zip(values, self._inputs, strict=True)
         )
-        rows = values if ready else self.rows(values)
+        rows: Sequence[Any] = values if ready else self.rows(values)
         if not ready and any(np.ndim(row) != 1 for row in rows):
             raise InputError(f"{self.function.name()}: one state expected; use batch for many")
         results = self.call(rows)
@@ -85,7 +85,7 @@ class Caller:
             rows.append(array)
         return rows
 
-    def call(self, rows: Sequence[ArrayLike | None]) -> list[Array]:
+    def call(self, rows: Sequence[Any]) -> list[Array]:
         """Evaluate on one row per input; None stands for the default."""
         if self._code is None:
             given = [d if row is None else row for row, d in zip(rows, self._defaults, strict=True)]

@@ -13,7 +13,9 @@ from pathlib import Path
 
 __all__ = ["CompileError", "Compiler", "find_compiler"]
 
-_COMMON = ("-std=gnu11", "-O3", "-march=native", "-fPIC", "-shared", "-w")
+_COMMON = ("-std=gnu11", "-march=native", "-fPIC", "-shared", "-w")
+_LEVELS = ((15_000, "-O3"), (60_000, "-O1"))
+"""Optimisation by the number of lines: compilers need minutes for long straight-line functions at the highest."""
 _GCC = ("-fschedule-insns", "-fsched-pressure", "-flive-range-shrinkage")
 """Scheduling under register pressure: long straight-line code gains about 7 %."""
 
@@ -30,16 +32,16 @@ class Compiler:
     version: str
     machine: str
 
-    @property
-    def flags(self) -> tuple[str, ...]:
-        """Compiler flags."""
+    def flags(self, source: str) -> tuple[str, ...]:
+        """Compiler flags for a source."""
+        lines = source.count("\n")
+        level = next((flag for limit, flag in _LEVELS if lines <= limit), "-O0")
         is_gcc = "clang" not in self.version.lower()
-        return (*_COMMON, *_GCC) if is_gcc else _COMMON
+        return (*_COMMON, level, *(_GCC if is_gcc and level == "-O3" else ()))
 
-    @property
-    def identity(self) -> str:
-        """Everything but the source that the result depends on."""
-        return "\n".join((*self.command, self.version, self.machine, *self.flags))
+    def identity(self, source: str) -> str:
+        """Everything that a compiled source depends on."""
+        return "\0".join((*self.command, self.version, self.machine, *self.flags(source), source))
 
     def build(self, source: Path, library: Path) -> None:
         """Compile a source file to a shared library.
@@ -49,7 +51,8 @@ class Compiler:
         CompileError
             With the first lines that the compiler said.
         """
-        line = [*self.command, *self.flags, str(source), "-o", str(library), "-lm"]
+        flags = self.flags(source.read_text())
+        line = [*self.command, *flags, str(source), "-o", str(library), "-lm"]
         try:
             done = subprocess.run(line, capture_output=True, text=True, timeout=1800, check=False)
         except (OSError, subprocess.TimeoutExpired) as error:

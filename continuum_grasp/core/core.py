@@ -70,16 +70,23 @@ class Core:
     model : FingerModel
     compiled : bool
         Whether the code is compiled.
+
+    Parameters
+    ----------
+    model : FingerModel
+        The model.
+    compiled : bool
+        False: run on the virtual machine all the same, which is sooner done for a few calls of a large model.
     """
 
-    def __init__(self, model: FingerModel) -> None:
+    def __init__(self, model: FingerModel, *, compiled: bool = True) -> None:
         self.model = model
-        self._compiler: Compiler | None = find_compiler()
+        self._compiler: Compiler | None = find_compiler() if compiled else None
         self._callers: dict[str, Caller] = {}
         self._batches: dict[str, ctypes.CDLL | None] = {}
         self._rollouts: dict[tuple[str, bool], Rollouts] = {}
         self._steps: dict[str, ca.Function] = {}
-        if self._compiler is None:
+        if compiled and self._compiler is None:
             _warn("no C compiler found (tried CC, cc, gcc, clang)")
 
     @property

@@ -73,7 +73,7 @@ def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -
     """
     found = equilibrium(scene) if about is None else about
     model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
-    core = Core(model)
+    core = Core(model, compiled=False)
     mass = core.mass_matrix(q, u, p)
     stiffness = core.statics(q, u, w, p)[1]
     damping = np.array([core.damping(q, e, u, p) for e in np.eye(model.n)]).T

@@ -166,7 +166,7 @@ class _Run:
         finite = shapes[np.all(np.isfinite(shapes), axis=1)]
         u, w = self._signals.u(0.0)[0], self._signals.w(0.0)[0]
         try:
-            return spectral_radius(self._core, finite, u, w, self._p)
+            return spectral_radius(Core(self._model, compiled=False), finite, u, w, self._p)
         except np.linalg.LinAlgError:
             return 0.0
 

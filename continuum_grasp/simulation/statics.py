@@ -63,7 +63,7 @@ class Equilibrium:
     def backbone(self, points: int = 50) -> Array:
         """World positions (points, 2) along the backbone [m]."""
         s = np.linspace(0.0, self.model.finger.rod.length, points)[:, None]
-        return np.array(Core(self.model).batch("position", self.q, self.u, s, self.p))
+        return np.array(Core(self.model, compiled=False).batch("position", self.q, self.u, s, self.p))
 
 
 def equilibrium(
@@ -153,7 +153,7 @@ class _Search:
 
     def __init__(self, model: FingerModel, u: Array, w: Array, p: Array) -> None:
         self._model, self._u, self._w, self._p = model, u, w, p
-        self._core = Core(model)
+        self._core = Core(model, compiled=False)
 
     def rest(self) -> Array:
         """The unloaded shape: elastic forces vanish."""
