@@ -80,6 +80,7 @@ def against_the_paper(report: Report, rng: np.random.Generator) -> None:
         OURS: model.forward_dynamics,
         "closed forms, Lagrange": paper_closed_forms.forward_dynamics(paper, bias="lagrange"),
         "closed forms, Christoffel": paper_closed_forms.forward_dynamics(paper, bias="christoffel"),
+        "energy by quadrature, Lagrange": paper_closed_forms.forward_dynamics(paper, bias="quadrature"),
         "appendix, corrected": paper_appendix.forward_dynamics(paper),
     }
     given = random_arguments(model, rng)

@@ -108,4 +108,4 @@ def test_releases_start_alike(grams):
     assert sum(mass.mass for mass in scene.finger.masses) == pytest.approx(grams * 1e-3)
     (hold,) = scene.initial.held_by
     assert hold.at == scene.finger.rod.length
-    assert hold.force == pytest.approx((0.0, 0.3 + weight))
+    assert hold.force == pytest.approx((0.0, 0.2 + weight))

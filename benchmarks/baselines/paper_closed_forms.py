@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import casadi as ca
+import numpy as np
 
 from benchmarks.baselines.two_arcs import Terms, TwoArcs, to_base
 from benchmarks.baselines.two_arcs import forward_dynamics as assemble
@@ -60,6 +61,26 @@ def rod_mass_matrix(finger: TwoArcs, theta: ca.SX) -> ca.SX:
     return ca.vertcat(ca.horzcat(m11, m12), ca.horzcat(m12, m22))
 
 
+def kinetic_energy_by_quadrature(finger: TwoArcs, theta: ca.SX, rate: ca.SX, nodes: int = 5) -> ca.SX:
+    """Kinetic energy of the rod, equation (34), without equation (36): Gauss points on each arc, velocities by
+    differentiating (4)-(6); what is written when nobody integrates by hand."""
+    at, weights = np.polynomial.legendre.leggauss(nodes)
+    l1, l2 = finger.element_lengths
+    t1, t2 = theta[0], theta[1]
+    turn = ca.vertcat(ca.horzcat(ca.cos(t1), -ca.sin(t1)), ca.horzcat(ca.sin(t1), ca.cos(t1)))
+    total = ca.SX(0)
+    for x, weight in zip(at, weights, strict=True):
+        u = 0.5 * (float(x) + 1)
+        first = l1 / t1 * ca.vertcat(ca.cos(u * t1) - 1, ca.sin(u * t1))
+        contact = l1 / t1 * ca.vertcat(ca.cos(t1) - 1, ca.sin(t1))
+        second = contact + turn @ (l2 / t2 * ca.vertcat(ca.cos(u * t2) - 1, ca.sin(u * t2)))
+        for length, r, turning in ((l1, first, u * rate[0]), (l2, second, rate[0] + u * rate[1])):
+            v = ca.jacobian(r, theta) @ rate
+            share = finger.mass_per_length * ca.dot(v, v) + finger.rotary_inertia * turning**2
+            total += 0.25 * float(weight) * length * share
+    return total
+
+
 def terms(
     finger: TwoArcs, theta: ca.SX, rate: ca.SX, *, guard: float = GUARD, bias: str = "christoffel"
 ) -> Terms:
@@ -70,23 +91,26 @@ def terms(
     guard : float
         Smallest angle [rad]; 0 leaves the divisions bare. Rounding grows like a high power of 1 / theta and
         the guard itself errs like its size, so no value is accurate near a straight finger.
-    bias : {"christoffel", "lagrange"}
-        Equation (38), sums over the derivatives of the mass matrix (the faster one); or d/dt(dT/dqd) - dT/dq
-        by directional derivatives.
+    bias : {"christoffel", "lagrange", "quadrature"}
+        Equation (38), sums over the derivatives of the mass matrix (the fastest); or d/dt(dT/dqd) - dT/dq by
+        directional derivatives, of the kinetic energy of (36) or of that by quadrature.
     """
     t, td = ca.SX.sym("theta", 2), ca.SX.sym("rate", 2)
     contact, tip, centre1, centre2 = positions(finger, t)
     jc, jt = ca.jacobian(contact, t), ca.jacobian(tip, t)
-    m = rod_mass_matrix(finger, t)
+    if bias == "quadrature":
+        rod = 2 * kinetic_energy_by_quadrature(finger, t, td)
+    else:
+        rod = td.T @ rod_mass_matrix(finger, t) @ td
     vc, vt = jc @ td, jt @ td
-    kinetic = (td.T @ m @ td + finger.contact_mass * ca.dot(vc, vc) + finger.tip_mass * ca.dot(vt, vt)) / 2
+    kinetic = (rod + finger.contact_mass * ca.dot(vc, vc) + finger.tip_mass * ca.dot(vt, vt)) / 2
     g = ca.vertcat(*to_base(finger, finger.gravity))
     l1, l2 = finger.element_lengths
     rho = finger.mass_per_length
     weight = rho * l1 * centre1 + rho * l2 * centre2 + finger.contact_mass * contact + finger.tip_mass * tip
     potential = -ca.dot(g, weight)
     mass, momentum = ca.hessian(kinetic, td)
-    if bias == "lagrange":
+    if bias in ("lagrange", "quadrature"):
         inertial = ca.jtimes(momentum, t, td) - ca.gradient(kinetic, t)
     elif bias == "christoffel":
         slopes = [ca.reshape(ca.jacobian(ca.vec(mass), t)[:, k], 2, 2) for k in (0, 1)]
@@ -97,7 +121,7 @@ def terms(
             )
         )
     else:
-        raise ValueError(f"bias must be 'lagrange' or 'christoffel', got {bias!r}")
+        raise ValueError(f"bias must be 'christoffel', 'lagrange' or 'quadrature', got {bias!r}")
     found = [mass, inertial, ca.gradient(potential, t), jc, jt]
     guarded = [ca.if_else(ca.fabs(theta[i]) < guard, guard, theta[i]) for i in (0, 1)] if guard else [theta]
     replaced = ca.substitute(found, [t, td], [ca.vertcat(*guarded), rate])

@@ -142,7 +142,7 @@ class Core:
         if len(counts) != 1:
             raise InputError(f"{name}: one number of states expected, got {sorted(counts)}")
         count = counts.pop()
-        outputs = [np.zeros((count, function.nnz_out(k))) for k in range(function.n_out())]
+        outputs = [np.empty((count, function.nnz_out(k))) for k in range(function.n_out())]
         if name not in self._batches:
             self._batches[name] = self._library(batch_source(function))
         library = self._batches[name]

@@ -1,0 +1,235 @@
+"""What the search for a grasp gives back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.certificate import Certificate
+from continuum_grasp.scene.grasp import GraspScene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Contact", "GraspResult", "Reason", "Status"]
+
+Array = NDArray[Any]
+
+
+class Status(StrEnum):
+    """How the search ended."""
+
+    OPTIMAL = "optimal"
+    """A local optimum that the certificate confirms."""
+    FEASIBLE = "feasible"
+    """A grasp that the certificate confirms, but the solver stopped before its optimum."""
+    INFEASIBLE = "infeasible"
+    """There is no grasp near any start, and giving way in a named limit makes one: see ``reasons``."""
+    NOT_SOLVED = "not_solved"
+    """Neither a grasp nor a proof that there is none."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A contact of the object.
+
+    Attributes
+    ----------
+    name : str
+        ``middle``, ``tip`` or ``palm``.
+    position : ndarray, shape (2,)
+        On the object's surface, world [m].
+    normal : ndarray, shape (2,)
+        Outward normal of the object, world.
+    normal_force : float
+        N >= 0 [N].
+    friction_force : float
+        f along the normal turned by +90 degrees, on what touches the object [N].
+    lift : float
+        Friction force out of the plane, on the object [N].
+    friction_margin : float
+        1 - sqrt(f^2 + lift^2) / (friction coefficient * N).
+    """
+
+    name: str
+    position: Array
+    normal: Array
+    normal_force: float
+    friction_force: float
+    lift: float
+    friction_margin: float
+
+    @property
+    def force(self) -> Array:
+        """Force on what touches the object, in the plane, world (2,) [N]; the object bears the opposite."""
+        across = np.array([-self.normal[1], self.normal[0]])
+        return self.normal_force * self.normal + self.friction_force * across
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why there is no grasp: one limit, and what it would have to be.
+
+    Attributes
+    ----------
+    name : str
+    key : str
+        The YAML key to change.
+    unit : str
+    limit, needed : float
+        The limit as given, and as it would have to be.
+    text : str
+        The same as a sentence.
+    repair : str
+        What to do about it.
+    """
+
+    name: str
+    key: str
+    unit: str
+    limit: float
+    needed: float
+    text: str
+    repair: str
+
+
+@dataclass(frozen=True)
+class GraspResult:
+    """A grasp, or why there is none.
+
+    Attributes
+    ----------
+    scene : GraspScene
+        What was asked.
+    status : Status
+    message : str
+        One sentence on how it ended.
+    arrays : dict of str to ndarray
+        The numbers, as stored in a run folder: ``family``, ``q``, ``lengths``, ``tip_curvature``,
+        ``tensions``, ``contact_names``, ``contact_positions``, ``contact_normals``, ``contact_forces`` (N, f,
+        lift) and ``backbone`` (s, x, y, angle). Where there is no grasp: the point that comes closest, or
+        empty.
+    certificate : Certificate, optional
+        Independent verification of these numbers.
+    violated : tuple of str
+        Broken constraints by name with their amounts, where there is no grasp.
+    reasons : tuple of Reason
+        Why there is none, each with the number that would repair it.
+    advice : str
+        What to try.
+    statistics : dict
+        Times, iterations, starts.
+    """
+
+    scene: GraspScene
+    status: Status
+    message: str
+    arrays: Mapping[str, Array] = field(default_factory=dict)
+    certificate: Certificate | None = None
+    violated: tuple[str, ...] = ()
+    reasons: tuple[Reason, ...] = ()
+    advice: str = ""
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def solved(self) -> bool:
+        """Whether there is a verified grasp."""
+        return self.status in (Status.OPTIMAL, Status.FEASIBLE)
+
+    @property
+    def q(self) -> Array:
+        """Bending coordinates of the family."""
+        return self.arrays["q"]
+
+    @property
+    def lengths(self) -> Array:
+        """Element lengths (N,) [m]."""
+        return self.arrays["lengths"]
+
+    @property
+    def middle_position(self) -> float:
+        """Position of the middle contact along the finger [m]."""
+        return float(self.lengths[: self.scene.elements_before_middle].sum())
+
+    @property
+    def tensions(self) -> Array:
+        """Tensions of the two tendons (2,) [N]."""
+        return self.arrays["tensions"]
+
+    @property
+    def backbone(self) -> Array:
+        """Bent backbone (K, 4): position along it [m], world x, y [m], angle of the section's X axis
+        [rad].
+        """
+        return self.arrays["backbone"]
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The contacts with their forces."""
+        found = []
+        for k, name in enumerate(self.arrays.get("contact_names", ())):
+            n, f, lift = (float(v) for v in self.arrays["contact_forces"][k])
+            coefficient = self.scene.palm_friction if name == "palm" else self.scene.contacts.friction
+            most = coefficient * n
+            margin = 1.0 - float(np.hypot(f, lift)) / most if most > 0 else 0.0
+            position, normal = self.arrays["contact_positions"][k], self.arrays["contact_normals"][k]
+            found.append(Contact(str(name), position, normal, n, f, lift, margin))
+        return tuple(found)
+
+    def contact(self, name: str) -> Contact:
+        """The contact of a name.
+
+        Raises
+        ------
+        InputError
+            There is no such contact.
+        """
+        for contact in self.contacts:
+            if contact.name == name:
+                return contact
+        raise InputError(f"no such contact: expected one of {[c.name for c in self.contacts]}, got {name!r}")
+
+    def table(self) -> str:
+        """The result as text: forces, verification, reasons."""
+        from continuum_grasp.grasp.report import result_text
+
+        return result_text(self)
+
+    def save(self, folder: str | PathLike[str]) -> Path:
+        """Write ``result.npz`` and ``meta.json`` into a run folder, whole or not at all.
+
+        Raises
+        ------
+        OSError
+            The files cannot be written.
+        """
+        from continuum_grasp.grasp.report import result_meta
+        from continuum_grasp.results import write_run
+
+        return write_run(folder, dict(self.arrays), result_meta(self))
+
+    def plot(self, target: Axes | str | PathLike[str] | None = None) -> Axes:
+        """Draw the grasp.
+
+        Parameters
+        ----------
+        target : Axes or path-like, optional
+            Axes to draw into, or the picture file to write; None: new axes.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        from continuum_grasp.plotting.grasp import plot_grasp, save_grasp_plot
+
+        if isinstance(target, (str, PathLike)):
+            return save_grasp_plot(self, target)
+        return plot_grasp(self, ax=target)
