@@ -6,7 +6,7 @@ import json
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,22 +69,26 @@ class Output:
             typer.echo(json.dumps(plain(values), indent=2, allow_nan=False))
 
     @contextmanager
-    def busy(self, what: str) -> Iterator[None]:
-        """Show on a terminal, after two seconds, that work goes on."""
+    def busy(self, what: str) -> Iterator[Callable[[float], None]]:
+        """Show on a terminal, after two seconds, that work goes on.
+
+        Yields a function that takes the share that is done, 0 to 1, for work that knows it.
+        """
+        shares: list[float] = []
         if self.quiet or not sys.stderr.isatty():
-            yield
+            yield shares.append
             return
         done = threading.Event()
-        watcher = threading.Thread(target=_show_progress, args=(what, done), daemon=True)
+        watcher = threading.Thread(target=_show_progress, args=(what, done, shares), daemon=True)
         watcher.start()
         try:
-            yield
+            yield shares.append
         finally:
             done.set()
             watcher.join()
 
 
-def _show_progress(what: str, done: threading.Event) -> None:
+def _show_progress(what: str, done: threading.Event, shares: list[float]) -> None:
     start = time.monotonic()
     if done.wait(_PATIENCE):
         return
@@ -96,7 +100,10 @@ def _show_progress(what: str, done: threading.Event) -> None:
         task = progress.add_task(what, total=None)
         progress.tasks[0].start_time = progress.get_time() - (time.monotonic() - start)
         while not done.wait(0.1):
-            progress.update(task)
+            if shares:
+                progress.update(task, total=1.0, completed=shares[-1])
+            else:
+                progress.update(task)
 
 
 def run_folder(out: Path | None, config: Path) -> Path:

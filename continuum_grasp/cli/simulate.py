@@ -44,8 +44,8 @@ def simulate(
     from continuum_grasp.simulation import simulate as run
 
     try:
-        with output.busy("simulating"):
-            trajectory = run(scene)
+        with output.busy("simulating") as report:
+            trajectory = run(scene, progress=report)
     except NumericalError as error:
         if error.result is not None:
             error.result.save(folder)
