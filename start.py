@@ -25,9 +25,7 @@ STAMP = os.path.join(VENV, "installed.json")
 def main(arguments):
     """Set up what is missing, then run; the exit status is that of what was run."""
     if sys.version_info < (3, 11):
-        return fail(
-            "Python 3.11 or newer is needed, this is " + sys.version.split()[0] + "; try: python3.12 start.py"
-        )
+        return fail("Python 3.11 or newer is needed, this is " + sys.version.split()[0] + "; try: python3.12 start.py")
     if not arguments or arguments[0] in ("-h", "--help"):
         print(__doc__.strip())
         return 0
@@ -56,9 +54,7 @@ def set_up(extras):
         return False
     target = ROOT + ("[" + ",".join(extras) + "]" if extras else "")
     if subprocess.call([*pip, "install", "-qq", "--disable-pip-version-check", "--editable", target]) != 0:
-        fail(
-            "installing failed; what pip said stands above. Without network access nothing can be installed."
-        )
+        fail("installing failed; what pip said stands above. Without network access nothing can be installed.")
         return False
     with open(STAMP, "w") as stream:
         json.dump({"extras": extras, **state}, stream)

@@ -100,9 +100,7 @@ def against_the_paper(report: Report, rng: np.random.Generator) -> None:
         ("Two arcs, everything in, evaluations overlapping", False),
     ):
         timings = time_c_loop(functions, given, seed=report.seed, dependent=dependent)
-        found[dependent] = report.add_race(
-            title, timings, OURS, extra=extra, extra_columns=columns, note=note
-        )
+        found[dependent] = report.add_race(title, timings, OURS, extra=extra, extra_columns=columns, note=note)
     ratio = found[True]
     report.claim(
         "closed forms in the paper's style take so many times as long",
@@ -140,9 +138,7 @@ def against_other_libraries(report: Report, rng: np.random.Generator) -> None:
             report.missing.append(f"{library}: {found['status']}, {found['reason']}")
             continue
         own = 1e9 * float(np.median(before.samples + after.samples))
-        rows.append(
-            [f"{library} {found['version']}", found["ns"], own, found["ns"] / own, found["compile_seconds"]]
-        )
+        rows.append([f"{library} {found['version']}", found["ns"], own, found["ns"] / own, found["compile_seconds"]])
     if not rows:
         return
     columns = ["", "median [ns]", f"{OURS} [ns]", "ratio", "compiling [s]"]
@@ -197,9 +193,7 @@ def batch(report: Report, rng: np.random.Generator) -> None:
         with one_core():
             timings = race({"one": CLoop(model.forward_dynamics, given), "batch": evaluate}, seed=report.seed)
         one, together = 1e9 * timings["one"].median, 1e9 * timings["batch"].median / BATCH
-        rows.append(
-            [family, one, together, one / together, timings["batch"].reason or timings["batch"].status]
-        )
+        rows.append([family, one, together, one / together, timings["batch"].reason or timings["batch"].status])
         if family == "arc":
             report.claim(f"a batch of {BATCH} is so many times as fast per state", one / together, ">=", 4)
     columns = ["", "one at a time [ns]", "in a batch [ns]", "gain", "status"]
@@ -225,9 +219,7 @@ def growth(report: Report, rng: np.random.Generator, most: int) -> None:
             rows.append([family, count, models[family].n, total, 1e9 * timing.median, timing.status])
     columns = ["family", "elements", "unknowns", "instructions", "median [ns]", "status"]
     rows.sort(key=lambda row: (FAMILIES.index(row[0]), row[1]))
-    note = (
-        "Tip mass, gravity, damping and tip moment; -O1 above 8 elements, where -O3 takes minutes to compile."
-    )
+    note = "Tip mass, gravity, damping and tip moment; -O1 above 8 elements, where -O3 takes minutes to compile."
     report.tables.append(Table("Growth with the number of elements", columns, rows, note))
     if two:
         ratio = two["matched_clothoid"].median / two["arc"].median
@@ -239,9 +231,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parts = ("paper", "libraries", "instructions", "batch", "growth")
     parser.add_argument("--only", choices=parts, nargs="+", default=parts)
-    parser.add_argument(
-        "--elements", type=int, default=max(ELEMENTS), help="most elements in the growth table"
-    )
+    parser.add_argument("--elements", type=int, default=max(ELEMENTS), help="most elements in the growth table")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     report, rng = Report("dynamics", arguments.seed), np.random.default_rng(arguments.seed)

@@ -43,9 +43,7 @@ def start(scene: Scene, family: str) -> np.ndarray:
     held = np.sum([load.force for load in scene.initial.held_by], axis=0)
     q = ca.SX.sym("q", model.n)
     rest = ca.SX.zeros(model.n)
-    missing = model.inverse_dynamics(
-        q, rest, rest, ca.SX.zeros(model.nu), ca.DM(held), ca.DM(model.p_nominal)
-    )
+    missing = model.inverse_dynamics(q, rest, rest, ca.SX.zeros(model.nu), ca.DM(held), ca.DM(model.p_nominal))
     newton = ca.Function("newton", [q], [q - ca.solve(ca.jacobian(missing, q), missing), missing])
     value = np.zeros(model.n)
     for _ in range(50):
@@ -77,9 +75,7 @@ def tips(model: FingerModel, x0: np.ndarray, substeps: int) -> np.ndarray:
     states = one.mapaccum(INSTANTS * substeps)(x0)[:, substeps - 1 :: substeps]
     q = states[: model.n, :]
     u, p = ca.DM.zeros(model.nu), ca.DM(model.p_nominal)
-    return np.asarray(
-        ca.DM(model.tip.map(INSTANTS)(q, ca.repmat(u, 1, INSTANTS), ca.repmat(p, 1, INSTANTS)))
-    ).T
+    return np.asarray(ca.DM(model.tip.map(INSTANTS)(q, ca.repmat(u, 1, INSTANTS), ca.repmat(p, 1, INSTANTS)))).T
 
 
 def main() -> None:
@@ -109,9 +105,7 @@ def main() -> None:
             with one_core():
                 timing = race({family: loop}, seed=arguments.seed)[family]
             factor = 1.0 / (timing.median * count)
-            rows.append(
-                [name, family, count, worst, float(np.sqrt(np.mean(error**2))), 1e9 * timing.median, factor]
-            )
+            rows.append([name, family, count, worst, float(np.sqrt(np.mean(error**2))), 1e9 * timing.median, factor])
             if "020g" in name:
                 report.claim(f"real-time factor, two elements, {family}, 20 g", factor, ">=", 15000)
     columns = [

@@ -130,9 +130,7 @@ def time_c_loop(
         1e9 * ``median`` are nanoseconds per evaluation.
     """
     loops = {
-        name: CLoop(
-            f, inputs[name] if isinstance(inputs, Mapping) else inputs, dependent=dependent, flags=flags
-        )
+        name: CLoop(f, inputs[name] if isinstance(inputs, Mapping) else inputs, dependent=dependent, flags=flags)
         for name, f in functions.items()
     }
     with one_core():
@@ -167,9 +165,7 @@ def _loop_source(function: Any, sizes: Sequence[int], dependent: bool, feedback:
         use.append(f"memcpy(x, out, sizeof(double) * {sizes[0]});")
     elif dependent:
         first, last = given[0], starts[-1] - 1
-        arguments.append(
-            f"for (int i = 0; i < {sizes[first]}; ++i) x[i] = arg[{first}][i] + tiny * out[{last}];"
-        )
+        arguments.append(f"for (int i = 0; i < {sizes[first]}; ++i) x[i] = arg[{first}][i] + tiny * out[{last}];")
         arguments.append(f"arg[{first}] = x;")
     return _SOURCE.format(
         name=function.name(),

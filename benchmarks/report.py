@@ -142,9 +142,7 @@ def markdown(data: Mapping[str, Any]) -> str:
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[str]:
-    kinds = [
-        all(isinstance(row[k], (int, float)) or row[k] is None for row in rows) for k in range(len(columns))
-    ]
+    kinds = [all(isinstance(row[k], (int, float)) or row[k] is None for row in rows) for k in range(len(columns))]
     rule = ["---:" if number else "---" for number in kinds]
     cells = [list(columns), rule, *[[_cell(value) for value in row] for row in rows]]
     return ["| " + " | ".join(row) + " |" for row in cells]

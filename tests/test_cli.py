@@ -99,9 +99,7 @@ def test_bad_input_exits_with_2_and_says_why(arguments, tmp_path, monkeypatch):
 
 def test_error_names_place_once():
     result = run("simulate", RELEASE, "--set", "time.step=x")
-    assert result.stderr == (
-        "error: --set time.step=x: time.step: wrong type: expected a number, got text 'x'\n"
-    )
+    assert result.stderr == ("error: --set time.step=x: time.step: wrong type: expected a number, got text 'x'\n")
 
 
 def test_validate_reports_every_file(tmp_path):
@@ -189,9 +187,7 @@ def test_solver_failure_exits_with_1(pretend):
 
 
 def test_modes_prints_a_table(pretend):
-    found = SimpleNamespace(
-        frequencies_hz=np.array([2.5, 15.7]), damping_ratios=np.array([0.01, np.nan]), stable=True
-    )
+    found = SimpleNamespace(frequencies_hz=np.array([2.5, 15.7]), damping_ratios=np.array([0.01, np.nan]), stable=True)
     pretend("continuum_grasp.simulation", modes=lambda scene: found)
     lines = run("modes", RELEASE).stdout.splitlines()
     assert lines[0].split() == ["mode", "frequency", "[Hz]", "damping", "ratio"]

@@ -157,9 +157,7 @@ def effect(largest: float, printed: bool, group: str, index=...) -> float:
     return relative(found, wanted)
 
 
-@pytest.mark.parametrize(
-    ("row", "tolerance"), [*((r, 0.45) for r in TRUNCATION), *((r, 0.03) for r in NAMED)]
-)
+@pytest.mark.parametrize(("row", "tolerance"), [*((r, 0.45) for r in TRUNCATION), *((r, 0.03) for r in NAMED)])
 def test_corrected_appendix_errs_by_its_documented_truncation(row, tolerance):
     for group, documented in zip(("M", "V", "GY", "GX", "Jc", "Jt"), row[1:], strict=True):
         assert effect(row[0], False, group) == pytest.approx(documented, rel=tolerance), group
@@ -185,9 +183,7 @@ def test_printed_coefficients_are_the_ones_counted_in_the_errata():
     wrong = {name: coefficients(1.0, 2.0) for name, coefficients in PRINTED.items()}
     right = {name: CORRECTED[name](1.0, 2.0) for name in PRINTED}
     assert sum(len(table) for table in wrong.values()) == 56
-    assert all(
-        right[name][powers] != value for name, table in wrong.items() for powers, value in table.items()
-    )
+    assert all(right[name][powers] != value for name, table in wrong.items() for powers, value in table.items())
     printed = [len(c(1.0, 2.0)) for name, c in CORRECTED.items() if not name.startswith("GX")]
     assert sum(printed) == 144
 
@@ -203,9 +199,7 @@ def test_printed_mass_matrix_is_indefinite_on_a_third_of_the_square():
     assert np.abs(points[values < 0]).max(axis=1).min() == pytest.approx(1.17, abs=0.04)
 
 
-@pytest.mark.parametrize(
-    ("theta", "tolerance"), [((0.0, 0.0), 1e-13), ((0.1, -0.1), 1e-7), ((0.4, -0.5), 5e-5)]
-)
+@pytest.mark.parametrize(("theta", "tolerance"), [((0.0, 0.0), 1e-13), ((0.1, -0.1), 1e-7), ((0.4, -0.5), 5e-5)])
 def test_corrected_appendix_moves_the_finger_with_masses_and_forces(theta, tolerance):
     xd = paper_appendix.forward_dynamics(FULL)([*theta, *RATE], U, W, []).full()[:, 0]
     assert xd[:2].tolist() == list(RATE)

@@ -292,9 +292,7 @@ def test_animation_refuses(motion: Motion, tmp_path: Path, name: str, settings: 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_mp4_without_ffmpeg_says_what_to_do(
-    motion: Motion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_mp4_without_ffmpeg_says_what_to_do(motion: Motion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(InputError, match=r"use \.gif"):
         plotting.animate(motion, tmp_path / "a.mp4")
@@ -308,9 +306,7 @@ def test_mp4_gives_ffmpeg_every_frame(
     tools = tmp_path / "bin"
     tools.mkdir()
     script = tools / "ffmpeg"
-    last = (
-        'for last; do :; done; cat > "$last"; echo "$@" > "$0.said"' if works else "echo no coder >&2; exit 3"
-    )
+    last = 'for last; do :; done; cat > "$last"; echo "$@" > "$0.said"' if works else "echo no coder >&2; exit 3"
     script.write_text(f"#!/bin/sh\n{last}\n")
     script.chmod(script.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setenv("PATH", f"{tools}{os.pathsep}{os.environ['PATH']}")

@@ -167,9 +167,7 @@ def fail_at(monkeypatch: pytest.MonkeyPatch, name: str, call: int) -> None:
 
 
 @pytest.mark.parametrize("old", [False, True])
-@pytest.mark.parametrize(
-    ("name", "call"), [("fsync", k) for k in range(1, 6)] + [("replace", k) for k in (1, 2)]
-)
+@pytest.mark.parametrize(("name", "call"), [("fsync", k) for k in range(1, 6)] + [("replace", k) for k in (1, 2)])
 def test_raising_in_the_middle_leaves_one_whole_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, call: int, old: bool
 ) -> None:

@@ -126,8 +126,7 @@ def test_jacobian_and_its_rate_are_derivatives(family):
     loose = ctx.mpf(10) ** -26
     for i in range(len(q)):
         sides = [
-            Rod(finger, [v + sign * step * (i == j) for j, v in enumerate(q)], tip=TIP).position(s)
-            for sign in (1, -1)
+            Rod(finger, [v + sign * step * (i == j) for j, v in enumerate(q)], tip=TIP).position(s) for sign in (1, -1)
         ]
         assert close(rod.jacobian(s)[:, i], (sides[0] - sides[1]) / (2 * step), loose)
     ahead, behind = (

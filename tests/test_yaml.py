@@ -423,9 +423,7 @@ def test_wrong_overrides_are_named(write, override, expected):
 def test_overrides_from_python(write):
     write(FINGER, "one.yaml")
     load_case = {"kind": "force", "at": 0.1, "force": {"times": [0, 1], "values": [[0, 0], [0, 1]]}}
-    scene = load(
-        write(SCENE + "one.yaml"), {"loads": [load_case], "finger": {"extends": "one.yaml", "masses": []}}
-    )
+    scene = load(write(SCENE + "one.yaml"), {"loads": [load_case], "finger": {"extends": "one.yaml", "masses": []}})
     assert isinstance(scene.loads[0].force, VectorSamples)
     assert scene.finger.masses == ()
     (line,) = complaint("scene.yaml", overrides={"loads": [{**load_case, "at": -1}]})

@@ -76,9 +76,7 @@ def _rod(finger: TwoArcs, power: Powers, rate: ca.SX, printed: bool) -> tuple[ca
     return mass, ca.vertcat(*bias), ca.vertcat(*gravity)
 
 
-def _point(
-    finger: TwoArcs, power: Powers, rate: ca.SX, which: str, mass: Number
-) -> tuple[ca.SX, ca.SX | None]:
+def _point(finger: TwoArcs, power: Powers, rate: ca.SX, which: str, mass: Number) -> tuple[ca.SX, ca.SX | None]:
     """Jacobian (A.2) of the contact ("c") or the tip ("t"); with a mass, its rate times the rates."""
     t = tables(*finger.element_lengths)
     names = [[f"J{which}{row}{column}" for column in (1, 2)] for row in (1, 2)]
@@ -112,9 +110,7 @@ def terms(finger: TwoArcs, theta: ca.SX, rate: ca.SX, *, printed: bool = False) 
     return Terms(mass, bias, gravity, jacobians[0], jacobians[1])
 
 
-def forward_dynamics(
-    finger: TwoArcs, parameters: Iterable[str] = (), *, printed: bool = False
-) -> ca.Function:
+def forward_dynamics(finger: TwoArcs, parameters: Iterable[str] = (), *, printed: bool = False) -> ca.Function:
     """(x, u, w, p) -> xd of ``two_arcs.forward_dynamics`` by the appendix.
 
     Parameters
@@ -123,9 +119,7 @@ def forward_dynamics(
         True: the coefficients as printed in the paper; False: corrected.
     """
 
-    def right(
-        described: TwoArcs, theta: ca.SX, rate: ca.SX, at_contact: ca.SX, at_tip: ca.SX
-    ) -> tuple[ca.SX, ca.SX]:
+    def right(described: TwoArcs, theta: ca.SX, rate: ca.SX, at_contact: ca.SX, at_tip: ca.SX) -> tuple[ca.SX, ca.SX]:
         power = Powers(theta)
         mass, bias, gravity = _rod(described, power, rate, printed)
         force = -bias - gravity

@@ -45,9 +45,7 @@ def rod_mass_matrix(finger: TwoArcs, theta: ca.SX) -> ca.SX:
     px, py = l1 / t1**2 * (1 - c1 - t1 * s1), l1 / t1**2 * (t1 * c1 - s1)
     vx, vy = c1 * px + s1 * py, c1 * py - s1 * px
     m11 = (
-        rho
-        * l2
-        * (vx**2 + vy**2 + 2 * l2 * ((s2 - t2) * vy - (1 - c2) * vx) / t2**2 + 2 * l2**2 * (t2 - s2) / t2**3)
+        rho * l2 * (vx**2 + vy**2 + 2 * l2 * ((s2 - t2) * vy - (1 - c2) * vx) / t2**2 + 2 * l2**2 * (t2 - s2) / t2**3)
         + rho_i * l2
         + rho * l1**3 * alone(t1, c1, s1)
         + rho_i * l1 / 3
@@ -81,9 +79,7 @@ def kinetic_energy_by_quadrature(finger: TwoArcs, theta: ca.SX, rate: ca.SX, nod
     return total
 
 
-def terms(
-    finger: TwoArcs, theta: ca.SX, rate: ca.SX, *, guard: float = GUARD, bias: str = "christoffel"
-) -> Terms:
+def terms(finger: TwoArcs, theta: ca.SX, rate: ca.SX, *, guard: float = GUARD, bias: str = "christoffel") -> Terms:
     """Mass matrix, bias, gravity and Jacobians, point masses included, by differentiating the Lagrangian.
 
     Parameters
@@ -133,9 +129,7 @@ def forward_dynamics(
 ) -> ca.Function:
     """(x, u, w, p) -> xd of ``two_arcs.forward_dynamics`` by the closed forms."""
 
-    def right(
-        described: TwoArcs, theta: ca.SX, rate: ca.SX, at_contact: ca.SX, at_tip: ca.SX
-    ) -> tuple[ca.SX, ca.SX]:
+    def right(described: TwoArcs, theta: ca.SX, rate: ca.SX, at_contact: ca.SX, at_tip: ca.SX) -> tuple[ca.SX, ca.SX]:
         part = terms(described, theta, rate, guard=guard, bias=bias)
         force = part.contact_jacobian.T @ at_contact + part.tip_jacobian.T @ at_tip - part.bias - part.gravity
         return part.mass, force

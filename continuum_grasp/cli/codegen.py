@@ -38,11 +38,13 @@ def codegen(
     from continuum_grasp.model import FingerModel
     from continuum_grasp.simulation import initial_state
     from continuum_grasp.simulation.signals import Signals
+    from continuum_grasp.simulation.spectrum import stable_steps
 
     with output.busy("generating"):
         model, end = FingerModel(scene), scene.time.duration if scene.time else 0.0
         signals = Signals(scene, model)
-        files = write(model, folder, x0=initial_state(scene, model), u=signals.u(end)[0], w=signals.w(end)[0])
+        x0, u, w = initial_state(scene, model), signals.u(end)[0], signals.w(end)[0]
+        files = write(model, folder, x0=x0, u=u, w=w, steps=max(1000, stable_steps(model, x0, u, w)))
     for file in files:
         output.say(str(file))
     output.result(folder=str(folder), files=[str(file) for file in files])

@@ -18,9 +18,7 @@ def grasp(
     changes: Set = None,
     seed: Annotated[
         int | None,
-        typer.Option(
-            "--seed", metavar="N", help="Seed of the random starts (default: as in the configuration)."
-        ),
+        typer.Option("--seed", metavar="N", help="Seed of the random starts (default: as in the configuration)."),
     ] = None,
     as_json: Json = False,
     quiet: Quiet = False,

@@ -44,9 +44,7 @@ def modes(
         ("mode", "frequency [Hz]", "damping ratio"),
         (
             (str(k + 1), f"{frequency:.5g}", "-" if math.isnan(ratio) else f"{ratio:.3g}")
-            for k, (frequency, ratio) in enumerate(
-                zip(found.frequencies_hz, found.damping_ratios, strict=True)
-            )
+            for k, (frequency, ratio) in enumerate(zip(found.frequencies_hz, found.damping_ratios, strict=True))
         ),
     )
     if out is not None:

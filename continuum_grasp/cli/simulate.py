@@ -55,9 +55,7 @@ def simulate(
     _report(trajectory, folder, files, output)
 
 
-def _save(
-    trajectory: Trajectory, folder: Path, animation: str | None, pictures: bool, output: Output
-) -> list[Path]:
+def _save(trajectory: Trajectory, folder: Path, animation: str | None, pictures: bool, output: Output) -> list[Path]:
     trajectory.save(folder)
     files: list[Path] = []
     if pictures or animation:

@@ -14,9 +14,7 @@ __all__ = ["validate"]
 
 
 def validate(
-    files: Annotated[
-        list[Path], typer.Argument(metavar="FILES...", help="YAML configurations.", show_default=False)
-    ],
+    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="YAML configurations.", show_default=False)],
     changes: Set = None,
     as_json: Json = False,
     quiet: Quiet = False,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.model.finger_model import MATRICES
 
 __all__ = ["Caller", "pointer", "pointers", "shaped"]
 
@@ -30,7 +31,7 @@ class Caller:
         self._defaults = [
             nominal if name == "p" else np.zeros(size) for name, size in zip(self.names, self._sizes, strict=True)
         ]
-        self._vectors = all(function.size2_out(k) == 1 for k in range(function.n_out()))
+        self._vectors = not any(m.startswith(f"{function.name()}.") for m in MATRICES)
         self._code = getattr(library, function.name()) if library is not None else None
         # Buffers with fixed addresses, so that a call passes nothing but pointers that are ready.
         self._inputs = [np.zeros(size) for size in self._sizes]
@@ -108,7 +109,7 @@ def pointers(arrays: Sequence[Array]) -> Any:
 
 def shaped(function: ca.Function, k: int, rows: Array) -> Array:
     """Rows of an output in its own shape; CasADi is column-major."""
-    height, width = function.size_out(k)
-    if width == 1:
+    if f"{function.name()}.{function.name_out(k)}" not in MATRICES:
         return rows
+    height, width = function.size_out(k)
     return np.ascontiguousarray(rows.reshape(len(rows), width, height).transpose(0, 2, 1))

@@ -18,8 +18,6 @@ from continuum_grasp.model.finger_model import FUNCTIONS
 
 __all__ = ["codegen"]
 
-_STEPS, _STEP = 1000, 1e-3
-
 
 def codegen(
     model: FingerModel,
@@ -28,6 +26,7 @@ def codegen(
     x0: ArrayLike | None = None,
     u: ArrayLike | None = None,
     w: ArrayLike | None = None,
+    steps: int = 1000,
     prefix: str = "finger",
 ) -> list[Path]:
     """Write a model as C: source, header, and an example.
@@ -43,6 +42,8 @@ def codegen(
         Folder for the files; made where missing, files of the same names are replaced.
     x0, u, w : array_like, optional
         Initial state, input and forces of the example; zero where not given.
+    steps : int
+        Steps of the example; a stiff finger needs more to stay finite.
     prefix : str
         Name of the files and prefix of the functions, a C identifier.
 
@@ -55,6 +56,8 @@ def codegen(
     ------
     InputError
         If the prefix is no identifier or a vector has the wrong size.
+    NumericalError
+        If the example does not stay finite.
     """
     if not prefix.isidentifier() or not prefix.isascii():
         raise InputError(f"prefix: expected a C identifier, got {prefix!r}")
@@ -71,7 +74,7 @@ def codegen(
     generator.add(_renamed(step, f"{prefix}_rk4_step"))
     generator.generate(f"{target}/")
     example = target / "main.c"
-    example.write_text(_example(model, prefix, step, start, inputs, forces))
+    example.write_text(_example(model, prefix, step, steps, start, inputs, forces))
     return [target / f"{prefix}.c", target / f"{prefix}.h", example]
 
 
@@ -88,10 +91,10 @@ def _row(name: str, value: ArrayLike | None, size: int) -> list[float]:
 
 
 def _example(
-    model: FingerModel, prefix: str, step: ca.Function, x0: list[float], u: list[float], w: list[float]
+    model: FingerModel, prefix: str, step: ca.Function, steps: int, x0: list[float], u: list[float], w: list[float]
 ) -> str:
     core = Core(model)
-    last = core.rollout(x0, _STEPS, _STEP, u=u, w=w)[-1]
+    last = core.rollout(x0, steps, 1.0 / steps, u=u, w=w)[-1]
     tip = core.tip(last[: model.n], u)
     functions = "\n".join(
         f" *   {prefix}_{name}({', '.join(f.name_in())}) -> {', '.join(f.name_out())}"
@@ -121,11 +124,11 @@ int main(void)
 {{
   double x[{model.nx}] = {_braces(x0)};
   const double u[] = {_braces(u)}, w[] = {_braces(w)}, p[] = {_braces(model.p_nominal)};
-  const double h = {_STEP!r};
+  const double h = 1.0 / {steps};
   double next[{model.nx}], tip[2];
   casadi_int iw[{max(step.sz_iw(), 1)}];
   double work[{max(step.sz_w(), 1)}];
-  for (int k = 0; k < {_STEPS}; ++k) {{
+  for (int k = 0; k < {steps}; ++k) {{
     const double *arg[{max(step.sz_arg(), 9)}] = {{x, u, u, u, w, w, w, p, &h}};
     double *res[{max(step.sz_res(), 1)}] = {{next}};
     if ({prefix}_rk4_step(arg, res, iw, work, 0)) return 1;
@@ -134,7 +137,7 @@ int main(void)
   const double *arg[{max(model.tip.sz_arg(), 3)}] = {{x, u, p}};
   double *res[{max(model.tip.sz_res(), 1)}] = {{tip}};
   {prefix}_tip(arg, res, 0, 0, 0);
-  printf("tip after %g s: %.12g %.12g m\\n", {_STEPS} * h, tip[0], tip[1]);
+  printf("tip after %g s: %.12g %.12g m\\n", {steps} * h, tip[0], tip[1]);
   printf("expected:       {tip[0]:.12g} {tip[1]:.12g} m\\n");
   return 0;
 }}

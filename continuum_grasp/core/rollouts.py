@@ -43,7 +43,7 @@ class Rollouts:
     def __call__(
         self, x0: Array, keep: int, sub: int, h: float, u: Signal, w: Signal, p: Array
     ) -> tuple[Array, NDArray[np.int64]]:
-        states = np.empty((len(x0), keep + 1, x0.shape[1]))
+        states = np.full((len(x0), keep + 1, x0.shape[1]), np.nan)
         kept = np.zeros(len(x0), dtype=np.int64)
         if self._code is None:
             for r, start in enumerate(x0):

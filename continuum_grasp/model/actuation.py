@@ -94,7 +94,8 @@ def friction_factors(friction: Scalar, bends: list[Scalar]) -> list[Scalar]:
     factors: list[Scalar] = []
     total: Scalar = 0.0
     for bend in bends:
-        size = ca.sqrt(bend * bend + _BEND_ROUNDING**2) - _BEND_ROUNDING
+        square = bend * bend
+        size = square / ca.sqrt(square + _BEND_ROUNDING**2)
         factors.append(ca.exp(-friction * plus(total, 0.5 * size)))
         total = plus(total, size)
     return factors

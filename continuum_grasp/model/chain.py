@@ -111,40 +111,6 @@ class Chain:
             return self.rotations[place.link + 1]
         return self.rotations[place.link] @ self.links[place.link].link.section(place.fraction).rotation
 
-    def angle_gradient(self, place: Place) -> list[Scalar]:
-        """Derivative of a section's bending angle with respect to the global coordinates; constant."""
-        gradient: list[Scalar] = [0.0] * self.size
-        for k in range(place.link + 1):
-            section = self.links[k].link.end if k < place.link else self._section(place)[0]
-            for a, angle in zip(self.coordinates[k], section.angles, strict=True):
-                gradient[a] = plus(gradient[a], angle)
-        return gradient
-
-    def jacobian(self, place: Place) -> list[Vec]:
-        """Derivative of a section's position with respect to the global coordinates."""
-        _, beyond, arms = self._section(place)
-        columns = [ZERO] * self.size
-        for a, arm in zip(self.coordinates[place.link], arms, strict=True):
-            columns[a] = columns[a] + arm
-        for k in range(place.link - 1, -1, -1):
-            for a, arm, angle in zip(
-                self.coordinates[k], self._end_arms[k], self.links[k].link.end.angles, strict=True
-            ):
-                columns[a] = columns[a] + arm + beyond.scaled(angle)
-            beyond = self.spans[k] + beyond
-        return [column.perp() for column in columns]
-
-    def velocity_product(self, place: Place, rates: Sequence[Scalar]) -> Vec:
-        """Acceleration of a section at zero second derivatives of the coordinates: Jdot qd."""
-        omega: Scalar = 0.0
-        total = ZERO
-        for k in range(place.link + 1):
-            local = [rates[a] for a in self.coordinates[k]]
-            fraction = 1.0 if k < place.link else place.fraction
-            total = total + self.rotations[k].apply(self.links[k].link.section_bias(fraction, omega, local))
-            omega = self._spin_after(k, omega, local)
-        return ZERO - total
-
     def _spin_after(self, k: int, omega: Scalar, local: Sequence[Scalar]) -> Scalar:
         for angle, rate in zip(self.links[k].link.end.angles, local, strict=True):
             omega = plus(omega, times(angle, rate))

@@ -18,6 +18,7 @@ from continuum_grasp.model.chain import Chain, Force, Moment
 from continuum_grasp.model.family import Rod
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.ldl import solve_ldl
+from continuum_grasp.model.link import Section
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, minus, plus, times
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.loads import ForceLoad
@@ -137,19 +138,41 @@ class Equations:
         return self.to_world(self.chain.position(self._made.tip))
 
     @cached_property
-    def section(self) -> tuple[Vec, Scalar]:
-        """World position [m] of the section at the run-time position s, and its angle in the world [rad]."""
+    def _partial_chain(self) -> list[tuple[Rotation, Section, Vec]]:
+        """Per element its start's rotation, the section where it or the run-time position s ends, and that position."""
         start: Scalar = 0.0
-        turn, total = IDENTITY, ZERO
-        angle: Scalar = self._made.finger.base.angle
-        for link, h, local in zip(self.chain.links, self.lengths, self.chain.coordinates, strict=True):
-            fraction = ca.fmin(ca.fmax((self.s - start) / h, 0.0), 1.0)
-            section = link.link.section(fraction)
+        turn, total, parts = IDENTITY, ZERO, []
+        for link, h in zip(self.chain.links, self.lengths, strict=True):
+            section = link.link.section(ca.fmin(ca.fmax((self.s - start) / h, 0.0), 1.0))
             total = total + turn.apply(section.position)
+            parts.append((turn, section, total))
             turn = turn @ section.rotation
-            angle = plus(angle, _dot(section.angles, [self.full[a] for a in local]))
             start = plus(start, h)
-        return self.to_world(total), angle
+        return parts
+
+    @cached_property
+    def section_position(self) -> Vec:
+        """World position [m] of the section at the run-time position s."""
+        return self.to_world(self._partial_chain[-1][2])
+
+    @cached_property
+    def section_angle(self) -> Scalar:
+        """Angle in the world [rad] of the section at the run-time position s."""
+        angle: Scalar = self._made.finger.base.angle
+        for (_, section, _), local in zip(self._partial_chain, self.chain.coordinates, strict=True):
+            angle = plus(angle, _dot(section.angles, [self.full[a] for a in local]))
+        return angle
+
+    @cached_property
+    def section_jacobian(self) -> list[Vec]:
+        """Per unknown, the derivative of the world position of the section at s."""
+        tip = self._partial_chain[-1][2]
+        arms = [ZERO] * self._family.size
+        for (turn, section, end), local in zip(self._partial_chain, self.chain.coordinates, strict=True):
+            beyond = tip - end
+            for a, arm, angle in zip(local, section.arms, section.angles, strict=True):
+                arms[a] = arms[a] + turn.apply(arm) + beyond.scaled(angle)
+        return [self.turn.apply(arm.perp()) for arm in arms[: self._made.n]]
 
     # -- forces --------------------------------------------------------------------------------------------------
 

@@ -188,10 +188,9 @@ class ClothoidFamily(Family):
 
 
 def _default_accuracy(elements: int) -> float:
-    """A fifth of the discretisation error of the family, which is 1.7e-3 of the frequency at two elements and falls
-    with the fourth power of their number.
-    """
-    return max(3.4e-4 * (2.0 / max(elements, 2)) ** 4, 1e-13)
+    """As good as the family itself, whose error in frequency is 1.7e-3 at two elements and falls with the fourth power
+    of their number."""
+    return max(2e-3 * (2.0 / max(elements, 2)) ** 4, 1e-13)
 
 
 def _overlap(a: float, b: float, c: float, d: float) -> float:

@@ -15,7 +15,7 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["FUNCTIONS", "FingerModel"]
+__all__ = ["FUNCTIONS", "MATRICES", "FingerModel"]
 
 
 class FingerModel:
@@ -209,12 +209,12 @@ class FingerModel:
     @cached_property
     def position(self) -> ca.Function:
         """World position of a section [m]."""
-        return self._function("position", "q u s p", r=self._equations.section[0])
+        return self._function("position", "q u s p", r=self._equations.section_position)
 
     @cached_property
     def orientation(self) -> ca.Function:
         """Angle from the world's axes to a section's [rad]; its tangent is (-sin, cos) of it."""
-        return self._function("orientation", "q u s p", angle=self._equations.section[1])
+        return self._function("orientation", "q u s p", angle=self._equations.section_angle)
 
     @cached_property
     def jacobian(self) -> ca.Function:
@@ -276,12 +276,16 @@ class FingerModel:
 
     @cached_property
     def _section_jacobian(self) -> ca.SX:
-        eq = self._equations
-        return ca.jacobian(eq.section[0].column(), eq.q)
+        return ca.horzcat(*[vector.column() for vector in self._equations.section_jacobian])
 
 
 FUNCTIONS = tuple(name for name, value in vars(FingerModel).items() if isinstance(value, cached_property))[:-1]
 """Names of a model's functions."""
+
+MATRICES = frozenset(
+    ("mass_matrix.M", "statics.K", "jacobian.J", "jacobian_rate.Jd", "linearization.A", "linearization.B")
+)
+"""Outputs that are matrices, whatever their size; all others are vectors."""
 
 
 def _matrix(rows: Sequence[Sequence[Scalar]]) -> ca.SX:

@@ -68,8 +68,16 @@ def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tu
 
 
 def element_ranges(lengths: Sequence[float], bending_range: float | None, curvature_limit: float) -> tuple[float, ...]:
-    """Bending range of each element [rad]: as declared, or the default, or less where the strain limit allows less."""
+    """Bending range of each element [rad]: as declared, or the default, or less where the strain limit allows less.
+
+    Raises
+    ------
+    InputError
+        If the declared range is not positive and finite.
+    """
     if bending_range is not None:
+        if not 0.0 < bending_range < math.inf:
+            raise InputError(f"bending_range: expected a positive number of radians, got {bending_range}")
         return tuple(bending_range for _ in lengths)
     return tuple(min(DEFAULT_RANGE, curvature_limit * h) for h in lengths)
 

@@ -52,6 +52,8 @@ class Structure:
         names = _first(parameters, scene and scene.parameters, ())
         self.parameters = Parameters(self.finger, (float(gx), float(gy)), self.lengths, names)
         self.accuracy: float | None = _first(accuracy, fidelity.accuracy, None)
+        if self.accuracy is not None and not 0.0 < self.accuracy <= 1e-2:
+            raise InputError(f"accuracy: expected a number above 0 and up to 0.01, got {self.accuracy}")
         self.family_name: str = _first(family, fidelity.family, None) or self._default_family()
         if self.family_name not in FAMILIES:
             raise InputError(f"unknown family {self.family_name!r}: expected one of {', '.join(FAMILIES)}")

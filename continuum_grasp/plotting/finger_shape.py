@@ -50,9 +50,7 @@ def draw_clamp(ax: Axes, backbone: NDArray[Any], length: float) -> Polygon:
     half, depth = 0.06 * length, 0.035 * length
     face = [backbone[0] - half * across, backbone[0] + half * across]
     corners = np.array([*face, face[1] - depth * along, face[0] - depth * along])
-    block = Polygon(
-        corners, closed=True, facecolor="#DDDDDD", edgecolor="#777777", hatch="////", linewidth=0.0
-    )
+    block = Polygon(corners, closed=True, facecolor="#DDDDDD", edgecolor="#777777", hatch="////", linewidth=0.0)
     ax.add_patch(block)
     ax.plot(*np.transpose(face), color=INK, linewidth=1.5, solid_capstyle="butt", zorder=3)
     return block
@@ -64,9 +62,7 @@ def masses_of(scene: Any) -> list[tuple[float, float]]:
     return [(float(m.at), float(m.mass)) for m in masses if m.mass > 0]
 
 
-def mass_positions(
-    backbone: NDArray[Any], masses: Sequence[tuple[float, float]], length: float
-) -> NDArray[Any]:
+def mass_positions(backbone: NDArray[Any], masses: Sequence[tuple[float, float]], length: float) -> NDArray[Any]:
     """World positions (len(masses), 2) on a backbone whose points are evenly spaced from base to tip."""
     s = np.linspace(0.0, length, len(backbone))
     at = [min(at, length) for at, _ in masses]
@@ -116,9 +112,7 @@ def draw_forces(ax: Axes, loads: Sequence[Force], scale: float) -> dict[str, Qui
     return drawn
 
 
-def explain(
-    ax: Axes, masses: Sequence[tuple[float, float]], loads: Sequence[Force], name: str | None
-) -> None:
+def explain(ax: Axes, masses: Sequence[tuple[float, float]], loads: Sequence[Force], name: str | None) -> None:
     """Title and, under it, what dots and arrows mean, with the greatest force of each kind."""
     if masses:
         label = ", ".join(f"{1e3 * mass:.3g} g" for mass in dict.fromkeys(mass for _, mass in masses))

@@ -87,9 +87,7 @@ def _new_axes(count: int, box: Box, stable: bool) -> list[Axes]:
     """Axes for so many modes, in a figure that fits the box they share."""
     wide = (box[1] - box[0]) / (box[3] - box[2])
     columns = (
-        1
-        if wide > 1.5 and count <= 3
-        else (2 if count == 4 and wide > 0.8 else min(count, 3 if count > 4 else 4))
+        1 if wide > 1.5 and count <= 3 else (2 if count == 4 and wide > 0.8 else min(count, 3 if count > 4 else 4))
     )
     rows = math.ceil(count / columns)
     each = max(2.6, min(5.2 if columns == 1 else 9.6 / columns, 3.8 * wide))

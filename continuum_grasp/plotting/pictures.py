@@ -28,9 +28,7 @@ _PICTURES = {
 }
 
 
-def save_picture(
-    drawn: Axes | Sequence[Axes] | Figure, path: str | os.PathLike[str], *, dpi: float = 150
-) -> Path:
+def save_picture(drawn: Axes | Sequence[Axes] | Figure, path: str | os.PathLike[str], *, dpi: float = 150) -> Path:
     """Save the figure of what a plot returned.
 
     Parameters

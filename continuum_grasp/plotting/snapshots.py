@@ -89,7 +89,5 @@ def _nearest(t: np.ndarray, times: Sequence[float] | int) -> np.ndarray:
         wanted = np.asarray(times, dtype=float)
     slack = 1e-9 * max(1.0, abs(float(t[-1])))
     if not wanted.size or np.any((wanted < t[0] - slack) | (wanted > t[-1] + slack) | np.isnan(wanted)):
-        raise InputError(
-            f"expected instants from {t[0]:g} s to {t[-1]:g} s, got {wanted.tolist()}", key="times"
-        )
+        raise InputError(f"expected instants from {t[0]:g} s to {t[-1]:g} s, got {wanted.tolist()}", key="times")
     return np.unique(np.abs(t[None, :] - wanted[:, None]).argmin(axis=1))

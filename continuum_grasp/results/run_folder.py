@@ -58,9 +58,7 @@ class Run:
     meta: dict[str, Any]
 
 
-def write_run(
-    folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None
-) -> Path:
+def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> Path:
     """Write a run into a folder, whole or not at all.
 
     ``result.npz`` holds the arrays and a copy of the meta data, so one rename turns the old run into the new
@@ -163,9 +161,7 @@ def _complete(meta: Mapping[str, Any]) -> dict[str, Any]:
     }
     own = {"config_sha256", "created", "format_version", "platform"} & given.keys()
     if own:
-        raise InputError(
-            f"recorded by the run folder itself, not given: {', '.join(sorted(own))}", key="meta"
-        )
+        raise InputError(f"recorded by the run folder itself, not given: {', '.join(sorted(own))}", key="meta")
     return {**complete, **given, "config": config}
 
 
@@ -188,12 +184,6 @@ def _checked_array(name: str, value: Any) -> NDArray[Any]:
 
 
 def _checked_name(name: str) -> str:
-    if (
-        not isinstance(name, str)
-        or not name
-        or name == _META_KEY
-        or set(name) & set("/\\:\0")
-        or name[0] == "."
-    ):
+    if not isinstance(name, str) or not name or name == _META_KEY or set(name) & set("/\\:\0") or name[0] == ".":
         raise InputError(f"expected a plain name for an array, got {name!r}", key="arrays")
     return name

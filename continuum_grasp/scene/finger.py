@@ -133,9 +133,7 @@ class Tendons(Value):
     @model_validator(mode="after")
     def _ordered(self) -> Tendons:
         if self.min_tension >= self.max_tension:
-            raise ValueError(
-                f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})"
-            )
+            raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
         return self
 
 

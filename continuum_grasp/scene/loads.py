@@ -15,7 +15,7 @@ class _Sampled(Value):
     times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2)]
     """Instants, increasing [s]; before the first and after the last the value is held."""
     interpolation: Literal["smooth", "linear"] = "smooth"
-    """smooth: monotone piecewise cubic with continuous rate (PCHIP); linear: straight lines."""
+    """smooth: monotone piecewise quintic with continuous rate and acceleration; linear: straight lines."""
 
     @model_validator(mode="after")
     def _increasing(self) -> _Sampled:

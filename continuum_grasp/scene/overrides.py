@@ -27,9 +27,7 @@ def read_overrides(overrides: Overrides) -> list[tuple[KeyPath, Document]]:
         Where a text is not of that form.
     """
     if isinstance(overrides, Mapping):
-        return [
-            (_path(key, key), _placed(value, Place(f"override {key}"))) for key, value in overrides.items()
-        ]
+        return [(_path(key, key), _placed(value, Place(f"override {key}"))) for key, value in overrides.items()]
     return [_read(text) for text in overrides]
 
 

@@ -66,9 +66,7 @@ def raise_problems(problems: Iterable[Problem], document: Document) -> None:
     if not placed:
         return
     main_file = document.places[()].file
-    placed.sort(
-        key=lambda item: (item[0].file != main_file, item[0].file, item[0].line or 0, item[0].column or 0)
-    )
+    placed.sort(key=lambda item: (item[0].file != main_file, item[0].file, item[0].line or 0, item[0].column or 0))
     placed = list(dict.fromkeys(placed))
     lines = [str(place.error(problem.message, problem.path)) for place, problem in placed[1:_MOST]]
     if len(placed) > _MOST:
@@ -128,14 +126,10 @@ def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[P
     for union in unions:
         here = [item for item in located if any(path == union for path, _ in item.branches)]
         labels = {dict(item.branches)[union] for item in here}
-        unfit = {
-            dict(item.branches)[union] for item in here if item.path == union and item.error["type"] in _KINDS
-        }
+        unfit = {dict(item.branches)[union] for item in here if item.path == union and item.error["type"] in _KINDS}
         located = [item for item in located if item not in here]
         if labels == unfit:
-            wanted = " or ".join(
-                dict.fromkeys(_kind(item, shape, data) for item in here if item.path == union)
-            )
+            wanted = " or ".join(dict.fromkeys(_kind(item, shape, data) for item in here if item.path == union))
             problems.append(_wrong_type(union, wanted, here[0].error["input"]))
         else:
             located += [item for item in here if dict(item.branches)[union] not in unfit]
@@ -153,9 +147,7 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
     match kind:
         case "missing" if isinstance(path[-1], int):
             size = shape.size(path[:-1], data)
-            return Problem(
-                path[:-1], f"the list is too short: expected {size or 'more'} entries, got {path[-1]}"
-            )
+            return Problem(path[:-1], f"the list is too short: expected {size or 'more'} entries, got {path[-1]}")
         case "missing":
             about = shape.description(path, data)
             return Problem(path, "missing" + (f"; expected {about}" if about else ""))
@@ -167,27 +159,19 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
         case "literal_error":
             allowed = shape.choices(path, data)
             hint = nearest(got, allowed, say_all=False) if isinstance(got, str) else ""
-            return Problem(
-                path, f"not one of the choices: expected {context['expected']}, got {_show(got)}{hint}"
-            )
+            return Problem(path, f"not one of the choices: expected {context['expected']}, got {_show(got)}{hint}")
         case "union_tag_not_found":
             tag = str(context["discriminator"]).strip("'")
             return Problem((*path, tag), "missing" + _choices(shape.tags(path, data)))
         case "union_tag_invalid":
             tag = str(context["discriminator"]).strip("'")
             hint = nearest(str(context["tag"]), shape.tags(path, data), say_all=False)
-            what = (
-                f"not one of the choices: expected {context['expected_tags']}, got {context['tag']!r}{hint}"
-            )
+            what = f"not one of the choices: expected {context['expected_tags']}, got {context['tag']!r}{hint}"
             return Problem((*path, tag), what)
         case "too_short":
-            return Problem(
-                path, f"too short: expected at least {context['min_length']} entries, got {_show(got)}"
-            )
+            return Problem(path, f"too short: expected at least {context['min_length']} entries, got {_show(got)}")
         case "too_long":
-            return Problem(
-                path, f"too long: expected at most {context['max_length']} entries, got {_show(got)}"
-            )
+            return Problem(path, f"too long: expected at most {context['max_length']} entries, got {_show(got)}")
         case "value_error":
             message = str(context.get("error", error["msg"]))
             return Problem(_mentioned(message, path, data), message)
@@ -259,9 +243,7 @@ def _show(value: Any) -> str:
     if isinstance(value, float) and not math.isfinite(value):
         return ".nan" if math.isnan(value) else f"{'-' if value < 0 else ''}.inf"
     if isinstance(value, dict):
-        return "a mapping" + (
-            f" with keys {', '.join(map(str, list(value)[:5]))}" if value else " without keys"
-        )
+        return "a mapping" + (f" with keys {', '.join(map(str, list(value)[:5]))}" if value else " without keys")
     if isinstance(value, list | tuple):
         return f"a list of {len(value)}"
     if isinstance(value, str):

@@ -110,7 +110,4 @@ def _optional(node: Any, definitions: _Node) -> Any:
         if "properties" in definitions[name]:
             return {**node, "$ref": f"#/$defs/{_changes(name, definitions)}"}
         return node
-    return {
-        key: _optional(child, definitions) if key in {"anyOf", "allOf"} else child
-        for key, child in node.items()
-    }
+    return {key: _optional(child, definitions) if key in {"anyOf", "allOf"} else child for key, child in node.items()}

@@ -88,9 +88,7 @@ class Shape:
     def _follow(self, path: KeyPath, data: Any) -> list[_Node]:
         nodes, value = [self._root], data
         for part in path:
-            nodes = [
-                child for node in nodes for b in self._branches(node, value) for child in _children(b, part)
-            ]
+            nodes = [child for node in nodes for b in self._branches(node, value) for child in _children(b, part)]
             value = _child(value, part)
         return nodes
 

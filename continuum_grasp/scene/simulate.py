@@ -21,9 +21,7 @@ class Fidelity(Value):
     family: Family | None = None
     """Curvature family; None: matched_clothoid, or clothoid where a moving tip balance forbids it (tendon friction)."""
     elements: (
-        Annotated[int, Field(ge=1, le=64)]
-        | Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)]
-        | None
+        Annotated[int, Field(ge=1, le=64)] | Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)] | None
     ) = None
     """Number of elements, or their lengths from base to tip [m]; None: two, or one per stretch between contacts."""
     bending_range: Positive | None = None
@@ -128,5 +126,3 @@ class Scene(Value):
                         )
         elif tendons is not None:
             raise ValueError("actuation.tip_moment needs a finger without tendons; give tensions")
-
-

@@ -140,9 +140,7 @@ class _Builder:
             return Document(None, {(): Place(self.name, 1, 1)})
         return Document(self.value(node, (), None, ()), self.places)
 
-    def value(
-        self, node: yaml.Node, path: KeyPath, key: yaml.Node | None, parents: tuple[yaml.Node, ...]
-    ) -> Any:
+    def value(self, node: yaml.Node, path: KeyPath, key: yaml.Node | None, parents: tuple[yaml.Node, ...]) -> Any:
         self.count += 1
         if self.count > MAX_NODES:
             raise self.error(node, path, f"more than {MAX_NODES} values, aliases counted in full")
@@ -158,9 +156,7 @@ class _Builder:
             }
         if isinstance(node, yaml.SequenceNode):
             self.plain_tag(node, path, "seq")
-            return [
-                self.value(child, (*path, k), None, (*parents, node)) for k, child in enumerate(node.value)
-            ]
+            return [self.value(child, (*path, k), None, (*parents, node)) for k, child in enumerate(node.value)]
         return self.scalar(node, path)
 
     def entries(self, node: yaml.MappingNode, path: KeyPath) -> Iterator[tuple[str, yaml.Node, yaml.Node]]:
@@ -170,13 +166,9 @@ class _Builder:
                 got = repr(key.value) if isinstance(key, yaml.ScalarNode) else f"a {key.id}"
                 raise self.error(key, path, f"expected a word as key, got {got}")
             if key.value == "<<":
-                raise self.error(
-                    key, path, "merge keys (<<) are not read; write the values out, or use extends"
-                )
+                raise self.error(key, path, "merge keys (<<) are not read; write the values out, or use extends")
             if key.value in lines:
-                raise self.error(
-                    key, (*path, key.value), f"duplicate key, first given in line {lines[key.value]}"
-                )
+                raise self.error(key, (*path, key.value), f"duplicate key, first given in line {lines[key.value]}")
             lines[key.value] = key.start_mark.line + 1
             yield key.value, key, child
 
@@ -207,6 +199,4 @@ class _Builder:
 
     def error(self, node: yaml.Node, path: KeyPath, message: str) -> InputError:
         mark = node.start_mark
-        return InputError(
-            message, file=self.name, line=mark.line + 1, column=mark.column + 1, key=dotted(path) or None
-        )
+        return InputError(message, file=self.name, line=mark.line + 1, column=mark.column + 1, key=dotted(path) or None)

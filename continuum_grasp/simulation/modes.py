@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,8 +64,8 @@ def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -
     Returns
     -------
     Modes
-        As many as there are bending coordinates. The symmetric part of the stiffness is used, which is all of it but
-        for following loads and tendon friction.
+        As many as there are bending coordinates. Under following loads or tendon friction the stiffness is not
+        symmetric; modes that flutter then come as two of one frequency, and ``stable`` is false.
 
     Raises
     ------
@@ -77,16 +78,29 @@ def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -
     mass = core.mass_matrix(q, u, p)
     stiffness = core.statics(q, u, w, p)[1]
     damping = np.array([core.damping(q, e, u, p) for e in np.eye(model.n)]).T
-    root = np.linalg.inv(np.linalg.cholesky(mass))
-    values, vectors = np.linalg.eigh(root @ (0.5 * (stiffness + stiffness.T)) @ root.T)
-    coordinates = (root.T @ vectors).T
-    pulsations = np.sqrt(np.maximum(values, 0.0))
-    modal_damping = np.einsum("ki,ij,kj->k", coordinates, damping, coordinates)
+    values, right, left = _eigen(mass, stiffness)
+    pulsations = np.sqrt(values.astype(complex)).real
     ratios = np.full(len(values), np.nan)
-    moving = pulsations > 0.0
+    moving = pulsations > 1e-9 * pulsations.max(initial=0.0)
+    modal_damping = np.einsum("ki,ij,kj->k", left, damping, right).real
     ratios[moving] = modal_damping[moving] / (2.0 * pulsations[moving])
+    pulsations[~moving] = 0.0
+    coordinates = np.ascontiguousarray(right.real)
     s = np.linspace(0.0, model.finger.rod.length, points)[:, None]
     jacobians = np.asarray(core.batch("jacobian", q, u, s, p))
     shapes = np.einsum("sij,kj->ksi", jacobians, coordinates)
     shapes /= np.linalg.norm(shapes, axis=2).max(axis=1)[:, None, None]
     return Modes(pulsations / (2.0 * np.pi), ratios, coordinates, found.backbone(points), shapes, found)
+
+
+def _eigen(mass: Array, stiffness: Array) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Squared pulsations, increasing, and right and left modes as rows, with left . M . right = 1."""
+    root = np.linalg.inv(np.linalg.cholesky(mass))
+    scaled = root @ stiffness @ root.T
+    if np.abs(scaled - scaled.T).max() <= 1e-9 * np.abs(scaled).max():
+        values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+        return values, (root.T @ vectors).T, (root.T @ vectors).T
+    values, vectors = np.linalg.eig(scaled)
+    order = np.argsort(values.real)
+    values, vectors = values[order], vectors[:, order]
+    return values, (root.T @ vectors).T, np.linalg.inv(vectors) @ root

@@ -18,8 +18,9 @@ Array = NDArray[np.float64]
 def interpolate(samples: Samples | VectorSamples, t: ArrayLike) -> tuple[Array, Array, Array]:
     """Value, rate and acceleration of a sampled function.
 
-    ``smooth`` is a monotone piecewise cubic with a continuous rate that is zero at both ends (F. N. Fritsch,
-    J. Butland, 1984, doi:10.1137/0905021); ``linear`` has no acceleration. Outside the samples the value is held.
+    ``smooth`` is a monotone piecewise quintic with continuous rate and acceleration, both zero at both ends; its slopes
+    are the harmonic means of F. N. Fritsch and J. Butland (1984, doi:10.1137/0905021). ``linear`` has no acceleration.
+    Outside the samples the value is held.
 
     Parameters
     ----------
@@ -43,24 +44,34 @@ def interpolate(samples: Samples | VectorSamples, t: ArrayLike) -> tuple[Array, 
 
 
 def _interpolate(at: Array, values: Array, kind: str, t: Array) -> tuple[Array, Array, Array]:
-    steps, secants = np.diff(at), np.diff(values) / np.diff(at)
-    k = np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(steps) - 1)
+    secants = np.diff(values) / np.diff(at)
+    k = np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(secants) - 1)
     inside = (t >= at[0]) & (t < at[-1])
-    s, h = np.clip(t, at[0], at[-1]) - at[k], steps[k]
+    h = np.diff(at)[k]
+    s = np.clip((t - at[k]) / h, 0.0, 1.0)
     if kind == "linear":
-        return values[k] + secants[k] * s, np.where(inside, secants[k], 0.0), np.zeros_like(s)
-    slopes = np.zeros_like(values)
+        return values[k] + secants[k] * h * s, np.where(inside, secants[k], 0.0), np.zeros_like(s)
+    slopes = _monotone_slopes(np.diff(at), secants)
+    # Quintic through both ends with their slopes and no acceleration there.
+    a, b, rise = slopes[k] * h, slopes[k + 1] * h, secants[k] * h
+    c3, c4, c5 = 10 * rise - 6 * a - 4 * b, -15 * rise + 8 * a + 7 * b, 6 * rise - 3 * (a + b)
+    value = values[k] + s * (a + s**2 * (c3 + s * (c4 + s * c5)))
+    rate = (a + s**2 * (3 * c3 + s * (4 * c4 + s * 5 * c5))) / h
+    acceleration = s * (6 * c3 + s * (12 * c4 + s * 20 * c5)) / h**2
+    return value, np.where(inside, rate, 0.0), np.where(inside, acceleration, 0.0)
+
+
+def _monotone_slopes(steps: Array, secants: Array) -> Array:
+    """Slopes at the samples: weighted harmonic means, no more than twice the smaller secant, zero at ends and peaks."""
+    slopes = np.zeros(len(secants) + 1)
     before, after = secants[:-1], secants[1:]
     monotone = before * after > 0.0
     weight = (steps[:-1] + 2.0 * steps[1:]) / (3.0 * (steps[:-1] + steps[1:]))
     blend = np.where(monotone, weight * after + (1.0 - weight) * before, 1.0)
-    slopes[1:-1] = np.where(monotone, before * after / np.where(blend == 0.0, 1.0, blend), 0.0)
-    a, b, d = slopes[k], slopes[k + 1], secants[k]
-    second, third = (3.0 * d - 2.0 * a - b) / h, (a + b - 2.0 * d) / h**2
-    value = values[k] + s * (a + s * (second + s * third))
-    rate = np.where(inside, a + s * (2.0 * second + 3.0 * s * third), 0.0)
-    acceleration = np.where(inside, 2.0 * second + 6.0 * s * third, 0.0)
-    return value, rate, acceleration
+    mean = np.where(monotone, before * after / blend, 0.0)
+    limit = 2.0 * np.minimum(np.abs(before), np.abs(after))
+    slopes[1:-1] = np.clip(mean, -limit, limit)
+    return slopes
 
 
 class Signals:

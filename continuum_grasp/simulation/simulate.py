@@ -17,7 +17,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.reference import integrate_reference
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.spectrum import sample_shapes, spectral_radius
+from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
 from continuum_grasp.simulation.statics import equilibrium
 from continuum_grasp.simulation.trajectory import Trajectory
 
@@ -26,8 +26,6 @@ __all__ = ["initial_state", "simulate"]
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
-_TARGET_RADIUS = 1.5
-"""Product of sub-step and spectral radius that the explicit method is given; it is stable up to 2.7."""
 _IMPLICIT_FROM = 40
 """Sub-steps per output step from which on the implicit method is chosen."""
 _LOST = 3.0
@@ -121,7 +119,7 @@ class _Run:
             states, error = self._integrate(x0, method, substeps)
             took = perf_counter() - began
             radius = max(radius, self._radius(states[:: max(1, len(states) // 12), : self._model.n]))
-            needed = math.ceil(radius * self._time.step / _TARGET_RADIUS)
+            needed = math.ceil(radius * self._time.step / TARGET_RADIUS)
             stable = radius * self._time.step / substeps <= STABILITY_RADIUS["rk4"]
             if method != "rk4" or stable or needed <= substeps:
                 break
@@ -154,7 +152,7 @@ class _Run:
     def _choose(self, x0: Array) -> tuple[str, int, float]:
         """Method, sub-steps and the spectral radius that they follow from."""
         radius = self._radius(sample_shapes(self._model, x0[: self._model.n]))
-        wanted = max(1, math.ceil(radius * self._time.step / _TARGET_RADIUS))
+        wanted = max(1, math.ceil(radius * self._time.step / TARGET_RADIUS))
         asked = self._time.method
         if asked in ("implicit", "reference"):
             return asked, 1, radius

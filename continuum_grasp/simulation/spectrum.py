@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 
-__all__ = ["spectral_radius"]
+__all__ = ["TARGET_RADIUS", "sample_shapes", "spectral_radius", "stable_steps"]
 
 Array = NDArray[np.float64]
 
+TARGET_RADIUS = 1.0
+"""Product of step and spectral radius that the explicit method is given; it is stable up to 2.7."""
 _POSES = 12
 
 
@@ -43,6 +47,13 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float
         motion = np.vstack([np.hstack([np.zeros_like(mass), np.eye(model.n)]), lower])
         largest = max(largest, float(np.abs(np.linalg.eigvals(motion)).max()))
     return largest
+
+
+def stable_steps(model: FingerModel, x0: Array, u: Array, w: Array) -> int:
+    """Steps per second with which the explicit method follows the motion from a state."""
+    core = Core(model, compiled=False)
+    shapes = sample_shapes(model, x0[: model.n])
+    return math.ceil(spectral_radius(core, shapes, u, w, np.array(model.p_nominal)) / TARGET_RADIUS)
 
 
 def sample_shapes(model: FingerModel, start: Array) -> Array:

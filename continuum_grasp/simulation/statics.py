@@ -90,7 +90,8 @@ def equilibrium(
     guess : (n,) array_like, optional
         Where to start; the unloaded shape where not given.
     stable : bool
-        Whether to leave an unstable equilibrium.
+        Whether to leave an unstable equilibrium. Where there is no stable one beside it (flutter under a following
+        load), what is returned says ``stable=False``.
     side : {1, -1}
         Side to which an unstable equilibrium is left: first component of the bending, positive or negative.
     model : FingerModel, optional
@@ -218,6 +219,7 @@ class _Search:
         core, u, w, p = self._core, self._u, self._w, self._p
         parts = [
             core.elastic(q, u, p),
+            core.elastic(np.zeros_like(q), u, p),
             core.gravity(q, u, p),
             core.actuation(q, u, p),
             core.external_force(q, u, w, p),

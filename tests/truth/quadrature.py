@@ -59,11 +59,9 @@ def gauss(count: int = NODES) -> Rule:
     # The j-th Lagrange polynomial is sum_m (2 m + 1)/2 w_j P_m(x_j) P_m(x) for m < count, and
     # (2 m + 1) times the integral of P_m from -1 to x is P_{m+1}(x) - P_{m-1}(x); x + 1 for m = 0.
     primitives = [
-        [(x + 1) / 2] + [(p[m + 1] - p[m - 1]) / 2 for m in range(1, count)]
-        for x, p in zip(roots, tables, strict=True)
+        [(x + 1) / 2] + [(p[m + 1] - p[m - 1]) / 2 for m in range(1, count)] for x, p in zip(roots, tables, strict=True)
     ]
     integrals = [
-        [weights[j] * ctx.fdot(primitives[k], tables[j][:count]) / 2 for j in range(count)]
-        for k in range(count)
+        [weights[j] * ctx.fdot(primitives[k], tables[j][:count]) / 2 for j in range(count)] for k in range(count)
     ]
     return Rule([(1 + x) / 2 for x in roots], [w / 2 for w in weights], integrals)

@@ -1,0 +1,19 @@
+"""Fixtures for all tests."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_cache(tmp_path_factory):
+    """Compiled code goes to a folder of this run, never to the user's cache."""
+    before = os.environ.get("CONTINUUM_GRASP_CACHE")
+    os.environ["CONTINUUM_GRASP_CACHE"] = str(tmp_path_factory.mktemp("compiled"))
+    yield
+    if before is None:
+        del os.environ["CONTINUUM_GRASP_CACHE"]
+    else:
+        os.environ["CONTINUUM_GRASP_CACHE"] = before

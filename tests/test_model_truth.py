@@ -1,0 +1,347 @@
+"""The model against its 50-digit twin: everything exact, for every bend, load and make-up."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+
+from continuum_grasp.model.chain import Chain, Place, column
+from continuum_grasp.model.clothoid import Clothoid
+from continuum_grasp.model.link import LoadedLink
+from continuum_grasp.model.planar import ZERO, Vec
+from continuum_grasp.model.quadrature import _ERRORS, _RANGES
+from continuum_grasp.model.stumpff import ROUNDING, rotation, stumpff
+from continuum_grasp.scene import BasePose, Damping, PointMass, Tendons
+from tests.finger_cases import (
+    EXACT,
+    FAMILIES,
+    LENGTHS,
+    LOADS,
+    NODES,
+    PATTERNS,
+    ROD,
+    Case,
+    State,
+    errors,
+    evaluate,
+    jacobian_rate_error,
+    relative_error,
+    shared_model,
+    state,
+    true_values,
+    worst,
+)
+from tests.truth import Rod, TruthFinger, ctx, matched_tip, to_numpy
+
+BOUND = {"arc": 1e-13, "clothoid": 2e-13, "matched_clothoid": 2e-13}
+RANGE = 2 * math.pi / 3
+BENDS = (0.0, 1e-300, 1e-9, 1e-4, 0.1, RANGE)
+CURVED = ("clothoid", "matched_clothoid")
+
+
+@pytest.mark.parametrize("bend", [*BENDS, math.pi, 2 * math.pi])
+@pytest.mark.parametrize("elements", LENGTHS)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_full_finger_is_exact(family, elements, bend):
+    # Angles of 1e-300 drown in the 50 digits of a turned base.
+    reach = RANGE if bend <= RANGE else 2 * math.pi
+    case, model = shared_model(family, elements, reach, upright=bend < 1e-30)
+    for pattern in range(len(PATTERNS) if elements < 5 else 1):
+        name, error = worst(errors(case, model, state(model, bend, pattern)))
+        assert error <= BOUND[family], name
+
+
+@pytest.mark.parametrize("bend", [0.0, 1e-9, 0.1, RANGE])
+@pytest.mark.parametrize("elements", [1, 3])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_jacobian_rate_is_exact(family, elements, bend):
+    case, model = shared_model(family, elements, RANGE)
+    for pattern in range(len(PATTERNS)):
+        assert jacobian_rate_error(case, model, state(model, bend, pattern)) <= BOUND[family]
+
+
+@pytest.mark.parametrize("reach", [0.01, 0.1, 0.5, 1.0])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_small_declared_range_costs_no_digits(family, reach):
+    """The series are cut for the range that is declared: all that they make must stay exact there."""
+    case = Case().with_finger(rest_curvature=0.0)
+    model = case.model(family, bending_range=reach, accuracy=EXACT[family])
+    at = state(model, reach)
+    at = State(at.q, at.qd, 0.1 * reach * at.u, at.w)
+    name, error = worst(errors(case, model, at))
+    assert error <= BOUND[family], name
+    assert jacobian_rate_error(case, model, at) <= BOUND[family]
+
+
+POSES = [
+    (-math.pi / 2, (0.0, -9.81)),
+    (0.0, (9.81, 0.0)),
+    (0.4, (-3.0, 9.0)),
+    (2.0, (0.0, -9.81)),
+    (math.pi, (9.0, 2.0)),
+]
+
+
+@pytest.mark.parametrize(("angle", "gravity"), POSES)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_any_base_and_any_gravity(family, angle, gravity):
+    case = Case(gravity=gravity).with_finger(base=BasePose(position=(-0.4, 0.7), angle=angle))
+    model = case.model(family, accuracy=EXACT[family])
+    name, error = worst(errors(case, model, state(model, 1.1)))
+    assert error <= BOUND[family], name
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_each_load_alone(family):
+    case, model = shared_model(family, 3, RANGE)
+    at, finger = state(model, 1.3), case.twin(model)
+    rod = Rod(finger, at.q, at.qd, matched_tip(finger, *case.drive(model, at.u)), NODES)
+    assert model.nw == 2 * 2 + 3 * 2 + 1
+    for w, label in zip(np.eye(model.nw), model.w_names, strict=True):
+        forces, moments = case.forces(model, rod, w)
+        truth = to_numpy(rod.applied(forces, moments=moments))
+        value = evaluate(model.external_force, at.q, at.u, w, model.p_nominal)
+        assert relative_error(value, truth) <= BOUND[family], label
+
+
+MAKE_UPS = {
+    "bare": {"rest_curvature": 0.0, "masses": (), "damping": Damping()},
+    "tip mass": {"masses": (PointMass(at=0.6, mass=0.5),), "rest_curvature": 0.0},
+    "joint mass": {"masses": (PointMass(at=0.25, mass=0.5),)},
+    "interior mass": {"masses": (PointMass(at=0.11, mass=0.5),)},
+    "two masses on one element": {"masses": (PointMass(at=0.3, mass=0.5), PointMass(at=0.4, mass=0.2))},
+    "heavy tip": {"masses": (PointMass(at=0.6, mass=48.0),)},
+    "no rotary inertia": {"rod": ROD.model_copy(update={"rotary_inertia": 0.0})},
+    "much rotary inertia": {"rod": ROD.model_copy(update={"rotary_inertia": 0.1}), "masses": ()},
+    "uniform rest curvature": {"rest_curvature": 2.5},
+    "material damping": {"damping": Damping(material=0.03)},
+    "damping per arc": {"damping": Damping(per_arc=0.03)},
+}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("name", MAKE_UPS)
+def test_each_part_alone(name, family):
+    case = Case().with_finger(**MAKE_UPS[name])
+    model = case.model(family, accuracy=EXACT[family])
+    name, error = worst(errors(case, model, state(model, 1.7)))
+    assert error <= BOUND[family], name
+
+
+@pytest.mark.parametrize("lengths", [(0.006, 0.594), (0.594, 0.006), (0.2, 0.2, 0.2), (0.01, 0.5, 0.01, 0.08)])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_very_unequal_elements(family, lengths):
+    case = Case()
+    model = case.model(family, lengths, accuracy=EXACT[family])
+    name, error = worst(errors(case, model, state(model, 0.9)))
+    assert error <= BOUND[family], name
+
+
+TENDONS = Tendons(offset=0.0123, max_tension=40.0)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_tendons(family):
+    case = Case(loads=LOADS).with_finger(tendons=TENDONS)
+    model = case.model(family, accuracy=EXACT[family])
+    at = state(model, 1.2)
+    at = State(at.q, at.qd, at.u * [30, 30, 1], at.w)
+    name, error = worst(errors(case, model, at))
+    assert error <= BOUND[family], name
+
+
+@pytest.mark.parametrize("tendons", [None, TENDONS])
+@pytest.mark.parametrize("elements", [1, 2, 3])
+def test_rates_of_the_input_move_a_matched_tip(elements, tendons):
+    case = Case(loads=LOADS, options={"input_rates": True}).with_finger(tendons=tendons)
+    model = case.model("matched_clothoid", elements, accuracy=1e-13)
+    at = state(model, 1.2)
+    count = model.nu // 3
+    u = at.u * np.repeat([1.0, 10.0, 100.0], count)
+    if tendons:
+        u *= np.tile([30.0, 30.0, 1.0], 3)
+    still = State(at.q, at.qd, np.concatenate([u[:count], np.zeros(2 * count)]), at.w)
+    at = State(at.q, at.qd, u, at.w)
+    name, error = worst(errors(case, model, at))
+    assert error <= BOUND["matched_clothoid"], name
+    moved = true_values(case, model, at)["acceleration"] - true_values(case, model, still)["acceleration"]
+    assert np.abs(moved).max() > 1.0  # the rates matter here
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_tendons_time_constant_is_a_critically_damped_lag(family):
+    tendons = TENDONS.model_copy(update={"time_constant": 0.03})
+    case = Case(loads=LOADS).with_finger(tendons=tendons)
+    model = case.model(family, accuracy=EXACT[family])
+    at = state(model, 1.2)
+    moment, rate, couple = 0.11, 2.3, at.u[2]
+    u = np.array([17.0, 4.0, couple])
+    xd = evaluate(model.forward_dynamics, [*at.x, moment, rate], u, at.w, model.p_nominal)
+    commanded = ctx.mpf(tendons.offset) * 13
+    pole = 1 / ctx.mpf(tendons.time_constant)
+    acceleration = pole**2 * (commanded - moment) - 2 * pole * rate
+    total = ctx.mpf(moment) + couple
+    finger = case.twin(model)
+    rod = Rod(finger, at.q, at.qd, matched_tip(finger, total, rate, acceleration))
+    forces, moments = case.forces(model, rod, at.w)
+    qdd = to_numpy(rod.acceleration(forces, total, moments))
+    condition = np.linalg.cond(to_numpy(rod.mass))
+    assert relative_error(xd[model.n : -2], qdd) <= BOUND[family] * condition
+    assert relative_error(xd[-2:], to_numpy([rate, acceleration])) <= 1e-15
+    assert xd[: model.n] == pytest.approx(at.qd, rel=0, abs=0)
+
+
+@pytest.mark.parametrize("family", ["arc", "clothoid"])
+def test_tendon_friction_follows_the_capstan_law(family):
+    friction, rounding = 0.3, 1e-3
+    case = Case().with_finger(tendons=TENDONS.model_copy(update={"friction": friction}))
+    model = case.model(family, 3)
+    at = state(model, 1.2)
+    bends = evaluate(model.bending, at.q, at.u, [])
+    sizes = np.sqrt(bends**2 + rounding**2) - rounding
+    reached = np.exp(-friction * (np.cumsum(sizes) - 0.5 * sizes))
+    symbol = ca.SX.sym("q", model.n)
+    gradient = evaluate(ca.Function("g", [symbol], [ca.jacobian(model.bending(symbol, at.u, []), symbol)]), at.q)
+    moment = TENDONS.offset * (at.u[0] - at.u[1])
+    assert relative_error(evaluate(model.actuation, at.q, at.u, []), gradient.T @ (reached * moment)) <= 1e-14
+
+
+# What is cut off on purpose.
+
+
+@pytest.mark.parametrize("bend", [0.3, RANGE])
+@pytest.mark.parametrize("elements", LENGTHS)
+@pytest.mark.parametrize("family", CURVED)
+def test_default_accuracy_of_clothoids(family, elements, bend):
+    case = Case(loads=LOADS)
+    model = case.model(family, elements)
+    found = [errors(case, model, state(model, bend, pattern)) for pattern in range(len(PATTERNS))]
+    stated = 2e-3 * (2 / max(elements, 2)) ** 4
+    name, error = max((worst(part) for part in found), key=lambda pair: pair[1])
+    assert error <= stated, name
+
+
+@pytest.mark.parametrize("accuracy", [1e-4, 1e-7, 1e-10])
+@pytest.mark.parametrize("reach", [1.0, RANGE, math.pi])
+def test_arcs_as_accurate_as_asked_for(accuracy, reach):
+    case = Case(loads=LOADS)
+    model, exact = (case.model("arc", bending_range=reach, accuracy=a) for a in (accuracy, None))
+    found = errors(case, model, state(model, reach))
+    for name in ("mass_matrix", "gravity", "bias", "tip"):
+        assert found[name] <= 5 * accuracy, name
+    assert model.forward_dynamics.n_instructions() < exact.forward_dynamics.n_instructions()
+
+
+def element(reach: float, nodes: int) -> ca.Function:
+    """Mass matrix, bias, gravity and end point of one clothoid of length and density 1 along X."""
+    q, qd, g = ca.SX.sym("q", 2), ca.SX.sym("qd", 2), ca.SX.sym("g", 2)
+    link = LoadedLink(Clothoid(q[0], q[1], 1.0, 1.0, 0.0, reach, nodes), ())
+    chain = Chain([link], [(0, 1)], 2)
+    mass = ca.vertcat(*[ca.horzcat(*row) for row in chain.mass_matrix])
+    bias = -column(chain.motion_forces([qd[0], qd[1]], ZERO))
+    weight = -column(chain.motion_forces(None, Vec(g[0], g[1])))
+    return ca.Function("element", [q, qd, g], [mass, bias, weight, chain.position(Place(0)).column()])
+
+
+RATES = ((1, 0), (0, 1), (1, 1))
+WEIGHTS = ((1, 0), (0, 1))
+
+
+@lru_cache
+def element_truth(reach: float) -> tuple[np.ndarray, list[dict]]:
+    """Shapes of that element and what the twin says of them; its Y is the element's X."""
+    rng = np.random.default_rng(5)
+    extreme = [(1, 1), (1, -1), (1, 0), (0, 1), (1, -0.7), (-0.5, 1)]
+    shapes = reach * np.array([*extreme, *rng.uniform(-1, 1, (4, 2))])
+    truth = []
+    for q in shapes:
+        moving = [Rod(TruthFinger((1,), "clothoid"), q, qd, nodes=NODES) for qd in RATES]
+        heavy = [Rod(TruthFinger((1,), "clothoid", gravity=(-y, x)), q, nodes=NODES) for x, y in WEIGHTS]
+        x, y = to_numpy(heavy[0].position(1))
+        truth.append(
+            {
+                "mass": to_numpy(heavy[0].mass),
+                "bias": np.array([to_numpy(rod.bias) for rod in moving]),
+                "gravity": np.array([to_numpy(rod.gravity) for rod in heavy]),
+                "end": np.array([y, -x]),
+            }
+        )
+    return shapes, truth
+
+
+def element_values(function: ca.Function, q: np.ndarray) -> dict:
+    out = function(q, RATES[0], WEIGHTS[0])
+    return {
+        "mass": np.array(out[0]),
+        "bias": np.array([np.array(function(q, qd, (0, 0))[1])[:, 0] for qd in RATES]),
+        "gravity": np.array([np.array(function(q, (0, 0), g)[2])[:, 0] for g in WEIGHTS]),
+        "end": np.array(out[3])[:, 0],
+    }
+
+
+@pytest.mark.parametrize("what", ["mass", "gravity", "end", "bias"])
+@pytest.mark.parametrize("reach", [0.6, 2.1, 3.15, 6.3])
+def test_the_table_of_node_counts_is_an_upper_bound(reach, what):
+    """Relative to the largest entry (end point: to the length); bias: to the largest one of the shapes tried."""
+    shapes, truth = element_truth(reach)
+    largest = max(np.abs(t["bias"]).max() for t in truth)
+    exceeded = []
+    for nodes, stated in _ERRORS.items():
+        function = element(reach, nodes)
+        for q, true in zip(shapes, truth, strict=True):
+            value = element_values(function, q)
+            scale = {"end": 1.0, "bias": largest}.get(what, np.abs(true[what]).max())
+            error = np.abs(value[what] - true[what]).max() / scale
+            bound = stated[_RANGES.index(reach)]
+            if error > 1.05 * bound:
+                exceeded.append(f"{nodes} nodes, shape {q}: {error:.1e} > {bound:.1e}")
+    assert not exceeded, "\n".join(exceeded)
+
+
+def stumpff_errors(reach: float, accuracy: float):
+    """k, theta, error of c_k(theta^2) and what rounding c_6 and c_7 may become in it."""
+    theta = ca.SX.sym("theta")
+    function = ca.Function("c", [theta], [ca.vertcat(*stumpff(theta, reach, accuracy))])
+    for angle in (*np.linspace(-reach, reach, 7), 1e-300):
+        values, x = np.array(function(angle))[:, 0], ctx.mpf(float(angle)) ** 2
+        for k, value in enumerate(values):
+            true = ctx.fsum((-x) ** n / ctx.factorial(2 * n + k) for n in range(60))
+            rounding = 1e-15 * sum(float(x**j) / math.factorial(k + 2 * j) for j in range(5))
+            yield k, abs(float(angle)), abs(float(value - true)), rounding
+
+
+@pytest.mark.parametrize("accuracy", [ROUNDING, 1e-9, 1e-5])
+@pytest.mark.parametrize("reach", [0.05, 0.5, RANGE, math.pi, 2 * math.pi])
+def test_stumpff_functions_are_as_accurate_as_asked_for(reach, accuracy):
+    for k, angle, error, rounding in stumpff_errors(reach, accuracy):
+        if k < 2:
+            assert angle**k * error <= accuracy + rounding, (k, angle)
+
+
+@pytest.mark.parametrize("reach", [0.05, 0.5, RANGE, math.pi, 2 * math.pi])
+def test_stumpff_functions_are_exact_relative_to_their_size(reach):
+    for k, angle, error, rounding in stumpff_errors(reach, ROUNDING):
+        assert error <= 1e-14 / math.factorial(k) + rounding, (k, angle)
+
+
+@pytest.mark.parametrize("reach", [0.1, 1.0, math.pi])
+def test_economised_rotation(reach):
+    theta = ca.SX.sym("theta")
+    turn = rotation(theta, reach)
+    function = ca.Function("r", [theta], [ca.vertcat(turn.c, turn.s)])
+    for angle in (*np.linspace(-reach, reach, 41), 1e-300):
+        cosine, sine = np.array(function(angle))[:, 0]
+        assert cosine == pytest.approx(float(mpmath.cos(float(angle))), abs=3e-15)
+        assert sine == pytest.approx(float(mpmath.sin(float(angle))), abs=3e-15, rel=3e-15)
+
+
+def test_leaving_the_range_is_told():
+    model = Case().model("arc", bending_range=0.5)
+    assert evaluate(model.range_use, [0.25, -1.0], [0.0], []) == pytest.approx([0.5, 2.0])
+    model = Case().model("clothoid", (0.2, 0.4), bending_range=0.5)
+    assert evaluate(model.range_use, [2.5, -1.0, 0.0], [0.0], []) == pytest.approx([1.0, 0.8])
