@@ -12,6 +12,7 @@ own that conserves energy, whatever the number of nodes.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -113,7 +114,7 @@ class Clothoid(Link):
             angle = join(times(float(step), middle), times(float(abs(offset)), lean))
             turns.append(rotation(ca.SX(angle), self._angle_range * float(step)))
         # Products of two turns first: half the depth, so the processor can work on them side by side.
-        doubled = [a @ b for a, b in zip(turns, turns[1:-1], strict=False)]
+        doubled = [a @ b for a, b in itertools.pairwise(turns)]
         rotations = [turns[0], doubled[0]]
         for k in range(2, len(turns) - 1):
             rotations.append(rotations[k - 2] @ doubled[k - 1])

@@ -189,7 +189,8 @@ class ClothoidFamily(Family):
 
 def _default_accuracy(elements: int) -> float:
     """As good as the family itself, whose error in frequency is 1.7e-3 at two elements and falls with the fourth power
-    of their number."""
+    of their number.
+    """
     return max(2e-3 * (2.0 / max(elements, 2)) ** 4, 1e-13)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -42,11 +43,11 @@ def element_lengths(
         fewer elements than stretches.
     """
     edges = [0.0, *contacts, length]
-    if any(not b > a for a, b in zip(edges, edges[1:], strict=False)):
+    if any(not b > a for a, b in itertools.pairwise(edges)):
         raise InputError(f"contacts must increase between 0 and the length {length} m, got {list(contacts)}")
     if elements is not None and not isinstance(elements, int):
         return _given(length, contacts, [float(h) for h in elements])
-    stretches = [b - a for a, b in zip(edges, edges[1:], strict=False)]
+    stretches = [b - a for a, b in itertools.pairwise(edges)]
     count = max(2, len(stretches)) if elements is None else elements
     if count < len(stretches):
         raise InputError(f"{len(contacts)} contacts need at least {len(stretches)} elements, got {count}")
