@@ -83,7 +83,7 @@ class RecomputedGrasp:
         if tendons is None or tendons.friction == 0.0:
             return np.ones(self.lengths.size)
         bends = 0.5 * self.lengths * self.ends.sum(axis=1)
-        turned = np.sqrt(bends**2 + 1e-6) - 1e-3  # without sign, rounded off where straight
+        turned = bends**2 / np.sqrt(bends**2 + 1e-6)  # without sign, rounded off where straight
         return np.asarray(np.exp(-tendons.friction * (np.cumsum(turned) - 0.5 * turned)))
 
     def couple(self, name: str) -> float:

@@ -89,7 +89,7 @@ def friction_factors(friction: Scalar, bends: list[Scalar]) -> list[Scalar]:
     -------
     list of scalars
         exp(-friction * total bend from the base to the middle of the element), for a tendon that is being pulled;
-        bends are counted without sign and rounded off below 1e-3 rad so that the law is smooth when straight.
+        bends b are counted as b^2 / sqrt(b^2 + 1e-6 rad^2), without sign and smooth when straight.
     """
     factors: list[Scalar] = []
     total: Scalar = 0.0

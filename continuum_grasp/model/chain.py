@@ -153,7 +153,7 @@ class Chain:
             own, end, span, arms = self._inertias[k], self.links[k].link.end, self.spans[k], self._end_arms[k]
             here = self.coordinates[k]
             for a in range(len(here)):
-                # Momentum of what lies beyond the link, per rate of coordinate a; then of the link too, about its start.
+                # Momentum of what lies beyond the link, per rate of a; then of the link too, about its start.
                 push = arms[a].scaled(mass) + first.scaled(end.angles[a])
                 twist = plus(first.dot(arms[a]), times(end.angles[a], second))
                 for b in range(a + 1):

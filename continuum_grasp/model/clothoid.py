@@ -6,8 +6,8 @@ t_k = (cos phi_k, sin phi_k), and kinetic energy is a double sum over the nodes 
     T = 1/2 sum_jk K_jk phid_j phid_k cos(phi_j - phi_k),
 
 from which mass matrix and bias follow exactly: the node equations are
-sum_k K_jk [cos(phi_j - phi_k) phidd_k + sin(phi_j - phi_k) phid_k^2]. So the discrete link is a mechanical system of its
-own that conserves energy, whatever the number of nodes.
+sum_k K_jk [cos(phi_j - phi_k) phidd_k + sin(phi_j - phi_k) phid_k^2]. So the discrete link is a mechanical system of
+its own that conserves energy, whatever the number of nodes.
 """
 
 from __future__ import annotations

@@ -191,7 +191,7 @@ def _default_accuracy(elements: int) -> float:
     """As good as the family itself, whose error in frequency is 1.7e-3 at two elements and falls with the fourth power
     of their number.
     """
-    return max(2e-3 * (2.0 / max(elements, 2)) ** 4, 1e-13)
+    return max(2e-3 * (2.0 / elements) ** 4, 1e-13)
 
 
 def _overlap(a: float, b: float, c: float, d: float) -> float:

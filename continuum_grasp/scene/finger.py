@@ -174,12 +174,11 @@ class Finger(Value):
             )
         if self.strain_limit is not None and self.rod.diameter is None:
             raise ValueError("strain_limit needs rod.diameter")
-        if isinstance(self.rest_curvature, PiecewiseCurvature) and self.rest_curvature.breaks:
-            if self.rest_curvature.breaks[-1] >= length:
-                raise ValueError(
-                    f"rest_curvature.breaks end at {self.rest_curvature.breaks[-1]} m, "
-                    f"not before the finger's length of {length} m"
-                )
+        breaks = self.rest_curvature.breaks if isinstance(self.rest_curvature, PiecewiseCurvature) else ()
+        if breaks and breaks[-1] >= length:
+            raise ValueError(
+                f"rest_curvature.breaks end at {breaks[-1]} m, not before the finger's length of {length} m"
+            )
         return self
 
     @property
