@@ -43,7 +43,8 @@ class FingerModel:
     accuracy : float, optional
         Relative accuracy of the evaluation over the bending range; sets Horner terms and quadrature nodes.
     parameters : sequence of str, optional
-        Parameters that stay run-time arguments (``p``); all others are folded into the code.
+        Parameters that stay run-time arguments (``p``); all others are folded into the code. With run-time
+        ``element_lengths`` masses and loads inside an element keep their share of its length.
     loads : sequence of ForceLoad and MomentLoad, optional
         Where loads act; their values are entries of ``w`` (of ``u`` for moments on the tip, where they act like the
         tip moment).

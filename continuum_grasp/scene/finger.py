@@ -19,7 +19,8 @@ class Rod(Value):
     """A uniform, inextensible, unshearable elastic rod.
 
     Give either ``diameter``, ``density`` and ``youngs_modulus`` (a solid round section), or
-    ``linear_density``, ``bending_stiffness`` and, where it matters, ``rotary_inertia``.
+    ``linear_density``, ``bending_stiffness`` and, where it matters, ``rotary_inertia``; a ``diameter`` beside these
+    sets nothing but where the strain limit is reached and, without ``half_thickness``, how thick the finger is.
     """
 
     length: Positive
@@ -35,15 +36,16 @@ class Rod(Value):
     bending_stiffness: Positive | None = None
     """Bending stiffness E I [N m2]."""
     rotary_inertia: NonNegative | None = None
-    """Rotary inertia per length, rho I [kg m]; 0 leaves it out of the model."""
+    """Rotary inertia per length, rho I [kg m]; 0 leaves it out of the model. Not given: that of the round section, or
+    none beside ``linear_density``."""
 
     @model_validator(mode="after")
     def _one_description(self) -> Rod:
-        section = [k for k in _SECTION_KEYS if getattr(self, k) is not None]
+        section = [k for k in _SECTION_KEYS[1:] if getattr(self, k) is not None]
         linear = [k for k in _LINEAR_KEYS[:2] if getattr(self, k) is not None]
         if section and linear:
             raise ValueError(
-                f"give either {', '.join(_SECTION_KEYS)} or linear_density, bending_stiffness, "
+                f"give either {', '.join(_SECTION_KEYS)} or {', '.join(_LINEAR_KEYS[:2])}, "
                 f"not both; got {', '.join(section + linear)}"
             )
         wanted = _LINEAR_KEYS[:2] if linear else _SECTION_KEYS
@@ -71,7 +73,7 @@ class Rod(Value):
         """Rotary inertia per length rho I [kg m]."""
         if self.rotary_inertia is not None:
             return self.rotary_inertia
-        return (self.density or 0.0) * self._second_moment
+        return 0.0 if self.density is None else self.density * self._second_moment
 
     @property
     def _second_moment(self) -> float:

@@ -213,12 +213,13 @@ class _Run:
 
     def _lost_error(self, result: Trajectory, use: Array) -> NumericalError:
         k = int(np.argmax(use[-1]))
+        reach, last = self._model.ranges[k], result.x[-1]
         return NumericalError(
-            f"element {k + 1} is about to bend beyond {_LOST:g} times its declared range of "
-            f"{self._model.ranges[k]:.3g} rad after t = {result.t[-1]:g} s (state {result.x[-1].tolist()}), where the model means nothing: raise "
+            f"element {k + 1} is about to bend beyond {_LOST:g} times its declared range of {reach:.3g} rad after "
+            f"t = {result.t[-1]:g} s (state {last.tolist()}), where the model means nothing: raise "
             "fidelity.bending_range, or lower the loads",
             time=float(result.t[-1]),
-            state=result.x[-1],
+            state=last,
         )
 
     def _range_warnings(self, result: Trajectory, use: Array) -> list[str]:
