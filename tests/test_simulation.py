@@ -441,6 +441,19 @@ def test_near_the_declared_range_all_is_well_and_beyond_it_is_said(family):
     assert "raise fidelity.bending_range" in warning
 
 
+def test_exceeding_the_strain_limit_is_said():
+    """The clamp of the falling rod is its most strained place: strain = curvature times the radius."""
+    scene = nitinol("arc", duration=0.4, tip_mass=0.02)
+    strain = np.abs(simulate(scene).q).max() / 0.3 * 0.001
+    for limit, warned in ((1.01 * strain, False), (0.5 * strain, True)):
+        limited = scene.model_copy(update={"finger": scene.finger.model_copy(update={"strain_limit": limit})})
+        warnings = simulate(limited).warnings
+        assert bool(warnings) == warned
+        if warned:
+            assert warnings[0].startswith("element 1 exceeds the strain limit at t = 0.")
+            assert "(greatest: 2.00 times the limit" in warnings[0]
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_far_beyond_the_range_the_run_stops_and_keeps_what_it_has(family):
     whole = simulate(nitinol(family, duration=0.4, tip_mass=0.02))

@@ -120,9 +120,10 @@ class Scene(Value):
                 raise ValueError("actuation.tensions needs finger.tendons; without tendons give tip_moment")
             for k, tension in enumerate(actuation.tensions):
                 for value in tension.values if isinstance(tension, Samples) else (tension,):
-                    if not 0.0 <= value <= tendons.max_tension:
+                    if not tendons.min_tension <= value <= tendons.max_tension:
                         raise ValueError(
-                            f"actuation.tensions[{k}] = {value} N is outside 0 to max_tension = {tendons.max_tension} N"
+                            f"actuation.tensions[{k}] = {value} N is outside min_tension = {tendons.min_tension} N to "
+                            f"max_tension = {tendons.max_tension} N"
                         )
         elif tendons is not None:
             raise ValueError("actuation.tip_moment needs a finger without tendons; give tensions")

@@ -223,12 +223,20 @@ class _Run:
         )
 
     def _range_warnings(self, result: Trajectory, use: Array) -> list[str]:
+        """What the user must know of bends beyond the declared range and of strains beyond the limit."""
+        model, limit = self._model, self._scene.finger.curvature_limit
         warnings = []
         for k in range(use.shape[1]):
-            beyond = np.flatnonzero(use[:, k] > 1.0)
-            if beyond.size:
+            curvature = use[:, k] * (model.ranges[k] / model.lengths[k])
+            strained, beyond = np.flatnonzero(curvature > limit * (1 + 1e-9)), np.flatnonzero(use[:, k] > 1.0)
+            if strained.size:
                 warnings.append(
-                    f"element {k + 1} left its declared bending range of {self._model.ranges[k]:.3g} rad at "
+                    f"element {k + 1} exceeds the strain limit at t = {result.t[strained[0]]:g} s "
+                    f"(greatest: {curvature.max() / limit:.2f} times the limit; the model is meant for less)"
+                )
+            if beyond.size and model.ranges[k] < limit * model.lengths[k] * (1 - 1e-9):
+                warnings.append(
+                    f"element {k + 1} left its declared bending range of {model.ranges[k]:.3g} rad at "
                     f"t = {result.t[beyond[0]]:g} s (greatest: {use[:, k].max():.2f} times the range), where the model "
                     "loses its accuracy: raise fidelity.bending_range"
                 )
