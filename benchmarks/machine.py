@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 import os
 import platform
-import shutil
 import subprocess
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 from typing import Any
+
+from continuum_grasp.core.compiler import find_compiler
 
 CFLAGS = ("-O3", "-march=native", "-fPIC")
 PACKAGES = ("casadi", "numpy", "continuum-grasp")
@@ -32,12 +33,11 @@ def describe() -> dict[str, Any]:
 
 
 def compiler() -> str:
-    """The C compiler: ``CC`` where set, else the first of cc, gcc, clang."""
-    for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
-        found = shutil.which(name) if name else None
-        if found:
-            return found
-    raise RuntimeError("no C compiler found: the benchmarks need cc, gcc or clang")
+    """The C compiler that the package itself would use."""
+    found = find_compiler()
+    if found is None:
+        raise RuntimeError("no C compiler found: the benchmarks need CC, cc, gcc or clang")
+    return found.command[0]
 
 
 @contextlib.contextmanager

@@ -20,7 +20,7 @@ from continuum_grasp.core import cache, core
 from continuum_grasp.core.cache import cache_folder, library_for
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler
 from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.model.finger_model import FUNCTIONS
+from continuum_grasp.model.finger_model import FUNCTIONS, MATRICES
 from continuum_grasp.scene import Finger, PointMass, Tendons
 from tests.finger_cases import FAMILIES, LOADS, ROD, Case, evaluate, relative_error, state
 
@@ -64,8 +64,8 @@ def test_compiled_functions_are_those_of_the_virtual_machine(family, name):
     expected = getattr(model, name).call(arguments)
     values = getattr(compiled, name)(*arguments)
     values = values if isinstance(values, tuple) else (values,)
-    for value, true in zip(values, expected, strict=True):
-        assert value.shape == (true.shape[0],) if true.shape[1] == 1 else true.shape
+    for output, value, true in zip(getattr(model, name).name_out(), values, expected, strict=True):
+        assert value.shape == (true.shape if f"{name}.{output}" in MATRICES else (true.shape[0],))
         assert relative_error(value, np.array(true).reshape(value.shape)) <= 1e-12
 
 
@@ -365,7 +365,7 @@ MISSING = {
 def test_without_a_compiler_all_runs_on_the_virtual_machine(name, monkeypatch, tmp_path):
     model, compiled = small()
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(core._Warned, "done", False)
+    monkeypatch.setattr(core._Warned, "reasons", set())
     MISSING[name](monkeypatch, tmp_path)
     x0, steps = state(model, 0.3).x, 6
     u, w = signals(model, 2 * steps * 2 + 1, 0.01)
@@ -397,7 +397,7 @@ def test_without_a_compiler_all_runs_on_the_virtual_machine(name, monkeypatch, t
 
 def test_divergence_without_a_compiler(monkeypatch):
     model, compiled = small()
-    monkeypatch.setattr(core._Warned, "done", True)
+    monkeypatch.setattr(core._Warned, "reasons", {"no C compiler found (tried CC, cc, gcc, clang)"})
     monkeypatch.setenv("CC", "no-such-compiler")
     results = []
     for c in (cg.compile(model), compiled):
@@ -410,7 +410,7 @@ def test_divergence_without_a_compiler(monkeypatch):
 
 @needs_compiler
 def test_with_a_compiler_nothing_is_said(monkeypatch):
-    monkeypatch.setattr(core._Warned, "done", False)
+    monkeypatch.setattr(core._Warned, "reasons", set())
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert cg.compile(small()[0]).compiled
@@ -522,27 +522,52 @@ def test_a_spoilt_entry_is_built_again(name, builds):
 
 @needs_compiler
 def test_the_cache_is_private(builds):
-    folder = cache_folder()
-    folder.mkdir(mode=0o777)
-    folder.chmod(0o777)
     library = library_for(SOURCE, find_compiler())
+    folder = cache_folder()
     modes = {path.suffix: path.stat().st_mode & 0o777 for path in (folder, library, library.with_suffix(".json"))}
     assert modes == {"": 0o700, ".so": 0o700, ".json": 0o600}
 
 
 @needs_compiler
-@pytest.mark.parametrize("why", ["a file in its place", "another user's"])
+@pytest.mark.parametrize("mode", [0o720, 0o702])
+@pytest.mark.parametrize("suffix", [".so", ".json"])
+def test_an_entry_that_others_could_have_written_is_built_again(suffix, mode, builds):
+    library = library_for(SOURCE, find_compiler())
+    library.with_suffix(suffix).chmod(mode)
+    assert library_for(SOURCE, find_compiler()) == library
+    assert len(builds) == 2
+    assert library.with_suffix(suffix).stat().st_mode & 0o077 == 0
+
+
+@needs_compiler
+@pytest.mark.parametrize("why", ["a file in its place", "another user's", "open to others", "a link"])
 def test_an_unusable_folder_is_left_alone(why, builds, monkeypatch, tmp_path):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    cache._temporary_folder.cache_clear()
+    folder = cache_folder()
+    folder.parent.mkdir(parents=True, exist_ok=True)
     if why == "a file in its place":
-        cache_folder().write_text("mine")
+        folder.write_text("mine")
+    elif why == "a link":
+        (tmp_path / "elsewhere").mkdir(mode=0o700)
+        folder.symlink_to(tmp_path / "elsewhere")
     else:
-        cache_folder().mkdir()
-        monkeypatch.setattr(cache.os, "getuid", lambda: 12345)
-    library = library_for(SOURCE, find_compiler())
+        folder.mkdir(mode=0o700)
+        if why == "open to others":
+            folder.chmod(0o777)
+        else:
+            owner = os.getuid()
+            monkeypatch.setattr(cache.os, "getuid", lambda: owner + 1)
+    with pytest.warns(RuntimeWarning, match="kept for this process only"):
+        library = library_for(SOURCE, find_compiler())
     assert library.exists()
-    assert library.parent != cache_folder()
+    assert library.parent != folder
     assert library.parent.stat().st_mode & 0o077 == 0
+    if why == "open to others":
+        assert folder.stat().st_mode & 0o777 == 0o777
+        assert library_for(SOURCE, find_compiler()) == library
+        assert len(builds) == 1
+    cache._temporary_folder.cache_clear()
 
 
 @needs_compiler
@@ -582,9 +607,9 @@ def test_processes_may_build_the_same_at_once(builds):
 
 def test_where_the_cache_is(monkeypatch, tmp_path):
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "named"))
-    assert cache_folder() == tmp_path / "named"
+    assert cache_folder() == tmp_path / "named" / "compiled"
     monkeypatch.delenv("CONTINUUM_GRASP_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert cache_folder() == tmp_path / "continuum_grasp"
+    assert cache_folder() == tmp_path / "continuum_grasp" / "compiled"
     monkeypatch.delenv("XDG_CACHE_HOME")
-    assert cache_folder() == Path(os.path.expanduser("~")) / ".cache" / "continuum_grasp"
+    assert cache_folder() == Path(os.path.expanduser("~")) / ".cache" / "continuum_grasp" / "compiled"

@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from continuum_grasp import plotting
-from continuum_grasp.errors import InputError
+from continuum_grasp.errors import InputError, SolverError
 
 LENGTH = 0.6
 
@@ -312,7 +312,7 @@ def test_mp4_gives_ffmpeg_every_frame(
     monkeypatch.setenv("PATH", f"{tools}{os.pathsep}{os.environ['PATH']}")
     path = tmp_path / "out" / "a.mp4"
     if not works:
-        with pytest.raises(OSError, match="no coder"):
+        with pytest.raises(SolverError, match="no coder"):
             plotting.animate(motion, path, 10.0, width=161)
         assert list(path.parent.iterdir()) == []
         return

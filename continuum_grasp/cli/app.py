@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Annotated, Any
 
 import typer
@@ -69,6 +70,12 @@ for _verb in (simulate, grasp, modes, codegen, schema, validate, doctor):
     app.command()(_verb)
 
 
+def _say_warning(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+    """One line, without the place in the code."""
+    typer.echo(f"warning: {message}", err=True)
+
+
 def main() -> None:
     """Run the command line."""
+    warnings.showwarning = _say_warning
     app(prog_name="continuum-grasp")

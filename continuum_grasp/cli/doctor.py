@@ -14,7 +14,6 @@ from continuum_grasp.cli.output import Output
 __all__ = ["doctor"]
 
 _PACKAGES = ("casadi", "numpy", "matplotlib", "pydantic", "pyyaml", "typer", "rich")
-_COMPILERS = ("cc", "gcc", "clang")
 
 
 def doctor(as_json: Json = False) -> None:
@@ -48,12 +47,15 @@ def _versions() -> dict[str, str]:
 def _tools() -> dict[str, str]:
     import casadi
 
-    compiler = os.environ.get("CC") or next((name for name in _COMPILERS if shutil.which(name)), None)
-    path = shutil.which(compiler.split()[0]) if compiler else None
+    from continuum_grasp.core.compiler import find_compiler
+
+    compiler = find_compiler()
     return {
         "processors": str(os.cpu_count()),
         "ipopt": "found" if casadi.has_nlpsol("ipopt") else "not found",
-        "compiler": path or "not found: everything runs on CasADi's virtual machine, slower",
+        "compiler": f"{' '.join(compiler.command)}, {compiler.version}"
+        if compiler
+        else "not found: everything runs on CasADi's virtual machine, slower",
         "ffmpeg": shutil.which("ffmpeg") or "not found: animations as GIF only",
     }
 
@@ -80,7 +82,7 @@ def _speed() -> dict[str, str]:
         return f"{min(timer.repeat(3, count)) / count * 1e6:.3g} us per call from Python"
 
     dense = [casadi.DM(argument) for argument in arguments]
-    return {
-        "forward dynamics, virtual machine": microseconds(lambda: model.forward_dynamics(*dense)),
-        "forward dynamics, compiled": microseconds(lambda: core.forward_dynamics(*arguments)),
-    }
+    found = {"forward dynamics, virtual machine": microseconds(lambda: model.forward_dynamics(*dense))}
+    if core.compiled:
+        found["forward dynamics, compiled"] = microseconds(lambda: core.forward_dynamics(*arguments))
+    return found

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import json
 import os
+import shutil
 import stat
 import tempfile
+import warnings
+from functools import cache
 from pathlib import Path
 
 from continuum_grasp.core.compiler import Compiler
@@ -15,20 +19,20 @@ __all__ = ["cache_folder", "library_for"]
 
 
 def cache_folder() -> Path:
-    """Folder of compiled code: ``CONTINUUM_GRASP_CACHE``, else ``continuum_grasp`` in the user's cache folder."""
+    """Folder of compiled code: ``compiled`` in ``CONTINUUM_GRASP_CACHE``, else in the user's cache folder."""
     named = os.environ.get("CONTINUUM_GRASP_CACHE")
     if named:
-        return Path(named)
+        return Path(named) / "compiled"
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "continuum_grasp"
+    return Path(base) / "continuum_grasp" / "compiled"
 
 
 def library_for(source: str, compiler: Compiler) -> Path:
     """The shared library of a C source, compiled unless it is in the cache.
 
-    An entry is used only if its record names this very content and the library's own hash is the recorded one, so that
-    truncated, stale or foreign files are built again. Entries are written under a temporary name and then renamed, the
-    record last; any number of processes may build the same one.
+    An entry is used only if it belongs to this user alone, its record names this very content, and the library's own
+    hash is the recorded one, so that truncated, stale or foreign files are built again. Entries are written under a
+    temporary name and then renamed, the record last; any number of processes may build the same one.
 
     Parameters
     ----------
@@ -69,26 +73,37 @@ def library_for(source: str, compiler: Compiler) -> Path:
 
 
 def _private_folder() -> Path:
-    """The cache folder, readable by its owner alone; a temporary one where that cannot be had."""
-    folder = cache_folder()
+    """The cache folder; a temporary one where that cannot be had for this user alone."""
     try:
+        folder = cache_folder()
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        state = folder.stat()
-        if hasattr(os, "getuid") and state.st_uid != os.getuid():
-            raise PermissionError(f"{folder} belongs to another user")
-        if stat.S_IMODE(state.st_mode) & 0o077:
-            folder.chmod(0o700)
-        if os.access(folder, os.W_OK):
-            return folder
-    except OSError:
-        pass
-    return Path(tempfile.mkdtemp(prefix="continuum_grasp-"))
+        if not (_is_ours(folder) and os.access(folder, os.W_OK)):
+            raise PermissionError(f"{folder} is open to others or cannot be written")
+        return folder
+    except (OSError, RuntimeError) as error:  # RuntimeError: there is no home folder
+        return _temporary_folder(str(error))
+
+
+@cache
+def _temporary_folder(why: str) -> Path:
+    warnings.warn(f"compiled code is kept for this process only: {why}", RuntimeWarning, stacklevel=2)
+    folder = tempfile.mkdtemp(prefix="continuum_grasp-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether a file or folder is no link, belongs to this user, and nobody else can read or write it."""
+    state = path.lstat()
+    mine = not hasattr(os, "getuid") or state.st_uid == os.getuid()
+    return mine and not stat.S_ISLNK(state.st_mode) and (os.name == "nt" or not stat.S_IMODE(state.st_mode) & 0o077)
 
 
 def _sound(library: Path, record: Path, key: str) -> bool:
     try:
         note = json.loads(record.read_text())
-        return bool(note["key"] == key and note["sha256"] == _hash(library))
+        ours = _is_ours(library) and _is_ours(record)
+        return bool(ours and note["key"] == key and note["sha256"] == _hash(library))
     except (OSError, ValueError, KeyError, TypeError):
         return False
 

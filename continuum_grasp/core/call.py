@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from threading import Lock
 from typing import Any
 
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.finger_model import MATRICES
 
-__all__ = ["Caller", "pointer", "pointers", "shaped"]
+__all__ = ["Caller", "pointer", "pointers", "real_array", "shaped"]
 
 Array = NDArray[np.float64]
 
@@ -24,15 +25,15 @@ DOUBLES = ctypes.POINTER(ctypes.c_double)
 class Caller:
     """One function on numpy arrays."""
 
-    def __init__(self, function: ca.Function, library: ctypes.CDLL | None, nominal: Array) -> None:
+    def __init__(self, function: ca.Function, load: Callable[[], ctypes.CDLL | None], nominal: Array) -> None:
         self.function = function
+        self._load = load
         self.names = function.name_in()
         self._sizes = [function.nnz_in(k) for k in range(function.n_in())]
         self._defaults = [
             nominal if name == "p" else np.zeros(size) for name, size in zip(self.names, self._sizes, strict=True)
         ]
         self._vectors = not any(m.startswith(f"{function.name()}.") for m in MATRICES)
-        self._code = getattr(library, function.name()) if library is not None else None
         # Buffers with fixed addresses, so that a call passes nothing but pointers that are ready.
         self._inputs = [np.zeros(size) for size in self._sizes]
         self._outputs = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
@@ -47,14 +48,27 @@ class Caller:
         )
         self._lock = Lock()
 
+    @cached_property
+    def _code(self) -> Callable[..., int] | None:
+        library = self._load()
+        return getattr(library, self.function.name()) if library is not None else None
+
+    def prepare(self) -> Caller:
+        """Compile now what would be compiled with the first call."""
+        _ = self._code
+        return self
+
     def __call__(self, *arguments: ArrayLike | None, **named: ArrayLike | None) -> Any:
         values = [*arguments, *[None] * (len(self.names) - len(arguments))]
         for name, value in named.items():
             if name not in self.names:
                 raise InputError(f"{self.function.name()}: unknown input {name!r}, expected {', '.join(self.names)}")
-            values[self.names.index(name)] = value
+            at = self.names.index(name)
+            if at < len(arguments):
+                raise InputError(f"{self.function.name()}: {name} is given twice")
+            values[at] = value
         ready = len(values) == len(self._inputs) and all(
-            value is None or (type(value) is np.ndarray and value.shape == buffer.shape)
+            value is None or (type(value) is np.ndarray and value.dtype == float and value.shape == buffer.shape)
             for value, buffer in zip(values, self._inputs, strict=True)
         )
         rows: Sequence[Any] = values if ready else self.rows(values)
@@ -76,7 +90,7 @@ class Caller:
             if value is None:
                 rows.append(default)
                 continue
-            array = np.ascontiguousarray(value, dtype=float)
+            array = real_array(name, value)
             if array.ndim == 0 or (array.ndim == 1 and size == 1 and array.size == 1):
                 array = np.full(size, float(array.ravel()[0])) if size == 1 else array.reshape(-1)
             if array.ndim > 2 or (array.shape[-1] != size and not (array.size == 0 and size == 0)):
@@ -97,6 +111,25 @@ class Caller:
                 buffer[:] = default if row is None else row
             self._code(*self._arguments)
             return [buffer.copy() for buffer in self._outputs]
+
+
+def real_array(name: str, value: ArrayLike) -> Array:
+    """A contiguous array of doubles.
+
+    Raises
+    ------
+    InputError
+        If it is no array of real numbers.
+    """
+    try:
+        array = np.asarray(value)
+        if np.iscomplexobj(array):
+            raise InputError(f"{name}: expected real numbers, got complex ones")
+        return np.ascontiguousarray(array, dtype=float)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{name}: expected an array of numbers, got {value!r:.60}") from error
 
 
 def pointer(array: Array) -> Any:

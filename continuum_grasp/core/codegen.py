@@ -18,6 +18,12 @@ from continuum_grasp.model.finger_model import FUNCTIONS
 
 __all__ = ["codegen"]
 
+_TAKEN = {"main", "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum"}
+_TAKEN |= {"extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return", "short"}
+_TAKEN |= {"signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile"}
+_TAKEN |= {"while"}
+"""Words that cannot be the prefix: C's own, and the name of the example."""
+
 
 def codegen(
     model: FingerModel,
@@ -59,22 +65,25 @@ def codegen(
     NumericalError
         If the example does not stay finite.
     """
-    if not prefix.isidentifier() or not prefix.isascii():
-        raise InputError(f"prefix: expected a C identifier, got {prefix!r}")
-    target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
+    if not prefix.isidentifier() or not prefix.isascii() or prefix in _TAKEN:
+        raise InputError(f"prefix: expected a C identifier that is free, got {prefix!r}")
+    if steps < 1:
+        raise InputError(f"steps: expected at least 1, got {steps}")
     start, inputs, forces = (
         _row(name, value, size) for name, value, size in (("x0", x0, model.nx), ("u", u, model.nu), ("w", w, model.nw))
     )
+    step = step_function(model.forward_dynamics, "rk4")
+    text = _example(model, prefix, step, steps, start, inputs, forces)
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
     options = {"with_header": True, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator(f"{prefix}.c", options)
     for name in FUNCTIONS:
         generator.add(_renamed(getattr(model, name), f"{prefix}_{name}"))
-    step = step_function(model.forward_dynamics, "rk4")
     generator.add(_renamed(step, f"{prefix}_rk4_step"))
     generator.generate(f"{target}/")
     example = target / "main.c"
-    example.write_text(_example(model, prefix, step, steps, start, inputs, forces))
+    example.write_text(text)
     return [target / f"{prefix}.c", target / f"{prefix}.h", example]
 
 
@@ -101,7 +110,8 @@ def _example(
         for name, f in ((name, getattr(model, name)) for name in FUNCTIONS)
     )
     call = "const double **arg, double **res, casadi_int *iw, double *w, int mem"
-    return f"""/* One second of motion of the finger, by the fourth-order Runge-Kutta method.
+    return f"""\
+/* One second of motion of the finger under constant input and forces, by the Runge-Kutta method of order 4.
  *
  *   cc -O3 main.c {prefix}.c -lm -o {prefix} && ./{prefix}
  *

@@ -5,14 +5,14 @@ from __future__ import annotations
 import ctypes
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.call import Caller, pointers, shaped
+from continuum_grasp.core.call import Caller, pointers, real_array, shaped
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler
 from continuum_grasp.core.integrators import METHODS, step_function
 from continuum_grasp.core.rollouts import Rollouts, row, signal
@@ -26,9 +26,9 @@ Array = NDArray[np.float64]
 
 
 class _Warned:
-    """Whether the missing compiler has been reported."""
+    """What has been reported of missing or failing compilers."""
 
-    done = False
+    reasons: ClassVar[set[str]] = set()
 
 
 def compile(model: FingerModel, functions: Sequence[str] | None = None) -> Core:
@@ -96,8 +96,8 @@ class Core:
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name not in FUNCTIONS:
-            raise AttributeError(name)
-        return self.prepare(name)
+            raise AttributeError(f"a core has no {name!r}; its functions are {', '.join(FUNCTIONS)}")
+        return self._caller(name)
 
     def prepare(self, name: str) -> Caller:
         """Compile a function and give its caller.
@@ -107,12 +107,16 @@ class Core:
         InputError
             If the model has no such function.
         """
+        return self._caller(name).prepare()
+
+    def _caller(self, name: str) -> Caller:
+        """Caller of a function that may not be compiled yet."""
         if name not in FUNCTIONS:
             raise InputError(f"unknown function {name!r}: expected one of {', '.join(FUNCTIONS)}")
         if name not in self._callers:
             function = getattr(self.model, name)
-            library = self._library(function_source(function))
-            self._callers[name] = Caller(function, library, np.array(self.model.p_nominal))
+            nominal = np.array(self.model.p_nominal)
+            self._callers[name] = Caller(function, lambda: self._library(function_source(function)), nominal)
         return self._callers[name]
 
     def batch(self, name: str, *arguments: ArrayLike | None) -> Array | tuple[Array, ...]:
@@ -135,7 +139,7 @@ class Core:
         InputError
             If shapes do not fit.
         """
-        caller = self.prepare(name)
+        caller = self._caller(name)
         function: ca.Function = caller.function
         rows = caller.rows(arguments)
         counts = {len(row) for row in rows if row.ndim == 2}
@@ -158,7 +162,13 @@ class Core:
         return results[0] if len(results) == 1 else results
 
     def step_function(self, method: str) -> ca.Function:
-        """The CasADi function of one step; see ``core.integrators``."""
+        """The CasADi function of one step of a method; see ``core.integrators`` for its inputs.
+
+        Raises
+        ------
+        InputError
+            If the method is unknown.
+        """
         if method not in METHODS:
             raise InputError(f"unknown method {method!r}: expected one of {', '.join(METHODS)}")
         if method not in self._steps:
@@ -190,7 +200,8 @@ class Core:
             Time between them [s].
         u, w : array_like, optional
             Inputs and forces: one row (constant), or ``2 * steps * substeps + 1`` rows at half sub-steps; zero where
-            not given. With many states also (count, size), a constant row for each, or (count, rows, size).
+            not given. With many states also (count, size), a constant row for each, or (count, rows, size), which
+            alone is taken where count equals the number of rows.
         p : (np,) array_like, optional
             Parameters; nominal where not given.
         substeps : int
@@ -211,7 +222,7 @@ class Core:
             If a state is not finite; ``result`` holds the states before it.
         """
         model = self.model
-        start = np.ascontiguousarray(x0, dtype=float)
+        start = real_array("x0", x0)
         single = start.ndim == 1
         if start.ndim > 2 or start.shape[-1] != model.nx:
             raise InputError(f"x0: expected ({model.nx},) or (count, {model.nx}), got shape {start.shape}")
@@ -260,8 +271,8 @@ class Core:
 
 
 def _warn(why: str) -> None:
-    if not _Warned.done:
-        _Warned.done = True
+    if why not in _Warned.reasons:
+        _Warned.reasons.add(why)
         warnings.warn(
             f"{why}: running on CasADi's virtual machine, which gives the same numbers 20 to 100 times slower",
             RuntimeWarning,

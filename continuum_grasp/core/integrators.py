@@ -10,10 +10,12 @@ from collections.abc import Callable
 
 import casadi as ca
 
-__all__ = ["METHODS", "STABILITY_RADIUS", "step_function"]
+from continuum_grasp.errors import InputError
 
-STABILITY_RADIUS = {"rk4": 2.7}
-"""Largest stable product of step and spectral radius of explicit methods."""
+__all__ = ["METHODS", "RK4_STABLE", "step_function"]
+
+RK4_STABLE = 2.7
+"""Largest product of step and spectral radius with which the Runge-Kutta method is stable."""
 
 _EXPAND_UP_TO = 1500
 """Instructions of the dynamics up to which a step is written out as one straight-line function."""
@@ -98,7 +100,7 @@ def _rodas(
 ) -> ca.MX:
     """The linearly implicit method RODAS; inputs are taken as quadratic over the step."""
     if linearization is None:
-        raise ValueError("the implicit method needs the linearization")
+        raise InputError("the implicit method needs the linearization")
     jacobian = linearization(x, u[0], w[0], p)[0]
     matrix = ca.MX.eye(x.numel()) / (_GAMMA * h) - jacobian
     solver = ca.Linsol("solver", "qr", matrix.sparsity())

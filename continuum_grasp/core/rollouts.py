@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.core.call import pointer
+from continuum_grasp.core.call import pointer, real_array
 from continuum_grasp.errors import InputError
 
 __all__ = ["Rollouts", "Signal", "row", "signal"]
@@ -91,16 +91,34 @@ class Rollouts:
 
 
 def row(name: str, value: ArrayLike, size: int) -> Array:
-    array = np.ascontiguousarray(value, dtype=float).reshape(-1)
+    """A vector (size,).
+
+    Raises
+    ------
+    InputError
+        If it has another size.
+    """
+    array = real_array(name, value).reshape(-1)
     if array.size != size:
         raise InputError(f"{name}: expected {size} entries, got {array.size}")
     return array
 
 
 def signal(name: str, value: ArrayLike | None, size: int, rows: int, count: int | None) -> Signal:
-    array = np.zeros(size) if value is None else np.ascontiguousarray(value, dtype=float)
+    """Rows over half steps, for one rollout (``count`` None) or for many.
+
+    Raises
+    ------
+    InputError
+        If the shape fits nothing, or two things.
+    """
+    array = np.zeros(size) if value is None else real_array(name, value)
     if array.ndim <= 1:
         return Signal(row(name, array, size)[None, None], 0, 0)
+    if array.shape == (rows, size) and count == rows:
+        raise InputError(
+            f"{name}: {rows} rows can be one per half step or one per rollout; give ({count}, {rows}, {size})"
+        )
     if array.shape == (rows, size):
         return Signal(array[None], size, 0)
     if count is not None and array.shape == (count, size):

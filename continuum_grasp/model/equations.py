@@ -12,7 +12,6 @@ from functools import cached_property
 
 import casadi as ca
 
-from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import Drive, friction_factors
 from continuum_grasp.model.chain import Chain, Force, Moment
 from continuum_grasp.model.family import Rod
@@ -206,8 +205,6 @@ class Equations:
     def rest(self) -> list[Scalar]:
         """Integral of the rest curvature times the curvature shapes."""
         if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
-            if len(self._made.finger.curvature_pieces) > 1:
-                raise InputError("a piecewise rest curvature needs element_lengths that are not run-time arguments")
             return [times(self._tip_rest, r) for r in self._family.rest_uniform(self.lengths)]
         return list(self._family.rest(self._made.lengths, self._made.finger.curvature_pieces))
 

@@ -39,7 +39,8 @@ class FingerModel:
     elements : int or sequence of float, optional
         Number of elements, or their lengths [m]; two, or one per stretch between contacts, where nothing is said.
     bending_range : float, optional
-        Greatest bend of an element [rad]; 2 pi / 3, or less where the finger's strain limit allows less.
+        Greatest bend of an element [rad] (for clothoids: its length times its greatest curvature); 2 pi / 3, or less
+        where the finger's strain limit allows less.
     accuracy : float, optional
         Relative accuracy of the evaluation over the bending range; sets Horner terms and quadrature nodes.
     parameters : sequence of str, optional
@@ -123,16 +124,16 @@ class FingerModel:
     ) -> None:
         made = Structure(
             finger,
-            contacts,
-            gravity,
-            family,
-            elements,
-            bending_range,
-            accuracy,
-            parameters,
-            loads,
-            tip_force,
-            input_rates,
+            contacts=contacts,
+            gravity=gravity,
+            family=family,
+            elements=elements,
+            bending_range=bending_range,
+            accuracy=accuracy,
+            parameters=parameters,
+            loads=loads,
+            tip_force=tip_force,
+            input_rates=input_rates,
         )
         self.structure = made
         self.finger = made.finger
@@ -280,7 +281,9 @@ class FingerModel:
         return ca.horzcat(*[vector.column() for vector in self._equations.section_jacobian])
 
 
-FUNCTIONS = tuple(name for name, value in vars(FingerModel).items() if isinstance(value, cached_property))[:-1]
+FUNCTIONS = tuple(
+    name for name, value in vars(FingerModel).items() if isinstance(value, cached_property) and not name.startswith("_")
+)
 """Names of a model's functions."""
 
 MATRICES = frozenset(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from numbers import Integral
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.chain import Place
@@ -45,10 +46,12 @@ def element_lengths(
     edges = [0.0, *contacts, length]
     if any(not b > a for a, b in itertools.pairwise(edges)):
         raise InputError(f"contacts must increase between 0 and the length {length} m, got {list(contacts)}")
-    if elements is not None and not isinstance(elements, int):
+    if elements is not None and not isinstance(elements, int | Integral):
         return _given(length, contacts, [float(h) for h in elements])
+    if elements is not None and (isinstance(elements, bool) or elements < 1):
+        raise InputError(f"elements: expected a number of elements or their lengths, got {elements!r}")
     stretches = [b - a for a, b in itertools.pairwise(edges)]
-    count = max(2, len(stretches)) if elements is None else elements
+    count = max(2, len(stretches)) if elements is None else int(elements)
     if count < len(stretches):
         raise InputError(f"{len(contacts)} contacts need at least {len(stretches)} elements, got {count}")
     shares = [1] * len(stretches)

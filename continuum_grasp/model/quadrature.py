@@ -8,6 +8,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.errors import InputError
+
 __all__ = ["Collocation", "collocation", "node_count"]
 
 
@@ -95,9 +97,16 @@ def node_count(angle_range: float, accuracy: float) -> int:
     -------
     int
         Between 3 and 16.
+
+    Raises
+    ------
+    InputError
+        If the range is beyond one turn.
     """
     column = next((k for k, reach in enumerate(_RANGES) if angle_range <= reach), None)
     if column is None:
-        return 16
+        raise InputError(
+            f"a clothoid element that bends by up to {angle_range:.3g} rad is beyond one turn: take more elements"
+        )
     wanted = accuracy if accuracy > _STRICT else 0.1 * accuracy
     return next((count for count, errors in _ERRORS.items() if errors[column] <= wanted), 16)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -26,6 +27,7 @@ class Structure:
     def __init__(
         self,
         finger: Scene | Finger,
+        *,
         contacts: Sequence[float] | None,
         gravity: Sequence[float] | None,
         family: str | None,
@@ -44,13 +46,15 @@ class Structure:
         self.contacts = tuple(float(at) for at in _first(contacts, scene and scene.contacts, ()))
         self.loads: tuple[Load, ...] = tuple(_first(loads, scene and scene.loads, ()))
         self.tip_force = bool(_first(tip_force, bool(scene.contacts) if scene else None, True))
-        gx, gy = _first(gravity, scene and scene.gravity, (0.0, -9.81))
+        g = tuple(_first(gravity, scene and scene.gravity, (0.0, -9.81)))
+        if len(g) != 2 or not all(math.isfinite(v) for v in g):
+            raise InputError(f"gravity: expected two finite numbers, got {list(g)}")
         self.lengths = element_lengths(self.length, self.contacts, _first(elements, fidelity.elements, None))
         self.ranges = element_ranges(
             self.lengths, _first(bending_range, fidelity.bending_range, None), self.finger.curvature_limit
         )
         names = _first(parameters, scene and scene.parameters, ())
-        self.parameters = Parameters(self.finger, (float(gx), float(gy)), self.lengths, names)
+        self.parameters = Parameters(self.finger, (float(g[0]), float(g[1])), self.lengths, names)
         self.accuracy: float | None = _first(accuracy, fidelity.accuracy, None)
         if self.accuracy is not None and not 0.0 < self.accuracy <= 1e-2:
             raise InputError(f"accuracy: expected a number above 0 and up to 0.01, got {self.accuracy}")
@@ -61,6 +65,10 @@ class Structure:
         self.family = self._make_family()
         self.n = self.family.size - (1 if self.matched else 0)
         self._name_entries()
+        for load in self.loads:
+            place_at(load.at, self.lengths)
+        if self.parameters.is_runtime("element_lengths") and len(self.finger.curvature_pieces) > 1:
+            raise InputError("a piecewise rest curvature needs element_lengths that are not run-time arguments")
 
     @property
     def matched(self) -> bool:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.plotting.drawable import DrawableTrajectory
 from continuum_grasp.plotting.frames import frames
 from continuum_grasp.results import replacing
@@ -141,4 +141,8 @@ def _write_mp4(path: Path, pictures: Iterator[NDArray[Any]], fps: float, ffmpeg:
         process.wait()
         raise
     if process.returncode != 0:
-        raise OSError(f"ffmpeg failed: {said.decode(errors='replace').strip()}")
+        raise SolverError(
+            f"no animation: ffmpeg failed with {said.decode(errors='replace').strip()!r}",
+            status="ffmpeg",
+            advice="the run itself is saved; try a GIF",
+        )

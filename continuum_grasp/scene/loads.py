@@ -21,7 +21,7 @@ class _Sampled(Value):
     def _increasing(self) -> _Sampled:
         if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
             raise ValueError(f"times must increase, got {list(self.times)}")
-        count = len(self.values)  # type: ignore[attr-defined]
+        count = len(getattr(self, "values", ()))
         if count != len(self.times):
             raise ValueError(f"values must be as many as times ({len(self.times)}), got {count}")
         return self

@@ -19,16 +19,18 @@ class Fidelity(Value):
     """How finely the finger is modelled."""
 
     family: Family | None = None
-    """Curvature family; None: matched_clothoid, or clothoid where a moving tip balance forbids it (tendon friction)."""
+    """Curvature family; None: matched_clothoid, or clothoid where the tip balance is not given by the input alone
+    (tendon friction, a moment on the tip that varies in time)."""
     elements: (
         Annotated[int, Field(ge=1, le=64)] | Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)] | None
     ) = None
     """Number of elements, or their lengths from base to tip [m]; None: two, or one per stretch between contacts."""
     bending_range: Positive | None = None
-    """Greatest bend of one element [rad]; None: 2 pi / 3, or less where the strain limit allows less."""
+    """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature); None: 2 pi / 3, or
+    less where the strain limit allows less."""
     accuracy: Annotated[float, Field(gt=0.0, le=1e-2)] | None = None
     """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
-    nodes); None: rounding for arcs, and for clothoids far below their discretisation error."""
+    nodes); None: rounding for arcs, and for clothoids about as small as their discretisation error."""
 
 
 class Initial(Value):
@@ -70,6 +72,11 @@ class Timing(Value):
     def _whole(self) -> Timing:
         if self.step > self.duration:
             raise ValueError(f"step ({self.step} s) is longer than duration ({self.duration} s)")
+        count = self.duration / self.step
+        if abs(count - round(count)) > 1e-6 * count:
+            raise ValueError(
+                f"duration must be a whole number of steps, got {self.duration} s in steps of {self.step} s"
+            )
         return self
 
 
@@ -87,7 +94,7 @@ class Scene(Value):
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Names of model parameters that stay run-time arguments of the generated functions."""
     actuation: Actuation | None = None
-    """None: no input, the finger is passive."""
+    """None: no input, the finger is passive and its tendons are slack."""
     initial: Initial = Initial(pose="straight")
     loads: Annotated[tuple[Load, ...], Field(strict=False)] = ()
     time: Timing | None = None

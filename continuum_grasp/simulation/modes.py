@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.spectrum import damping_matrix
 from continuum_grasp.simulation.statics import Equilibrium, equilibrium
 
 __all__ = ["Modes", "modes"]
@@ -77,7 +78,7 @@ def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -
     core = Core(model, compiled=False)
     mass = core.mass_matrix(q, u, p)
     stiffness = core.statics(q, u, w, p)[1]
-    damping = np.array([core.damping(q, e, u, p) for e in np.eye(model.n)]).T
+    damping = damping_matrix(core, q, u, p)
     values, right, left = _eigen(mass, stiffness)
     pulsations = np.sqrt(values.astype(complex)).real
     ratios = np.full(len(values), np.nan)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -114,9 +116,15 @@ class Signals:
     @property
     def constant(self) -> bool:
         """Whether nothing varies."""
-        sampled = (Samples, VectorSamples)
-        varies = any(isinstance(value, sampled) for value in self._values)
-        return not varies and not any(isinstance(_value(load), sampled) for load, _ in self._loads)
+        values = [*self._values, *(_value(load) for load, _ in self._loads)]
+        return not any(isinstance(value, (Samples, VectorSamples)) for value in values)
+
+    def instants(self, duration: float) -> list[float]:
+        """Zero, and up to 15 more instants at which inputs and loads take their sampled values [s]."""
+        sampled = [*self._values, *(_value(load) for load, _ in self._loads)]
+        times = {t for value in sampled if isinstance(value, (Samples, VectorSamples)) for t in value.times}
+        later = sorted(t for t in times if 0.0 < t <= duration)
+        return [0.0, *later[:: max(1, math.ceil(len(later) / 15))]]
 
     def u(self, t: ArrayLike) -> Array:
         """Inputs (T, nu) at instants (T,)."""
@@ -138,11 +146,12 @@ class Signals:
                 continue
             value = _value(load)
             width = 2 if isinstance(load, ForceLoad) else 1
-            sampled = isinstance(value, (Samples, VectorSamples))
-            now = interpolate(value, instants)[0] if sampled else np.asarray(value, dtype=float)  # type: ignore[arg-type]
-            rows[:, start : start + width] = now.reshape(-1, width) if sampled else now
+            if isinstance(value, (Samples, VectorSamples)):
+                rows[:, start : start + width] = interpolate(value, instants)[0].reshape(-1, width)
+            else:
+                rows[:, start : start + width] = value
         return rows
 
 
-def _value(load: Load) -> object:
+def _value(load: Load) -> float | tuple[float, float] | Samples | VectorSamples:
     return load.force if isinstance(load, ForceLoad) else load.moment

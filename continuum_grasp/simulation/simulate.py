@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
-from continuum_grasp.core.integrators import STABILITY_RADIUS
+from continuum_grasp.core.integrators import RK4_STABLE
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene, Timing
@@ -28,6 +28,7 @@ Progress = Callable[[float], None]
 
 _IMPLICIT_FROM = 40
 """Sub-steps per output step from which on the implicit method is chosen."""
+_MOST_SUBSTEPS = 1e6
 _LOST = 3.0
 """Multiple of the declared bending range at which a run is stopped."""
 _CHUNK = 200_000
@@ -65,7 +66,26 @@ def simulate(scene: Scene, *, progress: Progress | None = None) -> Trajectory:
 
 
 def initial_state(scene: Scene, model: FingerModel) -> Array:
-    """State of a scene at time zero (nx,)."""
+    """State of a scene at time zero.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    model : FingerModel
+        Its model.
+
+    Returns
+    -------
+    (nx,) ndarray
+
+    Raises
+    ------
+    InputError
+        If ``initial.q`` or ``initial.qd`` has the wrong size.
+    SolverError
+        If an initial equilibrium is not found.
+    """
     signals = Signals(scene, model)
     u = signals.u(0.0)[0]
     initial, n = scene.initial, model.n
@@ -96,6 +116,15 @@ def _as_modelled(scene: Scene, model: FingerModel) -> Scene:
     return scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"family": model.family})})
 
 
+@dataclass(frozen=True)
+class _Plan:
+    """How to integrate."""
+
+    method: str
+    substeps: int
+    radius: float
+
+
 class _Run:
     """One simulation."""
 
@@ -104,39 +133,38 @@ class _Run:
         self._progress = progress or (lambda share: None)
         self._core = Core(model)
         self._signals = Signals(scene, model)
-        self._steps = max(1, round(time.duration / time.step))
+        self._steps = round(time.duration / time.step)
         self._p = np.array(model.p_nominal)
 
     def trajectory(self) -> Trajectory:
         """Integrate and check."""
         started = perf_counter()
         x0 = initial_state(self._scene, self._model)
-        method, substeps, radius = self._choose(x0)
-        while True:
-            if method != "reference":
-                self._core.prepare_rollout(method)
+        plan: _Plan | None = self._choose(x0)
+        while plan is not None:
+            used = plan
+            if plan.method != "reference":
+                self._core.prepare_rollout(plan.method)
             began = perf_counter()
-            states, error = self._integrate(x0, method, substeps)
+            states, error = self._integrate(x0, plan)
             took = perf_counter() - began
-            radius = max(radius, self._radius(states[:: max(1, len(states) // 12), : self._model.n]))
-            needed = math.ceil(radius * self._time.step / TARGET_RADIUS)
-            stable = radius * self._time.step / substeps <= STABILITY_RADIUS["rk4"]
-            if method != "rk4" or stable or needed <= substeps:
-                break
-            if self._time.method == "auto" and needed > _IMPLICIT_FROM:
-                method, needed = "implicit", 1
-            substeps = needed
+            plan = self._revised(plan, states, error)
         result = self._result(states)
         use = self._range_use(result)
         lost = np.flatnonzero(np.any(use > _LOST, axis=1))
         if lost.size:
-            last = max(int(lost[0]) - 1, 0)
-            result, use = self._result(states[: last + 1]), use[: last + 1]
-            error = self._lost_error(result, use)
+            if lost[0] == 0:
+                raise InputError(
+                    f"the initial shape bends an element {use[0].max():.3g} times its range", key="initial"
+                )
+            result, use = self._result(states[: lost[0]]), use[: lost[0]]
+            lost_error = self._lost_error(result, use)
+            lost_error.__cause__ = error
+            error = lost_error
         statistics = {
-            "method": method,
-            "substeps": substeps,
-            "spectral_radius": radius,
+            "method": used.method,
+            "substeps": used.substeps,
+            "spectral_radius": used.radius,
             "compiled": self._core.compiled,
             "integration_s": took,
             "real_time_factor": (len(states) - 1) * self._time.step / max(took, 1e-12),
@@ -149,28 +177,46 @@ class _Run:
             raise NumericalError(str(error), time=error.time, state=error.state, result=result) from error
         return result
 
-    def _choose(self, x0: Array) -> tuple[str, int, float]:
-        """Method, sub-steps and the spectral radius that they follow from."""
+    def _choose(self, x0: Array) -> _Plan:
+        """Method and sub-steps from the spectral radius about the start, over the instants at which inputs turn."""
         radius = self._radius(sample_shapes(self._model, x0[: self._model.n]))
-        wanted = max(1, math.ceil(radius * self._time.step / TARGET_RADIUS))
         asked = self._time.method
         if asked in ("implicit", "reference"):
-            return asked, 1, radius
+            return _Plan(asked, 1, radius)
+        wanted = self._wanted(radius)
         if asked == "auto" and wanted > _IMPLICIT_FROM:
-            return "implicit", 1, radius
-        return "rk4", wanted, radius
+            return _Plan("implicit", 1, radius)
+        return _Plan("rk4", wanted, radius)
+
+    def _revised(self, plan: _Plan, states: Array, error: NumericalError | None) -> _Plan | None:
+        """A finer plan where the motion turned out to be faster than the explicit method can follow."""
+        if plan.method != "rk4":
+            return None
+        shapes = states[:: max(1, len(states) // 12), : self._model.n]
+        radius = max(plan.radius, self._radius(shapes))
+        wanted = self._wanted(radius)
+        if error is None and radius * self._time.step / plan.substeps <= RK4_STABLE:
+            return None
+        if self._time.method == "auto" and (wanted > _IMPLICIT_FROM or wanted <= plan.substeps):
+            return _Plan("implicit", 1, radius)
+        return _Plan("rk4", wanted, radius) if wanted > plan.substeps else None
+
+    def _wanted(self, radius: float) -> int:
+        return max(1, math.ceil(min(radius * self._time.step / TARGET_RADIUS, _MOST_SUBSTEPS)))
 
     def _radius(self, shapes: Array) -> float:
+        """Spectral radius over shapes, at time zero, and over the first of them whenever inputs or loads turn."""
         finite = shapes[np.all(np.isfinite(shapes), axis=1)]
-        u, w = self._signals.u(0.0)[0], self._signals.w(0.0)[0]
-        try:
-            return spectral_radius(Core(self._model, compiled=False), finite, u, w, self._p)
-        except np.linalg.LinAlgError:
-            return 0.0
+        core, signals, radius = Core(self._model, compiled=False), self._signals, 0.0
+        for k, t in enumerate(signals.instants(self._time.duration)):
+            some = finite if k == 0 else finite[:4]
+            radius = max(radius, spectral_radius(core, some, signals.u(t)[0], signals.w(t)[0], self._p))
+        return radius
 
-    def _integrate(self, x0: Array, method: str, substeps: int) -> tuple[Array, NumericalError | None]:
+    def _integrate(self, x0: Array, plan: _Plan) -> tuple[Array, NumericalError | None]:
         """States, whole or until the error."""
-        h, parts, start = self._time.step, [x0[None]], 0
+        method, substeps, h = plan.method, plan.substeps, self._time.step
+        parts, start = [x0[None]], 0
         chunk = max(1, _CHUNK // substeps)
         while start < self._steps:
             count = min(chunk, self._steps - start)
@@ -184,13 +230,16 @@ class _Run:
                 parts.append(error.result[1:])
                 time = start * h + (error.time or 0.0)
                 states = np.concatenate(parts)
-                return states, NumericalError(
-                    f"the motion is not finite after t = {time:g} s (last state {states[-1].tolist()}; {method}, "
+                reason = (
+                    str(error)
+                    if method == "reference"
+                    else f"the motion is not finite after t = {time:g} s (last state {states[-1].tolist()}; {method}, "
                     f"{substeps} sub-steps of {h / substeps:g} s): take a smaller time.step or time.method: implicit; "
-                    "if the finger bends beyond its range, raise fidelity.bending_range or lower the loads",
-                    time=time,
-                    state=states[-1],
+                    "if the finger bends beyond its range, raise fidelity.bending_range or lower the loads"
                 )
+                stopped = NumericalError(reason, time=time, state=states[-1])
+                stopped.__cause__ = error
+                return states, stopped
             parts.append(part[1:])
             start += count
             self._progress(start / self._steps)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 
-__all__ = ["TARGET_RADIUS", "sample_shapes", "spectral_radius", "stable_steps"]
+__all__ = ["TARGET_RADIUS", "damping_matrix", "sample_shapes", "spectral_radius", "stable_steps"]
 
 Array = NDArray[np.float64]
 
@@ -34,23 +34,31 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float
     Returns
     -------
     float
-        The largest over the shapes, with that of the tendons' lag. Velocities are left out.
+        The largest over the shapes, with that of the tendons' lag; infinite where the model's numbers are not finite.
+        Velocities are left out.
     """
     model = core.model
     largest = _drive_rate(model)
     for shape in np.atleast_2d(q):
         mass = core.mass_matrix(shape, u, p)
         stiffness = core.statics(shape, u, w, p)[1]
-        damping = np.array([core.damping(shape, e, u, p) for e in np.eye(model.n)]).T
-        damping -= core.damping(shape, np.zeros(model.n), u, p)[:, None]
+        damping = damping_matrix(core, shape, u, p)
+        if not all(np.all(np.isfinite(part)) for part in (mass, stiffness, damping)):
+            return math.inf
         lower = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
         motion = np.vstack([np.hstack([np.zeros_like(mass), np.eye(model.n)]), lower])
         largest = max(largest, float(np.abs(np.linalg.eigvals(motion)).max()))
     return largest
 
 
+def damping_matrix(core: Core, q: Array, u: Array, p: Array) -> Array:
+    """Damping forces per rate of the coordinates (n, n); they are linear in the rates."""
+    at_rest = core.damping(q, np.zeros_like(q), u, p)
+    return np.array([core.damping(q, e, u, p) - at_rest for e in np.eye(len(q))]).T
+
+
 def stable_steps(model: FingerModel, x0: Array, u: Array, w: Array) -> int:
-    """Steps per second with which the explicit method follows the motion from a state."""
+    """Steps per second with which the explicit method follows the motion from a state (nx,) under constant u and w."""
     core = Core(model, compiled=False)
     shapes = sample_shapes(model, x0[: model.n])
     return math.ceil(spectral_radius(core, shapes, u, w, np.array(model.p_nominal)) / TARGET_RADIUS)

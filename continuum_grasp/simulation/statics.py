@@ -14,6 +14,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.spectrum import damping_matrix
 
 __all__ = ["Equilibrium", "equilibrium", "equilibrium_path"]
 
@@ -93,7 +94,7 @@ def equilibrium(
         Whether to leave an unstable equilibrium. Where there is no stable one beside it (flutter under a following
         load), what is returned says ``stable=False``.
     side : {1, -1}
-        Side to which an unstable equilibrium is left: first component of the bending, positive or negative.
+        Side to which an unstable equilibrium is left: the sign of the largest component of its weakest direction.
     model : FingerModel, optional
         Model to use, which must have the scene's loads.
 
@@ -103,17 +104,23 @@ def equilibrium(
 
     Raises
     ------
+    InputError
+        If guess, side or model do not fit.
     SolverError
         If no equilibrium is reached.
     """
+    if side not in (1, -1):
+        raise InputError(f"side: expected 1 or -1, got {side!r}")
+    if model is not None and extra_loads:
+        raise InputError("give extra_loads, or a model that has them among its loads, not both")
     if model is None:
         model = FingerModel(scene, loads=(*scene.loads, *extra_loads), input_rates=False)
     signals = Signals(scene, model)
     p = np.array(model.p_nominal)
     search = _Search(model, signals.u(0.0)[0], signals.w(0.0)[0], p)
     start = search.rest() if guess is None else np.asarray(guess, dtype=float)
-    if start.shape != (model.n,):
-        raise InputError(f"guess: expected {model.n} entries, got shape {start.shape}")
+    if start.shape != (model.n,) or not np.all(np.isfinite(start)):
+        raise InputError(f"guess: expected {model.n} finite entries, got {start.tolist()}")
     return search.find(start, stable, side)
 
 
@@ -165,6 +172,18 @@ class _Search:
 
     def find(self, start: Array, stable: bool, side: int) -> Equilibrium:
         """Equilibrium from a start; see ``equilibrium``."""
+        try:
+            return self._find(start, stable, side)
+        except np.linalg.LinAlgError as error:
+            raise SolverError(
+                "no equilibrium found",
+                status="singular",
+                violated=[f"mass or stiffness matrix ({error})"],
+                advice="a bending stiffness or mass is so small or large that the matrices have no usable numbers, or "
+                "the start is far outside the bending range: check units, or give a guess nearer to the shape",
+            ) from error
+
+    def _find(self, start: Array, stable: bool, side: int) -> Equilibrium:
         q, iterations = self._descend(start, 0)
         margin, direction, steady = self._stability(q)
         if stable and not steady:
@@ -183,6 +202,8 @@ class _Search:
         q = start.copy()
         missing, stiffness = self._core.statics(q, self._u, self._w, self._p)
         mass = self._core.mass_matrix(q, self._u, self._p)
+        if not (np.all(np.isfinite(missing)) and np.all(np.isfinite(stiffness)) and np.all(np.isfinite(mass))):
+            raise np.linalg.LinAlgError("not finite at the start")
         rate = float(np.abs(np.linalg.eigvals(np.linalg.solve(mass, stiffness))).max())
         shift = rate
         weakest = float(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.min())
@@ -196,7 +217,7 @@ class _Search:
             trial = q + change
             after, stiffness_after = self._core.statics(trial, self._u, self._w, self._p)
             if not np.all(np.isfinite(after)):
-                shift *= 10.0
+                shift = 10.0 * max(shift, rate)
                 continue
             before_size, after_size = np.abs(missing).max(), np.abs(after).max()
             q, missing, stiffness = trial, after, stiffness_after
@@ -240,7 +261,7 @@ class _Search:
         margin, direction = float(values[0]), np.asarray(root.T @ vectors[:, 0])
         if np.abs(scaled - scaled.T).max() <= 1e-9 * np.abs(scaled).max():
             return margin, direction, margin > 0.0
-        damping = self._damping_matrix(q)
+        damping = damping_matrix(self._core, q, self._u, self._p)
         n = len(q)
         motion = np.block(
             [
@@ -250,7 +271,3 @@ class _Search:
         )
         poles = np.linalg.eigvals(motion)
         return margin, direction, bool(poles.real.max() <= 1e-9 * np.abs(poles).max())
-
-    def _damping_matrix(self, q: Array) -> Array:
-        columns = [self._core.damping(q, e, self._u, self._p) for e in np.eye(len(q))]
-        return np.array(columns).T
