@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from pathlib import Path
 
 import pytest
@@ -109,6 +110,10 @@ def test_every_float_that_python_writes_is_read(x):
         ("a: *x", 1, 4, "undefined alias"),
         ("a: b: c", 1, 5, "not valid YAML"),
         ("a: [1,", 1, 7, "not valid YAML"),
+        ("{a: 0,6, b: 0,002}", 1, 7, "expected a word as key, got '6' (write a decimal point, not a comma: 0.6)"),
+        ("{a: -1,5e-3}", 1, 8, "(write a decimal point, not a comma: -1.5e-3)"),
+        ("{a: x, 6: 3}", 1, 8, "expected a word as key, got '6'"),
+        ("a: 1e400", 1, 4, "a: too large: expected a number up to 1.8e308, got 1e400"),
         ("a: 1\n---\nb: 2", 2, 1, "single document"),
         ("a:\n\tb: 1", 2, 1, "not valid YAML"),
         ("a: 1\nb: \x07", 2, None, "not valid YAML"),
@@ -168,7 +173,12 @@ def test_byte_order_mark_is_not_part_of_the_first_key(write):
             "contacts: [0.3, .nan]",
             "scene.yaml:5:17: contacts[1]: not finite: expected a finite number, got .nan",
         ),
-        ("time: {duration: 1e400, step: 1}", "scene.yaml:5:18: time.duration: not finite"),
+        ("time: {duration: 1e400, step: 1}", "scene.yaml:5:18: time.duration: too large: expected a number up to"),
+        (
+            "contacts: [1e-400]",
+            "scene.yaml:5:12: contacts[0]: too small: expected 0 or a number from 5e-324 on, got 1e-400",
+        ),
+        ("time: {duration: .inf, step: 1}", "scene.yaml:5:18: time.duration: not finite"),
         (
             "time: {duration: -1, step: 1}",
             "scene.yaml:5:18: time.duration: out of range: expected a number greater than 0, got -1",
@@ -184,6 +194,15 @@ def test_byte_order_mark_is_not_part_of_the_first_key(write):
             "name: [1]",
             "scene.yaml:5:7: name: wrong type: expected text, got a list of 1",
         ),
+        ("contacts: [0.1, 1,5, 0.2]", "scene.yaml:5:17: contacts[1]: contacts[1] = 1"),
+        ("name: n\ngravity: 0", "6:1: gravity: duplicate key"),
+        (
+            "time: {duration: 1.0e9, step: 1.0e-6}",
+            "5:31: time.step: step = 1e-06 s over 1e+09 s asks for 1e+15 output states; at most 10000000 can be kept",
+        ),
+        ("initial: {pose: rest, qd: [1]}", "5:27: initial.qd: qd needs as many q, got 1 rates and none"),
+        ("initial: {q: [0, 0], qd: [1]}", "5:26: initial.qd: qd needs as many q, got 1 rates and 2 q"),
+        ("loads: [{kind: moment, at: 0.1, moment: {times: [0, 1e-12], values: [0, 1]}}]", "1e-9 s apart"),
         ("contacts: ['0.3']", "expected a number, got text '0.3' (write it without quotes)"),
         ("contacts: [300 mm]", "expected a number, got text '300 mm' (write the bare number, in SI units)"),
         (
@@ -227,7 +246,7 @@ def test_problem_is_named_at_its_place(write, text, expected):
         ),
         (
             "fidelity: {elements: 0}",
-            "5:22: fidelity.elements: out of range: expected a number at least 1, got 0",
+            "5:22: fidelity.elements: out of range: expected a number at least 1 (number of elements",
         ),
         (
             "fidelity: {elements: [0.3, -0.3]}",
@@ -276,12 +295,78 @@ def test_position_is_also_in_the_attributes(write):
         ("{length: -1, diameter: 0.002, density: 1, youngs_modulus: 1}", "finger.rod.length: out of range"),
         ("{length: 1, diameter: 0.002, density: 0, youngs_modulus: 1}", "finger.rod.density: out of range"),
         ("{length: 1, diameter: 0.002}", "finger.rod: a rod needs diameter, density, youngs_modulus"),
+        (
+            "{length: 1e-300, diameter: 0.002, density: 1e3, youngs_modulus: 1e9}",
+            "3:24: finger.rod.length: out of range: expected a number at least 1e-06 (length L [m]), got 1e-300",
+        ),
+        (
+            "{length: 1e5, diameter: 0.002, density: 1e3, youngs_modulus: 1e9}",
+            "at most 10000 (length L [m]), got 100000",
+        ),
+        (
+            "{length: 1, diameter: 1, density: 1e3, youngs_modulus: 1e9}",
+            "rod.diameter: diameter = 1.0 m is not smaller",
+        ),
+        ("{length: 1, diameter: 1e-12, density: 1e3, youngs_modulus: 1e9}", "finger.rod.diameter: out of range"),
+        ("{length: 1, diameter: 0.01, density: 1e9, youngs_modulus: 1e9}", "finger.rod.density: out of range"),
+        ("{length: 1, diameter: 0.01, density: 1e3, youngs_modulus: 1e30}", "finger.rod.youngs_modulus: out of range"),
+        ("{length: 1, linear_density: 1e-30, bending_stiffness: 1}", "finger.rod.linear_density: out of range"),
+        ("{length: 1, linear_density: 1, bending_stiffness: 1e-30}", "finger.rod.bending_stiffness: out of range"),
+        ("{length: 1, linear_density: 1, bending_stiffness: 1, rotary_inertia: 1e30}", "rotary_inertia: out of range"),
+        (
+            "{length: 0,6, diameter: 0,002, density: 6450, youngs_modulus: 60e9}",
+            "3:26: finger.rod: expected a word as key, got '6' (write a decimal point, not a comma: 0.6)",
+        ),
         ("{lenght: 1, linear_density: 1, bending_stiffness: 1}", "unknown key; did you mean 'length'?"),
     ],
 )
 def test_physical_sense_of_the_rod(write, rod, expected):
     lines = complaint(write(f"schema_version: 1\ngravity: [0, 0]\nfinger: {{rod: {rod}}}"))
     assert any(expected in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("finger", "expected"),
+    [
+        ("strain_limit: 6", "5:17: finger.strain_limit: out of range: expected a number less than 1 (greatest bending"),
+        ("half_thickness: 0.6", "5:19: finger.half_thickness: half_thickness = 0.6 m is not smaller"),
+        ("masses: [{at: 0.6, mass: 1e30}]", "5:28: finger.masses[0].mass: out of range"),
+        ("damping: {material: 1e30}", "5:23: finger.damping.material: out of range"),
+        ("rest_curvature: 1e30", "5:19: finger.rest_curvature: out of range"),
+        ("tendons: {offset: 1e-300, max_tension: 1}", "5:21: finger.tendons.offset: out of range"),
+        (
+            "tendons: {offset: 0.01, max_tension: 1, time_constant: 1e-300}",
+            "5:58: finger.tendons.time_constant: out of range: expected a number at least 1e-06 (time constant",
+        ),
+        ("base: {position: [0, 1e300]}", "5:24: finger.base.position[1]: out of range"),
+    ],
+)
+def test_physical_sense_of_the_finger(write, finger, expected):
+    (line,) = complaint(write(f"{HEAD}  {finger}\n"))
+    assert line.startswith("scene.yaml:" + expected)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["finger.rod.length=600", "finger.rod.diameter=2"], ["rod.length = 600 m", "rod.diameter = 2 m"]),
+        (["finger.rod.youngs_modulus=60"], ["rod.youngs_modulus = 60 Pa is that of no material; 60 GPa is 60e9"]),
+        (["finger.rod.density=6.45"], ["6.45 g/cm3 is 6450 (expected: kg/m3)"]),
+        (["finger.masses=[{at: 0.6, mass: 20}]"], ["masses[0].mass = 20 kg on a rod of 0.012 kg; is it in grams?"]),
+        (["finger.base.angle=-90"], ["base.angle = -90 rad is beyond a full turn; is it in degrees?"]),
+        (["gravity=[0, -9810]"], ["is it in mm/s2?"]),
+        ([], []),
+    ],
+)
+def test_other_units_are_suspected(write, overrides, words):
+    file = write(HEAD)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        load(file, overrides)
+    assert len(caught) == len(words)
+    for one, word in zip(caught, words, strict=True):
+        assert word in str(one.message)
+        assert one.filename == __file__
 
 
 def test_tendons_wider_than_the_finger_is_long(write):

@@ -46,6 +46,16 @@ class Document:
             value = value[part]
         return value
 
+    def nearest(self, path: KeyPath, *, at_key: bool = False) -> Place:
+        """Where ``path`` was written, or the key of what it would stand in."""
+        known = path
+        while known not in self.places and known:
+            known = known[:-1]
+        place = self.places[known]
+        if (at_key or known != path) and place.key_line is not None:
+            return Place(place.file, place.key_line, place.key_column)
+        return Place(place.file, place.line, place.column)
+
     def part(self, path: KeyPath) -> Document:
         """What lies below ``path``, as a document of its own."""
         count = len(path)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from continuum_grasp.scene.value import NonNegative, Positive, Real, Value, Vector2
+from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2, doubt
 
 __all__ = ["BasePose", "Damping", "Finger", "PiecewiseCurvature", "PointMass", "Rod", "Tendons"]
 
@@ -23,17 +23,17 @@ class Rod(Value):
     sets nothing but where the strain limit is reached and, without ``half_thickness``, how thick the finger is.
     """
 
-    length: Positive
+    length: Length
     """Length L [m]."""
-    diameter: Positive | None = None
-    """Diameter of a solid round section [m]."""
-    density: Positive | None = None
+    diameter: Extent | None = None
+    """Diameter of a solid round section [m]; smaller than the length."""
+    density: Annotated[float, Field(ge=1e-3, le=1e6)] | None = None
     """Density [kg/m3]."""
-    youngs_modulus: Positive | None = None
+    youngs_modulus: Annotated[float, Field(ge=1e-3, le=1e15)] | None = None
     """Young's modulus E [Pa]."""
-    linear_density: Positive | None = None
+    linear_density: Annotated[float, Field(ge=1e-15, le=1e9)] | None = None
     """Mass per length, rho A [kg/m]."""
-    bending_stiffness: Positive | None = None
+    bending_stiffness: Annotated[float, Field(ge=1e-24, le=1e15)] | None = None
     """Bending stiffness E I [N m2]."""
     rotary_inertia: NonNegative | None = None
     """Rotary inertia per length, rho I [kg m]; 0 leaves it out of the model. Not given: that of the round section, or
@@ -52,6 +52,25 @@ class Rod(Value):
         missing = [k for k in wanted if getattr(self, k) is None]
         if missing:
             raise ValueError(f"a rod needs {', '.join(wanted)}; missing {', '.join(missing)}")
+        return self
+
+    @model_validator(mode="after")
+    def _magnitudes(self) -> Rod:
+        if self.diameter is not None and self.diameter >= self.length:
+            raise ValueError(
+                f"diameter = {self.diameter} m is not smaller than the length of {self.length} m (both are in metres)"
+            )
+        for key, most in (("length", 10.0), ("diameter", 0.3)):
+            if (getattr(self, key) or 0.0) > most:
+                doubt(
+                    f"rod.{key} = {getattr(self, key):g} m is large for a finger; is it in millimetres? (expected: m)"
+                )
+        if self.youngs_modulus is not None and not 1e3 <= self.youngs_modulus <= 2e12:
+            doubt(
+                f"rod.youngs_modulus = {self.youngs_modulus:g} Pa is that of no material; 60 GPa is 60e9 (expected: Pa)"
+            )
+        if self.density is not None and not 10.0 <= self.density <= 23e3:
+            doubt(f"rod.density = {self.density:g} kg/m3 is that of no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)")
         return self
 
     @property
@@ -101,7 +120,7 @@ class PointMass(Value):
 class PiecewiseCurvature(Value):
     """A rest curvature that is constant between ``breaks``."""
 
-    breaks: Annotated[tuple[Positive, ...], Field(strict=False)]
+    breaks: Annotated[tuple[Length, ...], Field(strict=False)]
     """Positions along the finger where the curvature jumps, increasing [m]."""
     values: Annotated[tuple[Real, ...], Field(strict=False)]
     """Curvatures between them, one more than ``breaks`` [1/m]."""
@@ -120,7 +139,7 @@ class PiecewiseCurvature(Value):
 class Tendons(Value):
     """Two tendons at equal distances from the backbone; tendon 1 is on the -X side and bends the finger positively."""
 
-    offset: Positive
+    offset: Length
     """Distance e of each tendon from the backbone [m]; tip moment = (F1 - F2) e, equation (42)."""
     min_tension: NonNegative = 0.0
     """Least tension [N]."""
@@ -128,7 +147,7 @@ class Tendons(Value):
     """Greatest tension [N]."""
     friction: NonNegative = 0.0
     """Capstan friction coefficient between tendon and guides [1]: tension falls as exp(-friction * bent angle)."""
-    time_constant: Positive | None = None
+    time_constant: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
     """Time constant of the tension drive [s]: the commanded tension is followed through a critically damped
     second-order lag. None: the tension is what is commanded."""
 
@@ -147,6 +166,12 @@ class BasePose(Value):
     angle: Real = 0.0
     """Angle from world axes to base axes, counter-clockwise [rad]."""
 
+    @model_validator(mode="after")
+    def _radians(self) -> BasePose:
+        if abs(self.angle) > 2 * math.pi * (1 + 1e-9):
+            doubt(f"base.angle = {self.angle:g} rad is beyond a full turn; is it in degrees? (expected: rad)")
+        return self
+
 
 class Finger(Value):
     """A tendon-driven continuum finger."""
@@ -157,8 +182,8 @@ class Finger(Value):
     """Curvature of the unloaded finger [1/m], positive towards -X."""
     half_thickness: NonNegative | None = None
     """Half the outer thickness [m], where contacts touch; half the rod's diameter where not given."""
-    strain_limit: Positive | None = None
-    """Greatest bending strain of the rod [1]; needs the rod's diameter."""
+    strain_limit: Annotated[float, Field(ge=1e-9, lt=1.0)] | None = None
+    """Greatest bending strain of the rod [1], 0.06 for 6 %; needs the rod's diameter."""
     masses: Annotated[tuple[PointMass, ...], Field(strict=False)] = ()
     tendons: Tendons | None = None
     """None: the input is the tip moment itself."""
@@ -176,11 +201,19 @@ class Finger(Value):
             )
         if self.strain_limit is not None and self.rod.diameter is None:
             raise ValueError("strain_limit needs rod.diameter")
+        if self.half_thickness is not None and self.half_thickness >= length:
+            raise ValueError(
+                f"half_thickness = {self.half_thickness} m is not smaller than the finger's length of {length} m"
+            )
         breaks = self.rest_curvature.breaks if isinstance(self.rest_curvature, PiecewiseCurvature) else ()
         if breaks and breaks[-1] >= length:
             raise ValueError(
                 f"rest_curvature.breaks end at {breaks[-1]} m, not before the finger's length of {length} m"
             )
+        own = self.rod.mass_per_length * length
+        for k, m in enumerate(self.masses):
+            if m.mass > 1e3 * own:
+                doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {own:.2g} kg; is it in grams? (expected: kg)")
         return self
 
     @property

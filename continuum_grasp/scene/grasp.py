@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Fidelity
-from continuum_grasp.scene.value import NonNegative, Positive, Real, Value, Vector2
+from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2
 
 __all__ = [
     "Circle",
@@ -31,7 +31,7 @@ class Circle(Value):
     """A disc in the plane of the finger, for example a mug seen along its axis."""
 
     shape: Literal["circle"]
-    diameter: Positive
+    diameter: Extent
     """Outer diameter [m]."""
     mass: NonNegative
     """Mass [kg]; the centre of mass is the centre."""
@@ -82,7 +82,7 @@ class GraspContacts(Value):
     found."""
     middle_after: Annotated[int, Field(ge=1)] | None = None
     """Number of elements between base and middle contact; None: half of them."""
-    middle_range: Annotated[tuple[Positive, Positive], Field(strict=False)] | None = None
+    middle_range: Annotated[tuple[Length, Length], Field(strict=False)] | None = None
     """Positions along the finger between which the middle contact is sought [m]; None: 5 % to 95 % of the
     length."""
     tip: Switch = "on"
@@ -139,9 +139,9 @@ class GraspSolver(Value):
     """Time for the whole search, diagnosis included [s]."""
     max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 500
     """Iterations of one solver run."""
-    tolerance: Annotated[float, Field(gt=0.0, le=1e-4)] = 1e-9
+    tolerance: Annotated[float, Field(ge=1e-15, le=1e-4)] = 1e-9
     """Relative tolerance of the solver, on optimality and constraints."""
-    penetration_tolerance: Annotated[float, Field(gt=0.0, le=1e-3)] = 1e-6
+    penetration_tolerance: Annotated[float, Field(ge=1e-12, le=1e-3)] = 1e-6
     """Allowed penetration of the backbone's samples into object and palm, as a part of the finger's length.
     Never zero: a finger that wraps the object would then leave the feasible set without an interior."""
     samples: Annotated[int, Field(ge=8, le=400)] = 32

@@ -21,6 +21,8 @@ class _Sampled(Value):
     def _increasing(self) -> _Sampled:
         if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
             raise ValueError(f"times must increase, got {list(self.times)}")
+        if any(b - a < 1e-9 for a, b in zip(self.times, self.times[1:], strict=False)):
+            raise ValueError("times must be 1e-9 s apart at least")
         count = len(getattr(self, "values", ()))
         if count != len(self.times):
             raise ValueError(f"values must be as many as times ({len(self.times)}), got {count}")

@@ -11,10 +11,11 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.scene.document import Document, KeyPath, Place
 from continuum_grasp.scene.shape import Shape
 
-__all__ = ["Problem", "explain", "nearest", "raise_problems"]
+__all__ = ["Problem", "explain", "input_error", "nearest", "raise_problems"]
 
 _MOST = 20
 _KINDS = {
@@ -62,9 +63,31 @@ def raise_problems(problems: Iterable[Problem], document: Document) -> None:
     InputError
         Unless there are no problems. Its position is that of the first problem.
     """
+    error = _listed(problems, document)
+    if error is not None:
+        raise error
+
+
+def input_error(error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]) -> InputError:
+    """What is wrong with values that were given in Python, with the class in place of a file."""
+    plain = _plain(data)
+    document = Document(plain, {(): Place(model.__name__)})
+    return _listed(explain(error, model, plain), document) or InputError(str(error), file=model.__name__)
+
+
+def _plain(value: Any) -> Any:
+    """Scene values, tuples and lists in it as the mappings and lists that a file would have."""
+    if isinstance(value, BaseModel):
+        return {key: _plain(getattr(value, key)) for key in value.model_fields_set}
+    if isinstance(value, Mapping):
+        return {key: _plain(child) for key, child in value.items()}
+    return [_plain(child) for child in value] if isinstance(value, list | tuple) else value
+
+
+def _listed(problems: Iterable[Problem], document: Document) -> InputError | None:
     placed = [(_place(problem, document), problem) for problem in problems]
     if not placed:
-        return
+        return None
     main_file = document.places[()].file
     placed.sort(key=lambda item: (item[0].file != main_file, item[0].file, item[0].line or 0, item[0].column or 0))
     placed = list(dict.fromkeys(placed))
@@ -72,17 +95,11 @@ def raise_problems(problems: Iterable[Problem], document: Document) -> None:
     if len(placed) > _MOST:
         lines.append(f"and {len(placed) - _MOST} more")
     place, first = placed[0]
-    raise place.error("\n".join([first.message, *lines]), first.path)
+    return place.error("\n".join([first.message, *lines]), first.path)
 
 
 def _place(problem: Problem, document: Document) -> Place:
-    path = problem.path
-    while path not in document.places and path:
-        path = path[:-1]
-    place = document.places[path]
-    if (problem.at_key or path != problem.path) and place.key_line is not None:
-        return Place(place.file, place.key_line, place.key_column)
-    return Place(place.file, place.line, place.column)
+    return document.nearest(problem.path, at_key=problem.at_key)
 
 
 def explain(error: ValidationError, model: type[BaseModel], data: Any) -> list[Problem]:
@@ -143,7 +160,12 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
         return _wrong_type(path, _kind(item, shape, data), got)
     if kind in _LIMITS:
         name, words = _LIMITS[kind]
-        return Problem(path, f"out of range: expected a number {words} {context[name]:g}, got {_show(got)}")
+        limit = context[name]
+        if name == "ge" and 0.0 < limit < 1.0 and got <= 0.0:
+            words, limit = "greater than", 0
+        about = shape.description(path, data).partition(";")[0] if limit else ""
+        what = f"a number {words} {limit:g}" + (f" ({about})" if about else "")
+        return Problem(path, f"out of range: expected {what}, got {_show(got)}")
     match kind:
         case "missing" if isinstance(path[-1], int):
             size = shape.size(path[:-1], data)
@@ -171,7 +193,8 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
         case "too_short":
             return Problem(path, f"too short: expected at least {context['min_length']} entries, got {_show(got)}")
         case "too_long":
-            return Problem(path, f"too long: expected at most {context['max_length']} entries, got {_show(got)}")
+            hint = " (write decimal points, not commas)" if shape.size(path, data) else ""
+            return Problem(path, f"too long: expected at most {context['max_length']} entries, got {_show(got)}{hint}")
         case "value_error":
             message = str(context.get("error", error["msg"]))
             return Problem(_mentioned(message, path, data), message)
@@ -248,4 +271,5 @@ def _show(value: Any) -> str:
         return f"a list of {len(value)}"
     if isinstance(value, str):
         return f"text {value if len(value) <= 60 else value[:57] + '...'!r}"
-    return repr(value)
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, Load, Samples
-from continuum_grasp.scene.value import Positive, Real, Value, Vector2
+from continuum_grasp.scene.value import Length, Positive, Real, Value, Vector2, doubt
 
 __all__ = ["Fidelity", "Initial", "Scene", "Timing"]
 
@@ -20,15 +21,17 @@ class Fidelity(Value):
 
     family: Family | None = None
     """Curvature family; None: matched_clothoid, or clothoid where the tip balance is not given by the input alone
-    (tendon friction, a moment on the tip that varies in time)."""
+    (tendon friction, a moment on the tip that varies in time) or, at time zero, does not fit the initial pose."""
     elements: (
-        Annotated[int, Field(ge=1, le=64)] | Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)] | None
+        Annotated[int, Field(ge=1, le=64)]
+        | Annotated[tuple[Length, ...], Field(strict=False, min_length=1, max_length=64)]
+        | None
     ) = None
     """Number of elements, or their lengths from base to tip [m]; None: two, or one per stretch between contacts."""
-    bending_range: Positive | None = None
+    bending_range: Annotated[float, Field(ge=1e-3, le=20.0)] | None = None
     """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature); None: 2 pi / 3, or
     less where the strain limit allows less."""
-    accuracy: Annotated[float, Field(gt=0.0, le=1e-2)] | None = None
+    accuracy: Annotated[float, Field(ge=1e-16, le=1e-2)] | None = None
     """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
     nodes); None: rounding for arcs, and for clothoids about as small as their discretisation error."""
 
@@ -49,6 +52,9 @@ class Initial(Value):
     def _one(self) -> Initial:
         if (self.pose is None) == (self.q is None):
             raise ValueError("give exactly one of pose and q")
+        if self.qd is not None and (self.q is None or len(self.qd) != len(self.q)):
+            got = "none" if self.q is None else f"{len(self.q)} q"
+            raise ValueError(f"qd needs as many q, got {len(self.qd)} rates and {got}")
         if self.held_by and self.pose != "equilibrium":
             raise ValueError("held_by needs pose: equilibrium")
         for k, load in enumerate(self.held_by):
@@ -58,8 +64,12 @@ class Initial(Value):
         return self
 
 
+MOST_STATES = 10_000_000
+"""Output states that a simulation may keep."""
+
+
 class Timing(Value):
-    """Time span, output step and integration method."""
+    """Time span, output step and integration method; at most 10 million steps."""
 
     duration: Positive
     """[s]"""
@@ -73,6 +83,12 @@ class Timing(Value):
         if self.step > self.duration:
             raise ValueError(f"step ({self.step} s) is longer than duration ({self.duration} s)")
         count = self.duration / self.step
+        if count > MOST_STATES:
+            raise ValueError(
+                f"step = {self.step:g} s over {self.duration:g} s asks for {count:.3g} output states; at most "
+                f"{MOST_STATES} can be kept: take a longer step (the integrator takes sub-steps of its own) or a "
+                "shorter duration"
+            )
         if abs(count - round(count)) > 1e-6 * count:
             raise ValueError(
                 f"duration must be a whole number of steps, got {self.duration} s in steps of {self.step} s"
@@ -88,7 +104,7 @@ class Scene(Value):
     finger: Finger
     gravity: Vector2
     """World gravity [m/s2]."""
-    contacts: Annotated[tuple[Positive, ...], Field(strict=False)] = ()
+    contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
     """Positions along the finger where contact forces may act [m]; element boundaries."""
     fidelity: Fidelity = Fidelity()
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
@@ -115,6 +131,8 @@ class Scene(Value):
                     raise ValueError(f"{where}[{k}].at = {load.at} m is beyond the finger's length of {length} m")
         if self.actuation is not None:
             self._check_actuation(self.actuation)
+        if math.hypot(*self.gravity) > 1e3:
+            doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
         lengths = self.fidelity.elements
         if isinstance(lengths, tuple) and abs(sum(lengths) - length) > 1e-9 * length:
             raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")

@@ -2,22 +2,52 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import warnings
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-__all__ = ["NonNegative", "Positive", "Real", "Value", "Vector2"]
+__all__ = ["Extent", "Length", "NonNegative", "Positive", "Real", "Value", "Vector2", "doubt"]
 
 
 class Value(BaseModel):
-    """A frozen value in SI units; unknown keys, NaN and infinity are refused."""
+    """A frozen value in SI units; unknown keys, NaN, infinity and absurd magnitudes are refused.
+
+    Raises
+    ------
+    InputError
+        Where it is made with something wrong, with the path of each key.
+    """
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True, strict=True
     )
 
+    def __init__(self, /, **data: Any) -> None:
+        try:
+            super().__init__(**data)
+        except ValidationError as error:
+            from continuum_grasp.scene.problems import input_error
 
-Real = Annotated[float, Field()]
-Positive = Annotated[float, Field(gt=0.0)]
-NonNegative = Annotated[float, Field(ge=0.0)]
-Vector2 = Annotated[tuple[float, float], Field(strict=False)]
+            raise input_error(error, type(self), data) from None
+
+    # pydantic calls an initialiser of one's own for nested values too, and loses the keys of what is wrong in them.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+
+Real = Annotated[float, Field(ge=-1e12, le=1e12)]
+Positive = Annotated[float, Field(ge=1e-12, le=1e12)]
+NonNegative = Annotated[float, Field(ge=0.0, le=1e12)]
+Length = Annotated[float, Field(ge=1e-6, le=1e4)]
+"""Of a finger or a part of it [m]."""
+Extent = Annotated[float, Field(ge=1e-9, le=1e8)]
+"""Of a section or of something else than the finger [m]."""
+Vector2 = Annotated[tuple[Real, Real], Field(strict=False)]
+
+
+def doubt(what: str) -> None:
+    """Warn of a value that can be meant, but is more likely in another unit; for use in validators.
+
+    The warning names the line that made the value or loaded the file, four frames up: pydantic's own are compiled.
+    """
+    warnings.warn(what, UserWarning, stacklevel=5)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -161,20 +162,24 @@ class _Builder:
 
     def entries(self, node: yaml.MappingNode, path: KeyPath) -> Iterator[tuple[str, yaml.Node, yaml.Node]]:
         lines: dict[str, int] = {}
+        before: yaml.Node | None = None
         for key, child in node.value:
             if not isinstance(key, yaml.ScalarNode) or key.tag != "tag:yaml.org,2002:str":
                 got = repr(key.value) if isinstance(key, yaml.ScalarNode) else f"a {key.id}"
-                raise self.error(key, path, f"expected a word as key, got {got}")
+                raise self.error(key, path, f"expected a word as key, got {got}{_comma_hint(before, key, child)}")
             if key.value == "<<":
                 raise self.error(key, path, "merge keys (<<) are not read; write the values out, or use extends")
             if key.value in lines:
                 raise self.error(key, (*path, key.value), f"duplicate key, first given in line {lines[key.value]}")
             lines[key.value] = key.start_mark.line + 1
+            before = child
             yield key.value, key, child
 
     def scalar(self, node: yaml.Node, path: KeyPath) -> Any:
         kind = node.tag.removeprefix("tag:yaml.org,2002:")
         text: str = node.value
+        if kind == "float" and not text.lower().endswith((".inf", ".nan")):
+            self.bounded(node, path)
         try:
             match kind:
                 case "str":
@@ -193,6 +198,17 @@ class _Builder:
             raise self.error(node, path, f"cannot be read as {kind}: {text[:60]!r}") from None
         raise self.error(node, path, f"tags are not read, got {node.tag!r}")
 
+    def bounded(self, node: yaml.Node, path: KeyPath) -> None:
+        """Refuse a number that doubles turn into infinity or zero."""
+        try:
+            value = float(node.value)
+        except ValueError:  # said by who reads it
+            return
+        if math.isinf(value):
+            raise self.error(node, path, f"too large: expected a number up to 1.8e308, got {node.value[:60]}")
+        if value == 0.0 and re.search("[1-9]", re.split("[eE]", node.value)[0]):
+            raise self.error(node, path, f"too small: expected 0 or a number from 5e-324 on, got {node.value[:60]}")
+
     def plain_tag(self, node: yaml.Node, path: KeyPath, kind: str) -> None:
         if node.tag != f"tag:yaml.org,2002:{kind}":
             raise self.error(node, path, f"tags are not read, got {node.tag!r}")
@@ -200,3 +216,12 @@ class _Builder:
     def error(self, node: yaml.Node, path: KeyPath, message: str) -> InputError:
         mark = node.start_mark
         return InputError(message, file=self.name, line=mark.line + 1, column=mark.column + 1, key=dotted(path) or None)
+
+
+def _comma_hint(before: yaml.Node | None, key: yaml.Node, child: yaml.Node) -> str:
+    """What to write where a decimal comma has cut a number in two: ``{length: 0,6}`` has the keys length and 6."""
+    halves = [node.value if isinstance(node, yaml.ScalarNode) else "" for node in (before, key, child)]
+    whole, part, value = halves
+    if re.fullmatch(r"[-+]?\d+", whole) and re.fullmatch(r"\d+(?:[eE][-+]?\d+)?", part) and not value:
+        return f" (write a decimal point, not a comma: {whole}.{part})"
+    return ""
