@@ -13,7 +13,7 @@ __version__ = "0.1.0"
 
 _ROOMS = {
     "continuum_grasp.core": ("compile",),
-    "continuum_grasp.errors": ("ContinuumGraspError", "InputError", "NumericalError", "SolverError"),
+    "continuum_grasp.errors": ("ContinuumGraspError", "InputError", "Interrupted", "NumericalError", "SolverError"),
     "continuum_grasp.grasp": ("optimize_grasp",),
     "continuum_grasp.model": ("FingerModel",),
     "continuum_grasp.scene": (
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from continuum_grasp.core import compile as compile
     from continuum_grasp.errors import ContinuumGraspError as ContinuumGraspError
     from continuum_grasp.errors import InputError as InputError
+    from continuum_grasp.errors import Interrupted as Interrupted
     from continuum_grasp.errors import NumericalError as NumericalError
     from continuum_grasp.errors import SolverError as SolverError
     from continuum_grasp.grasp import optimize_grasp as optimize_grasp

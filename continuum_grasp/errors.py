@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-__all__ = ["ContinuumGraspError", "InputError", "NumericalError", "SolverError"]
+__all__ = ["ContinuumGraspError", "InputError", "Interrupted", "NumericalError", "SolverError"]
 
 
 class ContinuumGraspError(Exception):
@@ -97,5 +97,21 @@ class NumericalError(ContinuumGraspError, ArithmeticError):
     def __init__(self, message: str, *, time: float | None = None, state: Any = None, result: Any = None) -> None:
         self.time = time
         self.state = state
+        self.result = result
+        super().__init__(message)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during a long computation; not an ``Exception``, so that only what means to catches it.
+
+    Parameters
+    ----------
+    message : str
+        What was interrupted, and where.
+    result : object, optional
+        What was computed so far.
+    """
+
+    def __init__(self, message: str, *, result: Any = None) -> None:
         self.result = result
         super().__init__(message)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import signal
+import sys
 from functools import cache
 
 import numpy as np
@@ -13,7 +16,7 @@ from typer.testing import CliRunner
 
 from continuum_grasp.cli import app
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
 from continuum_grasp.simulation import equilibrium, initial_state, simulate
@@ -436,7 +439,7 @@ def test_near_the_declared_range_all_is_well_and_beyond_it_is_said(family):
     beyond = simulate(nitinol(family, duration=0.4, tip_mass=0.02, fidelity={"bending_range": 0.8 * peak}))
     (warning, *_) = beyond.warnings
     assert beyond.status == "finished"
-    assert warning.startswith(f"element 1 left its declared bending range of {0.8 * peak:.3g} rad at t = 0.")
+    assert warning.startswith(f"element 1 is bent beyond its declared range of {0.8 * peak:.3g} rad at t = 0.")
     assert "(greatest: 1.2" in warning
     assert "raise fidelity.bending_range" in warning
 
@@ -488,7 +491,7 @@ def test_what_was_computed_is_saved(tmp_path, without_compiler):  # noqa: F811
 
 @pytest.mark.parametrize("method", ["auto", "rk4", "implicit", "reference"])
 def test_a_motion_that_blows_up_is_stopped_with_time_and_state(method):
-    pushed = {"times": [0.0, 0.05, 0.06], "values": [[0.0, 0.0], [0.0, 0.0], [0.0, 1e200]]}
+    pushed = {"times": [0.0, 0.05, 0.06], "values": [[0.0, 0.0], [0.0, 0.0], [0.0, 1e12]]}
     with pytest.raises(NumericalError) as caught:
         simulate(nitinol("clothoid", duration=0.2, method=method, loads=[force(0.6, pushed)]))
     error = caught.value
@@ -498,6 +501,32 @@ def test_a_motion_that_blows_up_is_stopped_with_time_and_state(method):
     assert np.all(np.isfinite(error.result.x))
     assert np.all(np.isfinite(error.state))
     assert error.result.t[-1] == pytest.approx(error.time)
+
+
+def test_too_stiff_for_rk4_is_said_and_kept(monkeypatch):
+    monkeypatch.setattr(sys.modules[simulate.__module__], "_MOST_SUBSTEPS", 100)
+    keys = {"duration": 0.02, "step": 2e-3, "tip_mass": 0.02, "finger": {"damping": {"material": 8e-3}}}
+    with pytest.raises(NumericalError, match=r"too stiff for rk4.*time\.method: implicit") as caught:
+        simulate(nitinol("clothoid", 4, method="rk4", **keys))
+    assert caught.value.result.status == "stopped"
+    assert simulate(nitinol("clothoid", 4, **keys)).statistics["method"] == "implicit"
+
+
+@pytest.mark.parametrize("method", ["rk4", "implicit", "reference"])
+def test_an_interrupted_motion_is_kept(method, monkeypatch):
+    monkeypatch.setattr(sys.modules[simulate.__module__], "_CHUNK", 10)
+    scene = nitinol(duration=0.1, tip_mass=0.02, method=method)
+
+    def stop(share: float) -> None:
+        if share > 0.45:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(Interrupted, match=r"interrupted after t = 0\.0\d+ s of 0\.1 s") as caught:
+        simulate(scene, progress=stop)
+    kept = caught.value.result
+    assert kept.status == "stopped"
+    assert 40 <= len(kept.t) <= 100
+    assert np.array_equal(kept.x, simulate(scene).x[: len(kept.t)])
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -522,6 +551,54 @@ def test_many_explicit_sub_steps_equal_the_implicit_method(monkeypatch):
     assert chosen.statistics["method"] == "implicit"
     assert np.array_equal(chosen.x, implicit.x)
     assert distance(explicit.tip, implicit.tip) < 1e-3
+
+
+# starts that a matched tip cannot have
+
+MOMENT = 0.02
+GROWING = {"times": [0.0, 0.1], "values": [0.0, MOMENT]}
+
+
+def circle(curvature: float) -> np.ndarray:
+    """Tip of the bent rod of 0.6 m, in base axes."""
+    angle = 0.6 * curvature
+    return np.array([math.cos(angle) - 1.0, math.sin(angle)]) / curvature
+
+
+@pytest.mark.parametrize(
+    ("keys", "family"),
+    [
+        ({"initial": {"pose": "straight"}, "actuation": {"tip_moment": MOMENT}}, "clothoid"),
+        ({"initial": {"pose": "rest"}, "actuation": {"tip_moment": MOMENT}}, "clothoid"),
+        ({"initial": {"pose": "straight"}, "actuation": {"tip_moment": GROWING}}, "matched_clothoid"),
+        ({"initial": {"pose": "equilibrium"}, "actuation": {"tip_moment": MOMENT}}, "matched_clothoid"),
+        ({"initial": {"pose": "straight"}, "finger": {"rest_curvature": 1.0}}, "clothoid"),
+        ({"initial": {"pose": "rest"}, "finger": {"rest_curvature": 1.0}}, "matched_clothoid"),
+    ],
+)
+def test_the_default_family_can_have_the_initial_pose(keys, family):
+    scene = nitinol(None, None, duration=0.01, gravity=FREE, angle=UPRIGHT, **keys)
+    motion = simulate(scene)
+    assert motion.model.family == family
+    assert motion.warnings == ()
+    rest = keys.get("finger", {}).get("rest_curvature", 0.0)
+    bent = {"straight": 0.0, "rest": rest, "equilibrium": MOMENT / motion.model.finger.rod.stiffness}
+    curvature = bent[keys["initial"]["pose"]]
+    assert motion.tip[0] == pytest.approx(circle(curvature) if curvature else [0.0, 0.6], abs=1e-6)
+
+
+def test_a_held_moment_is_in_the_initial_shape():
+    held = {"pose": "equilibrium", "held_by": [{"kind": "moment", "at": 0.6, "moment": MOMENT}]}
+    motion = simulate(nitinol(None, None, duration=0.01, gravity=FREE, angle=UPRIGHT, initial=held))
+    curvature = MOMENT / motion.model.finger.rod.stiffness
+    assert motion.tip[0] == pytest.approx(circle(curvature), abs=1e-6)
+
+
+def test_an_impossible_start_of_matched_clothoids_that_were_asked_for_is_said():
+    keys = {"duration": 0.01, "actuation": {"tip_moment": MOMENT}}
+    for initial in ({"pose": "straight"}, {"q": [0.0, 0.0]}):
+        (warning,) = simulate(nitinol("matched_clothoid", initial=initial, **keys)).warnings
+        assert "fidelity.family: clothoid" in warning
 
 
 # what is refused, and what is shipped

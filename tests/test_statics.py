@@ -301,3 +301,13 @@ def test_an_absurd_load_says_so(family):
     assert caught.value.status == "iteration limit"
     assert "generalised force missing" in caught.value.violated[0]
     assert "lower them" in caught.value.advice
+
+
+@pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
+def test_bends_beyond_the_range_are_said_and_far_beyond_it_are_refused(family):
+    assert equilibrium(pushed(1.0, family)).warnings == ()
+    (warning, *_) = equilibrium(pushed(5.0, family, fidelity={"bending_range": 0.5})).warnings
+    assert warning.startswith("element 1 is bent beyond its declared range of 0.5 rad (greatest: ")
+    with pytest.raises(SolverError, match=r"element 1 is bent .* times its range of 0\.1 rad") as caught:
+        equilibrium(pushed(5.0, family, fidelity={"bending_range": 0.1}))
+    assert caught.value.status == "beyond the bending range"

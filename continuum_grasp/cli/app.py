@@ -16,12 +16,13 @@ from continuum_grasp.cli.modes import modes
 from continuum_grasp.cli.schema import schema
 from continuum_grasp.cli.simulate import simulate
 from continuum_grasp.cli.validate import validate
-from continuum_grasp.errors import ContinuumGraspError, InputError
+from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
 
 __all__ = ["app", "main"]
 
 SOLVER_FAILED = 1
 BAD_INPUT = 2
+INTERRUPTED = 130
 
 
 class _Verbs(TyperGroup):
@@ -33,6 +34,9 @@ class _Verbs(TyperGroup):
         except ContinuumGraspError as error:
             typer.echo(f"error: {error}", err=True)
             raise typer.Exit(BAD_INPUT if isinstance(error, InputError) else SOLVER_FAILED) from None
+        except Interrupted as error:
+            typer.echo(f"{error}", err=True)
+            raise typer.Exit(INTERRUPTED) from None
         except OSError as error:
             if error.filename is None:
                 raise
@@ -47,7 +51,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     help="Planar tendon-driven continuum fingers: simulate, grasp, generate C.",
-    epilog="Exit status: 0 done, 1 a solver failed, 2 bad input.",
+    epilog="Exit status: 0 done, 1 a solver failed, 2 bad input, 130 interrupted.",
 )
 
 

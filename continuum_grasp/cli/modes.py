@@ -37,6 +37,7 @@ def modes(
 
     with output.busy("finding modes"):
         found = find(scene)
+    output.warn(found.warnings)
     if not found.stable:
         output.warn(["the equilibrium is unstable"])
     files = _save(found, scene, run_folder(out, config)) if out is not None else []
@@ -51,6 +52,7 @@ def modes(
         output.say(f"saved in {out}")
     output.result(
         stable=found.stable,
+        warnings=list(found.warnings),
         frequencies_hz=found.frequencies_hz,
         damping_ratios=found.damping_ratios,
         folder=None if out is None else str(out),

@@ -31,7 +31,7 @@ def simulate(
 ) -> None:
     """Move a finger in time: saves the motion, draws pictures."""
     from continuum_grasp.cli.scenes import simulation_scene
-    from continuum_grasp.errors import InputError, NumericalError
+    from continuum_grasp.errors import InputError, Interrupted, NumericalError
 
     output = Output(as_json, quiet, verbose)
     if animation not in (None, "gif", "mp4"):
@@ -46,7 +46,7 @@ def simulate(
     try:
         with output.busy("simulating") as report:
             trajectory = run(scene, progress=report)
-    except NumericalError as error:
+    except (NumericalError, Interrupted) as error:
         if error.result is not None:
             error.result.save(folder)
             typer.echo(f"what was computed until then is in {folder}", err=True)

@@ -34,8 +34,8 @@ class FingerModel:
     gravity : (2,) sequence, optional
         World gravity [m/s2]; (0, -9.81) for a bare finger; zero leaves the weight out.
     family : {"arc", "clothoid", "matched_clothoid"}, optional
-        Curvature family; ``matched_clothoid`` where nothing is said (``clothoid`` where tendons rub, or where a
-        moment of the scene on the tip varies in time).
+        Curvature family; ``matched_clothoid`` where nothing is said (``clothoid`` where tendons rub, where a moment
+        of the scene on the tip varies in time, or where those at time zero do not fit the initial pose).
     elements : int or sequence of float, optional
         Number of elements, or their lengths [m]; two, or one per stretch between contacts, where nothing is said.
     bending_range : float, optional

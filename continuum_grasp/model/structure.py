@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 from continuum_grasp.errors import InputError
@@ -16,7 +17,7 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
 from continuum_grasp.scene.simulate import Fidelity, Scene
 
-__all__ = ["Structure"]
+__all__ = ["Structure", "tip_is_thrown"]
 
 FAMILIES = ("arc", "clothoid", "matched_clothoid")
 
@@ -58,7 +59,7 @@ class Structure:
         self.accuracy: float | None = _first(accuracy, fidelity.accuracy, None)
         if self.accuracy is not None and not 0.0 < self.accuracy <= 1e-2:
             raise InputError(f"accuracy: expected a number above 0 and up to 0.01, got {self.accuracy}")
-        self.family_name: str = _first(family, fidelity.family, None) or self._default_family()
+        self.family_name: str = _first(family, fidelity.family, None) or self._default_family(scene)
         if self.family_name not in FAMILIES:
             raise InputError(f"unknown family {self.family_name!r}: expected one of {', '.join(FAMILIES)}")
         self.inputs = self._input_layout(input_rates, self._input_varies(scene))
@@ -105,12 +106,12 @@ class Structure:
                 found.append((name, place_at(mass.at, self.lengths)))
         return found
 
-    def _default_family(self) -> str:
-        return "clothoid" if self.rubs or self._tip_couple_varies() else "matched_clothoid"
+    def _default_family(self, scene: Scene | None) -> str:
+        thrown = scene is not None and scene.time is not None and scene.initial.q is None and tip_is_thrown(scene)
+        return "clothoid" if self.rubs or self._tip_couple_varies() or thrown else "matched_clothoid"
 
     def _tip_couple_varies(self) -> bool:
-        couples = [k for k in self.loads if isinstance(k, MomentLoad) and self.on_tip(k.at)]
-        return any(isinstance(k.moment, Samples) for k in couples)
+        return any(isinstance(load.moment, Samples) for load in _tip_couples(self.loads, self.length))
 
     def _input_varies(self, scene: Scene | None) -> bool:
         if self._tip_couple_varies():
@@ -161,6 +162,39 @@ class Structure:
                 self.w_names += [f"load_{k + 1}_{axis} [N]" for axis in axes]
             else:
                 self.w_names.append(f"load_{k + 1}_moment [N m]")
+
+
+def tip_is_thrown(scene: Scene) -> bool:
+    """Whether the moments on the tip at time zero ask for another curvature there than the initial pose has.
+
+    A matched tip then starts with the curvature of those moments, not with that of the pose.
+    """
+    length, initial, actuation = scene.finger.rod.length, scene.initial, scene.actuation
+    if initial.pose == "equilibrium":
+        return bool(_tip_couples(initial.held_by, length))
+    moment = sum(_at_zero(load.moment) for load in _tip_couples(scene.loads, length))
+    if actuation is not None and actuation.tensions is not None:
+        offset = scene.finger.tendons.offset if scene.finger.tendons else 0.0
+        moment += (_at_zero(actuation.tensions[0]) - _at_zero(actuation.tensions[1])) * offset
+    elif actuation is not None:
+        moment += _at_zero(actuation.tip_moment or 0.0)
+    curvature = scene.finger.curvature_pieces[-1][2] if initial.pose != "rest" else 0.0
+    return moment != 0.0 or curvature != 0.0
+
+
+def _tip_couples(loads: Sequence[Load], length: float) -> list[MomentLoad]:
+    return [load for load in loads if isinstance(load, MomentLoad) and abs(load.at - length) <= 1e-9 * length]
+
+
+def _at_zero(value: float | Samples) -> float:
+    """The value at time zero, linear between samples: whether it vanishes is all that is asked of it."""
+    if not isinstance(value, Samples):
+        return value
+    samples = list(zip(value.times, value.values, strict=True))
+    for (t0, v0), (t1, v1) in pairwise(samples):
+        if t0 <= 0.0 < t1:
+            return v0 + (v1 - v0) * -t0 / (t1 - t0)
+    return value.values[0] if value.times[0] > 0.0 else value.values[-1]
 
 
 def _first(*values: Any) -> Any:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Loaded: TypeAlias = Scene | GraspScene | Finger
 
-__all__ = ["kind_of", "load", "model_of"]
+__all__ = ["kind_of", "load", "model_of", "scene_of"]
 
 _VERSION = 1
 
@@ -62,6 +62,25 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
     except ValidationError as error:
         raise_problems(explain(error, model, document.value), document)
         raise
+
+
+def scene_of(given: Scene | str | os.PathLike[str]) -> Scene:
+    """A scene that is given as such, or as the path of its file.
+
+    Raises
+    ------
+    InputError
+        If it is something else, or the file is wrong.
+    """
+    if isinstance(given, Scene):
+        return given
+    if not isinstance(given, (str, os.PathLike)):
+        raise InputError(f"expected a Scene or the path of its file, got {given!r:.80}")
+    loaded = load(Path(given))
+    if not isinstance(loaded, Scene):
+        got = "a grasp" if type(loaded).__name__ == "GraspScene" else "a finger alone"
+        raise InputError(f"expected a scene (finger, gravity, ...), got {got}", file=os.fspath(given))
+    return loaded
 
 
 def kind_of(data: Any) -> str:

@@ -1,7 +1,8 @@
 """Motion, equilibrium and modes of a finger in its scene."""
 
+from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.modes import Modes, modes
-from continuum_grasp.simulation.simulate import initial_state, simulate
+from continuum_grasp.simulation.simulate import simulate
 from continuum_grasp.simulation.statics import Equilibrium, equilibrium, equilibrium_path
 from continuum_grasp.simulation.trajectory import Trajectory
 

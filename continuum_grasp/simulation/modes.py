@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -49,14 +50,19 @@ class Modes:
         """Whether the equilibrium is stable."""
         return self.equilibrium.stable
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings of the equilibrium."""
+        return self.equilibrium.warnings
 
-def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
+
+def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = None, points: int = 61) -> Modes:
     """Modes of a finger about its equilibrium.
 
     Parameters
     ----------
-    scene : Scene
-        The scene.
+    scene : Scene or path-like
+        The scene, or its YAML file.
     about : Equilibrium, optional
         Equilibrium to linearise about; found where not given.
     points : int

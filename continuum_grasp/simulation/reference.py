@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from signal import SIGINT, signal
+from threading import current_thread, main_thread
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import NumericalError
+from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.model import FingerModel
 
 __all__ = ["integrate_reference"]
@@ -38,6 +42,8 @@ def integrate_reference(model: FingerModel, x0: Array, step: float, u: Array, w:
     ------
     NumericalError
         If the integrator fails; ``result`` holds the states before.
+    Interrupted
+        On Ctrl-C; ``result`` holds the states before.
     """
     x, t = ca.MX.sym("x", model.nx), ca.MX.sym("t")
     samples = ca.MX.sym("samples", 3 * (model.nu + model.nw))
@@ -53,22 +59,31 @@ def integrate_reference(model: FingerModel, x0: Array, step: float, u: Array, w:
     steps = (len(u) - 1) // 2
     states = np.empty((steps + 1, model.nx))
     states[0] = x0
-    for k in range(steps):
-        rows = np.concatenate([u[2 * k : 2 * k + 3].ravel(), w[2 * k : 2 * k + 3].ravel()])
-        try:
-            states[k + 1] = np.array(one(x0=states[k], p=rows)["xf"]).ravel()
-        except RuntimeError as error:
-            raise NumericalError(
-                f"the reference integrator failed after t = {k * step:g} s ({str(error).splitlines()[-1]})",
-                time=k * step,
-                state=states[k],
-                result=states[: k + 1],
-            ) from error
-        if not np.all(np.isfinite(states[k + 1])):
-            raise NumericalError(
-                f"the state is not finite after t = {k * step:g} s",
-                time=k * step,
-                state=states[k],
-                result=states[: k + 1],
-            )
+    with _noted_interrupts() as interrupts:
+        for k in range(steps):
+            rows = np.concatenate([u[2 * k : 2 * k + 3].ravel(), w[2 * k : 2 * k + 3].ravel()])
+            reason = "the state is not finite"
+            try:
+                states[k + 1] = np.array(one(x0=states[k], p=rows)["xf"]).ravel()
+            except RuntimeError as error:
+                states[k + 1], reason = np.nan, f"the reference integrator failed: {str(error).splitlines()[-1]}"
+            if interrupts:
+                raise Interrupted("interrupted", result=states[: k + 1])
+            if not np.all(np.isfinite(states[k + 1])):
+                message = f"{reason} (after t = {k * step:g} s)"
+                raise NumericalError(message, time=k * step, state=states[k], result=states[: k + 1])
     return states
+
+
+@contextmanager
+def _noted_interrupts() -> Iterator[list[int]]:
+    """Note Ctrl-C, which CasADi's integrators would report as a failure of the motion."""
+    seen: list[int] = []
+    if current_thread() is not main_thread():
+        yield seen
+        return
+    before = signal(SIGINT, lambda number, frame: seen.append(number))
+    try:
+        yield seen
+    finally:
+        signal(SIGINT, before)

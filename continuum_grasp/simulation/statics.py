@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os import PathLike
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,8 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.limits import LOST, limit_warnings
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import damping_matrix
 
@@ -44,6 +47,8 @@ class Equilibrium:
         Largest missing generalised force, relative to the largest of those that balance.
     iterations : int
     model : FingerModel
+    warnings : tuple of str
+        Elements that are bent beyond their declared range or the strain limit.
     """
 
     q: Array
@@ -55,6 +60,7 @@ class Equilibrium:
     residual: float
     iterations: int
     model: FingerModel
+    warnings: tuple[str, ...] = ()
 
     @property
     def tip(self) -> Array:
@@ -68,7 +74,7 @@ class Equilibrium:
 
 
 def equilibrium(
-    scene: Scene,
+    scene: Scene | str | PathLike[str],
     *,
     extra_loads: Sequence[Load] = (),
     guess: ArrayLike | None = None,
@@ -84,8 +90,8 @@ def equilibrium(
 
     Parameters
     ----------
-    scene : Scene
-        The scene.
+    scene : Scene or path-like
+        The scene, or its YAML file.
     extra_loads : sequence of loads
         Constant loads that act besides the scene's.
     guess : (n,) array_like, optional
@@ -107,8 +113,9 @@ def equilibrium(
     InputError
         If guess, side or model do not fit.
     SolverError
-        If no equilibrium is reached.
+        If no equilibrium is reached, or only one that is bent far beyond the declared range.
     """
+    scene = scene_of(scene)
     if side not in (1, -1):
         raise InputError(f"side: expected 1 or -1, got {side!r}")
     if model is not None and extra_loads:
@@ -191,7 +198,22 @@ class _Search:
             size = _IMPERFECTION * self._reach() / max(np.abs(kick).max(), 1e-300)
             q, iterations = self._descend(q + size * kick, iterations)
             margin, _, steady = self._stability(q)
-        return Equilibrium(q, self._u, self._w, self._p, steady, margin, self._residual(q), iterations, self._model)
+        warnings = self._checked(q)
+        residual = self._residual(q)
+        return Equilibrium(q, self._u, self._w, self._p, steady, margin, residual, iterations, self._model, warnings)
+
+    def _checked(self, q: Array) -> tuple[str, ...]:
+        """Warnings of a shape that the model is good for."""
+        use = np.asarray(self._core.range_use(q, self._u, self._p))
+        if use.max() > LOST:
+            k = int(use.argmax())
+            raise SolverError(
+                "the equilibrium found lies where the model means nothing",
+                status="beyond the bending range",
+                violated=[f"element {k + 1} is bent {use[k]:.3g} times its range of {self._model.ranges[k]:.3g} rad"],
+                advice="lower the loads, raise fidelity.bending_range, or give a guess nearer to the shape",
+            )
+        return limit_warnings(self._model, use[None])
 
     def _reach(self) -> float:
         """Typical size of a bending coordinate."""

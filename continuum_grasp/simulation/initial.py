@@ -1,0 +1,78 @@
+"""The state from which a motion starts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.model import FingerModel
+from continuum_grasp.model.structure import tip_is_thrown
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.statics import equilibrium
+
+__all__ = ["initial_state", "start_warnings"]
+
+Array = NDArray[np.float64]
+
+
+def initial_state(scene: Scene, model: FingerModel) -> Array:
+    """State of a scene at time zero.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    model : FingerModel
+        Its model.
+
+    Returns
+    -------
+    (nx,) ndarray
+
+    Raises
+    ------
+    InputError
+        If ``initial.q`` or ``initial.qd`` has the wrong size.
+    SolverError
+        If an initial equilibrium is not found.
+    """
+    signals = Signals(scene, model)
+    u = signals.u(0.0)[0]
+    initial, n = scene.initial, model.n
+    q, qd = np.zeros(n), np.zeros(n)
+    if initial.q is not None:
+        q = np.array(initial.q, dtype=float)
+        qd = np.zeros(n) if initial.qd is None else np.array(initial.qd, dtype=float)
+        for name, value in (("q", q), ("qd", qd)):
+            if value.shape != (n,):
+                raise InputError(
+                    f"{name} has {value.size} entries, the {model.family} model has {n}: {', '.join(model.q_names)}",
+                    key=f"initial.{name}",
+                )
+    elif initial.pose == "equilibrium":
+        q = equilibrium(_as_modelled(scene, model), extra_loads=initial.held_by).q
+    elif initial.pose == "rest":
+        bare = scene.model_copy(update={"loads": (), "actuation": None, "gravity": (0.0, 0.0)})
+        q = equilibrium(_as_modelled(bare, model)).q
+    if model.nx == 2 * n:
+        return np.concatenate([q, qd])
+    tendons = scene.finger.tendons
+    moment = (u[0] - u[1]) * tendons.offset if tendons is not None else 0.0
+    return np.concatenate([q, qd, [moment, 0.0]])
+
+
+def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:
+    """What the user must know of a start that a matched tip cannot have."""
+    if model.family != "matched_clothoid" or not tip_is_thrown(scene):
+        return ()
+    return (
+        "the motion starts with the tip curvature that the moments on the tip impose on matched clothoids, not with "
+        "that of the initial pose: use fidelity.family: clothoid, or moments that grow from zero",
+    )
+
+
+def _as_modelled(scene: Scene, model: FingerModel) -> Scene:
+    """The scene with the family that the model resolved."""
+    return scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"family": model.family})})

@@ -1,0 +1,46 @@
+"""Whether shapes stay where the model means something: the declared bending range and the strain limit."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.model import FingerModel
+
+__all__ = ["LOST", "limit_warnings"]
+
+LOST = 3.0
+"""Multiple of the declared bending range beyond which the model means nothing."""
+
+
+def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | None = None) -> tuple[str, ...]:
+    """What the user must know of bends beyond the declared range and of strains beyond the limit.
+
+    Parameters
+    ----------
+    model : FingerModel
+    use : (T, elements) ndarray
+        Share of the bending range that each element uses.
+    t : (T,) array_like, optional
+        Instants [s], where the shapes are those of a motion.
+    """
+    limit, found = model.finger.curvature_limit, []
+
+    def first(beyond: NDArray[np.intp]) -> str:
+        return "" if t is None else f" at t = {np.asarray(t)[beyond[0]]:g} s"
+
+    for k, (reach, length) in enumerate(zip(model.ranges, model.lengths, strict=True)):
+        curvature = use[:, k] * (reach / length)
+        strained, beyond = np.flatnonzero(curvature > limit * (1 + 1e-9)), np.flatnonzero(use[:, k] > 1.0)
+        if strained.size:
+            found.append(
+                f"element {k + 1} exceeds the strain limit{first(strained)} "
+                f"(greatest: {curvature.max() / limit:.2f} times the limit; the model is meant for less)"
+            )
+        if beyond.size and reach < limit * length * (1 - 1e-9):
+            found.append(
+                f"element {k + 1} is bent beyond its declared range of {reach:.3g} rad{first(beyond)} "
+                f"(greatest: {use[:, k].max():.2f} times the range), where the model loses its accuracy: raise "
+                "fidelity.bending_range"
+            )
+    return tuple(found)
