@@ -12,13 +12,14 @@ import warnings
 from functools import lru_cache
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.core import cache, core
 from continuum_grasp.core.cache import cache_folder, library_for
-from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler
+from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model.finger_model import FUNCTIONS, MATRICES
 from continuum_grasp.scene import Finger, PointMass, Tendons
@@ -253,7 +254,7 @@ def test_divergence_stops_with_what_was_computed():
 def test_divergence_of_some_of_many_keeps_the_others():
     model, compiled = small()
     x0 = np.tile(state(model, 0.3).x, (9, 1))
-    x0[5] = np.nan
+    x0[5] = 1e200
     with pytest.raises(NumericalError, match="1 of 9 rollouts, first of 5") as caught:
         compiled.rollout(x0, 10, 1e-3)
     states, single = caught.value.result, compiled.rollout(x0[0], 10, 1e-3)
@@ -266,17 +267,17 @@ def test_divergence_of_some_of_many_keeps_the_others():
 def test_what_was_not_computed_is_not_a_number(method):
     model, compiled = small()
     x0 = np.tile(state(model, 0.3).x, (3, 1))
-    x0[1] = np.nan
+    x0[1] = 1e200
     for _ in range(3):
         with pytest.raises(NumericalError) as caught:
             compiled.rollout(x0, 500, 1e-4, method=method)
         assert np.isnan(caught.value.result[1, 1:]).all()
 
 
-def test_a_state_that_is_not_a_number_stops_at_once():
+def test_a_state_that_leaves_the_numbers_stops_at_once():
     model, compiled = small()
     with pytest.raises(NumericalError) as caught:
-        compiled.rollout([np.nan, *np.zeros(model.nx - 1)], 5, 1e-3)
+        compiled.rollout([1e200, *np.zeros(model.nx - 1)], 5, 1e-3)
     assert len(caught.value.result) == 1
 
 
@@ -306,10 +307,51 @@ CALLS = {
     "two numbers of states": (lambda c, x: c.batch("forward_dynamics", [x, x], [[0, 0]] * 3), "one number of states"),
     "wrong rows in a batch": (lambda c, x: c.batch("forward_dynamics", [x[:2]] * 3), "x has 4 entries"),
     "initial state": (lambda c, x: c.rollout(x[:-1], 5, 0.1), r"x0: expected \(4,\) or \(count, 4\), got shape \(3,\)"),
-    "no steps": (lambda c, x: c.rollout(x, 0, 0.1), "must be positive"),
-    "negative step": (lambda c, x: c.rollout(x, 5, -0.1), "must be positive"),
-    "step that is not a number": (lambda c, x: c.rollout(x, 5, float("nan")), "must be positive"),
-    "no substeps": (lambda c, x: c.rollout(x, 5, 0.1, substeps=0), "must be positive"),
+    "no model": (lambda c, x: cg.compile(5), "expected a FingerModel, got int 5"),
+    "a finger as model": (lambda c, x: cg.compile(c.model.finger), "expected a FingerModel, got Finger"),
+    "one name": (lambda c, x: cg.compile(c.model, "tip"), "functions: expected a list of names, got 'tip'"),
+    "a number of functions": (lambda c, x: cg.compile(c.model, 3), "functions: expected a list of names, got 3"),
+    "no steps": (lambda c, x: c.rollout(x, 0, 0.1), "steps: expected a whole number, 1 or more, got 0"),
+    "half a step": (lambda c, x: c.rollout(x, 2.5, 0.1), "steps: expected a whole number, 1 or more, got 2.5"),
+    "steps as a text": (lambda c, x: c.rollout(x, "5", 0.1), "steps: expected a whole number"),
+    "negative step": (lambda c, x: c.rollout(x, 5, -0.1), "step: expected a finite number above 0, got -0.1"),
+    "step that is not a number": (lambda c, x: c.rollout(x, 5, float("nan")), "step: expected a finite number above 0"),
+    "endless step": (lambda c, x: c.rollout(x, 5, float("inf")), "step: expected a finite number above 0, got inf"),
+    "no substeps": (lambda c, x: c.rollout(x, 5, 0.1, substeps=0), "substeps: expected a whole number"),
+    "half a substep": (lambda c, x: c.rollout(x, 5, 0.1, substeps=1.5), "substeps: expected a whole number"),
+    "state that is not a number": (
+        lambda c, x: c.rollout(x + np.nan, 5, 0.1),
+        r"x0\[0\]: expected a finite number, got nan",
+    ),
+    "one state of many": (lambda c, x: c.rollout([x, x - np.inf], 5, 0.1), r"x0\[1, 0\]: expected .* got -inf"),
+    "a scalar state": (lambda c, x: c.rollout(1.0, 5, 0.1), r"x0: expected \(4,\) .* got shape \(1,\)"),
+    "no state at all": (lambda c, x: c.rollout(np.zeros((0, 4)), 5, 0.1), r"x0: expected \(4,\) .* got shape \(0, 4\)"),
+    "state as a text": (lambda c, x: c.rollout(["1", "2", "3", "4"], 5, 0.1), "x0: expected an array of numbers"),
+    "state with nothing": (lambda c, x: c.rollout([None, 0, 0, 0], 5, 0.1), "x0: expected an array of numbers"),
+    "symbols": (lambda c, x: c.forward_dynamics(ca.SX.sym("x", 4)), "x: expected an array of numbers"),
+    "input that is not a number": (
+        lambda c, x: c.rollout(x, 5, 0.1, u=[np.nan, 0]),
+        r"u\[0\]: expected a finite number",
+    ),
+    "forces that are infinite": (
+        lambda c, x: c.rollout(x, 1, 0.1, w=[[0, 0], [0, np.inf], [0, 0]]),
+        r"w\[1, 1\]: expected a finite number, got inf",
+    ),
+    "method that is no word": (lambda c, x: c.rollout(x, 5, 0.1, method=["rk4"]), "unknown method"),
+    "section beyond": (
+        lambda c, x: c.position(x[:2], s=0.7),
+        "position: s: expected a position from 0 to .* 0.6 m, got 0.7",
+    ),
+    "section before": (lambda c, x: c.orientation(x[:2], s=-0.1), "orientation: s: expected .* got -0.1"),
+    "section as an array": (
+        lambda c, x: c.jacobian(x[:2], x[:2], np.array([0.61])),
+        "jacobian: s: expected .* got 0.61",
+    ),
+    "section that is not a number": (lambda c, x: c.jacobian_rate(x[:2], s=np.nan), "jacobian_rate: s: .* got nan"),
+    "a section of many": (
+        lambda c, x: c.batch("position", x[:2], None, [[0.1], [0.6], [0.9]]),
+        "position: s: .* got 0.9",
+    ),
     "input rows": (lambda c, x: c.rollout(x, 5, 0.1, u=np.zeros((5, 2))), r"u: expected \(2,\) or \(11, 2\)"),
     "input entries": (lambda c, x: c.rollout(x, 5, 0.1, u=[1.0]), "u: expected 2 entries, got 1"),
     "force rows": (lambda c, x: c.rollout(x, 5, 0.1, w=np.zeros((11, 3))), r"w: expected \(2,\) or \(11, 2\)"),
@@ -331,6 +373,20 @@ def test_wrong_calls_are_explained(name):
 def test_no_such_attribute():
     with pytest.raises(AttributeError, match="fly"):
         _ = small()[1].fly
+
+
+def test_sections_of_a_finger_whose_lengths_are_arguments():
+    model = cg.FingerModel(Finger(rod=ROD), family="arc", parameters=("gravity", "element_lengths"))
+    compiled, q, longer = cg.compile(model, ()), [0.0, 0.0], [0.0, 0.0, 0.5, 0.6]
+    assert compiled.position(q, s=1.1, p=longer) == pytest.approx([0.0, 1.1])
+    assert compiled.position(q, s=0.6) == pytest.approx([0.0, 0.6])
+    rows = compiled.batch("position", q, None, [[0.6], [1.1]], [model.p_nominal, longer])
+    assert rows == pytest.approx(np.array([[0.0, 0.6], [0.0, 1.1]]))
+    for s, p in ((1.2, longer), (0.7, None)):
+        with pytest.raises(InputError, match=f"got {s}"):
+            compiled.position(q, s=s, p=p)
+    with pytest.raises(InputError, match=r"length 0\.6 m, got 1\.1"):
+        compiled.batch("position", q, None, [[0.6], [1.1]], [longer, model.p_nominal])
 
 
 # Without a compiler.
@@ -395,10 +451,39 @@ def test_without_a_compiler_all_runs_on_the_virtual_machine(name, monkeypatch, t
         assert constant[0] == pytest.approx(constant[1], rel=1e-9)
 
 
+REASONS = {
+    "no such program": (
+        "no-such-compiler",
+        "no C compiler: CC=no-such-compiler: no such program (nothing else is tried",
+    ),
+    "a path": ("/nonexistent/cc -O1", "no C compiler: CC=/nonexistent/cc -O1: no such program"),
+    "empty": ("", "no C compiler: CC is set and empty (unset it"),
+    "unfinished": ("'gcc", "cannot be read as a command (No closing quotation)"),
+    "failing": ("false", "CC=false: false --version exits with 1 and says nothing"),
+    "not set": (None, "no C compiler found (cc: no such program; gcc: no such program; clang: no such program)"),
+}
+
+
+@pytest.mark.parametrize("name", REASONS)
+def test_why_there_is_no_compiler(name, monkeypatch):
+    named, words = REASONS[name]
+    if named is None:
+        monkeypatch.delenv("CC", raising=False)
+        monkeypatch.setenv("PATH", "")
+    else:
+        monkeypatch.setenv("CC", named)
+    assert find_compiler() is None
+    assert words in why_no_compiler()
+    monkeypatch.setattr(core._Warned, "reasons", set())
+    with pytest.warns(RuntimeWarning, match="virtual machine") as caught:
+        cg.compile(small()[0], ())
+    assert words in str(caught[0].message)
+
+
 def test_divergence_without_a_compiler(monkeypatch):
     model, compiled = small()
-    monkeypatch.setattr(core._Warned, "reasons", {"no C compiler found (tried CC, cc, gcc, clang)"})
     monkeypatch.setenv("CC", "no-such-compiler")
+    monkeypatch.setattr(core._Warned, "reasons", {why_no_compiler()})
     results = []
     for c in (cg.compile(model), compiled):
         with pytest.raises(NumericalError) as caught:

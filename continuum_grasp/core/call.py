@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from numbers import Real
 from threading import Lock
 from typing import Any
 
@@ -25,9 +26,16 @@ DOUBLES = ctypes.POINTER(ctypes.c_double)
 class Caller:
     """One function on numpy arrays."""
 
-    def __init__(self, function: ca.Function, load: Callable[[], ctypes.CDLL | None], nominal: Array) -> None:
+    def __init__(
+        self,
+        function: ca.Function,
+        load: Callable[[], ctypes.CDLL | None],
+        nominal: Array,
+        check: Callable[[Sequence[Any]], None] | None = None,
+    ) -> None:
         self.function = function
         self._load = load
+        self._check = check
         self.names = function.name_in()
         self._sizes = [function.nnz_in(k) for k in range(function.n_in())]
         self._defaults = [
@@ -74,6 +82,8 @@ class Caller:
         rows: Sequence[Any] = values if ready else self.rows(values)
         if not ready and any(np.ndim(row) != 1 for row in rows):
             raise InputError(f"{self.function.name()}: one state expected; use batch for many")
+        if ready and self._check is not None:
+            self._check(rows)
         results = self.call(rows)
         if self._vectors:
             return results[0] if len(results) == 1 else tuple(results)
@@ -98,6 +108,8 @@ class Caller:
                     f"{self.function.name()}: {name} has {size} entries, got an array of shape {np.shape(value)}"
                 )
             rows.append(array)
+        if self._check is not None:
+            self._check(rows)
         return rows
 
     def call(self, rows: Sequence[Any]) -> list[Array]:
@@ -125,10 +137,12 @@ def real_array(name: str, value: ArrayLike) -> Array:
         array = np.asarray(value)
         if np.iscomplexobj(array):
             raise InputError(f"{name}: expected real numbers, got complex ones")
+        if array.dtype.kind in "OUSMm" and not all(isinstance(v, Real) for v in array.ravel().tolist()):
+            raise TypeError
         return np.ascontiguousarray(array, dtype=float)
-    except (TypeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
+    except InputError:
+        raise
+    except Exception as error:  # whatever the conversion of something foreign raises
         raise InputError(f"{name}: expected an array of numbers, got {value!r:.60}") from error
 
 

@@ -10,8 +10,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from continuum_grasp.core.checks import model_of, whole
 from continuum_grasp.core.core import Core
 from continuum_grasp.core.integrators import step_function
+from continuum_grasp.core.rollouts import row
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.finger_model import FUNCTIONS
@@ -65,10 +67,10 @@ def codegen(
     NumericalError
         If the example does not stay finite.
     """
-    if not prefix.isidentifier() or not prefix.isascii() or prefix in _TAKEN:
+    model_of(model)
+    if not isinstance(prefix, str) or not prefix.isidentifier() or not prefix.isascii() or prefix in _TAKEN:
         raise InputError(f"prefix: expected a C identifier that is free, got {prefix!r}")
-    if steps < 1:
-        raise InputError(f"steps: expected at least 1, got {steps}")
+    steps = whole("steps", steps)
     start, inputs, forces = (
         _row(name, value, size) for name, value, size in (("x0", x0, model.nx), ("u", u, model.nu), ("w", w, model.nw))
     )
@@ -93,10 +95,7 @@ def _renamed(function: ca.Function, name: str) -> ca.Function:
 
 
 def _row(name: str, value: ArrayLike | None, size: int) -> list[float]:
-    row = np.zeros(size) if value is None else np.asarray(value, dtype=float).reshape(-1)
-    if row.size != size:
-        raise InputError(f"{name}: expected {size} entries, got {row.size}")
-    return [float(v) for v in row]
+    return [float(v) for v in row(name, np.zeros(size) if value is None else value, size)]
 
 
 def _example(

@@ -7,13 +7,15 @@ import platform
 import shlex
 import shutil
 import subprocess
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-__all__ = ["CompileError", "Compiler", "find_compiler"]
+__all__ = ["CompileError", "Compiler", "find_compiler", "why_no_compiler"]
 
 _COMMON = ("-std=gnu11", "-march=native", "-fPIC", "-shared", "-w")
+_USUAL = ("cc", "gcc", "clang")
 _LEVELS = ((15_000, "-O3"), (60_000, "-O1"))
 """Optimisation by the number of lines: compilers need minutes for long straight-line functions at the highest."""
 _GCC = ("-fschedule-insns", "-fsched-pressure", "-flive-range-shrinkage")
@@ -64,24 +66,44 @@ class Compiler:
 
 def find_compiler() -> Compiler | None:
     """The compiler named by ``CC``, else the first of cc, gcc and clang; None if there is none."""
+    return next((found for _, found in _tried() if isinstance(found, Compiler)), None)
+
+
+def why_no_compiler() -> str:
+    """What was tried, and why none of it is a C compiler."""
     named = os.environ.get("CC")
-    candidates = [tuple(shlex.split(named))] if named is not None else [("cc",), ("gcc",), ("clang",)]
-    for command in candidates:
-        if command and shutil.which(command[0]):
-            found = _describe(command, shutil.which(command[0]) or "")
-            if found is not None:
-                return found
-    return None
+    if named is None:
+        return "no C compiler found (" + "; ".join(f"{command}: {why}" for command, why in _tried()) + ")"
+    if not named.strip():
+        return "no C compiler: CC is set and empty (unset it to have cc, gcc and clang tried)"
+    why = "; ".join(str(why) for _, why in _tried())
+    return f"no C compiler: CC={named}: {why} (nothing else is tried while CC is set)"
+
+
+def _tried() -> Iterator[tuple[str, Compiler | str]]:
+    """Each command that may be a compiler, with the compiler or why it is none."""
+    named = os.environ.get("CC")
+    for line in _USUAL if named is None else (named,):
+        try:
+            command = tuple(shlex.split(line))
+        except ValueError as error:
+            yield line, f"cannot be read as a command ({error})"
+            continue
+        if command:
+            path = shutil.which(command[0])
+            yield line, _describe(command, path) if path else "no such program"
 
 
 @cache
-def _describe(command: tuple[str, ...], path: str) -> Compiler | None:
+def _describe(command: tuple[str, ...], path: str) -> Compiler | str:
+    asked = f"{shlex.join(command)} --version"
     try:
         done = subprocess.run([*command, "--version"], capture_output=True, text=True, timeout=30, check=False)
-    except (OSError, subprocess.TimeoutExpired):
-        return None
+    except (OSError, ValueError, subprocess.TimeoutExpired) as error:
+        return " ".join(f"{asked}: {error}".split())
     if done.returncode != 0 or not done.stdout:
-        return None
+        said = " ".join(done.stderr.split())[:200]
+        return f"{asked} exits with {done.returncode}" + (f", says {said!r}" if said else " and says nothing")
     return Compiler((path, *command[1:]), done.stdout.splitlines()[0], _machine())
 
 

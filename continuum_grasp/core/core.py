@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.call import Caller, pointers, real_array, shaped
-from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler
+from continuum_grasp.core.checks import Sections, finite, model_of, positive, whole
+from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
 from continuum_grasp.core.integrators import METHODS, step_function
 from continuum_grasp.core.rollouts import Rollouts, row, signal
 from continuum_grasp.core.source import batch_source, function_source, rollout_source, rollouts_source
@@ -50,9 +51,11 @@ def compile(model: FingerModel, functions: Sequence[str] | None = None) -> Core:
     Raises
     ------
     InputError
-        If a function is unknown.
+        If it is no model, or a function is unknown.
     """
     core = Core(model)
+    if isinstance(functions, str) or not isinstance(functions, Iterable | None):
+        raise InputError(f"functions: expected a list of names, got {functions!r:.60}")
     for name in ("forward_dynamics",) if functions is None else functions:
         core.prepare(name)
     return core
@@ -80,14 +83,14 @@ class Core:
     """
 
     def __init__(self, model: FingerModel, *, compiled: bool = True) -> None:
-        self.model = model
+        self.model = model_of(model)
         self._compiler: Compiler | None = find_compiler() if compiled else None
         self._callers: dict[str, Caller] = {}
         self._batches: dict[str, ctypes.CDLL | None] = {}
         self._rollouts: dict[tuple[str, bool], Rollouts] = {}
         self._steps: dict[str, ca.Function] = {}
         if compiled and self._compiler is None:
-            _warn("no C compiler found (tried CC, cc, gcc, clang)")
+            _warn(why_no_compiler())
 
     @property
     def compiled(self) -> bool:
@@ -116,7 +119,8 @@ class Core:
         if name not in self._callers:
             function = getattr(self.model, name)
             nominal = np.array(self.model.p_nominal)
-            self._callers[name] = Caller(function, lambda: self._library(function_source(function)), nominal)
+            check = Sections(self.model, function).check if "s" in function.name_in() else None
+            self._callers[name] = Caller(function, lambda: self._library(function_source(function)), nominal, check)
         return self._callers[name]
 
     def batch(self, name: str, *arguments: ArrayLike | None) -> Array | tuple[Array, ...]:
@@ -169,7 +173,7 @@ class Core:
         InputError
             If the method is unknown.
         """
-        if method not in METHODS:
+        if not isinstance(method, str) or method not in METHODS:
             raise InputError(f"unknown method {method!r}: expected one of {', '.join(METHODS)}")
         if method not in self._steps:
             linearization = self.model.linearization if method == "implicit" else None
@@ -217,18 +221,17 @@ class Core:
         Raises
         ------
         InputError
-            If shapes do not fit.
+            If shapes do not fit, numbers of steps are not whole, or something given is not finite.
         NumericalError
             If a state is not finite; ``result`` holds the states before it.
         """
         model = self.model
         start = real_array("x0", x0)
         single = start.ndim == 1
-        if start.ndim > 2 or start.shape[-1] != model.nx:
+        if start.ndim not in (1, 2) or start.shape[-1] != model.nx or not len(start):
             raise InputError(f"x0: expected ({model.nx},) or (count, {model.nx}), got shape {start.shape}")
-        if steps < 1 or substeps < 1 or not step > 0.0:
-            raise InputError(f"steps, substeps and step must be positive, got {steps}, {substeps}, {step}")
-        start = np.atleast_2d(start)
+        start = np.atleast_2d(finite("x0", start))
+        steps, substeps, step = whole("steps", steps), whole("substeps", substeps), positive("step", step)
         rows = 2 * steps * substeps + 1
         inputs = signal("u", u, model.nu, rows, None if single else len(start))
         forces = signal("w", w, model.nw, rows, None if single else len(start))
@@ -253,8 +256,8 @@ class Core:
 
     def prepare_rollout(self, method: str = "rk4", single: bool = True) -> Rollouts:
         """Compile the rollouts of a method, from one state or from many, and give their caller."""
+        step = self.step_function(method)
         if (method, single) not in self._rollouts:
-            step = self.step_function(method)
             library = self._library(rollout_source(step) if single else rollouts_source(step))
             self._rollouts[method, single] = Rollouts(step, library, single)
         return self._rollouts[method, single]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.call import pointer, real_array
+from continuum_grasp.core.checks import finite
 from continuum_grasp.errors import InputError
 
 __all__ = ["Rollouts", "Signal", "row", "signal"]
@@ -96,12 +97,12 @@ def row(name: str, value: ArrayLike, size: int) -> Array:
     Raises
     ------
     InputError
-        If it has another size.
+        If it has another size, or is not finite.
     """
     array = real_array(name, value).reshape(-1)
     if array.size != size:
         raise InputError(f"{name}: expected {size} entries, got {array.size}")
-    return array
+    return finite(name, array)
 
 
 def signal(name: str, value: ArrayLike | None, size: int, rows: int, count: int | None) -> Signal:
@@ -110,9 +111,11 @@ def signal(name: str, value: ArrayLike | None, size: int, rows: int, count: int 
     Raises
     ------
     InputError
-        If the shape fits nothing, or two things.
+        If the shape fits nothing, or two things, or if an entry is not finite.
     """
-    array = np.zeros(size) if value is None else real_array(name, value)
+    if value is None:
+        return Signal(np.zeros((1, 1, size)), 0, 0)
+    array = finite(name, real_array(name, value))
     if array.ndim <= 1:
         return Signal(row(name, array, size)[None, None], 0, 0)
     if array.shape == (rows, size) and count == rows:
