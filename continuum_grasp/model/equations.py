@@ -123,6 +123,8 @@ class Equations:
     @cached_property
     def turn(self) -> Rotation:
         """From the chain's axes (X along the undeformed finger) to the world's."""
+        if self._par.is_runtime("base_angle"):
+            return Rotation(-ca.sin(self._par["base_angle"]), ca.cos(self._par["base_angle"]))
         angle = self._made.finger.base.angle + math.pi / 2
         return Rotation(*(0.0 if abs(v) < 1e-15 else v for v in (math.cos(angle), math.sin(angle))))
 
@@ -157,7 +159,7 @@ class Equations:
     @cached_property
     def section_angle(self) -> Scalar:
         """Angle in the world [rad] of the section at the run-time position s."""
-        angle: Scalar = self._made.finger.base.angle
+        angle: Scalar = self._par["base_angle"]
         for (_, section, _), local in zip(self._partial_chain, self.chain.coordinates, strict=True):
             angle = plus(angle, _dot(section.angles, [self.full[a] for a in local]))
         return angle

@@ -14,6 +14,7 @@ from continuum_grasp.scene.finger import Finger, PiecewiseCurvature
 __all__ = ["Parameters"]
 
 _UNITS = {
+    "base_angle": "rad",
     "gravity": "m/s2",
     "element_lengths": "m",
     "linear_density": "kg/m",
@@ -95,6 +96,7 @@ class Parameters:
 def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:
     rod, tendons, length = finger.rod, finger.tendons, finger.rod.length
     values = {
+        "base_angle": [finger.base.angle],
         "gravity": [float(g) for g in gravity],
         "element_lengths": [float(h) for h in lengths],
         "linear_density": [rod.mass_per_length],
