@@ -1,0 +1,1 @@
+"""How accurate the finger model is: truth that shares nothing with it."""
