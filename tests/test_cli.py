@@ -115,6 +115,50 @@ def test_validate_reports_every_file(tmp_path):
     assert run("validate", "--quiet", RELEASE).output == ""
 
 
+INVALID = {
+    "parameter": (
+        ["parameters=[gravity, tip_mas]"],
+        "parameters[1]: unknown parameter 'tip_mas'; did you mean tip_mass?",
+    ),
+    "repeated parameter": (["parameters=[gravity, gravity]"], "parameters[1]: parameter 'gravity' is repeated"),
+    "state": (["initial={q: [0.1]}"], "initial.q: q has 1 entries, the matched_clothoid model has 2: kappa_0"),
+    "rates": (["initial={q: [0.1], qd: [0]}", "fidelity={elements: 3}"], "initial.q: q has 1 entries"),
+    "lengths that are arguments": (
+        ["finger.rest_curvature={breaks: [0.1], values: [0, 1]}", "parameters=[tip_mass, element_lengths]"],
+        "parameters[1]: a piecewise rest curvature needs",
+    ),
+    "elements": (
+        ["contacts=[0.3]", "fidelity={elements: 1}"],
+        "fidelity.elements: 1 contacts need at least 2 elements",
+    ),
+    "range": (["fidelity={bending_range: 7}"], "fidelity.bending_range: a clothoid element that bends by up to 7 rad"),
+    "load": (["loads=[{kind: moment, at: 0.7, moment: 0}]"], "loads[0].at: loads[0].at = 0.7 m is beyond"),
+}
+
+
+@pytest.mark.parametrize("name", INVALID)
+def test_validate_knows_what_a_model_can_be(name):
+    changes, words = INVALID[name]
+    result = run("validate", RELEASE, *(word for change in changes for word in ("--set", change)))
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    key = words.split(":")[0]
+    assert line.startswith("--set ")
+    assert f": {words}" in line
+    assert f"--set {key.split('[')[0].split('.')[0]}" in line
+
+
+def test_validate_names_the_line_of_what_a_model_cannot_be(tmp_path):
+    file = tmp_path / "scene.yaml"
+    text = Path(RELEASE).read_text().replace("../fingers", str(ROOT / "configs/fingers"))
+    file.write_text(text + "parameters:\n  - gravity\n  - tip_mas\n")
+    count = len(file.read_text().splitlines())
+    result = run("validate", str(file))
+    assert result.stderr.startswith(f"{file}:{count}:5: parameters[1]: unknown parameter 'tip_mas'")
+    assert run("validate", str(ROOT / "configs/grasp/mug.yaml"), "--set", "fidelity.bending_range=7").exit_code == 2
+
+
 def test_schema_prints_and_writes(tmp_path):
     printed = json.loads(run("schema", "simulate").stdout)
     assert run("schema", "--out", str(tmp_path / "new")).exit_code == 0
@@ -187,7 +231,9 @@ def test_solver_failure_exits_with_1(pretend):
 
 
 def test_modes_prints_a_table(pretend):
-    found = SimpleNamespace(frequencies_hz=np.array([2.5, 15.7]), damping_ratios=np.array([0.01, np.nan]), stable=True)
+    found = SimpleNamespace(
+        frequencies_hz=np.array([2.5, 15.7]), damping_ratios=np.array([0.01, np.nan]), stable=True, warnings=()
+    )
     pretend("continuum_grasp.simulation", modes=lambda scene: found)
     lines = run("modes", RELEASE).stdout.splitlines()
     assert lines[0].split() == ["mode", "frequency", "[Hz]", "damping", "ratio"]

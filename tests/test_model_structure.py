@@ -14,8 +14,10 @@ from continuum_grasp.model.finger_model import FUNCTIONS
 from continuum_grasp.scene import (
     BasePose,
     Damping,
+    Fidelity,
     Finger,
     ForceLoad,
+    Initial,
     MomentLoad,
     PiecewiseCurvature,
     PointMass,
@@ -679,6 +681,50 @@ WRONG = {
     "moment beyond": (FULL, {"loads": (MomentLoad(at=0.7, moment=0.0),)}, "0.7 m is not on the finger"),
     "no elements": (FULL, {"elements": 0}, "element"),
     "no lengths": (FULL, {"elements": ()}, "add up"),
+    "a text as finger": (
+        "x.yaml",
+        {},
+        r"finger: expected a Scene or a Finger, got str 'x.yaml' \(read a file with load",
+    ),
+    "a rod as finger": (ROD, {}, "finger: expected a Scene or a Finger, got Rod"),
+    "half an element": (
+        FULL,
+        {"elements": 2.5},
+        "elements: expected a whole number of elements or their lengths, got 2.5",
+    ),
+    "elements as a text": (FULL, {"elements": "2"}, "elements: expected a whole number of elements"),
+    "elements as a truth": (FULL, {"elements": True}, "elements: expected a whole number of elements"),
+    "very many elements": (FULL, {"elements": 10**9}, "elements: expected a number of elements from 1 to 64"),
+    "very many lengths": (FULL, {"elements": [0.6 / 65] * 65}, "elements: expected the lengths of up to 64"),
+    "a length of no number": (FULL, {"elements": [0.3, math.nan]}, r"elements\[1\]: expected a finite number, got nan"),
+    "a length next to nothing": (FULL, {"elements": [0.6, 1e-300]}, "elements: element lengths must be positive"),
+    "one contact": (FULL, {"contacts": 0.3}, r"contacts: expected a list of numbers, got 0.3 \(write \[0.3\]\)"),
+    "contact as a text": (FULL, {"contacts": ["a"]}, r"contacts\[0\]: expected a finite number, got 'a'"),
+    "contact that is not a number": (
+        FULL,
+        {"contacts": [math.nan]},
+        r"contacts\[0\]: expected a finite number, got nan",
+    ),
+    "contact next to the base": (FULL, {"contacts": [1e-300]}, "contacts: contacts must be 1e-06 of the length"),
+    "a table of contacts": (FULL, {"contacts": np.zeros((2, 2))}, "contacts: expected a list of numbers"),
+    "one number of gravity": (FULL, {"gravity": 9.81}, "gravity: expected a list of 2 numbers, got 9.81"),
+    "three numbers of gravity": (FULL, {"gravity": (0, 0, -9.81)}, "gravity: expected a list of 2 numbers, got 3"),
+    "endless gravity": (FULL, {"gravity": (0, math.inf)}, r"gravity\[1\]: expected a finite number, got inf"),
+    "a number as load": (FULL, {"loads": [5]}, r"loads\[0\]: expected a ForceLoad or a MomentLoad, got 5"),
+    "one load": (FULL, {"loads": LOADS[0]}, "loads: expected a list of loads"),
+    "one name": (
+        FULL,
+        {"parameters": "gravity"},
+        r"parameters: expected a list of names, got 'gravity' \(write \['gravity'",
+    ),
+    "a number as parameter": (FULL, {"parameters": [5]}, r"parameters\[0\]: expected a name, got 5"),
+    "family of no word": (FULL, {"family": ["arc"]}, r"family: unknown family \['arc'\]"),
+    "accuracy as a text": (FULL, {"accuracy": "high"}, "accuracy: expected a finite number, got 'high'"),
+    "range as a text": (FULL, {"bending_range": "2"}, "bending_range: expected a finite number"),
+    "range in degrees": (FULL, {"family": "arc", "bending_range": 120}, "bending_range: expected .* up to 20, got 120"),
+    "clothoids beyond a turn": (FULL, {"bending_range": 7.0}, "bending_range: .* beyond one turn"),
+    "tip force as a text": (FULL, {"tip_force": "no"}, "tip_force: expected True or False, got 'no'"),
+    "rates as a number": (FULL, {"input_rates": 1}, "input_rates: expected True or False, got 1"),
     "range zero": (FULL, {"bending_range": 0.0}, "bending_range"),
     "range NaN": (FULL, {"bending_range": math.nan}, "bending_range"),
     "accuracy zero": (FULL, {"accuracy": 0.0}, "accuracy"),
@@ -690,7 +736,62 @@ WRONG = {
 def test_wrong_input_is_explained(name):
     finger, options, message = WRONG[name]
     with pytest.raises(InputError, match=message):
-        _ = FingerModel(finger, **options).external_force
+        FingerModel(finger, **options)
+
+
+SCENE = Scene(schema_version=1, finger=FULL, gravity=(0.0, -9.81))
+IN_SCENE = {
+    "parameter": ({"parameters": ("gravity", "tip_mas")}, {}, "parameters[1]", "did you mean tip_mass"),
+    "repeated parameter": ({"parameters": ("gravity", "gravity")}, {}, "parameters[1]", "'gravity' is repeated"),
+    "piecewise rest": ({"parameters": ("gravity", "element_lengths")}, {}, "parameters[1]", "piecewise rest curvature"),
+    "initial angles": (
+        {"initial": Initial(q=(0.0,)), "fidelity": Fidelity(family="arc")},
+        {},
+        "initial.q",
+        r"q has 1 entries, the arc model has 2: theta_1",
+    ),
+    "initial rates": (
+        {"initial": Initial(q=(0.0, 0.0)).model_copy(update={"qd": (1.0,)})},
+        {},
+        "initial.qd",
+        "qd has 1 entries, the matched_clothoid model has 2: kappa_0",
+    ),
+    "elements": (
+        {"fidelity": Fidelity(elements=1), "contacts": (0.3,)},
+        {},
+        "fidelity.elements",
+        "at least 2 elements",
+    ),
+    "boundaries": ({"fidelity": Fidelity(elements=(0.2, 0.4)), "contacts": (0.3,)}, {}, "contacts[0]", "boundary"),
+    "range": ({"fidelity": Fidelity(bending_range=7.0)}, {}, "fidelity.bending_range", "beyond one turn"),
+    "a keyword": ({"fidelity": Fidelity(elements=3)}, {"elements": 0}, "elements", "from 1 to 64, got 0"),
+}
+
+
+@pytest.mark.parametrize("name", IN_SCENE)
+def test_wrong_scenes_are_explained_with_the_key(name):
+    change, options, key, message = IN_SCENE[name]
+    with pytest.raises(InputError, match=message) as caught:
+        FingerModel(SCENE.model_copy(update=change), **options)
+    assert caught.value.key == key
+
+
+def test_an_initial_state_is_for_the_scene_as_it_is():
+    scene = SCENE.model_copy(update={"initial": Initial(q=(0.1, 0.2)), "fidelity": Fidelity(family="arc", elements=2)})
+    assert FingerModel(scene).n == 2
+    assert FingerModel(scene, elements=3).n == 3
+
+
+def test_numbers_of_numpy_are_numbers():
+    scalars = {
+        "elements": np.int64(3),
+        "accuracy": np.float32(1e-3),
+        "bending_range": np.int64(2),
+        "tip_force": np.True_,
+    }
+    model = FingerModel(FULL, contacts=np.array([0.2, 0.4]), gravity=np.array([0, -9]), **scalars)
+    assert (len(model.lengths), model.nw, model.ranges[0]) == (3, 6, 2.0)
+    assert FingerModel(FULL, elements=np.array([0.2, 0.4])).lengths == (0.2, 0.4)
 
 
 def test_a_piecewise_rest_curvature_needs_fixed_lengths():

@@ -6,6 +6,7 @@ import copy
 import math
 import pickle
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -119,3 +120,25 @@ def test_doubts_name_the_line_of_the_user():
     with pytest.warns(UserWarning, match=r"rod.length = 600 m .* millimetres") as caught:
         cg.Rod(**{**ROD, "length": 600.0})
     assert caught[0].filename == __file__
+
+
+GRASPS = {
+    "a range beyond a turn": (
+        "fidelity.bending_range=7",
+        "fidelity.bending_range: fidelity.bending_range = 7.0 rad is more",
+    ),
+    "friction at a matched tip": ("finger.tendons.friction=0.1", "fidelity.family: fidelity.family: matched_clothoid"),
+    "a rest shape in pieces": (
+        "finger.rest_curvature={breaks: [0.1], values: [0, 1]}",
+        "finger.rest_curvature: finger.rest_curvature must be one number here",
+    ),
+    "an object without size": ("object.diameter=1e-300", "object.diameter: out of range"),
+}
+
+
+@pytest.mark.parametrize("name", GRASPS)
+def test_what_no_grasp_can_be_is_said(name):
+    change, words = GRASPS[name]
+    with pytest.raises(InputError) as caught:
+        cg.load(Path(__file__).parents[1] / "configs/grasp/mug.yaml", [change])
+    assert words in str(caught.value)

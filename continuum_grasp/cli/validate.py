@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from continuum_grasp.cli.options import Json, Quiet, Set
 from continuum_grasp.cli.output import Output
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.load import Loaded
 
 __all__ = ["validate"]
 
@@ -19,16 +23,15 @@ def validate(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Check configurations, any number of them."""
+    """Check configurations, any number of them, and whether a finger can be modelled so."""
     from continuum_grasp.errors import InputError
-    from continuum_grasp.scene.load import load
 
     output = Output(as_json, quiet)
     kinds = {"Scene": "simulate", "GraspScene": "grasp", "Finger": "finger"}
     checked: list[dict[str, Any]] = []
     for file in files:
         try:
-            kind = kinds[type(load(file, changes or ())).__name__]
+            kind = kinds[type(_checked(file, changes or ())).__name__]
         except InputError as error:
             checked.append({"file": str(file), "valid": False, "errors": str(error).splitlines()})
             if not as_json:
@@ -39,3 +42,27 @@ def validate(
     output.result(files=checked)
     if not all(one["valid"] for one in checked):
         raise typer.Exit(2)
+
+
+def _checked(file: Path, changes: Iterable[str]) -> Loaded:
+    """The configuration, checked as far as its own model's make-up; no expressions are built.
+
+    Raises
+    ------
+    InputError
+        At the place of what is wrong.
+    """
+    from continuum_grasp.errors import InputError
+    from continuum_grasp.model import FingerModel
+    from continuum_grasp.scene.document import undotted
+    from continuum_grasp.scene.grasp import GraspScene
+    from continuum_grasp.scene.load import load_placed
+
+    loaded, document = load_placed(file, changes)
+    if not isinstance(loaded, GraspScene):
+        try:
+            FingerModel(loaded)
+        except InputError as error:
+            path = undotted(error.key or "")
+            raise document.nearest(path).error(error.message, path) from None
+    return loaded

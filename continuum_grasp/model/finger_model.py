@@ -76,29 +76,35 @@ class FingerModel:
     ====================  =======================  =========================================================
     function              inputs                   outputs
     ====================  =======================  =========================================================
-    forward_dynamics      x, u, w, p               xd (nx)
-    inverse_dynamics      q, qd, qdd, u, w, p      Q (n), the generalised force that is missing
-    mass_matrix           q, u, p                  M (n, n)
-    bias                  q, qd, u, p              b (n), velocity products
-    gravity               q, u, p                  G (n), gradient of the weight's potential
-    elastic               q, u, p                  K (n), gradient of the elastic energy
-    damping               q, qd, u, p              D (n)
-    actuation             q, u, p                  Q (n)
-    external_force        q, u, w, p               Q (n)
-    position              q, u, s, p               r (2), world [m], of the section at s [m]
+    forward_dynamics      x, u, w, p               xd (nx) [x/s]
+    inverse_dynamics      q, qd, qdd, u, w, p      Q (n) [Q], the generalised force that is missing
+    mass_matrix           q, u, p                  M (n, n) [Q s2/q]
+    bias                  q, qd, u, p              b (n) [Q], velocity products
+    gravity               q, u, p                  G (n) [Q], gradient of the weight's potential
+    elastic               q, u, p                  K (n) [Q], gradient of the elastic energy
+    damping               q, qd, u, p              D (n) [Q]
+    actuation             q, u, p                  Q (n) [Q]
+    external_force        q, u, w, p               Q (n) [Q]
+    position              q, u, s, p               r (2) [m], world, of the section at s [m]
     orientation           q, u, s, p               angle [rad] from the world's to the section's axes
-    jacobian              q, u, s, p               J (2, n), world
-    jacobian_rate         q, qd, u, s, p           Jd (2, n), world
-    tip                   q, u, p                  r (2), world [m]
+    jacobian              q, u, s, p               J (2, n) [m/q], world
+    jacobian_rate         q, qd, u, s, p           Jd (2, n) [m/(q s)], world
+    tip                   q, u, p                  r (2) [m], world
     energy                x, u, p                  kinetic, potential [J]
     bending               q, u, p                  bend of each element [rad]
     range_use             q, u, p                  use of the declared bending range, per element [1]
-    statics               q, u, w, p               Q (n), K (n, n): what is missing for equilibrium, and dQ/dq
-    linearization         x, u, w, p               A (nx, nx), B (nx, nu)
+    statics               q, u, w, p               Q (n) [Q], K (n, n) [Q/q]: what is missing for equilibrium, and dQ/dq
+    linearization         x, u, w, p               A (nx, nx) [1/s x/x], B (nx, nu) [1/s x/u]
     ====================  =======================  =========================================================
+
+    Units follow the coordinates. Arcs: q are bending angles [rad], so generalised forces [Q] are in N m, M in kg m2,
+    J in m and tangent stiffness in N m. Clothoids: q are nodal curvatures [1/m], so [Q] is N m2, M in kg m4, J in m2
+    and tangent stiffness in N m3. ``q_names``, ``x_names``, ``u_names``, ``w_names`` and ``p_names`` have the unit of
+    every entry.
 
     x = [q, qd], and [q, qd, tip moment, its rate] where the tendons have a time constant; the functions of q then take
     the tip moment that u commands. w = world forces at the contacts, then at the tip (if any), then the loads.
+    Positions s beyond the finger are taken as its ends; a compiled core refuses them.
     Stretch and shear of the rod are not modelled.
 
     Raises

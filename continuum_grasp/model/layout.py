@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from numbers import Integral
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.chain import Place
@@ -16,6 +15,12 @@ DEFAULT_RANGE = 2 * math.pi / 3
 """Bending range of one element where nothing else is said [rad]; equation (44) of the paper."""
 
 _SNAP = 1e-9
+_LEAST = 1e-6
+"""Least length of an element, as a part of the finger's."""
+_MOST = 64
+"""Most elements."""
+_WIDEST = 20.0
+"""Greatest bending range [rad]."""
 
 
 def element_lengths(
@@ -45,15 +50,20 @@ def element_lengths(
     """
     edges = [0.0, *contacts, length]
     if any(not b > a for a, b in itertools.pairwise(edges)):
-        raise InputError(f"contacts must increase between 0 and the length {length} m, got {list(contacts)}")
-    if elements is not None and not isinstance(elements, int | Integral):
-        return _given(length, contacts, [float(h) for h in elements])
-    if elements is not None and (isinstance(elements, bool) or elements < 1):
-        raise InputError(f"elements: expected a number of elements or their lengths, got {elements!r}")
+        message = f"contacts must increase between 0 and the length {length} m, got {list(contacts)}"
+        raise InputError(message, key="contacts")
     stretches = [b - a for a, b in itertools.pairwise(edges)]
-    count = max(2, len(stretches)) if elements is None else int(elements)
+    if min(stretches) < _LEAST * length:
+        message = f"contacts must be {_LEAST:g} of the length {length} m from each other and from both ends"
+        raise InputError(f"{message}, got {list(contacts)}", key="contacts")
+    if isinstance(elements, Sequence):
+        return _given(length, contacts, list(elements))
+    count = max(2, len(stretches)) if elements is None else elements
+    if not 1 <= count <= _MOST:
+        raise InputError(f"expected a number of elements from 1 to {_MOST}, got {count}", key="elements")
     if count < len(stretches):
-        raise InputError(f"{len(contacts)} contacts need at least {len(stretches)} elements, got {count}")
+        message = f"{len(contacts)} contacts need at least {len(stretches)} elements, got {count}"
+        raise InputError(message, key="elements")
     shares = [1] * len(stretches)
     for _ in range(count - len(stretches)):
         longest = max(range(len(stretches)), key=lambda k: stretches[k] / shares[k])
@@ -62,12 +72,16 @@ def element_lengths(
 
 
 def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tuple[float, ...]:
-    if min(lengths, default=0.0) <= 0.0 or abs(sum(lengths) - length) > _SNAP * length:
-        raise InputError(f"element lengths must be positive and add up to {length} m, got {lengths}")
+    if min(lengths, default=0.0) < _LEAST * length or abs(sum(lengths) - length) > _SNAP * length:
+        message = f"element lengths must be positive and add up to {length} m, got {lengths}"
+        raise InputError(message, key="elements")
+    if len(lengths) > _MOST:
+        raise InputError(f"expected the lengths of up to {_MOST} elements, got {len(lengths)}", key="elements")
     edges = [sum(lengths[: k + 1]) for k in range(len(lengths))]
-    for at in contacts:
+    for k, at in enumerate(contacts):
         if min(abs(at - e) for e in edges) > _SNAP * length:
-            raise InputError(f"the contact at {at} m is not on an element boundary, {[round(e, 9) for e in edges]}")
+            message = f"the contact at {at} m is not on an element boundary, {[round(e, 9) for e in edges]}"
+            raise InputError(message, key=f"contacts[{k}]")
     return tuple(lengths)
 
 
@@ -77,11 +91,12 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, curvat
     Raises
     ------
     InputError
-        If the declared range is not positive and finite.
+        If the declared range is not positive, or beyond what series can follow.
     """
     if bending_range is not None:
-        if not 0.0 < bending_range < math.inf:
-            raise InputError(f"bending_range: expected a positive number of radians, got {bending_range}")
+        if not 0.0 < bending_range <= _WIDEST:
+            message = f"expected a positive number of radians, up to {_WIDEST:g}, got {bending_range}"
+            raise InputError(message, key="bending_range")
         return tuple(bending_range for _ in lengths)
     return tuple(min(DEFAULT_RANGE, curvature_limit * h) for h in lengths)
 

@@ -122,10 +122,12 @@ def _at_tip(at: float, length: float) -> bool:
 
 
 def _check(names: Sequence[str], known: dict[str, list[float]]) -> None:
-    for name in names:
+    for k, name in enumerate(names):
+        key = f"parameters[{k}]"
         if name not in known:
             near = difflib.get_close_matches(name, known, n=1)
             hint = f"; did you mean {near[0]}?" if near else ""
-            raise InputError(f"unknown parameter {name!r}{hint} (this finger has {', '.join(sorted(known))})")
-    if len(set(names)) != len(names):
-        raise InputError(f"parameters are repeated: {list(names)}")
+            message = f"unknown parameter {name!r:.60}{hint} (this finger has {', '.join(sorted(known))})"
+            raise InputError(message, key=key)
+        if name in names[:k]:
+            raise InputError(f"parameter {name!r} is repeated: expected each once, got {list(names)}", key=key)

@@ -106,7 +106,8 @@ def node_count(angle_range: float, accuracy: float) -> int:
     column = next((k for k, reach in enumerate(_RANGES) if angle_range <= reach), None)
     if column is None:
         raise InputError(
-            f"a clothoid element that bends by up to {angle_range:.3g} rad is beyond one turn: take more elements"
+            f"a clothoid element that bends by up to {angle_range:.3g} rad is beyond one turn: take more elements",
+            key="bending_range",
         )
     wanted = accuracy if accuracy > _STRICT else 0.1 * accuracy
     return next((count for count, errors in _ERRORS.items() if errors[column] <= wanted), 16)

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import InputLayout
 from continuum_grasp.model.chain import Place
+from continuum_grasp.model.choices import Choices
 from continuum_grasp.model.family import ArcFamily, ClothoidFamily, Family
 from continuum_grasp.model.layout import element_lengths, element_ranges, place_at
 from continuum_grasp.model.parameters import Parameters
+from continuum_grasp.model.quadrature import node_count
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
-from continuum_grasp.scene.simulate import Fidelity, Scene
+from continuum_grasp.scene.simulate import Initial, Scene
 
 __all__ = ["Structure", "tip_is_thrown"]
 
@@ -40,36 +40,72 @@ class Structure:
         tip_force: bool | None,
         input_rates: bool | None,
     ) -> None:
-        scene = finger if isinstance(finger, Scene) else None
-        self.finger: Finger = finger.finger if isinstance(finger, Scene) else finger
-        fidelity = scene.fidelity if scene else Fidelity()
+        keywords = {
+            "contacts": contacts,
+            "gravity": gravity,
+            "family": family,
+            "elements": elements,
+            "bending_range": bending_range,
+            "accuracy": accuracy,
+            "parameters": parameters,
+            "loads": loads,
+            "tip_force": tip_force,
+            "input_rates": input_rates,
+        }
+        choices = Choices(finger, keywords)
+        try:
+            self._resolve(choices)
+        except InputError as error:
+            raise choices.located(error) from None
+
+    def _resolve(self, choices: Choices) -> None:
+        """Set everything; errors name keywords."""
+        scene = choices.scene
+        self.finger = choices.finger
         self.length = self.finger.rod.length
-        self.contacts = tuple(float(at) for at in _first(contacts, scene and scene.contacts, ()))
-        self.loads: tuple[Load, ...] = tuple(_first(loads, scene and scene.loads, ()))
-        self.tip_force = bool(_first(tip_force, bool(scene.contacts) if scene else None, True))
-        g = tuple(_first(gravity, scene and scene.gravity, (0.0, -9.81)))
-        if len(g) != 2 or not all(math.isfinite(v) for v in g):
-            raise InputError(f"gravity: expected two finite numbers, got {list(g)}")
-        self.lengths = element_lengths(self.length, self.contacts, _first(elements, fidelity.elements, None))
-        self.ranges = element_ranges(
-            self.lengths, _first(bending_range, fidelity.bending_range, None), self.finger.curvature_limit
-        )
-        names = _first(parameters, scene and scene.parameters, ())
-        self.parameters = Parameters(self.finger, (float(g[0]), float(g[1])), self.lengths, names)
-        self.accuracy: float | None = _first(accuracy, fidelity.accuracy, None)
+        self.contacts = choices.numbers("contacts") or ()
+        self.loads = choices.loads()
+        tip_force = choices.switch("tip_force")
+        self.tip_force = (scene is None or bool(scene.contacts)) if tip_force is None else tip_force
+        gravity = choices.numbers("gravity", 2) or (0.0, -9.81)
+        self.lengths = element_lengths(self.length, self.contacts, choices.elements())
+        self.ranges = element_ranges(self.lengths, choices.number("bending_range"), self.finger.curvature_limit)
+        self.parameters = Parameters(self.finger, (gravity[0], gravity[1]), self.lengths, choices.words("parameters"))
+        self.accuracy = choices.number("accuracy")
         if self.accuracy is not None and not 0.0 < self.accuracy <= 1e-2:
-            raise InputError(f"accuracy: expected a number above 0 and up to 0.01, got {self.accuracy}")
-        self.family_name: str = _first(family, fidelity.family, None) or self._default_family(scene)
-        if self.family_name not in FAMILIES:
-            raise InputError(f"unknown family {self.family_name!r}: expected one of {', '.join(FAMILIES)}")
-        self.inputs = self._input_layout(input_rates, self._input_varies(scene))
+            raise InputError(f"expected a number above 0 and up to 0.01, got {self.accuracy}", key="accuracy")
+        self.family_name = choices.word("family", FAMILIES) or self._default_family(scene)
+        self.inputs = self._input_layout(choices.switch("input_rates"), self._input_varies(scene))
         self.family = self._make_family()
         self.n = self.family.size - (1 if self.matched else 0)
         self._name_entries()
-        for load in self.loads:
-            place_at(load.at, self.lengths)
+        for k, load in enumerate(self.loads):
+            if not 0.0 <= load.at <= self.length * (1 + 1e-9):
+                message = f"position {load.at} m is not on the finger of {self.length} m"
+                raise InputError(message, key=f"loads[{k}].at")
         if self.parameters.is_runtime("element_lengths") and len(self.finger.curvature_pieces) > 1:
-            raise InputError("a piecewise rest curvature needs element_lengths that are not run-time arguments")
+            raise InputError(
+                "a piecewise rest curvature needs element_lengths that are not run-time arguments",
+                key=f"parameters[{self.parameters.names.index('element_lengths')}]",
+            )
+        if scene is not None and not choices.said("family", "elements", "contacts", "loads", "parameters"):
+            self.check_initial(scene.initial)
+
+    def check_initial(self, initial: Initial) -> None:
+        """Whether coordinates and rates that are given at time zero are as many as the model has.
+
+        Raises
+        ------
+        InputError
+            If they are not.
+        """
+        for name, given in (("q", initial.q), ("qd", initial.qd)):
+            if given is not None and len(given) != self.n:
+                raise InputError(
+                    f"{name} has {len(given)} entries, the {self.family_name} model has {self.n}: "
+                    f"{', '.join(self.q_names)}",
+                    key=f"initial.{name}",
+                )
 
     @property
     def matched(self) -> bool:
@@ -125,12 +161,17 @@ class Structure:
         if self.matched and self.rubs:
             raise InputError(
                 "matched_clothoid cannot carry tendon friction (the moment at the tip then depends on the whole "
-                "shape): use family clothoid"
+                "shape): use family clothoid",
+                key="family",
             )
         if input_rates and not self.matched:
-            raise InputError(f"input_rates needs family matched_clothoid; {self.family_name} has no use for them")
+            raise InputError(
+                f"input_rates needs family matched_clothoid; {self.family_name} has no use for them", key="input_rates"
+            )
         if input_rates and self.lagged:
-            raise InputError("input_rates and tendons.time_constant exclude each other: the lag gives the rates")
+            raise InputError(
+                "input_rates and tendons.time_constant exclude each other: the lag gives the rates", key="input_rates"
+            )
         if input_rates is None:
             input_rates = self.matched and varies and not self.lagged
         couples = sum(isinstance(load, MomentLoad) and self.on_tip(load.at) for load in self.loads)
@@ -138,7 +179,11 @@ class Structure:
 
     def _make_family(self) -> Family:
         count = len(self.lengths)
-        return ArcFamily(count, self.accuracy) if self.family_name == "arc" else ClothoidFamily(count, self.accuracy)
+        if self.family_name == "arc":
+            return ArcFamily(count, self.accuracy)
+        for reach in self.ranges:
+            node_count(reach, 1e-2)  # says where the range is too large
+        return ClothoidFamily(count, self.accuracy)
 
     def _name_entries(self) -> None:
         self.q_names = self.family.labels[: self.n]
@@ -195,11 +240,6 @@ def _at_zero(value: float | Samples) -> float:
         if t0 <= 0.0 < t1:
             return v0 + (v1 - v0) * -t0 / (t1 - t0)
     return value.values[0] if value.times[0] > 0.0 else value.values[-1]
-
-
-def _first(*values: Any) -> Any:
-    """The first value that is given."""
-    return next((value for value in values if value is not None), None)
 
 
 def _rate_label(label: str) -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
 from continuum_grasp.errors import InputError
 
-__all__ = ["Document", "KeyPath", "Place", "dotted"]
+__all__ = ["Document", "KeyPath", "Place", "dotted", "undotted"]
 
 KeyPath = tuple[str | int, ...]
 
@@ -94,6 +95,12 @@ def dotted(path: KeyPath) -> str:
     """A path as users write it: ``finger.masses[0].at``."""
     words = (f"[{part}]" if isinstance(part, int) else f".{_printable(part)}" for part in path)
     return "".join(words).removeprefix(".")
+
+
+def undotted(text: str) -> KeyPath:
+    """The path that `dotted` writes so."""
+    parts = re.findall(r"([^.\[\]]+)|\[(\d+)\]", text)
+    return tuple(int(index) if index else name for name, index in parts)
 
 
 def _printable(key: str) -> str:

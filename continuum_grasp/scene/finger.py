@@ -212,7 +212,7 @@ class Finger(Value):
             )
         own = self.rod.mass_per_length * length
         for k, m in enumerate(self.masses):
-            if m.mass > 1e3 * own:
+            if self.rod.density is not None and m.mass > 1e3 * own:
                 doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {own:.2g} kg; is it in grams? (expected: kg)")
         return self
 

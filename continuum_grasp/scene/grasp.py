@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.finger import Finger, PiecewiseCurvature
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2
 
@@ -25,6 +25,9 @@ __all__ = [
 ]
 
 Switch = Literal["on", "off"]
+
+_ONE_TURN = 6.3
+"""Bending range up to which clothoid elements can be made [rad]."""
 
 
 class Circle(Value):
@@ -214,6 +217,18 @@ class GraspScene(Value):
             raise ValueError(
                 f"contacts.middle_after = {self.elements_before_middle} leaves no element between middle "
                 f"contact and tip; the finger has {self.element_count} elements"
+            )
+        if self.fidelity.family == "matched_clothoid" and self.finger.tendons.friction > 0.0:
+            raise ValueError("fidelity.family: matched_clothoid cannot carry tendon friction; use clothoid or arc")
+        if self.fidelity.family != "arc" and self.bending_range > _ONE_TURN:
+            raise ValueError(
+                f"fidelity.bending_range = {self.bending_range} rad is more than a clothoid element can follow (one "
+                "turn): take more elements, or family: arc"
+            )
+        if isinstance(self.finger.rest_curvature, PiecewiseCurvature):
+            raise ValueError(
+                "finger.rest_curvature must be one number here: the lengths of the elements are sought, and the "
+                "curvature of each could not follow"
             )
         if self.middle_bounds[1] >= length:
             raise ValueError(f"contacts.middle_range ends at {self.middle_bounds[1]} m; the finger is {length} m long")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Loaded: TypeAlias = Scene | GraspScene | Finger
 
-__all__ = ["kind_of", "load", "model_of", "scene_of"]
+__all__ = ["kind_of", "load", "load_placed", "model_of", "scene_of"]
 
 _VERSION = 1
 
@@ -49,6 +49,17 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
     InputError
         With file, line, column and key of everything that is wrong.
     """
+    return load_placed(path, overrides)[0]
+
+
+def load_placed(path: str | Path, overrides: Overrides = ()) -> tuple[Loaded, Document]:
+    """As `load`, with the document that says where everything was written.
+
+    Raises
+    ------
+    InputError
+        As `load`.
+    """
     from pydantic import ValidationError
 
     from continuum_grasp.scene.problems import explain, raise_problems
@@ -58,7 +69,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
     if model is Finger:
         _take_version(document)
     try:
-        return model.model_validate(document.value)  # type: ignore[return-value]
+        return model.model_validate(document.value), document  # type: ignore[return-value]
     except ValidationError as error:
         raise_problems(explain(error, model, document.value), document)
         raise

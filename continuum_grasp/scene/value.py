@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import warnings
 from typing import Annotated, Any
 
@@ -46,8 +47,11 @@ Vector2 = Annotated[tuple[Real, Real], Field(strict=False)]
 
 
 def doubt(what: str) -> None:
-    """Warn of a value that can be meant, but is more likely in another unit; for use in validators.
-
-    The warning names the line that made the value or loaded the file, four frames up: pydantic's own are compiled.
-    """
-    warnings.warn(what, UserWarning, stacklevel=5)
+    """Warn of a value that can be meant, but is more likely in another unit; names the line of the user."""
+    frame, level = inspect.currentframe(), 1
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in (
+        "continuum_grasp",
+        "pydantic",
+    ):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(what, UserWarning, stacklevel=level)

@@ -1,0 +1,184 @@
+"""What a model is asked to be: keywords over what the scene says, each checked for its kind."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
+from continuum_grasp.scene.simulate import Scene
+
+__all__ = ["Choices"]
+
+_IN_SCENE = {
+    **{name: name for name in ("contacts", "gravity", "parameters", "loads")},
+    **{name: f"fidelity.{name}" for name in ("family", "elements", "bending_range", "accuracy")},
+}
+"""Where a scene has what is also a keyword."""
+
+
+class Choices:
+    """Keywords of a model, and what its scene says where they say nothing.
+
+    Parameters
+    ----------
+    given : Scene or Finger
+        What the model is made of.
+    keywords : dict
+        Keywords of ``FingerModel``; None where nothing was said.
+
+    Raises
+    ------
+    InputError
+        If it is neither a scene nor a finger.
+    """
+
+    def __init__(self, given: Scene | Finger, keywords: dict[str, Any]) -> None:
+        if not isinstance(given, Scene | Finger):
+            hint = " (read a file with load)" if isinstance(given, str) or hasattr(given, "__fspath__") else ""
+            got = f"{type(given).__name__} {given!r:.60}"
+            raise InputError(f"expected a Scene or a Finger, got {got}{hint}", key="finger")
+        self.scene = given if isinstance(given, Scene) else None
+        self.finger: Finger = given.finger if isinstance(given, Scene) else given
+        self._keywords = keywords
+
+    def __getitem__(self, name: str) -> Any:
+        """What was said, None for nothing."""
+        value: Any = self._keywords[name]
+        if value is None and self.scene is not None:
+            path = _IN_SCENE.get(name, "")
+            if path.startswith("fidelity."):
+                value = getattr(self.scene.fidelity, name)
+            elif path:
+                value = getattr(self.scene, name)
+        return value
+
+    def said(self, *names: str) -> bool:
+        """Whether one of the keywords was given."""
+        return any(self._keywords[name] is not None for name in names)
+
+    def located(self, error: InputError) -> InputError:
+        """The error with the path in the scene in place of a keyword that was not given."""
+        name = re.match(r"\w*", error.key or "")
+        word = name.group() if name else ""
+        if not error.key or self.scene is None or self._keywords.get(word) is not None:
+            return error
+        return InputError(error.message, key=_IN_SCENE.get(word, word) + error.key[len(word) :])
+
+    def number(self, name: str) -> float | None:
+        """A finite number.
+
+        Raises
+        ------
+        InputError
+            If it is something else.
+        """
+        value = self[name]
+        return None if value is None else _number(name, value)
+
+    def numbers(self, name: str, count: int | None = None) -> tuple[float, ...] | None:
+        """A list of finite numbers, of a given length.
+
+        Raises
+        ------
+        InputError
+            If it is something else.
+        """
+        value = self[name]
+        if value is None:
+            return None
+        wanted = f"a list of {count or ''} numbers".replace("  ", " ")
+        entries = _entries(name, value, wanted)
+        if count is not None and len(entries) != count:
+            raise InputError(f"expected {wanted}, got {len(entries)}: {value!r:.60}", key=name)
+        return tuple(_number(f"{name}[{k}]", entry) for k, entry in enumerate(entries))
+
+    def elements(self) -> int | tuple[float, ...] | None:
+        """A number of elements, or their lengths.
+
+        Raises
+        ------
+        InputError
+            If it is something else.
+        """
+        value = self["elements"]
+        if value is None or (isinstance(value, Integral) and not isinstance(value, bool)):
+            return value if value is None else int(value)
+        if isinstance(value, Real | str):
+            raise InputError(f"expected a whole number of elements or their lengths, got {value!r:.60}", key="elements")
+        return self.numbers("elements")
+
+    def word(self, name: str, allowed: Iterable[str]) -> str | None:
+        """One of some words.
+
+        Raises
+        ------
+        InputError
+            If it is something else.
+        """
+        value = self[name]
+        if value is not None and (not isinstance(value, str) or value not in allowed):
+            raise InputError(f"unknown {name} {value!r:.60}: expected one of {', '.join(allowed)}", key=name)
+        return value
+
+    def words(self, name: str) -> tuple[str, ...]:
+        """A list of words.
+
+        Raises
+        ------
+        InputError
+            If it is something else.
+        """
+        entries = _entries(name, [] if self[name] is None else self[name], "a list of names")
+        for k, entry in enumerate(entries):
+            if not isinstance(entry, str):
+                raise InputError(f"expected a name, got {entry!r:.60}", key=f"{name}[{k}]")
+        return entries
+
+    def switch(self, name: str) -> bool | None:
+        """True or false.
+
+        Raises
+        ------
+        InputError
+            If it is something else.
+        """
+        value = self[name]
+        if value is not None and not isinstance(value, bool | np.bool_):
+            raise InputError(f"expected True or False, got {value!r:.60}", key=name)
+        return None if value is None else bool(value)
+
+    def loads(self) -> tuple[Load, ...]:
+        """Point loads.
+
+        Raises
+        ------
+        InputError
+            If something else is among them.
+        """
+        entries = _entries("loads", () if self["loads"] is None else self["loads"], "a list of loads")
+        for k, entry in enumerate(entries):
+            if not isinstance(entry, ForceLoad | MomentLoad):
+                raise InputError(f"expected a ForceLoad or a MomentLoad, got {entry!r:.60}", key=f"loads[{k}]")
+        return entries
+
+
+def _entries(name: str, value: Any, wanted: str) -> tuple[Any, ...]:
+    single = isinstance(value, str | Real | ForceLoad | MomentLoad)
+    if single or isinstance(value, dict) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) != 1:
+        hint = f" (write [{value!r:.40}])" if single else ""
+        raise InputError(f"expected {wanted}, got {value!r:.60}{hint}", key=name)
+    return tuple(value)
+
+
+def _number(key: str, value: Any) -> float:
+    if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
+        raise InputError(f"expected a finite number, got {value!r:.60}", key=key)
+    return float(value)

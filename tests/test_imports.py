@@ -1,0 +1,141 @@
+"""Which room may import which, and who prints: read off the source."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "continuum_grasp"
+FILES = sorted(PACKAGE.rglob("*.py"))
+COMMON = {"errors", "_lazy", ""}
+"""What all may import; the empty name is the package itself."""
+ALLOWED = {
+    "errors": set(),
+    "_lazy": set(),
+    "scene": {"scene"},
+    "model": {"model", "scene"},
+    "core": {"core", "model", "scene"},
+    "simulation": {"simulation", "core", "model", "scene", "results", "plotting"},
+    "grasp": {"grasp", "core", "model", "scene", "results", "plotting"},
+    "accuracy": {"accuracy", "simulation", "core", "model", "scene", "results", "plotting"},
+    "identification": {"identification", "simulation", "core", "model", "scene", "results", "plotting"},
+    "results": {"results", "scene"},
+    "plotting": {"plotting", "results", "scene"},
+}
+"""Rooms by who imports them; ``cli`` and the package itself may import everything."""
+OUTSIDE = {
+    "scene": {"casadi", "numpy", "scipy", "matplotlib", "typer", "rich"},
+    "model": {"matplotlib", "typer", "rich", "yaml"},
+    "core": {"matplotlib", "typer", "rich", "yaml"},
+    "simulation": {"matplotlib", "typer", "rich", "yaml"},
+    "grasp": {"matplotlib", "typer", "rich", "yaml"},
+    "results": {"casadi", "matplotlib", "typer", "rich"},
+    "plotting": {"casadi", "typer", "rich", "yaml"},
+}
+"""Packages that a room does without."""
+LATE = {"results", "plotting"}
+"""Rooms that those before them import where they save and draw, not when they are loaded."""
+
+
+def room_of(file: Path) -> str:
+    """The first folder or file below the package."""
+    return file.relative_to(PACKAGE).parts[0].removesuffix(".py").removeprefix("__init__")
+
+
+def imports(file: Path) -> list[tuple[str, int, bool]]:
+    """Modules that a file imports, with the line and whether that happens when the file is loaded.
+
+    What is only for the type checker is left out.
+    """
+    found: list[tuple[str, int, bool]] = []
+
+    def walk(node: ast.AST, at_load: bool) -> None:
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            return
+        if isinstance(node, ast.Import):
+            found.extend((alias.name, node.lineno, at_load) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{file}:{node.lineno}: relative import"
+            found.append((node.module or "", node.lineno, at_load))
+        for child in ast.iter_child_nodes(node):
+            walk(child, at_load and not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda))
+
+    walk(ast.parse(file.read_text(encoding="utf-8")), True)
+    return found
+
+
+def inside(module: str) -> str | None:
+    """The room of a module of the package."""
+    parts = module.split(".")
+    return (parts[1] if len(parts) > 1 else "") if parts[0] == "continuum_grasp" else None
+
+
+def test_every_room_is_known():
+    assert {room_of(file) for file in FILES} <= {*ALLOWED, "cli", "__main__", ""}
+
+
+@pytest.mark.parametrize("room", ALLOWED)
+def test_a_room_imports_earlier_ones_only(room):
+    wrong = [
+        f"{file.relative_to(PACKAGE)}:{line}: {module}"
+        for file in FILES
+        if room_of(file) == room
+        for module, line, _ in imports(file)
+        if inside(module) not in {None, *COMMON, *ALLOWED[room]}
+    ]
+    assert not wrong
+
+
+@pytest.mark.parametrize("room", OUTSIDE)
+def test_a_room_does_without(room):
+    wrong = [
+        f"{file.relative_to(PACKAGE)}:{line}: {module}"
+        for file in FILES
+        if room_of(file) == room
+        for module, line, _ in imports(file)
+        if module.split(".")[0] in OUTSIDE[room]
+    ]
+    assert not wrong
+
+
+@pytest.mark.parametrize("room", ["simulation", "grasp", "accuracy", "identification"])
+def test_saving_and_drawing_are_imported_when_needed(room):
+    wrong = [
+        f"{file.relative_to(PACKAGE)}:{line}: {module}"
+        for file in FILES
+        if room_of(file) == room
+        for module, line, at_load in imports(file)
+        if at_load and inside(module) in LATE
+    ]
+    assert not wrong
+
+
+def test_the_package_itself_loads_nothing_but_its_own_beginnings():
+    for file in (PACKAGE / "__init__.py", PACKAGE / "scene" / "__init__.py"):
+        loaded = {module for module, _, at_load in imports(file) if at_load} - {"__future__", "typing"}
+        assert loaded == {"continuum_grasp._lazy"}
+
+
+def test_nothing_but_the_command_line_prints():
+    wrong = []
+    for file in FILES:
+        if room_of(file) == "cli":
+            continue
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("print", "input"):
+                wrong.append(f"{file.relative_to(PACKAGE)}:{node.lineno}")
+            if isinstance(node, ast.Attribute) and ast.unparse(node) in ("sys.stdout", "sys.stderr"):
+                wrong.append(f"{file.relative_to(PACKAGE)}:{node.lineno}")
+    assert not wrong
+
+
+def test_input_is_not_checked_by_assert():
+    wrong = [
+        f"{file.relative_to(PACKAGE)}:{node.lineno}"
+        for file in FILES
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Assert)
+    ]
+    assert not wrong
