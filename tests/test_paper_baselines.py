@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from benchmarks.baselines import paper_appendix, paper_closed_forms, peers
-from benchmarks.baselines.appendix_coefficients import CORRECTED, PRINTED
-from benchmarks.baselines.two_arcs import Terms, TwoArcs, forward_dynamics
+from benchmarks.baselines.two_arcs import TwoArcs, forward_dynamics
+from continuum_grasp.accuracy.paper import Terms
 from tests.truth import Rod, TruthFinger, to_numpy
 
 FULL = TwoArcs(
@@ -177,15 +177,6 @@ def test_corrected_appendix_errs_by_its_documented_truncation(row, tolerance):
 )
 def test_printed_appendix_errs_as_the_errata_say(group, index, percent):
     assert 100 * effect(CORNER, True, group, index) == pytest.approx(percent, abs=0.6)
-
-
-def test_printed_coefficients_are_the_ones_counted_in_the_errata():
-    wrong = {name: coefficients(1.0, 2.0) for name, coefficients in PRINTED.items()}
-    right = {name: CORRECTED[name](1.0, 2.0) for name in PRINTED}
-    assert sum(len(table) for table in wrong.values()) == 56
-    assert all(right[name][powers] != value for name, table in wrong.items() for powers, value in table.items())
-    printed = [len(c(1.0, 2.0)) for name, c in CORRECTED.items() if not name.startswith("GX")]
-    assert sum(printed) == 144
 
 
 def test_printed_mass_matrix_is_indefinite_on_a_third_of_the_square():

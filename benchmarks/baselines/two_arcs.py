@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
+
+from continuum_grasp.accuracy import paper
 
 Number = Any
 """A float, or a CasADi SX where it is a run-time parameter."""
@@ -32,7 +34,7 @@ class TwoArcs:
     element_lengths: tuple[Number, Number] = (0.3, 0.3)
     mass_per_length: Number = 6450 * math.pi * 0.001**2
     rotary_inertia: Number = 0.0
-    """Rotary inertia per length [kg m]; the appendix leaves it out."""
+    """Rotary inertia per length [kg m]; the appendix leaves it out where it is as printed."""
     bending_stiffness: Number = 60e9 * math.pi * 0.002**4 / 64
     rest_angles: tuple[Number, Number] = (0.0, 0.0)
     tip_mass: Number = 0.0
@@ -49,14 +51,16 @@ class TwoArcs:
     """e of equation (42) [m], u = [F1, F2]; None: u = [tip moment]."""
 
 
-class Terms(NamedTuple):
-    """M qdd + bias + gravity = J_c' F_c + J_t' F_t + other forces, in base axes, point masses included."""
-
-    mass: ca.SX
-    bias: ca.SX
-    gravity: ca.SX
-    contact_jacobian: ca.SX
-    tip_jacobian: ca.SX
+def arcs(finger: TwoArcs) -> paper.TwoArcs:
+    """What the paper's equations need to know of the finger."""
+    return paper.TwoArcs(
+        lengths=finger.element_lengths,
+        mass_per_length=finger.mass_per_length,
+        rotary_inertia=finger.rotary_inertia,
+        contact_mass=finger.contact_mass,
+        tip_mass=finger.tip_mass,
+        gravity=to_base(finger, finger.gravity),
+    )
 
 
 def to_base(finger: TwoArcs, vector: tuple[Number, Number]) -> tuple[Number, Number]:
