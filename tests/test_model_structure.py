@@ -751,7 +751,7 @@ IN_SCENE = {
         r"q has 1 entries, the arc model has 2: theta_1",
     ),
     "initial rates": (
-        {"initial": Initial(q=(0.0, 0.0)).model_copy(update={"qd": (1.0,)})},
+        {"initial": Initial(q=(0.0, 0.0), qd=(1.0,))},
         {},
         "initial.qd",
         "qd has 1 entries, the matched_clothoid model has 2: kappa_0",

@@ -52,9 +52,8 @@ class Initial(Value):
     def _one(self) -> Initial:
         if (self.pose is None) == (self.q is None):
             raise ValueError("give exactly one of pose and q")
-        if self.qd is not None and (self.q is None or len(self.qd) != len(self.q)):
-            got = "none" if self.q is None else f"{len(self.q)} q"
-            raise ValueError(f"qd needs as many q, got {len(self.qd)} rates and {got}")
+        if self.qd is not None and self.q is None:
+            raise ValueError("qd needs q; a named pose is at rest")
         if self.held_by and self.pose != "equilibrium":
             raise ValueError("held_by needs pose: equilibrium")
         for k, load in enumerate(self.held_by):
