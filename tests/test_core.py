@@ -317,6 +317,10 @@ CALLS = {
     "negative step": (lambda c, x: c.rollout(x, 5, -0.1), "step: expected a finite number above 0, got -0.1"),
     "step that is not a number": (lambda c, x: c.rollout(x, 5, float("nan")), "step: expected a finite number above 0"),
     "endless step": (lambda c, x: c.rollout(x, 5, float("inf")), "step: expected a finite number above 0, got inf"),
+    "a step too long to write": (
+        lambda c, x: c.rollout(x, 5, 10**400),
+        "step: expected a finite number above 0, got 1000",
+    ),
     "no substeps": (lambda c, x: c.rollout(x, 5, 0.1, substeps=0), "substeps: expected a whole number"),
     "half a substep": (lambda c, x: c.rollout(x, 5, 0.1, substeps=1.5), "substeps: expected a whole number"),
     "state that is not a number": (

@@ -709,6 +709,8 @@ WRONG = {
     "a table of contacts": (FULL, {"contacts": np.zeros((2, 2))}, "contacts: expected a list of numbers"),
     "one number of gravity": (FULL, {"gravity": 9.81}, "gravity: expected a list of 2 numbers, got 9.81"),
     "three numbers of gravity": (FULL, {"gravity": (0, 0, -9.81)}, "gravity: expected a list of 2 numbers, got 3"),
+    "a number too long": (FULL, {"gravity": (0, 10**400)}, r"gravity\[1\]: expected a finite number, got 1000"),
+    "accuracy next to nothing": (FULL, {"accuracy": 1e-300}, "accuracy: expected a number from 1e-16 to 0.01"),
     "endless gravity": (FULL, {"gravity": (0, math.inf)}, r"gravity\[1\]: expected a finite number, got inf"),
     "a number as load": (FULL, {"loads": [5]}, r"loads\[0\]: expected a ForceLoad or a MomentLoad, got 5"),
     "one load": (FULL, {"loads": LOADS[0]}, "loads: expected a list of loads"),

@@ -512,3 +512,20 @@ def test_overrides_from_python(write):
     assert scene.finger.masses == ()
     (line,) = complaint("scene.yaml", overrides={"loads": [{**load_case, "at": -1}]})
     assert line.startswith("override loads: loads[0].at: out of range")
+
+
+@pytest.mark.parametrize(
+    ("path", "overrides", "words"),
+    [
+        (0, (), "expected the path of a file, got 0"),
+        (None, (), "expected the path of a file, got None"),
+        ("scene.yaml", "gravity[0]=1", "overrides: expected a list of key.path=value texts, or a mapping"),
+        ("scene.yaml", 5, "overrides: expected a list of key.path=value texts, or a mapping, got 5"),
+        ("scene.yaml", [5], "overrides: expected a text, got 5"),
+        ("scene.yaml", {5: 5}, "overrides: expected a text, got 5"),
+    ],
+)
+def test_what_cannot_be_loaded_is_said(write, path, overrides, words):
+    write(HEAD)
+    (line,) = complaint(path, overrides=overrides)
+    assert line.startswith(words)

@@ -98,11 +98,13 @@ def positive(name: str, value: Any) -> float:
     InputError
         If it is something else.
     """
-    if type(value) is not float and (not isinstance(value, Real) or isinstance(value, bool)):
+    try:
+        number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    except OverflowError:
+        number = math.inf
+    if not 0.0 < number < math.inf:
         raise InputError(f"{name}: expected a finite number above 0, got {value!r:.60}")
-    if not 0.0 < float(value) < math.inf:
-        raise InputError(f"{name}: expected a finite number above 0, got {value!r:.60}")
-    return float(value)
+    return number
 
 
 def finite(name: str, array: NDArray[np.float64]) -> NDArray[np.float64]:

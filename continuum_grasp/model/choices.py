@@ -179,6 +179,10 @@ def _entries(name: str, value: Any, wanted: str) -> tuple[Any, ...]:
 
 
 def _number(key: str, value: Any) -> float:
-    if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
+    try:
+        number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
         raise InputError(f"expected a finite number, got {value!r:.60}", key=key)
-    return float(value)
+    return number

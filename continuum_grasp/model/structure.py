@@ -72,8 +72,8 @@ class Structure:
         self.ranges = element_ranges(self.lengths, choices.number("bending_range"), self.finger.curvature_limit)
         self.parameters = Parameters(self.finger, (gravity[0], gravity[1]), self.lengths, choices.words("parameters"))
         self.accuracy = choices.number("accuracy")
-        if self.accuracy is not None and not 0.0 < self.accuracy <= 1e-2:
-            raise InputError(f"expected a number above 0 and up to 0.01, got {self.accuracy}", key="accuracy")
+        if self.accuracy is not None and not 1e-16 <= self.accuracy <= 1e-2:
+            raise InputError(f"expected a number from 1e-16 to 0.01, got {self.accuracy}", key="accuracy")
         self.family_name = choices.word("family", FAMILIES) or self._default_family(scene)
         self.inputs = self._input_layout(choices.switch("input_rates"), self._input_varies(scene))
         self.family = self._make_family()

@@ -27,8 +27,17 @@ def read_overrides(overrides: Overrides) -> list[tuple[KeyPath, Document]]:
         Where a text is not of that form.
     """
     if isinstance(overrides, Mapping):
-        return [(_path(key, key), _placed(value, Place(f"override {key}"))) for key, value in overrides.items()]
-    return [_read(text) for text in overrides]
+        named = ((_word(key), value) for key, value in overrides.items())
+        return [(_path(key, key), _placed(value, Place(f"override {key}"))) for key, value in named]
+    if isinstance(overrides, str) or not isinstance(overrides, Iterable):
+        raise InputError(f"overrides: expected a list of key.path=value texts, or a mapping, got {overrides!r:.60}")
+    return [_read(_word(text)) for text in overrides]
+
+
+def _word(given: Any) -> str:
+    if not isinstance(given, str):
+        raise InputError(f"overrides: expected a text, got {given!r:.60}")
+    return given
 
 
 def _read(text: str) -> tuple[KeyPath, Document]:

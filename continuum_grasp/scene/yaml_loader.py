@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -79,6 +80,8 @@ def read_yaml(path: str | Path, *, name: str | None = None) -> Document:
     InputError
         Where the file cannot be read, or is not YAML of the accepted kind.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"expected the path of a file, got {path!r:.60}")
     name = name or str(path)
     try:
         with open(path, "rb") as stream:
