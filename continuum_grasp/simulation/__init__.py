@@ -3,7 +3,7 @@
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.modes import Modes, modes
 from continuum_grasp.simulation.simulate import simulate
-from continuum_grasp.simulation.statics import Equilibrium, equilibrium, equilibrium_path
+from continuum_grasp.simulation.statics import Equilibrium, equilibrium, equilibrium_path, equilibrium_under
 from continuum_grasp.simulation.trajectory import Trajectory
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "Trajectory",
     "equilibrium",
     "equilibrium_path",
+    "equilibrium_under",
     "initial_state",
     "modes",
     "simulate",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -84,7 +85,9 @@ class Signals:
     scene : Scene
         Where actuation and values of loads come from.
     model : FingerModel
-        Model of that scene, with its loads.
+        Model of that scene.
+    loads : sequence of loads, optional
+        Values of the model's loads, one for each; the model's own where not given.
 
     Raises
     ------
@@ -92,10 +95,10 @@ class Signals:
         If an input would move a matched tip with infinite acceleration.
     """
 
-    def __init__(self, scene: Scene, model: FingerModel) -> None:
+    def __init__(self, scene: Scene, model: FingerModel, loads: Sequence[Load] | None = None) -> None:
         self._model = model
         self._values: list[float | Samples] = self._actuation(scene)
-        self._loads = list(zip(model.loads, model.load_entries, strict=True))
+        self._loads = list(zip(model.loads if loads is None else loads, model.load_entries, strict=True))
         couples = [load for load, (vector, _) in self._loads if vector == "u"]
         self._values += [load.moment for load in couples if not isinstance(load, ForceLoad)]
         self._rates = model.structure.inputs.rates

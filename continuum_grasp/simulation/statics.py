@@ -19,7 +19,7 @@ from continuum_grasp.simulation.limits import LOST, limit_warnings
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import damping_matrix
 
-__all__ = ["Equilibrium", "equilibrium", "equilibrium_path"]
+__all__ = ["Equilibrium", "equilibrium", "equilibrium_path", "equilibrium_under"]
 
 Array = NDArray[np.float64]
 
@@ -116,15 +116,39 @@ def equilibrium(
         If no equilibrium is reached, or only one that is bent far beyond the declared range.
     """
     scene = scene_of(scene)
-    if side not in (1, -1):
-        raise InputError(f"side: expected 1 or -1, got {side!r}")
     if model is not None and extra_loads:
         raise InputError("give extra_loads, or a model that has them among its loads, not both")
     if model is None:
         model = FingerModel(scene, loads=(*scene.loads, *extra_loads), input_rates=False)
     signals = Signals(scene, model)
-    p = np.array(model.p_nominal)
-    search = _Search(model, signals.u(0.0)[0], signals.w(0.0)[0], p)
+    return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], guess=guess, stable=stable, side=side)
+
+
+def equilibrium_under(
+    model: FingerModel,
+    u: ArrayLike,
+    w: ArrayLike,
+    *,
+    guess: ArrayLike | None = None,
+    stable: bool = True,
+    side: int = 1,
+) -> Equilibrium:
+    """The equilibrium of a model under constant input and forces; see ``equilibrium``.
+
+    Parameters
+    ----------
+    model : FingerModel
+        The model; parameters are nominal.
+    u : (nu,) array_like
+        Input.
+    w : (nw,) array_like
+        Forces.
+    guess, stable, side
+        As in ``equilibrium``.
+    """
+    if side not in (1, -1):
+        raise InputError(f"side: expected 1 or -1, got {side!r}")
+    search = _Search(model, np.asarray(u, dtype=float), np.asarray(w, dtype=float), np.array(model.p_nominal))
     start = search.rest() if guess is None else np.asarray(guess, dtype=float)
     if start.shape != (model.n,) or not np.all(np.isfinite(start)):
         raise InputError(f"guess: expected {model.n} finite entries, got {start.tolist()}")
