@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from grasp_oracle import Plant, forces, least_tension_arcs, least_tension_clothoids
+from grasp_oracle import forces, least_tension_arcs, least_tension_clothoids
+from grasp_scenes import CONFIGS, PLANAR, UPRIGHT, WEIGHTLESS, make_scene, plant_of
 from pydantic import ValidationError
 from scipy.optimize import brentq
 
@@ -27,71 +28,9 @@ from continuum_grasp.scene.grasp import (
     GraspContacts,
     GraspScene,
     GraspSolver,
-    NoGravity,
-    OutOfPlaneGravity,
     Palm,
-    PlanarGravity,
 )
 from continuum_grasp.scene.load import load
-from continuum_grasp.scene.simulate import Fidelity
-
-CONFIGS = Path(__file__).parents[1] / "configs" / "grasp"
-PLANAR = PlanarGravity(mode="planar", vector=(0.0, -9.81))
-UPRIGHT = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81)
-WEIGHTLESS = NoGravity(mode="none")
-
-
-def make_scene(family="matched_clothoid", gravity=UPRIGHT, base_y=-0.055, elements=2, **changes):
-    """The mug of the shipped scene, in numbers of this test's own."""
-    finger = Finger(
-        rod=Rod(length=0.18, linear_density=0.034, bending_stiffness=6.11e-3),
-        half_thickness=0.006,
-        masses=(PointMass(at=0.18, mass=0.002),),
-        tendons=Tendons(
-            offset=0.005,
-            min_tension=1.0,
-            max_tension=changes.pop("max_tension", 60.0),
-            friction=changes.pop("tendon_friction", 0.0),
-        ),
-        base=BasePose(position=(0.0, base_y), angle=-math.pi / 2),
-    )
-    finger = finger.model_copy(update=changes.pop("finger", {}))
-    values = {
-        "schema_version": 1,
-        "finger": finger,
-        "object": Circle(shape="circle", diameter=0.08, mass=changes.pop("mass", 0.3), position=(0.04, 0.0)),
-        "palm": Palm(point=(0.0, 0.0), normal_angle=0.0),
-        "contacts": GraspContacts(friction=changes.pop("friction", 0.5), normal_force_max=30.0),
-        "gravity": gravity,
-        "fidelity": Fidelity(family=family, elements=elements),
-        **changes,
-    }
-    return GraspScene(**values)
-
-
-def plant_of(scene, **changes):
-    """The same numbers for the independent solution."""
-    finger, gravity = scene.finger, scene.gravity
-    values = {
-        "length": finger.rod.length,
-        "stiffness": finger.rod.stiffness,
-        "offset": finger.tendons.offset,
-        "tension_max": finger.tendons.max_tension - finger.tendons.min_tension,
-        "half_thickness": finger.thickness_radius,
-        "base": finger.base.position,
-        "angle": finger.base.angle,
-        "centre": scene.object.position,
-        "radius": scene.object.radius,
-        "mass": scene.object.mass,
-        "friction": scene.contacts.friction,
-        "normal_max": scene.contacts.normal_force_max,
-        "palm_angle": scene.palm.normal_angle,
-        "gravity": gravity.vector if gravity.mode == "planar" else (0.0, 0.0),
-        "lift": gravity.magnitude if gravity.mode == "out_of_plane" else 0.0,
-        "weight_per_length": finger.rod.mass_per_length if gravity.mode == "planar" else 0.0,
-        "tip_mass": finger.masses[0].mass if gravity.mode == "planar" else 0.0,
-    }
-    return Plant(**{**values, **changes})
 
 
 @pytest.fixture(scope="module")
@@ -166,14 +105,6 @@ def test_mirrored_scene_gives_the_mirrored_grasp(mug):
     assert result.contact("tip").position * [1, -1] == pytest.approx(mug.contact("tip").position, abs=1e-6)
 
 
-def test_more_elements_leave_less_moment_out():
-    left_out = [
-        optimize_grasp(make_scene("arc", UPRIGHT, elements=n, solver=GraspSolver(seeds=2))).certificate.rod_moment
-        for n in (2, 4, 8)
-    ]
-    assert left_out[0] > 1.5 * left_out[1] > 2.0 * left_out[2]
-
-
 @pytest.mark.parametrize("family", ["arc", "clothoid"])
 def test_rubbing_tendons_are_certified_too(family):
     free = optimize_grasp(make_scene(family, UPRIGHT))
@@ -224,7 +155,7 @@ TAMPERED = [
     ("q", 0, 0.01, "contact tangency, middle"),
     ("q", 1, 8.0, "penetration into the object"),
     ("q", 1, -80.0, "penetration into the palm"),
-    ("q", 1, 110.0, "bending range"),
+    ("q", 1, 200.0, "bending range"),
     ("q", 1, 0.1, "stored backbone"),
     ("lengths", 0, 1e-5, "element lengths"),
     ("lengths", 0, 1e-5, "contact gap, tip"),
@@ -280,7 +211,7 @@ def test_certificate_shares_nothing_with_the_optimiser():
                 assert not name.startswith(("casadi", "continuum_grasp.model", "continuum_grasp.core", "scipy"))
                 if name.startswith("continuum_grasp.grasp.") and (inner := name.rpartition(".")[2]) not in seen:
                     pending.append(inner)
-    assert seen == {"certificate", "dense_rod", "recomputed", "stability"}
+    assert seen == {"certificate", "dense_rod", "model_error", "recomputed", "stability"}
 
 
 def test_dense_rod_against_a_circle():

@@ -40,7 +40,8 @@ def grasp(
     picture = folder / "grasp.png"
     result.plot(picture)
 
-    statistics: dict[str, Any] = dict(getattr(result, "statistics", {}))
+    statistics: dict[str, Any] = dict(result.statistics)
+    output.warn(result.warnings)
     output.say(result.table())
     output.statistics(statistics)
     output.say(f"saved in {folder}, drawn in {picture}")
@@ -49,5 +50,6 @@ def grasp(
         folder=str(folder),
         files=[str(picture)],
         table=result.table(),
+        warnings=list(result.warnings),
         statistics=statistics,
     )

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.model_error import ModelError, model_error
 from continuum_grasp.grasp.recomputed import RecomputedGrasp, across
 from continuum_grasp.grasp.stability import Stability, contact_stability
 from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity, PlanarGravity
@@ -31,6 +32,9 @@ PENETRATION = 1e-4
 """Limit of the dense backbone's penetration, as a part of the finger's length."""
 LIMIT = 1e-6
 """By what part of it a limit may be exceeded."""
+
+WORDS = ("family", "contact_names")
+"""Stored arrays that hold no numbers."""
 
 
 @dataclass(frozen=True)
@@ -72,17 +76,16 @@ class Certificate:
     friction_margin : float
         Least of 1 - |friction force| / (friction coefficient * normal force) over the contacts; positive: no
         contact is about to slip.
-    rod_moment : float
-        Greatest difference between the bending moment of the shape and that of the forces beyond each
-        section, as a part of the greatest moment: what the curvature family leaves out. Not an error of the
-        solution; it falls with the number of elements.
+    model_error : ModelError
+        What the curvature family leaves out. Not an error of the solution, and no check: it falls with the
+        number of elements.
     stability : Stability
         Second-order test.
     """
 
     checks: tuple[Check, ...]
     friction_margin: float
-    rod_moment: float
+    model_error: ModelError
     stability: Stability
 
     @property
@@ -114,15 +117,22 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
     -------
     Certificate
     """
-    return _Verification(scene, arrays).certificate()
+    numbers = [np.asarray(value, dtype=float) for name, value in arrays.items() if name not in WORDS]
+    bad = sum(int((~np.isfinite(value)).sum()) for value in numbers)
+    finite = Check("numbers that are not finite", float(bad), 0.0)
+    if bad:
+        length = scene.finger.rod.length
+        unknown = Stability(False, float("nan"), 0)
+        return Certificate((finite,), float("nan"), ModelError({}, length, float("nan")), unknown)
+    return _Verification(scene, arrays).certificate(finite)
 
 
 class _Verification(RecomputedGrasp):
     """The checks."""
 
-    def certificate(self) -> Certificate:
+    def certificate(self, finite: Check) -> Certificate:
         checks = (
-            self.finite_check(),
+            finite,
             *self.finger_checks(),
             *self.object_checks(),
             *self.contact_checks(),
@@ -131,12 +141,7 @@ class _Verification(RecomputedGrasp):
         )
         pairs = {name: (self.normals[name], self.world_forces[name]) for name in self.names}
         stability = contact_stability(self.scene, self.rod, self.ends, pairs)
-        return Certificate(checks, self.friction_margin(), self.rod_moment(), stability)
-
-    def finite_check(self) -> Check:
-        values = (self.q, self.lengths, self.tip_curvature, self.tensions, self.forces, self.stored_backbone)
-        bad = sum(int((~np.isfinite(value)).sum()) for value in values)
-        return Check("numbers that are not finite", float(bad), 0.0)
+        return Certificate(checks, self.friction_margin(), model_error(self), stability)
 
     def finger_checks(self) -> Iterator[Check]:
         step = 1e-30
@@ -171,7 +176,7 @@ class _Verification(RecomputedGrasp):
             arm = thing.radius * self.normals[name]
             force = force - load
             turn -= arm[0] * load[1] - arm[1] * load[0]
-        scale = max(np.abs(self.forces).max(initial=0.0), thing.mass * 9.81, 1e-300)
+        scale = self.force_scale
         yield Check("object force balance", float(np.abs(force).max()) / scale, EQUILIBRIUM, "1", f"{scale:.4g} N")
         arm_scale = scale * thing.radius
         yield Check("object moment balance", abs(turn) / arm_scale, EQUILIBRIUM, "1", f"{arm_scale:.4g} N m")
@@ -183,7 +188,7 @@ class _Verification(RecomputedGrasp):
             yield Check("object tilt balance", float(np.abs(tilt).max()) / scale, EQUILIBRIUM, "1", f"{scale:.4g} N")
 
     def contact_checks(self) -> Iterator[Check]:
-        scale = max(np.abs(self.forces).max(initial=0.0), 1e-300)
+        scale = self.force_scale
         limit = self.scene.contacts.normal_force_max
         for k, name in enumerate(self.names):
             n, f, lift = self.forces[k]

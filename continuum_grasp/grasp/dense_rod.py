@@ -40,7 +40,7 @@ class DenseRod:
         self.joints = np.concatenate([[0.0], np.cumsum(lengths)])
         total = self.joints[-1]
         marks = [m.at for m in finger.masses] + [b for _, b, _ in finger.curvature_pieces]
-        inside = [s for s in marks if 0.0 < s < total]
+        inside = [s for s in marks if np.abs(self.joints - s).min() > 1e-9 * total]
         knots = np.unique(np.concatenate([self.joints, inside]))
         pieces = [
             np.linspace(a, b, max(1, int(np.ceil((b - a) / (panel * total)))) + 1)[:-1] for a, b in pairwise(knots)

@@ -40,6 +40,9 @@ class RecomputedGrasp:
         self.forces = np.asarray(arrays["contact_forces"], dtype=float)
         self.stored_backbone = np.asarray(arrays["backbone"], dtype=float)
         self.total = self.finger.rod.length
+        bending = self.finger.rod.stiffness / self.total**2
+        self.force_scale = max(float(np.abs(self.forces).max(initial=0.0)), 9.81 * scene.object.mass, bending)
+        """What a residual force is compared with [N]."""
         self.centre = np.asarray(scene.object.position)
         self.reach = scene.object.radius + self.finger.thickness_radius
         self.rod = DenseRod(self.finger, self.lengths)
@@ -107,37 +110,6 @@ class RecomputedGrasp:
             if name in self.names:
                 energy = energy - points[edge] @ self.world_forces[name] - angles[edge] * self.couple(name)
         return energy
-
-    def rod_moment(self) -> float:
-        """Moment of the shape against that of everything beyond a section, greatest relative difference."""
-        element = np.clip(np.searchsorted(self.rod.joints, self.rod.edges, "right") - 1, 0, self.lengths.size - 1)
-        moment = self.tip_moment() * self.tendon_shares[element]
-        for name, edge in (("middle", self.middle_edge), ("tip", self.rod.edges.size - 1)):
-            if name in self.names:
-                lever = self.points[edge] - self.points[: edge + 1]
-                force = self.world_forces[name]
-                moment[: edge + 1] += lever[:, 0] * force[1] - lever[:, 1] * force[0] + self.couple(name)
-        if isinstance(self.scene.gravity, PlanarGravity):
-            g = np.asarray(self.scene.gravity.vector)
-            steps = np.diff(self.rod.edges)
-            centres = 0.5 * (self.points[1:] + self.points[:-1])
-            masses = [
-                (self.finger.rod.mass_per_length * d, c, i) for i, (d, c) in enumerate(zip(steps, centres, strict=True))
-            ]
-            masses += [(m.mass, self.points[k], k - 1) for m in self.finger.masses if (k := self.rod.edge_index(m.at))]
-            for mass, point, last in masses:
-                lever = point - self.points[: last + 1]
-                moment[: last + 1] += mass * (lever[:, 0] * g[1] - lever[:, 1] * g[0])
-        at = 0.5 * (self.rod.edges[1:] + self.rod.edges[:-1])
-        between = 0.5 * (moment[1:] + moment[:-1])
-        kappa = (self.rod.curvature(self.ends) - self.rod.rest).reshape(at.size, -1)
-        shape = self.finger.rod.stiffness * kappa[:, kappa.shape[1] // 2]
-        jump = {
-            self.middle_edge - 1,
-            self.middle_edge,
-        }  # the couple there is a step that no panel mean resolves
-        keep = [i for i in range(at.size) if i not in jump]
-        return float(np.abs(between - shape)[keep].max() / np.abs(between).max())
 
     def friction(self, name: str) -> float:
         """Friction coefficient of a contact."""

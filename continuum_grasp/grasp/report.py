@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.grasp.certificate import Certificate
+from continuum_grasp.grasp.model_error import ModelError
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
@@ -37,6 +38,7 @@ def result_meta(result: GraspResult) -> dict[str, Any]:
         "seed": result.scene.solver.random_seed,
         "status": result.status.value,
         "message": result.message,
+        "warnings": list(result.warnings),
         "certificate": None if result.certificate is None else _certificate_data(result.certificate),
         "violated": list(result.violated),
         "reasons": [asdict(reason) for reason in result.reasons],
@@ -86,16 +88,25 @@ def _certificate_lines(certificate: Certificate) -> list[str]:
     lines += [
         f"  stability: {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L",
         f"    ({stability.assumptions})",
-        f"  bending moment left out by the curvature family: {certificate.rod_moment:.1%} of the greatest moment",
+        *_model_error_lines(certificate.model_error),
     ]
     return lines
 
 
+def _model_error_lines(error: ModelError) -> list[str]:
+    mark = "ok" if error.small else "WARNING: raise fidelity.elements"
+    return [
+        f"  model error: {error}; limit {1e3 * error.limit:.2g} mm  {mark}",
+        f"    (its bending moment by {error.moment:.1%} of the greatest, and the tension perhaps by as much)",
+    ]
+
+
 def _certificate_data(certificate: Certificate) -> dict[str, Any]:
+    error = certificate.model_error
     return {
         "passed": certificate.passed,
         "checks": [{**asdict(check), "passed": check.passed} for check in certificate.checks],
         "friction_margin": certificate.friction_margin,
-        "rod_moment": certificate.rod_moment,
+        "model_error": {**asdict(error), "found": error.found, "small": error.small, "limit": error.limit},
         "stability": asdict(certificate.stability),
     }

@@ -145,6 +145,21 @@ class GraspResult:
         return self.status in (Status.OPTIMAL, Status.FEASIBLE)
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before this grasp is relied on."""
+        if not self.solved or self.certificate is None:
+            return ()
+        found, error = [], self.certificate.model_error
+        if not error.small:
+            other = " or take fidelity.family: matched_clothoid" if self.arrays["family"] == "arc" else ""
+            found.append(f"{error}: raise fidelity.elements{other}")
+        if not self.certificate.stability.stable:
+            found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
+        if self.statistics.get("interrupted"):
+            found.append("the search was interrupted: another start may hold the object with less tension")
+        return tuple(found)
+
+    @property
     def q(self) -> Array:
         """Bending coordinates of the family."""
         return self.arrays["q"]

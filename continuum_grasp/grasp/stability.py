@@ -67,7 +67,7 @@ def contact_stability(
     cells : int, optional
         Number of rigid pieces.
     """
-    finger, length = scene.finger, scene.finger.rod.length
+    finger, length = scene.finger, float(rod.joints[-1])
     joint = rod.joints[scene.elements_before_middle]
     before = min(max(2, round(cells * joint / length)), cells - 2)
     edges = np.concatenate([np.linspace(0, joint, before + 1), np.linspace(joint, length, cells - before + 1)[1:]])
