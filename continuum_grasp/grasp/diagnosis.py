@@ -17,12 +17,14 @@ from continuum_grasp.grasp.points import starting_point
 from continuum_grasp.grasp.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.result import Reason
 from continuum_grasp.grasp.seeds import Seed
-from continuum_grasp.scene.grasp import GraspScene, NoGravity
+from continuum_grasp.scene.grasp import GraspScene, NoGravity, OutOfPlaneGravity
 
 __all__ = ["FoundReason", "find_reasons", "out_of_reach"]
 
 STARTS = 2
 """Starts per limit."""
+SHORT = 1e-3
+"""By what part of it an amount must stay short of the most that makes sense."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +47,6 @@ def out_of_reach(scene: GraspScene) -> Reason | None:
     length = scene.finger.rod.length
     reach = length if scene.contacts.middle == "off" else scene.middle_bounds[1]
     reach += scene.object.radius + scene.finger.thickness_radius
-    if scene.contacts.tip == "on" and scene.contacts.middle == "off":
-        reach = length + scene.object.radius + scene.finger.thickness_radius
     distance = math.dist(scene.finger.base.position, scene.object.position)
     if distance <= reach:
         return None
@@ -80,12 +80,12 @@ def find_reasons(scene: GraspScene, solver: GraspSolverRun, seeds: list[Seed], u
                 break
             variable = solver.problem.parts.variables[f"relaxed {relaxation.name}"]
             x0 = starting_point(solver.problem, seed)
-            x0[variable.start] = relaxation.start(scene) / variable.scale
+            x0[variable.start : variable.stop] = relaxation.start(scene) / variable.scale
             attempt = solver.run(seed.label, x0, until, {relaxation.name: relaxation.most})
             if attempt.violations:
                 continue
-            given = float(attempt.x[variable.start]) * variable.scale
-            if given < amount:
+            given = float(np.linalg.norm(attempt.x[variable.start : variable.stop])) * variable.scale
+            if given < min(amount, relaxation.most * (1.0 - SHORT)):
                 relaxed = relaxation.relaxed(scene, given)
                 certificate = certify(relaxed, solver.reader.arrays(attempt.x))
                 if all(c.name == relaxation.excuses for c in certificate.failed):
@@ -99,16 +99,24 @@ def find_reasons(scene: GraspScene, solver: GraspSolverRun, seeds: list[Seed], u
 
 
 def _share(scene: GraspScene, reason: Reason) -> float:
-    """How far the limit is off, as a part of itself, or of the object's size where the limit is zero."""
-    return abs(reason.needed - reason.limit) / (abs(reason.limit) or scene.object.diameter)
+    """How far the limit is off, as a part of itself, or of what is usual where the limit is zero."""
+    usual = next(r.start(scene) for r in RELAXATIONS if r.name == reason.name)
+    return abs(reason.needed - reason.limit) / (abs(reason.limit) or usual)
 
 
 def _sensible(scene: GraspScene) -> Iterator[Relaxation]:
     for relaxation in RELAXATIONS:
         if relaxation.name == "mass" and (isinstance(scene.gravity, NoGravity) or scene.object.mass == 0):
             continue
+        if relaxation.name == "tilt balance" and not _balances_tilt(scene):
+            continue
         if relaxation.name == "room at the palm" and scene.palm is None:
             continue
         if relaxation.name == "strain" and scene.finger.strain_limit is None:
             continue
         yield relaxation
+
+
+def _balances_tilt(scene: GraspScene) -> bool:
+    gravity = scene.gravity
+    return isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance" and scene.object.mass > 0

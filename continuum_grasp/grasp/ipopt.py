@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,8 +72,8 @@ class Attempt:
         return self.violations[0].scaled if self.violations else 0.0
 
 
-class _Deadline(ca.Callback):
-    """Stops the solver once the time is over."""
+class _Stop(ca.Callback):
+    """Stops the solver once the time is over or Ctrl-C was pressed."""
 
     def __init__(self, unknowns: int, constraints: int, weights: int) -> None:
         ca.Callback.__init__(self)
@@ -82,7 +85,8 @@ class _Deadline(ca.Callback):
             "lam_p": weights,
         }
         self.until = float("inf")
-        self.construct("deadline", {})
+        self.interrupted = False
+        self.construct("stop", {})
 
     def get_n_in(self) -> int:
         return int(ca.nlpsol_n_out())
@@ -97,7 +101,29 @@ class _Deadline(ca.Callback):
         return ca.Sparsity.dense(self._sizes.get(ca.nlpsol_out(i), 1), 1)
 
     def eval(self, _: Any) -> list[int]:
-        return [int(time.monotonic() > self.until)]
+        return [int(self.interrupted or time.monotonic() > self.until)]
+
+    @contextmanager
+    def on_interrupt(self) -> Iterator[None]:
+        """Keep Ctrl-C until the end of the block, and act on it then: an exception is lost in the solver."""
+        usual = signal.getsignal(signal.SIGINT)
+        if not callable(usual) or threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        caught: list[Any] = []
+
+        def stop(number: int, frame: Any) -> None:
+            self.interrupted = True
+            caught[:] = [number, frame]
+
+        self.interrupted = False
+        signal.signal(signal.SIGINT, stop)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, usual)
+            if caught:
+                usual(*caught)
 
 
 class GraspSolverRun:
@@ -113,11 +139,11 @@ class GraspSolverRun:
         self.reader = PointReader(problem)
         parts, wanted = problem.parts, problem.scene.solver
         x, g = parts.x, parts.g
-        self._deadline = _Deadline(x.numel(), g.numel(), problem.weights.numel())
+        self._stop = _Stop(x.numel(), g.numel(), problem.weights.numel())
         options: dict[str, Any] = {
             "print_time": False,
             "error_on_fail": False,
-            "iteration_callback": self._deadline,
+            "iteration_callback": self._stop,
             "ipopt.print_level": 0,
             "ipopt.sb": "yes",
             "ipopt.mu_strategy": "monotone",
@@ -144,6 +170,11 @@ class GraspSolverRun:
         relaxed : mapping, optional
             Names of limits that may give way and by how much at most (SI); the amount they give is minimised
             then.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            Ctrl-C was pressed meanwhile; this start has no result then.
         """
         parts = self.problem.parts
         low, high = parts.x_bounds
@@ -152,12 +183,16 @@ class GraspSolverRun:
         for k, relaxation in enumerate(RELAXATIONS):
             if relaxed and relaxation.name in relaxed:
                 variable = parts.variables[f"relaxed {relaxation.name}"]
-                high[variable.start] = relaxed[relaxation.name] / variable.scale
+                most = relaxed[relaxation.name] / variable.scale
+                high[variable.start : variable.stop] = most
+                if relaxation.size > 1:
+                    low[variable.start : variable.stop] = -most
                 weights[1 + k] = 1.0
         g_low, g_high = parts.g_bounds
-        self._deadline.until = until
+        self._stop.until = until
         began = time.perf_counter()
-        found = self._solver(x0=x0, lbx=low, ubx=high, lbg=g_low, ubg=g_high, p=weights)
+        with self._stop.on_interrupt():
+            found = self._solver(x0=x0, lbx=low, ubx=high, lbg=g_low, ubg=g_high, p=weights)
         seconds = time.perf_counter() - began
         stats = self._solver.stats()
         return Attempt(

@@ -39,6 +39,8 @@ REGULARISATION = 1e-6
 APEX = 1e-3
 """Rounding of the apex of the spatial friction cones (scaled force); the rounded cone lies inside the true
 one."""
+TINY = 1e-6
+"""Rounding of the norm of what gives way in several components (scaled)."""
 MODEL_ACCURACY = 1e-10
 """Relative accuracy of the model's quadrature where the scene says nothing; far below the certificate's
 limits."""
@@ -161,7 +163,8 @@ class GraspProblem:
             add(f"lift, {name}", 1 if spatial else 0, self.force_scale)
         scales = {"tension": tension_scale, "normal force": self.force_scale, "strain": 1.0 / self.length}
         scales |= {"room at the palm": self.length, "room at the object": self.length}
-        self.give = {r.name: add(f"relaxed {r.name}", 1, scales.get(r.name, 1.0), 0.0, 0.0) for r in RELAXATIONS}
+        scales |= {"tilt balance": self.moment_scale}
+        self.give = {r.name: add(f"relaxed {r.name}", r.size, scales.get(r.name, 1.0), 0.0, 0.0) for r in RELAXATIONS}
         self.lengths = ca.vertcat(*self.element_lengths(self.middle))
 
     @cached_property
@@ -243,6 +246,7 @@ class GraspProblem:
             weight = mass * scene.gravity.magnitude
             require("object lift balance", lift - weight, self.force_scale, "N", "object.mass")
             if scene.gravity.tilt == "balance":
+                tilt -= self.give["tilt balance"] / thing.radius
                 require("object tilt balance", tilt, self.force_scale, "N", "gravity.tilt")
 
     def _bound_contacts(self) -> None:
@@ -339,7 +343,8 @@ class GraspProblem:
         force = ca.vertcat(*(c.force for c in self.contacts)) / self.force_scale
         effort = sum(scaled) + REGULARISATION * ca.sumsqr(force)
         self.weights = ca.SX.sym("weights", 1 + len(RELAXATIONS))
-        relaxed = ca.vertcat(*(self.parts.variables[f"relaxed {r.name}"].symbol for r in RELAXATIONS))
+        given = (self.parts.variables[f"relaxed {r.name}"].symbol for r in RELAXATIONS)
+        relaxed = ca.vertcat(*(z if z.numel() == 1 else ca.sqrt(ca.sumsqr(z) + TINY**2) for z in given))
         self.objective = self.weights[0] * effort + ca.dot(self.weights[1:], relaxed)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity
 from continuum_grasp.scene.value import Value
 
 __all__ = ["RELAXATIONS", "Relaxation"]
@@ -30,7 +30,11 @@ class Relaxation:
     start : callable
         An amount to begin the search with, for a scene; well inside what it may be.
     most : float
-        Greatest amount that makes sense.
+        Amount that makes no sense any more: nothing short of it is a repair.
+    size : int
+        Components of what gives way; beyond one, the amount is their norm.
+    measured : bool
+        The amount is itself the number to tell; no key of the scene holds one.
     excuses : str
         Check of the certificate that may then be off by the amount, where no key of the scene can be changed
         for it.
@@ -46,12 +50,14 @@ class Relaxation:
     needed: str
     start: Callable[[GraspScene], float]
     most: float = float("inf")
+    size: int = 1
+    measured: bool = False
     excuses: str = ""
     repair: str = "{key} = {needed:.4g} {unit}"
 
     def value(self, scene: GraspScene, amount: float) -> float:
         """The limit after it has given way by ``amount``."""
-        if self.excuses:
+        if self.measured:
             return amount
         return self.limit(self.relaxed(scene, amount))
 
@@ -108,6 +114,16 @@ def _bending(scene: GraspScene, amount: float) -> GraspScene:
     return _changed(scene, fidelity=_with(scene.fidelity, bending_range=scene.bending_range + amount))
 
 
+def _tilt(scene: GraspScene, amount: float) -> GraspScene:
+    return _changed(scene, gravity=_with(scene.gravity, tilt="ignore"))
+
+
+def _tilt_scale(scene: GraspScene) -> float:
+    """Moment of the object's weight about its rim [N m]."""
+    magnitude = scene.gravity.magnitude if isinstance(scene.gravity, OutOfPlaneGravity) else 0.0
+    return scene.object.mass * magnitude * scene.object.radius
+
+
 def _unchanged(scene: GraspScene, amount: float) -> GraspScene:
     return scene
 
@@ -156,6 +172,18 @@ RELAXATIONS = (
         most=1.0,
     ),
     Relaxation(
+        "tilt balance",
+        "gravity.tilt",
+        "N m",
+        lambda s: 0.0,
+        _tilt,
+        "the object would tip over: the contacts leave a moment of {needed:.3g} N m at least",
+        _tilt_scale,
+        size=2,
+        measured=True,
+        repair="{key}: ignore, if something else bears {needed:.3g} {unit}",
+    ),
+    Relaxation(
         "strain",
         "finger.strain_limit",
         "1",
@@ -182,6 +210,7 @@ RELAXATIONS = (
         _unchanged,
         "the palm is in the way: the finger would have to pass {needed:.2g} m deep through it",
         lambda s: 0.5 * s.object.radius,
+        measured=True,
         excuses="penetration into the palm",
         repair="make room of {needed:.2g} m at the palm (a shorter finger, another base or palm)",
     ),
@@ -193,6 +222,7 @@ RELAXATIONS = (
         _unchanged,
         "the finger cannot touch as wanted without passing {needed:.2g} m deep through the object",
         lambda s: 0.25 * s.object.radius,
+        measured=True,
         excuses="penetration into the object",
         repair="place base or object so that the finger need not pass {needed:.2g} m deep through the object",
     ),

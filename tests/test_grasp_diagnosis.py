@@ -1,0 +1,54 @@
+"""Why there is no grasp: repairs that are none are not offered, the balance against tilting is."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from grasp_oracle import arc_geometry
+from grasp_scenes import UPRIGHT, make_scene, plant_of
+
+from continuum_grasp.grasp import Status, optimize_grasp
+from continuum_grasp.scene.grasp import GraspContacts, OutOfPlaneGravity
+
+
+def middle_only(friction, gravity=UPRIGHT, family="arc", **changes):
+    contacts = GraspContacts(friction=friction, normal_force_max=30.0, tip="off")
+    return make_scene(family, gravity, contacts=contacts, **changes)
+
+
+@pytest.mark.parametrize("family", ["arc", "matched_clothoid"])
+@pytest.mark.parametrize("friction", [0.5, 1.5])
+def test_no_mass_at_all_is_no_repair(family, friction):
+    result = optimize_grasp(middle_only(friction, family=family), raise_on_failure=False)
+    assert not result.solved
+    assert "mass" not in [reason.name for reason in result.reasons]
+    assert "object.mass" not in result.advice
+
+
+def test_tilt_balance_is_named_with_the_moment_that_is_missing():
+    """Two contacts bear the weight: finger at the normal n, palm at m. Of all shares that add up to the weight W,
+    equal ones leave the least moment, R W |n + m| / 2; the arc that touches the mug fixes n.
+    """
+    scene = middle_only(1.5)
+    k1, l1 = arc_geometry(plant_of(scene))
+    n = scene.finger.base.angle + k1 * l1
+    least = 0.04 * 0.3 * 9.81 * 0.5 * math.hypot(math.cos(n) - 1.0, math.sin(n))
+    result = optimize_grasp(scene, raise_on_failure=False)
+    assert result.status is Status.INFEASIBLE
+    reason = next(r for r in result.reasons if r.key == "gravity.tilt")
+    assert reason.needed == pytest.approx(least, rel=1e-4)
+    assert reason.unit == "N m"
+    assert f"{least:.3g} N m" in reason.text
+    assert "gravity.tilt: ignore" in result.advice
+    ignoring = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81, tilt="ignore")
+    assert optimize_grasp(middle_only(1.5, ignoring)).solved
+
+
+def test_tilt_is_no_reason_where_it_is_ignored_or_harmless():
+    ignoring = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81, tilt="ignore")
+    ignored = optimize_grasp(middle_only(0.5, ignoring), raise_on_failure=False)
+    heavy = optimize_grasp(make_scene("arc", UPRIGHT, mass=1.2), raise_on_failure=False)
+    for result in (ignored, heavy):
+        assert result.status is Status.INFEASIBLE
+        assert "gravity.tilt" not in [reason.key for reason in result.reasons]
