@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.grasp.certificate import Certificate, certify
 from continuum_grasp.grasp.diagnosis import find_reasons, out_of_reach
 from continuum_grasp.grasp.ipopt import Attempt, GraspSolverRun
@@ -47,6 +47,8 @@ def optimize_grasp(scene: GraspScene | str | os.PathLike[str], *, raise_on_failu
         The scene does not make sense, or its file cannot be read.
     SolverError
         There is no verified grasp; ``result`` of the error holds what was found.
+    Interrupted
+        Ctrl-C was pressed before any grasp was verified. With one, that is the result; its message says so.
     """
     if not isinstance(scene, GraspScene):
         scene = _load(scene)
@@ -65,6 +67,8 @@ def optimize_grasp(scene: GraspScene | str | os.PathLike[str], *, raise_on_failu
 def _load(path: str | os.PathLike[str]) -> GraspScene:
     from continuum_grasp.scene.load import load
 
+    if not isinstance(path, (str, os.PathLike)):
+        raise InputError(f"expected a GraspScene or the path of its YAML file, got {path!r:.80}")
     scene = load(os.fspath(path))
     if not isinstance(scene, GraspScene):
         raise InputError("expected a grasp scene (it has an object)", file=os.fspath(path))
@@ -84,10 +88,22 @@ class _Search:
         self.began = time.monotonic()
         self.until = self.began + scene.solver.time_limit
         self.attempts: list[Attempt] = []
+        self.good: list[_Verified] = []
         self.build_seconds = 0.0
+        self.interrupted = False
 
     def result(self) -> GraspResult:
-        """Search and judge."""
+        """Search and judge; on Ctrl-C, judge what there is."""
+        try:
+            return self._search()
+        except KeyboardInterrupt:
+            self.interrupted = True
+            if not self.good:
+                tried = f"{len(self.attempts)} starts tried to the end"
+                raise Interrupted(f"interrupted before a grasp was found ({tried})") from None
+            return self._solved()
+
+    def _search(self) -> GraspResult:
         far = out_of_reach(self.scene)
         if far is not None:
             return self._infeasible([far])
@@ -96,23 +112,21 @@ class _Search:
         starts = [(seed.label, starting_point(solver.problem, seed)) for seed in seeds]
         tried = self._run(solver, starts)
         for round_ in range(1, REFINEMENTS + 1):
-            if any(v.certificate.passed for v in tried):
+            if self.good:
                 break
             again = [v for v in tried if v.attempt.converged and _only_penetrates(v.certificate)]
             if not again or time.monotonic() > self.until:
                 break
             solver = self._solver(self.scene.solver.samples * 2**round_)
             tried = self._run(solver, [(v.attempt.start, v.attempt.x) for v in again])
-        good = [v for v in tried if v.certificate.passed]
-        if good:
-            return self._solved(min(good, key=lambda v: (round(v.attempt.objective, 9), not v.attempt.converged)))
+        if self.good:
+            return self._solved()
         closest = min(tried, key=lambda v: v.attempt.badness, default=None)
         if closest is not None and any(v.attempt.infeasible for v in tried):
             found = find_reasons(self.scene, solver, seeds, self.until)
-            again = self._run(solver, [(f"relaxed {f.reason.name}", f.x) for f in found])
-            good = [v for v in again if v.certificate.passed]
-            if good:  # feasible after all, though no start saw it
-                return self._solved(min(good, key=lambda v: v.attempt.objective))
+            self._run(solver, [(f"relaxed {f.reason.name}", f.x) for f in found])
+            if self.good:  # feasible after all, though no start saw it
+                return self._solved()
             if found:
                 return self._infeasible([f.reason for f in found], closest)
         return self._unsolved(closest)
@@ -132,18 +146,24 @@ class _Search:
             self.attempts.append(attempt)
             if np.isfinite(attempt.x).all():
                 arrays = solver.reader.arrays(attempt.x)
-                tried.append(_Verified(attempt, arrays, certify(self.scene, arrays)))
+                verified = _Verified(attempt, arrays, certify(self.scene, arrays))
+                tried.append(verified)
+                if verified.certificate.passed:
+                    self.good.append(verified)
         return tried
 
     # -- verdicts --------------------------------------------------------------------------------------------
 
-    def _solved(self, best: _Verified) -> GraspResult:
+    def _solved(self) -> GraspResult:
+        best = min(self.good, key=lambda v: (round(v.attempt.objective, 9), not v.attempt.converged))
         tension = float(best.arrays["tensions"].max())
         if best.attempt.converged:
             status, message = Status.OPTIMAL, f"held with a tension of {tension:.4g} N"
         else:
             status = Status.FEASIBLE
             message = f"held with a tension of {tension:.4g} N; the solver stopped early ({best.attempt.outcome})"
+        if self.interrupted:
+            message += "; the search was interrupted, not all starts were tried"
         return GraspResult(
             self.scene,
             status,
@@ -210,6 +230,7 @@ class _Search:
             "build_seconds": self.build_seconds,
             "solver_seconds": sum(a.seconds for a in self.attempts),
             "total_seconds": time.monotonic() - self.began,
+            "interrupted": self.interrupted,
             "iterations": None if chosen is None else chosen.iterations,
             "start": None if chosen is None else chosen.start,
             "attempts": [
