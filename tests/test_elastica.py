@@ -120,7 +120,7 @@ def shot(scene, near):
         state = base_of(unknown)
         return [state[0] - base.angle, state[2] / drive - 1.0 if drive else unknown[1] - 1.0]
 
-    root = optimize.fsolve(missing, [float(near.angle(length)) + 1e-3, 0.9], xtol=1e-13)
+    root = optimize.fsolve(missing, [float(near.angle(length)) + 1e-3, 0.9], xtol=1e-12)
     return np.array(base.position) - base_of(root)[5:]
 
 
@@ -260,6 +260,7 @@ SHOT = {
     "following across": unit(force(1.0, (6.0, 0.0), True)),
     "following far round": unit(force(1.0, (30.0, 4.0), True)),
     "following inside": unit(force(0.35, (-9.0, -5.0), True), force(0.8, (2.0, 1.0))),
+    "beyond a fold": unit(force(1.0, (-4.36, 0.2)), gravity=(0.0, -6.04), angle=-2.85, finger={"rest_curvature": 2.78}),
     "mixed": mixed(),
     "mixed dead": mixed(follows=False),
     "mixed with friction": mixed(friction=0.3),

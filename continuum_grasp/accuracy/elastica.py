@@ -183,23 +183,33 @@ def _first_mesh(problem: RodProblem) -> Mesh:
 
 def _find(equations: RodEquations, guess: Guess | None, descends: bool, side: int) -> tuple[Array, int]:
     """Curvature near the equilibrium that is wanted, on the first mesh."""
-    if guess is None:
-        curvature, iterations = follow(equations, equations.rest, loads=True)
-        curvature, _, more = newton(equations, curvature)
-        iterations += more
-    else:
-        curvature, iterations = _guessed(equations, guess), 0
+    if guess is not None:
+        start = _guessed(equations, guess)
+        if descends:
+            return descend(equations, start, side)
+        try:
+            start, _, iterations = newton(equations, start)
+        except SolverError:
+            return _follow(equations, start, loads=False)
+        return start, iterations
+    start, iterations = equations.rest, 0
+    try:
+        start, iterations = _follow(equations, start, loads=True)
+    except SolverError:
         if not descends:
-            try:
-                curvature, _, iterations = newton(equations, curvature)
-            except SolverError:
-                curvature, iterations = follow(equations, curvature, loads=False)
-                curvature, _, more = newton(equations, curvature)
-                iterations += more
-    if descends and (guess is not None or weakest(equations, curvature) <= 0.0):
-        curvature, more = descend(equations, curvature, side)
-        iterations += more
-    return curvature, iterations
+            raise
+    else:
+        if not descends or weakest(equations, start) > 0.0:
+            return start, iterations
+    start, more = descend(equations, start, side)
+    return start, iterations + more
+
+
+def _follow(equations: RodEquations, start: Array, *, loads: bool) -> tuple[Array, int]:
+    """To the end of a path, and onto it."""
+    curvature, steps = follow(equations, start, loads=loads)
+    curvature, _, more = newton(equations, curvature)
+    return curvature, steps + more
 
 
 def _guessed(equations: RodEquations, guess: Guess) -> Array:
@@ -240,13 +250,15 @@ def _refine(equations: RodEquations, start: Array, iterations: int, tolerance: f
         iterations += steps
         after = finer.to_edges(equations.tangents(curvature))[np.isin(finer.edges, mesh.edges)]
         weak = max(abs(margin), 1e-12) if problem.conservative else 1.0
-        rounding = _ROUNDING * (1.0 + np.abs(curvature).max() / weak)
-        error = float(np.abs(after - before).max() + 2.0 * noise + rounding)
+        rounding = 2.0 * noise + _ROUNDING * (1.0 + float(np.abs(curvature).max()) / weak)
+        error = float(np.abs(after - before).max()) + rounding
         if error <= tolerance:
             return _result(equations, curvature, margin, error, iterations)
+        if rounding > tolerance:
+            break
     raise SolverError(
         "the equilibrium of the rod is not as accurate as asked",
-        status="refinement limit",
+        status="rounding" if rounding > tolerance else "refinement limit",
         violated=[f"estimated error of position: {error:.3g} L (tolerance {tolerance:.3g} L)"],
         advice="raise the tolerance, or move the loads away from a critical value",
     )

@@ -19,6 +19,10 @@ _CLOSE = 1e-8
 _MAX_PATH = 600
 _MAX_DESCENT = 300
 _LEAST_STEP, _GREATEST_STEP = 1e-6, 1.5
+_NEAR = 1e-3
+"""Distance from the full loads that is left to Newton's method."""
+_FARTHEST_BACK = 10.0
+"""Negative share to which a path from a guess may go before it comes back."""
 
 
 def newton(equations: RodEquations, start: Array, *, limit: int = 40) -> tuple[Array, float, int]:
@@ -101,35 +105,35 @@ def follow(equations: RodEquations, start: Array, *, loads: bool) -> tuple[Array
     Raises
     ------
     SolverError
-        If the path is lost or turns back to the share 0.
+        If the path is lost or turns back.
     """
     at = _loads_path(equations) if loads else _guess_path(equations, start)
     weights = equations.mesh.weights
     x, share, size = start, 0.0, 0.3
-    direction, rate = np.zeros_like(x), 1.0
-    balance = at(x, share)
+    direction, rate = _tangent(at(x, share), weights, np.zeros_like(x), 1.0)
     for steps in range(1, _MAX_PATH + 1):
-        direction, rate = _tangent(balance, weights, direction, rate)
         while True:
             found = _correct(at, weights, x, share, direction, rate, size)
             if found is not None:
-                trial, reached, balance_there, corrections = found
-                ahead, ahead_rate = _tangent(balance_there, weights, direction, rate)
+                trial, reached, balance, corrections = found
+                ahead, ahead_rate = _tangent(balance, weights, direction, rate)
                 if size < 1e-3 or weights @ (ahead * direction) + ahead_rate * rate > 0.85:
                     break
             size *= 0.5
             if size < _LEAST_STEP:
                 raise _lost(share, "path lost", "a load may pass a critical value: change it a little")
-        if reached >= 1.0:
-            # Where the path crosses the full loads: a secant, for Newton's method to finish.
-            part = (1.0 - share) / (reached - share)
-            return x + part * (trial - x), steps
-        x, share, balance = trial, reached, balance_there
-        if share < -1e-6:
-            raise _lost(share, "path turned back", "no equilibrium is connected to the start: give another guess")
+        if abs(reached - 1.0) <= _NEAR:
+            return trial, steps
+        if reached > 1.0:
+            size *= min(max((1.0 - share) / (reached - share), 0.1), 0.9)
+            continue
+        x, share, direction, rate = trial, reached, ahead, ahead_rate
+        if share < (-1e-6 if loads else -_FARTHEST_BACK):
+            raise _lost(share, "path turned back", "no equilibrium is connected to the start")
         if corrections <= 3:
             size = min(1.6 * size, _GREATEST_STEP)
-    raise _lost(share, "iteration limit", "the loads are far beyond what the rod can carry: check their units")
+    cause = "the loads bend the rod very far: check their units" if loads else "the guess leads to no equilibrium"
+    raise _lost(share, "iteration limit", cause)
 
 
 def _lost(share: float, status: str, advice: str) -> SolverError:
