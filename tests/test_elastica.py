@@ -120,7 +120,7 @@ def shot(scene, near):
         state = base_of(unknown)
         return [state[0] - base.angle, state[2] / drive - 1.0 if drive else unknown[1] - 1.0]
 
-    root = optimize.fsolve(missing, [float(near.angle(length)) + 1e-3, 0.9], xtol=1e-12)
+    root = optimize.root(missing, [float(near.angle(length)) + 1e-3, 0.9], tol=1e-12).x
     return np.array(base.position) - base_of(root)[5:]
 
 
