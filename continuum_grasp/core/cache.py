@@ -15,16 +15,16 @@ from pathlib import Path
 
 from continuum_grasp.core.compiler import Compiler
 
-__all__ = ["cache_folder", "library_for"]
+__all__ = ["cache_folder", "library_for", "private_folder"]
 
 
-def cache_folder() -> Path:
-    """Folder of compiled code: ``compiled`` in ``CONTINUUM_GRASP_CACHE``, else in the user's cache folder."""
+def cache_folder(kind: str = "compiled") -> Path:
+    """Folder of compiled code or of another kind: in ``CONTINUUM_GRASP_CACHE``, else in the user's cache folder."""
     named = os.environ.get("CONTINUUM_GRASP_CACHE")
     if named:
-        return Path(named) / "compiled"
+        return Path(named) / kind
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "continuum_grasp" / "compiled"
+    return Path(base) / "continuum_grasp" / kind
 
 
 def library_for(source: str, compiler: Compiler) -> Path:
@@ -53,7 +53,7 @@ def library_for(source: str, compiler: Compiler) -> Path:
     OSError
         If no cache folder can be written.
     """
-    folder = _private_folder()
+    folder = private_folder()
     key = hashlib.sha256(compiler.identity(source).encode()).hexdigest()
     library, record = folder / f"{key}.so", folder / f"{key}.json"
     if _sound(library, record, key):
@@ -72,21 +72,21 @@ def library_for(source: str, compiler: Compiler) -> Path:
     return library
 
 
-def _private_folder() -> Path:
-    """The cache folder; a temporary one where that cannot be had for this user alone."""
+def private_folder(kind: str = "compiled") -> Path:
+    """The cache folder of a kind; a temporary one where that cannot be had for this user alone."""
     try:
-        folder = cache_folder()
+        folder = cache_folder(kind)
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         if not (_is_ours(folder) and os.access(folder, os.W_OK)):
             raise PermissionError(f"{folder} is open to others or cannot be written")
         return folder
     except (OSError, RuntimeError) as error:  # RuntimeError: there is no home folder
-        return _temporary_folder(str(error))
+        return _temporary_folder(kind, str(error))
 
 
 @cache
-def _temporary_folder(why: str) -> Path:
-    warnings.warn(f"compiled code is kept for this process only: {why}", RuntimeWarning, stacklevel=2)
+def _temporary_folder(kind: str, why: str) -> Path:
+    warnings.warn(f"the {kind} cache is kept for this process only: {why}", RuntimeWarning, stacklevel=2)
     folder = tempfile.mkdtemp(prefix="continuum_grasp-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)

@@ -16,8 +16,9 @@ from continuum_grasp.core.call import Caller, pointers, real_array, shaped
 from continuum_grasp.core.checks import Sections, finite, model_of, positive, whole
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
 from continuum_grasp.core.integrators import METHODS, step_function
+from continuum_grasp.core.precision import SingleRange, precision_of
 from continuum_grasp.core.rollouts import Rollouts, row, signal
-from continuum_grasp.core.source import batch_source, function_source, rollout_source, rollouts_source
+from continuum_grasp.core.source import batch_source, entry, function_source, rollout_source, rollouts_source
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model.finger_model import FUNCTIONS, FingerModel
 
@@ -32,7 +33,7 @@ class _Warned:
     reasons: ClassVar[set[str]] = set()
 
 
-def compile(model: FingerModel, functions: Sequence[str] | None = None) -> Core:
+def compile(model: FingerModel, functions: Sequence[str] | None = None, *, precision: str = "double") -> Core:
     """Compile a model for this machine.
 
     Parameters
@@ -42,6 +43,8 @@ def compile(model: FingerModel, functions: Sequence[str] | None = None) -> Core:
     functions : sequence of str, optional
         Functions to compile now; the others are compiled when they are first called. The forward dynamics where
         nothing is said.
+    precision : {"double", "float"}
+        What the compiled code computes in; see ``Core``.
 
     Returns
     -------
@@ -51,9 +54,9 @@ def compile(model: FingerModel, functions: Sequence[str] | None = None) -> Core:
     Raises
     ------
     InputError
-        If it is no model, or a function is unknown.
+        If it is no model, a function is unknown, or single precision cannot be had.
     """
-    core = Core(model)
+    core = Core(model, precision=precision)
     if isinstance(functions, str) or not isinstance(functions, Iterable | None):
         raise InputError(f"functions: expected a list of names, got {functions!r:.60}")
     for name in ("forward_dynamics",) if functions is None else functions:
@@ -73,6 +76,7 @@ class Core:
     model : FingerModel
     compiled : bool
         Whether the code is compiled.
+    precision : {"double", "float"}
 
     Parameters
     ----------
@@ -80,15 +84,27 @@ class Core:
         The model.
     compiled : bool
         False: run on the virtual machine all the same, which is sooner done for a few calls of a large model.
+    precision : {"double", "float"}
+        What the compiled code computes in. ``float`` is single precision throughout, the states between the steps of a
+        rollout included; arrays are of doubles all the same. It has about 7 digits, twice the lanes in batches and
+        rollouts of many states, and needs a C compiler.
+
+    Raises
+    ------
+    InputError
+        If single precision is asked for where nothing is compiled, or a constant of the model is beyond it.
     """
 
-    def __init__(self, model: FingerModel, *, compiled: bool = True) -> None:
+    def __init__(self, model: FingerModel, *, compiled: bool = True, precision: str = "double") -> None:
         self.model = model_of(model)
+        self.precision = precision_of(precision)
         self._compiler: Compiler | None = find_compiler() if compiled else None
         self._callers: dict[str, Caller] = {}
         self._batches: dict[str, ctypes.CDLL | None] = {}
         self._rollouts: dict[tuple[str, bool], Rollouts] = {}
         self._steps: dict[str, ca.Function] = {}
+        if self.precision == "float" and self._compiler is None:
+            raise _no_single_precision(why_no_compiler() if compiled else "compiled=False")
         if compiled and self._compiler is None:
             _warn(why_no_compiler())
 
@@ -119,8 +135,18 @@ class Core:
         if name not in self._callers:
             function = getattr(self.model, name)
             nominal = np.array(self.model.p_nominal)
-            check = Sections(self.model, function).check if "s" in function.name_in() else None
-            self._callers[name] = Caller(function, lambda: self._library(function_source(function)), nominal, check)
+            checks: list[Callable[[Sequence[Any]], None]] = []
+            if "s" in function.name_in():
+                checks.append(Sections(self.model, function).check)
+            if self.precision == "float":
+                checks.append(SingleRange.of(function).check)
+            self._callers[name] = Caller(
+                function,
+                lambda: self._library(function_source(function, self.precision)),
+                nominal,
+                checks,
+                entry(function, self.precision),
+            )
         return self._callers[name]
 
     def batch(self, name: str, *arguments: ArrayLike | None) -> Array | tuple[Array, ...]:
@@ -152,7 +178,7 @@ class Core:
         count = counts.pop()
         outputs = [np.empty((count, function.nnz_out(k))) for k in range(function.n_out())]
         if name not in self._batches:
-            self._batches[name] = self._library(batch_source(function))
+            self._batches[name] = self._library(batch_source(function, self.precision))
         library = self._batches[name]
         if library is None:
             columns = [np.broadcast_to(row, (count, row.shape[-1])).T for row in rows]
@@ -236,6 +262,9 @@ class Core:
         inputs = signal("u", u, model.nu, rows, None if single else len(start))
         forces = signal("w", w, model.nw, rows, None if single else len(start))
         parameters = row("p", model.p_nominal if p is None else p, model.np)
+        if self.precision == "float":
+            given = start, np.array([step / substeps]), inputs.rows, forces.rows, parameters
+            SingleRange("rollout", ("x0", "step", "u", "w", "p")).check(given)
         run = self.prepare_rollout(method, single)
         states, kept = run(start, steps, substeps, step / substeps, inputs, forces, parameters)
         if np.any(kept < steps):
@@ -258,7 +287,8 @@ class Core:
         """Compile the rollouts of a method, from one state or from many, and give their caller."""
         step = self.step_function(method)
         if (method, single) not in self._rollouts:
-            library = self._library(rollout_source(step) if single else rollouts_source(step))
+            source = (rollout_source if single else rollouts_source)(step, self.precision)
+            library = self._library(source)
             self._rollouts[method, single] = Rollouts(step, library, single)
         return self._rollouts[method, single]
 
@@ -268,9 +298,18 @@ class Core:
         try:
             return ctypes.CDLL(str(library_for(source, self._compiler)))
         except (CompileError, OSError) as error:
+            if self.precision == "float":
+                raise _no_single_precision(f"compiling failed ({error})") from error
             _warn(f"compiling failed ({error})")
             self._compiler = None
             return None
+
+
+def _no_single_precision(why: str) -> InputError:
+    return InputError(
+        f"precision: 'float' needs compiled code, CasADi's virtual machine computes in double; expected a C compiler, "
+        f"or precision='double', got {why}"
+    )
 
 
 def _warn(why: str) -> None:

@@ -10,19 +10,21 @@ from collections.abc import Callable
 
 import casadi as ca
 
+from continuum_grasp.core.precision import literal
 from continuum_grasp.errors import InputError
 
-__all__ = ["PRELUDE", "lane_function"]
+__all__ = ["lane_function", "lane_prelude"]
 
-PRELUDE = """
+_PRELUDE = """
 #if defined(__AVX512F__)
-#define CG_LANES 8
+#define CG_BYTES 64
 #elif defined(__AVX__)
-#define CG_LANES 4
+#define CG_BYTES 32
 #else
-#define CG_LANES 2
+#define CG_BYTES 16
 #endif
-typedef double cg_lanes __attribute__((vector_size(8 * CG_LANES)));
+#define CG_LANES (CG_BYTES / (int)sizeof(cg_real))
+typedef cg_real cg_lanes __attribute__((vector_size(CG_BYTES)));
 #define CG_EACH(name, call) \\
   static inline cg_lanes name(cg_lanes a) { \\
     for (int l = 0; l < CG_LANES; ++l) a[l] = call(a[l]); \\
@@ -50,33 +52,40 @@ _CALLS = {
 _UNARY: dict[int, Callable[[str], str]] = {
     ca.OP_NEG: lambda a: f"-{a}",
     ca.OP_SQ: lambda a: f"{a} * {a}",
-    ca.OP_TWICE: lambda a: f"2.0 * {a}",
-    ca.OP_INV: lambda a: f"1.0 / {a}",
+    ca.OP_TWICE: lambda a: f"{a} + {a}",
+    ca.OP_INV: lambda a: f"(cg_real)1 / {a}",
     ca.OP_ASSIGN: lambda a: a,
 }
 
 
-def lane_function(function: ca.Function) -> str:
+def lane_prelude(real: str) -> str:
+    """C that must stand before lane functions, whose lanes are ``real``: double or float."""
+    return f"#include <tgmath.h>\ntypedef {real} cg_real;\n{_PRELUDE}"
+
+
+def lane_function(function: ca.Function, real: str = "double") -> str:
     """C of ``static void NAME_lanes(const cg_lanes *const in[], cg_lanes *const out[])``.
 
     Parameters
     ----------
     function : casadi.Function
         A dense SX function.
+    real : {"double", "float"}
+        Type of the lanes.
 
     Returns
     -------
     str
-        The function's C source; ``PRELUDE`` must stand before it.
+        The function's C source; ``lane_prelude`` must stand before it.
 
     Raises
     ------
     InputError
-        If the function has an operation that is not known here.
+        If the function has an operation that is not known here, or a constant that the type cannot hold.
     """
     lines = [f"static void {function.name()}_lanes(const cg_lanes *const in[], cg_lanes *const out[])", "{"]
     lines += [
-        f"  for (int k = 0; k < {function.nnz_out(i)}; ++k) out[{i}][k] = (cg_lanes){{0.0}};"
+        f"  for (int k = 0; k < {function.nnz_out(i)}; ++k) out[{i}][k] = (cg_lanes){{0}};"
         for i in range(function.n_out())
     ]
     values: dict[int, str] = {}
@@ -86,13 +95,13 @@ def lane_function(function: ca.Function) -> str:
         arguments, results = function.instruction_input(k), function.instruction_output(k)
         if operation == ca.OP_OUTPUT:
             value = values[arguments[0]]
-            vector = f"(cg_lanes){{0.0}} + {value}" if arguments[0] in constants else value
+            vector = f"(cg_lanes){{0}} + {value}" if arguments[0] in constants else value
             lines.append(f"  out[{results[0]}][{results[1]}] = {vector};")
             continue
         target = results[0]
         name = f"v{k}"
         if operation == ca.OP_CONST:
-            values[target] = f"({float(function.instruction_constant(k))!r})"
+            values[target] = f"({literal(float(function.instruction_constant(k)), real)})"
             constants.add(target)
             continue
         if operation == ca.OP_INPUT:
@@ -103,7 +112,7 @@ def lane_function(function: ca.Function) -> str:
             fixed = all(a in constants for a in arguments)
             text = _expression(operation, operands, [a in constants for a in arguments])
             (constants.add if fixed else constants.discard)(target)
-        lines.append(f"  const {'double' if target in constants else 'cg_lanes'} {name} = {text};")
+        lines.append(f"  const {'cg_real' if target in constants else 'cg_lanes'} {name} = {text};")
         values[target] = name
     return "\n".join([*lines, "}", ""])
 
@@ -115,7 +124,7 @@ def _expression(operation: int, operands: list[str], fixed: list[bool]) -> str:
         return _UNARY[operation](operands[0])
     if operation in _CALLS:
         vectors = [
-            f"(cg_lanes){{0.0}} + {operand}" if constant else operand
+            f"(cg_lanes){{0}} + {operand}" if constant else operand
             for operand, constant in zip(operands, fixed, strict=True)
         ]
         return f"{_CALLS[operation]}({', '.join(vectors)})"

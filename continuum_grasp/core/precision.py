@@ -1,0 +1,115 @@
+"""Single precision: generated C made to compute in ``float`` throughout."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+
+__all__ = ["PRECISIONS", "SingleRange", "literal", "precision_of", "single"]
+
+PRECISIONS = ("double", "float")
+"""C types that a core may compute in."""
+
+_GREATEST = float(np.finfo(np.float32).max)
+_LEAST = float(np.finfo(np.float32).tiny)
+
+_TOKEN = re.compile(
+    r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'|[A-Za-z_]\w*"
+    r"|(?P<real>(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?P<suffix>[fFlL]?)|\d\w*",
+    re.DOTALL,
+)
+"""C tokens in which digits may stand: comments, texts, names, real numbers, whole numbers."""
+
+
+def precision_of(given: Any) -> str:
+    """The C type itself.
+
+    Raises
+    ------
+    InputError
+        If it is none that a core computes in.
+    """
+    if not isinstance(given, str) or given not in PRECISIONS:
+        raise InputError(f"precision: expected one of {', '.join(PRECISIONS)}, got {given!r:.60}")
+    return given
+
+
+def single(source: str) -> str:
+    """C that CasADi generated, with ``float`` as its real type, literals of that type, and its mathematical functions.
+
+    Setting ``casadi_real`` alone would leave every literal and every call of the library in double precision.
+
+    Raises
+    ------
+    InputError
+        If a constant is outside the range of single precision.
+    """
+    tokens = _TOKEN.sub(lambda m: literal(float(m["real"]), "float", m["real"]) if m["real"] else m[0], source)
+    return "#define casadi_real float\n" + tokens.replace("#include <math.h>", "#include <tgmath.h>")
+
+
+def literal(value: float, real: str, text: str | None = None) -> str:
+    """A constant as a literal of a C type, written as ``text`` where that is given.
+
+    Raises
+    ------
+    InputError
+        If it is outside the range of single precision.
+    """
+    text = repr(value) if text is None else text
+    if real == "double":
+        return text
+    if abs(value) > _GREATEST or 0.0 < abs(value) < _LEAST:
+        raise InputError(
+            f"the model has a constant of {value:g}, beyond single precision ({_LEAST:.2g} to {_GREATEST:.2g}): take "
+            "precision='double', or a smaller bending_range or a coarser accuracy (1e-8, say) of the model where its "
+            "series are long"
+        )
+    return f"{text}f"
+
+
+class SingleRange:
+    """Refuses inputs that single precision cannot hold.
+
+    Parameters
+    ----------
+    name : str
+        Function or call that they are for.
+    labels : sequence of str
+        Their names.
+    """
+
+    def __init__(self, name: str, labels: Sequence[str]) -> None:
+        self._name, self._labels = name, labels
+
+    @staticmethod
+    def of(function: ca.Function) -> SingleRange:
+        """For the inputs of a function."""
+        return SingleRange(function.name(), function.name_in())
+
+    def check(self, arrays: Sequence[NDArray[np.float64] | None]) -> None:
+        """Check arrays, None where nothing was given; NaN and infinity are no concern here.
+
+        Raises
+        ------
+        InputError
+            If a finite number is too large.
+        """
+        for label, array in zip(self._labels, arrays, strict=True):
+            if array is None or not array.size:
+                continue
+            if np.abs(array).max() <= _GREATEST:
+                continue
+            beyond = (np.abs(array) > _GREATEST) & np.isfinite(array)
+            if beyond.any():
+                raise InputError(
+                    f"{self._name}: {label}: expected a number within single precision, up to {_GREATEST:.3g}, got "
+                    f"{array[beyond].ravel()[0]:g}"
+                )
