@@ -36,11 +36,13 @@ _ROOMS = {
         "VectorSamples",
     ),
     "continuum_grasp.scene.load": ("load",),
-    "continuum_grasp.simulation": ("equilibrium", "modes", "simulate"),
+    "continuum_grasp.accuracy.choose": ("choose_fidelity",),
+    "continuum_grasp.verbs": ("equilibrium", "modes", "simulate"),
 }
 __all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)]
 
 if TYPE_CHECKING:
+    from continuum_grasp.accuracy.choose import choose_fidelity as choose_fidelity
     from continuum_grasp.core import compile as compile
     from continuum_grasp.errors import ContinuumGraspError as ContinuumGraspError
     from continuum_grasp.errors import InputError as InputError
@@ -67,8 +69,8 @@ if TYPE_CHECKING:
     from continuum_grasp.scene import Timing as Timing
     from continuum_grasp.scene import VectorSamples as VectorSamples
     from continuum_grasp.scene.load import load as load
-    from continuum_grasp.simulation import equilibrium as equilibrium
-    from continuum_grasp.simulation import modes as modes
-    from continuum_grasp.simulation import simulate as simulate
+    from continuum_grasp.verbs import equilibrium as equilibrium
+    from continuum_grasp.verbs import modes as modes
+    from continuum_grasp.verbs import simulate as simulate
 
 __getattr__, __dir__ = lazy_names(__name__, _ROOMS)

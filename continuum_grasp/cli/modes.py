@@ -31,7 +31,7 @@ def modes(
     from continuum_grasp.cli.scenes import simulation_scene
 
     output = Output(as_json, quiet)
-    scene = simulation_scene(config, changes)
+    scene = simulation_scene(config, changes, output)
 
     from continuum_grasp.simulation import modes as find
 

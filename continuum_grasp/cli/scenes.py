@@ -9,14 +9,36 @@ from typing import TYPE_CHECKING
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
+    from continuum_grasp.cli.output import Output
     from continuum_grasp.scene.grasp import GraspScene
     from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["grasp_scene", "simulation_scene"]
+__all__ = ["grasp_scene", "plain_scene", "simulation_scene"]
 
 
-def simulation_scene(config: Path, changes: Iterable[str] | None) -> Scene:
-    """A scene for simulation, statics, modes and code generation.
+def simulation_scene(config: Path, changes: Iterable[str] | None, output: Output) -> Scene:
+    """A scene for simulation, statics, modes and code generation; a tolerance has become a model.
+
+    Raises
+    ------
+    InputError
+        Where the file is wrong or of another kind.
+    SolverError
+        Where no model keeps the tolerance.
+    """
+    scene = plain_scene(config, changes)
+    if scene.fidelity.tolerance is None:
+        return scene
+    from continuum_grasp.accuracy.resolve import resolve_fidelity
+
+    with output.busy("choosing the model"):
+        scene, note = resolve_fidelity(scene)
+    output.say(f"fidelity: {note}")
+    return scene
+
+
+def plain_scene(config: Path, changes: Iterable[str] | None) -> Scene:
+    """A scene as it is written.
 
     Raises
     ------

@@ -36,7 +36,7 @@ def simulate(
     output = Output(as_json, quiet, verbose)
     if animation not in (None, "gif", "mp4"):
         raise InputError(f"expected gif or mp4, got {animation!r}", key="--animate")
-    scene = simulation_scene(config, changes)
+    scene = simulation_scene(config, changes, output)
     if scene.time is None:
         raise InputError("a simulation needs time: {duration: ..., step: ...}", file=str(config), key="time")
     folder = run_folder(out, config)

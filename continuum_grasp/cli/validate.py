@@ -57,11 +57,15 @@ def _checked(file: Path, changes: Iterable[str]) -> Loaded:
     from continuum_grasp.scene.document import undotted
     from continuum_grasp.scene.grasp import GraspScene
     from continuum_grasp.scene.load import load_placed
+    from continuum_grasp.scene.simulate import Scene
 
     loaded, document = load_placed(file, changes)
     if not isinstance(loaded, GraspScene):
+        given = loaded
+        if isinstance(given, Scene):  # which model a tolerance needs is not asked here
+            given = given.model_copy(update={"fidelity": given.fidelity.model_copy(update={"tolerance": None})})
         try:
-            FingerModel(loaded)
+            FingerModel(given)
         except InputError as error:
             path = undotted(error.key or "")
             raise document.nearest(path).error(error.message, path) from None

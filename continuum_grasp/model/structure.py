@@ -61,6 +61,10 @@ class Structure:
     def _resolve(self, choices: Choices) -> None:
         """Set everything; errors name keywords."""
         scene = choices.scene
+        if scene is not None and scene.fidelity.tolerance is not None:
+            raise InputError(
+                "a tolerance has yet to become a model: take choose_fidelity(scene).scene", key="fidelity.tolerance"
+            )
         self.finger = choices.finger
         self.length = self.finger.rod.length
         self.contacts = choices.numbers("contacts") or ()

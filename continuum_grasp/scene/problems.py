@@ -161,7 +161,7 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
     if kind in _LIMITS:
         name, words = _LIMITS[kind]
         limit = context[name]
-        if name == "ge" and 0.0 < limit < 1.0 and got <= 0.0:
+        if name == "ge" and 0.0 < limit < 1.0 and isinstance(got, int | float) and got <= 0.0:
             words, limit = "greater than", 0
         about = shape.description(path, data).partition(";")[0] if limit else ""
         what = f"a number {words} {limit:g}" + (f" ({about})" if about else "")

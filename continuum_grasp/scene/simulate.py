@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, Load, Samples
@@ -16,9 +16,24 @@ __all__ = ["Fidelity", "Initial", "Scene", "Timing"]
 Family = Literal["arc", "clothoid", "matched_clothoid"]
 
 
-class Fidelity(Value):
-    """How finely the finger is modelled."""
+def _share(value: Any) -> Any:
+    """A share, also as a text in per cent."""
+    if isinstance(value, str) and value.rstrip().endswith("%"):
+        try:
+            return float(value.rstrip()[:-1]) / 100.0
+        except ValueError:
+            return value
+    return value
 
+
+class Fidelity(Value):
+    """How finely the finger is modelled: by a tolerance, or by family, elements and accuracy."""
+
+    tolerance: Annotated[float, BeforeValidator(_share), Field(ge=1e-9, le=0.5)] | None = None
+    """Greatest error of position per length, and of frequency where the scene moves, such as 0.005 or 0.5 %.
+    The cheapest model that keeps it in this scene is found by measurement; what else is given stays fixed."""
+    frequencies: Annotated[int, Field(ge=0, le=2)] = 1
+    """How many natural frequencies, from the first on, must keep the tolerance where the scene moves."""
     family: Family | None = None
     """Curvature family; None: matched_clothoid, or clothoid where the tip balance is not given by the input alone
     (tendon friction, a moment on the tip that varies in time) or, at time zero, does not fit the initial pose."""

@@ -1,0 +1,185 @@
+"""Motions against a fine model, and what they cost in time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.accuracy.choice import Choice, choices
+from continuum_grasp.accuracy.truth import Truth
+from continuum_grasp.core import Core
+from continuum_grasp.errors import InputError, NumericalError, SolverError
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.simulate import Scene, Timing
+from continuum_grasp.simulation.initial import initial_state
+from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.simulate import simulate
+
+__all__ = ["Motion", "Pace", "motion_error", "pace", "reference_motion"]
+
+Array = NDArray[np.float64]
+
+_FINE = (8, 12)
+"""Clothoids of the two reference motions; their difference shows how good the finer is."""
+_SPAN = 1.0
+"""Longest motion that is compared [s]."""
+_INSTANTS = 200
+_SUBSTEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 256)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Tip of the finger over time.
+
+    Attributes
+    ----------
+    t : (T,) ndarray
+        Instants [s].
+    tip : (T, 2) ndarray
+        World positions [m].
+    error : float
+        Estimated r.m.s. error of the tip per length; NaN for a motion that is compared, not a reference.
+    """
+
+    t: Array
+    tip: Array
+    error: float = math.nan
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How fast a model runs at a given error of the time steps alone.
+
+    Attributes
+    ----------
+    steps_per_second : int
+        Runge-Kutta steps per second of model time.
+    step_ns : float
+        Time of one [ns], in C where there is a compiler.
+    error : float
+        Greatest error of the tip by the steps, per length.
+    """
+
+    steps_per_second: int
+    step_ns: float
+    error: float
+
+    @property
+    def real_time_factor(self) -> float:
+        """Model time per time."""
+        return 1e9 / (self.steps_per_second * self.step_ns)
+
+
+def timing_of_comparison(scene: Scene) -> Timing:
+    """A time span of at most a second with some two hundred instants.
+
+    Raises
+    ------
+    InputError
+        If the scene has no time.
+    """
+    if scene.time is None:
+        raise InputError("comparing motions needs time: {duration: ..., step: ...}", key="time")
+    span = min(scene.time.duration, _SPAN)
+    return Timing(duration=span, step=span / _INSTANTS, method="auto")
+
+
+def reference_motion(scene: Scene, truth: Truth) -> Motion:
+    """The motion with 12 free clothoids; its error is estimated from that with 8.
+
+    Raises
+    ------
+    NumericalError
+        If the motion stops.
+    """
+    timing = timing_of_comparison(scene).model_copy(update={"method": "rk4"})
+    fine = {c.elements: c for c in choices(scene, truth, "clothoid", 1e-9)}
+    tips = []
+    for count in _FINE:
+        fidelity = fine[count].fidelity
+        trajectory = simulate(scene.model_copy(update={"fidelity": fidelity, "time": timing}))
+        tips.append(trajectory.tip)
+    share = (_FINE[0] / _FINE[1]) ** 4
+    error = _rms(tips[1] - tips[0]) / scene.finger.rod.length * share / (1.0 - share)
+    return Motion(trajectory.t, tips[1], error)
+
+
+def motion_error(choice: Choice, reference: Motion) -> float:
+    """R.m.s. error of the tip over a motion, per length; infinite where the motion stops."""
+    scene = choice.scene.model_copy(update={"fidelity": choice.fidelity, "time": timing_of_comparison(choice.scene)})
+    try:
+        trajectory = simulate(scene)
+    except (NumericalError, SolverError):
+        return math.inf
+    return _rms(trajectory.tip - reference.tip) / scene.finger.rod.length
+
+
+def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
+    """Fewest Runge-Kutta steps whose tip stays within a tolerance of that of the same model with fine steps.
+
+    Parameters
+    ----------
+    scene : Scene
+        With time; what moves the model and where it starts.
+    model : FingerModel
+    tolerance : float
+        Greatest error of the tip by the steps, per length.
+
+    Raises
+    ------
+    NumericalError
+        If no number of steps that is tried does.
+    """
+    run = _Run(scene, model)
+    finest: Array | None = None
+    for k, substeps in enumerate(_SUBSTEPS):
+        try:
+            tip = run.tip(substeps)
+        except NumericalError:
+            continue
+        if finest is None:
+            finest = run.tip(max(4 * substeps, _SUBSTEPS[min(k + 6, len(_SUBSTEPS) - 1)]))
+        error = float(np.linalg.norm(tip - finest, axis=1).max()) / model.finger.rod.length
+        if error <= tolerance:
+            step_ns = 1e9 * run.seconds(substeps) / (_INSTANTS * substeps)
+            return Pace(round(substeps / run.step), step_ns, error)
+    raise NumericalError(f"more than {_SUBSTEPS[-1]} sub-steps of {run.step:g} s are needed")
+
+
+class _Run:
+    """Rollouts of one model in its scene with any number of sub-steps."""
+
+    def __init__(self, scene: Scene, model: FingerModel) -> None:
+        self.step = timing_of_comparison(scene).step
+        self._core, self._signals, self._n = Core(model), Signals(scene, model), model.n
+        self._x0 = initial_state(scene, model)
+        self._core.prepare_rollout("rk4")
+
+    def states(self, substeps: int) -> Array:
+        t = np.arange(2 * _INSTANTS * substeps + 1) * (0.5 * self.step / substeps)
+        u, w = self._signals.u(t), self._signals.w(t)
+        if self._signals.constant:
+            u, w = u[0], w[0]
+        return self._core.rollout(self._x0, _INSTANTS, self.step, u=u, w=w, substeps=substeps)
+
+    def tip(self, substeps: int) -> Array:
+        states = self.states(substeps)
+        u = self._signals.u(self.step * np.arange(_INSTANTS + 1))
+        return np.asarray(self._core.batch("tip", states[:, : self._n], u, None))
+
+    def seconds(self, substeps: int) -> float:
+        """Median time of a rollout."""
+        times = []
+        for _ in range(9):
+            began = perf_counter()
+            self.states(substeps)
+            times.append(perf_counter() - began)
+        return float(np.median(times))
+
+
+def _rms(off: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(np.square(off), axis=1))))
