@@ -95,6 +95,17 @@ def test_grasp_without_weight_needs_only_the_bend():
     assert result.tensions[0] - 1.0 == pytest.approx(net, rel=5e-3)
 
 
+@pytest.mark.parametrize("mass", [0.0, 0.3])
+def test_a_touch_without_force_needs_only_the_bend(mass):
+    """Tip off, no weight: one circular arc that touches the mug, F e = E I / radius, and forces of rounding size."""
+    contacts = GraspContacts(friction=0.5, normal_force_max=30.0, tip="off")
+    result = optimize_grasp(make_scene("arc", WEIGHTLESS, mass=mass, contacts=contacts))
+    rho, d, y = 0.046, 0.055, 0.040  # object seen from the base: d to the left, y ahead
+    radius = (d**2 + y**2 - rho**2) / (2 * (d - rho))
+    assert result.tensions[0] - 1.0 == pytest.approx(6.11e-3 / radius / 0.005, rel=1e-4)
+    assert result.certificate.passed
+
+
 def test_mirrored_scene_gives_the_mirrored_grasp(mug):
     """Mirrored at the x axis, with the base on the other side, tendon 2 pulls instead of tendon 1."""
     scene = mug.scene

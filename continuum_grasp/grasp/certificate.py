@@ -99,7 +99,10 @@ class Certificate:
         return tuple(check for check in self.checks if not check.passed)
 
     def __getitem__(self, name: str) -> Check:
-        return next(check for check in self.checks if check.name == name)
+        for check in self.checks:
+            if check.name == name:
+                return check
+        raise KeyError(name)
 
 
 def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.problem import GraspProblem
 from continuum_grasp.grasp.seeds import Seed
+from continuum_grasp.scene.grasp import GraspGravity, OutOfPlaneGravity, PlanarGravity
 
 __all__ = ["PointReader", "starting_point"]
 
@@ -26,7 +27,7 @@ def starting_point(problem: GraspProblem, seed: Seed) -> Array:
     least, offset = problem.tendons.min_tension, problem.tendons.offset
     moment = max(abs(seed.curvatures[2] * problem.finger.rod.stiffness), problem.moment_scale)
     pulled = least + moment / offset
-    weight = problem.scene.object.mass * 9.81
+    weight = problem.scene.object.mass * _gravity(problem.scene.gravity)
     values: dict[str, Any] = {
         "bending": q,
         "middle contact position": seed.middle,
@@ -41,6 +42,13 @@ def starting_point(problem: GraspProblem, seed: Seed) -> Array:
         x[variable.start : variable.stop] = np.asarray(values.get(name, 0.0)) / variable.scale
     low, high = problem.parts.x_bounds
     return np.clip(x, low, high)
+
+
+def _gravity(gravity: GraspGravity) -> float:
+    """Acceleration of gravity [m/s2]."""
+    if isinstance(gravity, PlanarGravity):
+        return float(np.hypot(*gravity.vector))
+    return gravity.magnitude if isinstance(gravity, OutOfPlaneGravity) else 0.0
 
 
 def _tip_direction(problem: GraspProblem, nodes: Array, lengths: Array) -> float:

@@ -19,10 +19,10 @@ from functools import cached_property
 from typing import Any
 
 import casadi as ca
-import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.blocks import BlockList
+from continuum_grasp.grasp.limits import add_limits
 from continuum_grasp.grasp.relaxations import RELAXATIONS
 from continuum_grasp.grasp.seeds import bending_side
 from continuum_grasp.model import FingerModel
@@ -36,9 +36,6 @@ Array = NDArray[Any]
 
 REGULARISATION = 1e-6
 """Weight of the squared contact forces (scaled) beside the tension, so that they are unique."""
-APEX = 1e-3
-"""Rounding of the apex of the spatial friction cones (scaled force); the rounded cone lies inside the true
-one."""
 TINY = 1e-6
 """Rounding of the norm of what gives way in several components (scaled)."""
 MODEL_ACCURACY = 1e-10
@@ -102,9 +99,7 @@ class GraspProblem:
         self._contacts()
         self._balance_finger()
         self._balance_object()
-        self._bound_contacts()
-        self._keep_clear()
-        self._keep_limits()
+        add_limits(self)
         self._set_objective()
 
     @property
@@ -248,80 +243,6 @@ class GraspProblem:
             if scene.gravity.tilt == "balance":
                 tilt -= self.give["tilt balance"] / thing.radius
                 require("object tilt balance", tilt, self.force_scale, "N", "gravity.tilt")
-
-    def _bound_contacts(self) -> None:
-        most = self.scene.contacts.normal_force_max + self.give["normal force"]
-        spatial = isinstance(self.scene.gravity, OutOfPlaneGravity)
-        for contact in self.contacts:
-            n, f, lift = contact.force[0], contact.force[1], contact.force[2]
-            key = "palm.friction" if contact.name == "palm" else "contacts.friction"
-            if spatial:
-                cone = contact.friction * n - ca.sqrt(f**2 + lift**2 + (APEX * self.force_scale) ** 2)
-            else:
-                cone = ca.vertcat(contact.friction * n - f, contact.friction * n + f)
-            self.parts.require(f"friction cone, {contact.name}", cone, self.force_scale, "N", key, upper=np.inf)
-            self.parts.require(
-                f"normal force, {contact.name}",
-                n - most,
-                self.force_scale,
-                "N",
-                "contacts.normal_force_max",
-                lower=-np.inf,
-            )
-
-    def _keep_clear(self) -> None:
-        scene, tolerance = self.scene, self.scene.solver.penetration_tolerance
-        reach = scene.object.radius + self.finger.thickness_radius
-        centre = ca.DM(scene.object.position)
-        starts = ca.vertcat(0, ca.cumsum(self.lengths))
-        clear, height = [], []
-        base_height = 0.0 if scene.palm is None else min(0.0, scene.palm.height(self.finger.base.position))
-        for k in range(self.count):
-            for j in range(1, self.samples + 1):
-                last = j == self.samples
-                s = starts[k] + self.lengths[k] * (j / self.samples)
-                point = self.position(s)
-                touches = last and ((k == self.before - 1 and self.middle_on) or (k == self.count - 1 and self.tip_on))
-                if not touches:
-                    clear.append(ca.norm_2(point - centre) - reach + self.give["room at the object"])
-                if scene.palm is not None:
-                    off = ca.dot(ca.DM(scene.palm.normal), point - ca.DM(scene.palm.point))
-                    needed = self.finger.thickness_radius if k >= self.before else base_height
-                    height.append(off - needed + self.give["room at the palm"])
-        self.parts.require(
-            "penetration into the object",
-            ca.vertcat(*clear),
-            self.length,
-            "m",
-            "object",
-            lower=-tolerance * self.length,
-            upper=np.inf,
-        )
-        if height:
-            self.parts.require(
-                "penetration into the palm",
-                ca.vertcat(*height),
-                self.length,
-                "m",
-                "palm",
-                lower=-tolerance * self.length,
-                upper=np.inf,
-            )
-
-    def _keep_limits(self) -> None:
-        require, give = self.parts.require, self.give
-        tension_scale = self.moment_scale / self.tendons.offset
-        over = self.tensions - self.tendons.max_tension - give["tension"]
-        require("tendon tension", over, tension_scale, "N", "finger.tendons.max_tension", lower=-np.inf)
-        bends = self.model.bending(self.q, self.u, self.lengths)
-        most = self.scene.bending_range + give["bending range"]
-        over = ca.vertcat(bends - most, -bends - most)
-        require("bending range", over, 1.0, "rad", "fidelity.bending_range", lower=-np.inf)
-        limit = self.finger.curvature_limit
-        if np.isfinite(limit):
-            curvature = self.curvatures
-            over = ca.vertcat(curvature - limit - give["strain"], -curvature - limit - give["strain"])
-            require("bending strain", over, 1.0 / self.length, "1/m", "finger.strain_limit", lower=-np.inf)
 
     @cached_property
     def curvatures(self) -> ca.SX:
