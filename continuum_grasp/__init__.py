@@ -36,19 +36,19 @@ _ROOMS = {
         "VectorSamples",
     ),
     "continuum_grasp.scene.load": ("load",),
-    "continuum_grasp.accuracy.choose": ("choose_fidelity",),
+    "continuum_grasp.fidelity.choose": ("choose_fidelity",),
     "continuum_grasp.verbs": ("equilibrium", "modes", "simulate"),
 }
 __all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)]
 
 if TYPE_CHECKING:
-    from continuum_grasp.accuracy.choose import choose_fidelity as choose_fidelity
     from continuum_grasp.core import compile as compile
     from continuum_grasp.errors import ContinuumGraspError as ContinuumGraspError
     from continuum_grasp.errors import InputError as InputError
     from continuum_grasp.errors import Interrupted as Interrupted
     from continuum_grasp.errors import NumericalError as NumericalError
     from continuum_grasp.errors import SolverError as SolverError
+    from continuum_grasp.fidelity.choose import choose_fidelity as choose_fidelity
     from continuum_grasp.grasp import optimize_grasp as optimize_grasp
     from continuum_grasp.model import FingerModel as FingerModel
     from continuum_grasp.scene import Actuation as Actuation

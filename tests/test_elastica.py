@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from scipy import integrate, optimize, special
 
-from continuum_grasp.accuracy import closed_forms
-from continuum_grasp.accuracy.collocation import Mesh
-from continuum_grasp.accuracy.elastica import solve_elastica
-from continuum_grasp.accuracy.elliptic import complete, incomplete
-from continuum_grasp.accuracy.rod_equations import RodEquations
-from continuum_grasp.accuracy.rod_problem import read_problem
 from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.fidelity import closed_forms
+from continuum_grasp.fidelity.collocation import Mesh
+from continuum_grasp.fidelity.elastica import solve_elastica
+from continuum_grasp.fidelity.elliptic import complete, incomplete
+from continuum_grasp.fidelity.rod_equations import RodEquations
+from continuum_grasp.fidelity.rod_problem import read_problem
 from continuum_grasp.scene import ForceLoad, MomentLoad
 from continuum_grasp.simulation import equilibrium
 from continuum_grasp.simulation.signals import interpolate
@@ -413,7 +413,7 @@ def test_wrong_questions_are_refused():
 
 def test_it_shares_no_code_with_the_model():
     code = (
-        "import sys, continuum_grasp.accuracy.elastica, continuum_grasp.accuracy.closed_forms\n"
+        "import sys, continuum_grasp.fidelity.elastica, continuum_grasp.fidelity.closed_forms\n"
         "rooms = ('model', 'core', 'simulation')\n"
         "assert not [m for m in sys.modules if m.startswith(tuple(f'continuum_grasp.{r}' for r in rooms))]\n"
         "assert not {'casadi', 'scipy'} & set(sys.modules)"

@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.accuracy.paper import TwoArcs, closed_forms
-from continuum_grasp.accuracy.paper.kinematics import Bent
-from continuum_grasp.accuracy.paper.slips import ALL, SLIPS, AsPrinted
+from continuum_grasp.fidelity.paper import TwoArcs, closed_forms
+from continuum_grasp.fidelity.paper.kinematics import Bent
+from continuum_grasp.fidelity.paper.slips import ALL, SLIPS, AsPrinted
 from tests.arc_quadrature import RANGE, entries, relative, square
 from tests.errata_page import evaluate, formula, percent, table
 from tests.truth import Rod, TruthFinger, ctx, to_numpy

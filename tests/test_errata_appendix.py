@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from continuum_grasp.accuracy.paper.appendix_inertia import BIAS, MASS
-from continuum_grasp.accuracy.paper.appendix_loads import GRAVITY_ACROSS, GRAVITY_ALONG, JACOBIAN
+from continuum_grasp.fidelity.paper.appendix_inertia import BIAS, MASS
+from continuum_grasp.fidelity.paper.appendix_loads import GRAVITY_ACROSS, GRAVITY_ALONG, JACOBIAN
 from tests import arc_series
 from tests.arc_quadrature import RANGE, entries, relative, square
 from tests.errata_page import evaluate, formula, number, percent, spans, table

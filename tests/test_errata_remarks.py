@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from continuum_grasp.accuracy.paper import appendix
+from continuum_grasp.fidelity.paper import appendix
 from tests.arc_quadrature import RANGE, entries, square
 from tests.arc_series import FIRST
 from tests.errata_page import evaluate, formula, percent, table

@@ -19,7 +19,8 @@ ALLOWED = {
     "core": {"core", "model", "scene"},
     "simulation": {"simulation", "core", "model", "scene", "results", "plotting"},
     "grasp": {"grasp", "core", "model", "scene", "results", "plotting"},
-    "accuracy": {"accuracy", "simulation", "core", "model", "scene", "results", "plotting"},
+    "fidelity": {"fidelity", "simulation", "core", "model", "scene", "results", "plotting"},
+    "verbs": {"fidelity", "simulation", "model", "scene"},
     "identification": {"identification", "simulation", "core", "model", "scene", "results", "plotting"},
     "results": {"results", "scene"},
     "plotting": {"plotting", "results", "scene"},
@@ -100,7 +101,7 @@ def test_a_room_does_without(room):
     assert not wrong
 
 
-@pytest.mark.parametrize("room", ["simulation", "grasp", "accuracy", "identification"])
+@pytest.mark.parametrize("room", ["simulation", "grasp", "fidelity", "identification"])
 def test_saving_and_drawing_are_imported_when_needed(room):
     wrong = [
         f"{file.relative_to(PACKAGE)}:{line}: {module}"

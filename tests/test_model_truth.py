@@ -10,6 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 
+from continuum_grasp.model import FingerModel
 from continuum_grasp.model.chain import Chain, Place, column
 from continuum_grasp.model.clothoid import Clothoid
 from continuum_grasp.model.link import LoadedLink
@@ -203,12 +204,25 @@ def test_tendon_friction_follows_the_capstan_law(family):
     model = case.model(family, 3)
     at = state(model, 1.2)
     bends = evaluate(model.bending, at.q, at.u, [])
-    sizes = bends**2 / np.sqrt(bends**2 + rounding**2)
+    rounded = rounding * np.array(model.lengths) / sum(model.lengths)
+    sizes = bends**2 / np.sqrt(bends**2 + rounded**2)
     reached = np.exp(-friction * (np.cumsum(sizes) - 0.5 * sizes))
     symbol = ca.SX.sym("q", model.n)
     gradient = evaluate(ca.Function("g", [symbol], [ca.jacobian(model.bending(symbol, at.u, []), symbol)]), at.q)
     moment = TENDONS.offset * (at.u[0] - at.u[1])
     assert relative_error(evaluate(model.actuation, at.q, at.u, []), gradient.T @ (reached * moment)) <= 1e-14
+
+
+def test_tendon_friction_does_not_depend_on_the_number_of_elements():
+    """Bends add up: a finger bent to a circle loses the same share of tension in any number of arcs."""
+    friction, bend = 0.4, 0.05
+    finger = Case().with_finger(tendons=TENDONS.model_copy(update={"friction": friction})).finger
+    moment = TENDONS.offset * 2.0
+    for count in (2, 16, 64):
+        model = FingerModel(finger, family="arc", elements=count)
+        forces = evaluate(model.actuation, np.full(count, bend / count), [2.0, 0.0], [])
+        places = (np.arange(count) + 0.5) / count
+        assert forces == pytest.approx(moment * np.exp(-friction * bend * places), rel=1e-5)
 
 
 # What is cut off on purpose.

@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.baselines import paper_appendix, paper_closed_forms, peers
 from benchmarks.baselines.two_arcs import TwoArcs, forward_dynamics
-from continuum_grasp.accuracy.paper import Terms
+from continuum_grasp.fidelity.paper import Terms
 from tests.truth import Rod, TruthFinger, to_numpy
 
 FULL = TwoArcs(

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.accuracy.paper import VARIANTS, PaperModel, TwoArcs, appendix
-from continuum_grasp.accuracy.paper.slips import DYNAMIC, AsPrinted
 from continuum_grasp.errors import InputError
+from continuum_grasp.fidelity.paper import VARIANTS, PaperModel, TwoArcs, appendix
+from continuum_grasp.fidelity.paper.slips import DYNAMIC, AsPrinted
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import BasePose, Damping, Finger, PointMass, Rod, Tendons
 from continuum_grasp.scene.loads import ForceLoad, MomentLoad

@@ -29,7 +29,7 @@ def simulation_scene(config: Path, changes: Iterable[str] | None, output: Output
     scene = plain_scene(config, changes)
     if scene.fidelity.tolerance is None:
         return scene
-    from continuum_grasp.accuracy.resolve import resolve_fidelity
+    from continuum_grasp.fidelity.resolve import resolve_fidelity
 
     with output.busy("choosing the model"):
         scene, note = resolve_fidelity(scene)

@@ -86,7 +86,8 @@ class RecomputedGrasp:
         if tendons is None or tendons.friction == 0.0:
             return np.ones(self.lengths.size)
         bends = 0.5 * self.lengths * self.ends.sum(axis=1)
-        turned = bends**2 / np.sqrt(bends**2 + 1e-6)  # without sign, rounded off where straight
+        rounded = 1e-3 * self.lengths / self.lengths.sum()
+        turned = bends**2 / np.sqrt(bends**2 + rounded**2)  # without sign, rounded off where straight
         return np.asarray(np.exp(-tendons.friction * (np.cumsum(turned) - 0.5 * turned)))
 
     def couple(self, name: str) -> float:

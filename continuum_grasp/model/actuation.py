@@ -11,7 +11,7 @@ from continuum_grasp.model.planar import Scalar, minus, plus, times
 __all__ = ["Drive", "InputLayout", "friction_factors"]
 
 _BEND_ROUNDING = 1e-3
-"""Bend below which the capstan law is rounded off to stay smooth [rad]."""
+"""Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Drive:
         return Drive(moment, couple, plus(rate, couple_rate), plus(acceleration, couple_acceleration))
 
 
-def friction_factors(friction: Scalar, bends: list[Scalar]) -> list[Scalar]:
+def friction_factors(friction: Scalar, bends: list[Scalar], shares: list[Scalar]) -> list[Scalar]:
     """Share of the tension that reaches the middle of each element, by the capstan law.
 
     Parameters
@@ -84,18 +84,21 @@ def friction_factors(friction: Scalar, bends: list[Scalar]) -> list[Scalar]:
         Coefficient of friction between tendon and guides [1].
     bends : list of scalars
         Bending angle of each element [rad].
+    shares : list of scalars
+        Length of each element per that of the finger [1].
 
     Returns
     -------
     list of scalars
         exp(-friction * total bend from the base to the middle of the element), for a tendon that is being pulled;
-        bends b are counted as b^2 / sqrt(b^2 + 1e-6 rad^2), without sign and smooth when straight.
+        a bend b of a share h of the length is counted as b^2 / sqrt(b^2 + (1e-3 rad h)^2), without sign and smooth when
+        straight.
     """
     factors: list[Scalar] = []
     total: Scalar = 0.0
-    for bend in bends:
-        square = bend * bend
-        size = square / ca.sqrt(square + _BEND_ROUNDING**2)
+    for bend, share in zip(bends, shares, strict=True):
+        square, rounding = bend * bend, times(_BEND_ROUNDING, share)
+        size = square / ca.sqrt(plus(square, times(rounding, rounding)))
         factors.append(ca.exp(-friction * plus(total, 0.5 * size)))
         total = plus(total, size)
     return factors

@@ -239,7 +239,8 @@ class Equations:
         if not self._made.rubs:
             return [times(g, plus(drive.moment, drive.couple)) for g in whole]
         total = [times(g, drive.couple) for g in whole]
-        factors = friction_factors(self._par["tendon_friction"], self.bends)
+        shares = [times(1.0 / self._made.length, h) for h in self.lengths]
+        factors = friction_factors(self._par["tendon_friction"], self.bends, shares)
         for gradient, factor in zip(gradients, factors, strict=True):
             moment = times(factor, drive.moment)
             total = [plus(t, times(g, moment)) for t, g in zip(total, gradient, strict=True)]
@@ -300,7 +301,7 @@ class Equations:
 
     @cached_property
     def potential_energy(self) -> Scalar:
-        """Elastic energy above the rest shape and potential of the weight above the base's level [J]."""
+        """Elastic energy above the rest shape and potential of the weight above the world's origin [J]."""
         stiffness, pieces = self._par["bending_stiffness"], self._made.finger.curvature_pieces
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
         constant: Scalar = sum(0.5 * (b - a) * k**2 for a, b, k in pieces)

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.accuracy.collocation import Mesh
-from continuum_grasp.accuracy.equilibrium_path import descend, follow, newton, weakest
-from continuum_grasp.accuracy.rod_equations import RodEquations
-from continuum_grasp.accuracy.rod_problem import RodProblem, read_problem
 from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.fidelity.collocation import Mesh
+from continuum_grasp.fidelity.equilibrium_path import descend, follow, newton, weakest
+from continuum_grasp.fidelity.rod_equations import RodEquations
+from continuum_grasp.fidelity.rod_problem import RodProblem, read_problem
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 

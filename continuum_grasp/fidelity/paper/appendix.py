@@ -11,10 +11,10 @@ from fractions import Fraction
 
 import casadi as ca
 
-from continuum_grasp.accuracy.paper.appendix_inertia import BIAS, MASS
-from continuum_grasp.accuracy.paper.appendix_loads import GRAVITY_ACROSS, GRAVITY_ALONG, JACOBIAN
-from continuum_grasp.accuracy.paper.coefficients import Polynomial, Reading
-from continuum_grasp.accuracy.paper.two_arcs import Terms, TwoArcs, is_zero
+from continuum_grasp.fidelity.paper.appendix_inertia import BIAS, MASS
+from continuum_grasp.fidelity.paper.appendix_loads import GRAVITY_ACROSS, GRAVITY_ALONG, JACOBIAN
+from continuum_grasp.fidelity.paper.coefficients import Polynomial, Reading
+from continuum_grasp.fidelity.paper.two_arcs import Terms, TwoArcs, is_zero
 from continuum_grasp.model.planar import Scalar
 
 __all__ = ["POSITION", "position", "right_hand_side", "terms"]

@@ -5,7 +5,7 @@ The notation is that of ``appendix_inertia``.
 
 from __future__ import annotations
 
-from continuum_grasp.accuracy.paper.coefficients import Polynomial, misprint, over, right
+from continuum_grasp.fidelity.paper.coefficients import Polynomial, misprint, over, right
 
 __all__ = ["GRAVITY_ACROSS", "GRAVITY_ALONG", "JACOBIAN"]
 

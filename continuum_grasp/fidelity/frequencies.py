@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.accuracy.elastica import Elastica
-from continuum_grasp.accuracy.rod_equations import RodEquations
+from continuum_grasp.fidelity.elastica import Elastica
+from continuum_grasp.fidelity.rod_equations import RodEquations
 from continuum_grasp.scene.finger import Finger
 
 __all__ = ["natural_frequencies"]

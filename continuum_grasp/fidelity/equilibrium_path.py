@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.accuracy.rod_equations import Balance, RodEquations
 from continuum_grasp.errors import SolverError
+from continuum_grasp.fidelity.rod_equations import Balance, RodEquations
 
 __all__ = ["descend", "follow", "newton", "weakest"]
 

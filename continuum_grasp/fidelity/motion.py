@@ -9,10 +9,10 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.accuracy.choice import Choice, choices
-from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, NumericalError, SolverError
+from continuum_grasp.fidelity.choice import Choice, choices
+from continuum_grasp.fidelity.truth import Truth
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.initial import initial_state

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.accuracy.collocation import Mesh
-from continuum_grasp.accuracy.rod_problem import RodProblem
+from continuum_grasp.fidelity.collocation import Mesh
+from continuum_grasp.fidelity.rod_problem import RodProblem
 
 __all__ = ["Balance", "RodEquations"]
 

@@ -8,10 +8,10 @@ from time import perf_counter
 
 import numpy as np
 
-from continuum_grasp.accuracy.choice import ACCURACIES, FAMILIES, Choice, choices
-from continuum_grasp.accuracy.measure import Measured, measure
-from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.fidelity.choice import ACCURACIES, FAMILIES, Choice, choices
+from continuum_grasp.fidelity.measure import Measured, measure
+from continuum_grasp.fidelity.truth import Truth, find_truth
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Family, Fidelity, Scene
 

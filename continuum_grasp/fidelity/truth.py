@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.accuracy.elastica import Elastica, solve_elastica
-from continuum_grasp.accuracy.frequencies import natural_frequencies
-from continuum_grasp.accuracy.poses import Pose, poses
 from continuum_grasp.errors import SolverError
+from continuum_grasp.fidelity.elastica import Elastica, solve_elastica
+from continuum_grasp.fidelity.frequencies import natural_frequencies
+from continuum_grasp.fidelity.poses import Pose, poses
 from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["TruePose", "Truth", "find_truth"]

@@ -5,7 +5,7 @@ known and what it does is in ``docs/errata.md``; ``slips`` has the closed forms,
 ``appendix_loads`` the polynomials, with both readings side by side.
 """
 
-from continuum_grasp.accuracy.paper.model import VARIANTS, PaperModel
-from continuum_grasp.accuracy.paper.two_arcs import Terms, TwoArcs
+from continuum_grasp.fidelity.paper.model import VARIANTS, PaperModel
+from continuum_grasp.fidelity.paper.two_arcs import Terms, TwoArcs
 
 __all__ = ["VARIANTS", "PaperModel", "Terms", "TwoArcs"]

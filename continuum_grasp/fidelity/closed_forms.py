@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from continuum_grasp.accuracy.elliptic import complete, incomplete
 from continuum_grasp.errors import InputError
+from continuum_grasp.fidelity.elliptic import complete, incomplete
 
 __all__ = [
     "TipPose",

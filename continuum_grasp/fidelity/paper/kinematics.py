@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from continuum_grasp.accuracy.paper.slips import AsPrinted
-from continuum_grasp.accuracy.paper.two_arcs import TwoArcs
+from continuum_grasp.fidelity.paper.slips import AsPrinted
+from continuum_grasp.fidelity.paper.two_arcs import TwoArcs
 from continuum_grasp.model.planar import Scalar
 
 __all__ = ["Bent"]

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import casadi as ca
 
-from continuum_grasp.accuracy.paper.kinematics import Bent
-from continuum_grasp.accuracy.paper.slips import AsPrinted
-from continuum_grasp.accuracy.paper.two_arcs import Terms, TwoArcs, is_zero
+from continuum_grasp.fidelity.paper.kinematics import Bent
+from continuum_grasp.fidelity.paper.slips import AsPrinted
+from continuum_grasp.fidelity.paper.two_arcs import Terms, TwoArcs, is_zero
 
 __all__ = ["GUARD", "christoffel", "guarded", "rod_mass_matrix", "terms"]
 

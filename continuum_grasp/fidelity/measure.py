@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.accuracy.choice import Choice
-from continuum_grasp.accuracy.truth import STATIONS, TruePose, Truth
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.fidelity.choice import Choice
+from continuum_grasp.fidelity.truth import STATIONS, TruePose, Truth
 from continuum_grasp.model import FingerModel
 from continuum_grasp.simulation.modes import modes
 from continuum_grasp.simulation.signals import Signals

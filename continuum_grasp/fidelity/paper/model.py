@@ -9,11 +9,11 @@ from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.accuracy.paper import appendix, closed_forms
-from continuum_grasp.accuracy.paper.coefficients import Reading
-from continuum_grasp.accuracy.paper.slips import DYNAMIC, AsPrinted
-from continuum_grasp.accuracy.paper.two_arcs import Terms, TwoArcs
 from continuum_grasp.errors import InputError
+from continuum_grasp.fidelity.paper import appendix, closed_forms
+from continuum_grasp.fidelity.paper.coefficients import Reading
+from continuum_grasp.fidelity.paper.slips import DYNAMIC, AsPrinted
+from continuum_grasp.fidelity.paper.two_arcs import Terms, TwoArcs
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Rotation, Scalar, Vec

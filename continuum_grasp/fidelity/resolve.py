@@ -10,9 +10,8 @@ from typing import Any
 import casadi as ca
 
 from continuum_grasp import __version__
-from continuum_grasp.accuracy.choose import choose_fidelity
 from continuum_grasp.core.cache import private_folder
-from continuum_grasp.results import replacing
+from continuum_grasp.fidelity.choose import choose_fidelity
 from continuum_grasp.scene.simulate import Fidelity, Scene
 
 __all__ = ["resolve_fidelity"]
@@ -45,6 +44,8 @@ def resolve_fidelity(scene: Scene) -> tuple[Scene, str]:
     file = private_folder("choices") / f"{key}.json"
     known = _read(file, key)
     if known is None:
+        from continuum_grasp.results import replacing
+
         chosen = choose_fidelity(scene)
         known = {"key": key, "fidelity": chosen.scene.fidelity.model_dump(mode="json"), "note": str(chosen)}
         with replacing(file) as temporary:
@@ -68,7 +69,7 @@ def _key(scene: Scene) -> str:
     """Hash of everything that the choice depends on."""
     package = Path(__file__).parents[1]
     digest = hashlib.sha256(f"{__version__} {ca.CasadiMeta.version()}\n".encode())
-    for folder in ("accuracy", "model", "simulation"):
+    for folder in ("fidelity", "model", "simulation"):
         for file in sorted((package / folder).glob("*.py")):
             digest.update(file.read_bytes())
     digest.update(scene.model_copy(update={"name": None}).model_dump_json().encode())

@@ -6,7 +6,7 @@ Coefficients of theta1^i theta2^j under the powers (i, j), homogeneous in the ar
 
 from __future__ import annotations
 
-from continuum_grasp.accuracy.paper.coefficients import Polynomial, misprint, over, right, wrong
+from continuum_grasp.fidelity.paper.coefficients import Polynomial, misprint, over, right, wrong
 
 __all__ = ["BIAS", "MASS"]
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from continuum_grasp.accuracy.truth import Truth
+from continuum_grasp.fidelity.truth import Truth
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.scene.finger import PiecewiseCurvature
