@@ -377,6 +377,8 @@ def test_constraints_know_where_they_come_from():
         {"object": {"shape": "circle", "diameter": 0.08, "mass": 0.3, "position": (0.02, 0.0)}},
         {"object": {"shape": "circle", "diameter": 0.08, "mass": 0.3, "position": (0.04, -0.05)}},
         {"fidelity": {"elements": 1}},
+        {"fidelity": {"tolerance": 0.005}},
+        {"fidelity": {"frequencies": 2}},
         {"fidelity": {"elements": (0.09, 0.09)}},
         {"contacts": {"friction": 0.5, "normal_force_max": 10.0, "middle_after": 2}},
         {"solver": {"penetration_tolerance": 0.0}},

@@ -209,6 +209,11 @@ class GraspScene(Value):
         if self.finger.tendons is None:
             raise ValueError("finger.tendons is needed: the tendon tension is what is sought")
         length, thickness = self.finger.rod.length, self.finger.thickness_radius
+        for name in ("tolerance", "frequencies"):
+            if getattr(self.fidelity, name) != getattr(Fidelity(), name):
+                raise ValueError(
+                    f"fidelity.{name} is not for grasps: give elements; the certificate tells the model's error"
+                )
         if isinstance(self.fidelity.elements, tuple):
             raise ValueError("fidelity.elements must be a number here: the lengths of the elements are sought")
         if self.element_count < 2:
