@@ -37,6 +37,7 @@ _ROOMS = {
     ),
     "continuum_grasp.scene.load": ("load",),
     "continuum_grasp.fidelity.choose": ("choose_fidelity",),
+    "continuum_grasp.fidelity.report": ("accuracy",),
     "continuum_grasp.verbs": ("equilibrium", "modes", "simulate"),
 }
 __all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)]
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from continuum_grasp.errors import NumericalError as NumericalError
     from continuum_grasp.errors import SolverError as SolverError
     from continuum_grasp.fidelity.choose import choose_fidelity as choose_fidelity
+    from continuum_grasp.fidelity.report import accuracy as accuracy
     from continuum_grasp.grasp import optimize_grasp as optimize_grasp
     from continuum_grasp.model import FingerModel as FingerModel
     from continuum_grasp.scene import Actuation as Actuation

@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from continuum_grasp import __version__
+from continuum_grasp.cli.accuracy import accuracy
 from continuum_grasp.cli.codegen import codegen
 from continuum_grasp.cli.doctor import doctor
 from continuum_grasp.cli.grasp import grasp
@@ -70,7 +71,7 @@ def _root(
     pass
 
 
-for _verb in (simulate, grasp, modes, codegen, schema, validate, doctor):
+for _verb in (simulate, grasp, modes, accuracy, codegen, schema, validate, doctor):
     app.command()(_verb)
 
 

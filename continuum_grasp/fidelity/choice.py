@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -39,8 +39,8 @@ class Choice:
         Element lengths [m].
     aligned : bool
         Whether elements end at loads, masses and jumps of the rest curvature, beside the contacts.
-    accuracy : float
-        Relative accuracy of the evaluation.
+    accuracy : float or None
+        Relative accuracy of the evaluation; None: the family's own.
     bending_range : float
         [rad]
     """
@@ -49,7 +49,7 @@ class Choice:
     family: Family
     lengths: tuple[float, ...]
     aligned: bool
-    accuracy: float
+    accuracy: float | None
     bending_range: float
 
     @property
@@ -80,10 +80,13 @@ class Choice:
 
     def __str__(self) -> str:
         even = "" if max(self.lengths) - min(self.lengths) < 1e-9 * sum(self.lengths) else ", uneven"
-        return f"{self.elements} {self.family}{even}, accuracy {self.accuracy:g}, range {self.bending_range:g} rad"
+        terms = "" if self.accuracy is None else f", accuracy {self.accuracy:g}"
+        return f"{self.elements} {self.family}{even}{terms}, range {self.bending_range:g} rad"
 
 
-def choices(scene: Scene, truth: Truth, family: Family, accuracy: float) -> Iterator[Choice]:
+def choices(
+    scene: Scene, truth: Truth, family: Family, accuracy: float | None, *, counts: Sequence[int] = COUNTS
+) -> Iterator[Choice]:
     """All numbers and placements of elements of one family, few elements first.
 
     Parameters
@@ -92,12 +95,14 @@ def choices(scene: Scene, truth: Truth, family: Family, accuracy: float) -> Iter
     truth : Truth
         Of that scene: how far elements bend.
     family : {"arc", "clothoid", "matched_clothoid"}
-    accuracy : float
-        Relative accuracy of the evaluation.
+    accuracy : float or None
+        Relative accuracy of the evaluation; None: the family's own.
+    counts : sequence of int
+        Numbers of elements.
     """
     length = scene.finger.rod.length
     marks = _marks(scene)
-    for count in COUNTS:
+    for count in counts:
         if count <= len(scene.contacts):
             continue
         placements = [(element_lengths(length, scene.contacts, count), False)]

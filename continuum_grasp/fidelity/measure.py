@@ -18,7 +18,7 @@ from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import spectral_radius
 from continuum_grasp.simulation.statics import Equilibrium, equilibrium_under
 
-__all__ = ["Measured", "measure"]
+__all__ = ["Errors", "Measured", "errors_of", "measure"]
 
 Array = NDArray[np.float64]
 
@@ -60,6 +60,16 @@ class Measured:
         return self.shape <= tolerance and bool(np.all(asked <= tolerance))
 
 
+@dataclass(frozen=True)
+class Errors:
+    """Errors of a model; see ``Measured``."""
+
+    tip: float
+    shape: float
+    frequencies: Array
+    radius: float
+
+
 def measure(choice: Choice, truth: Truth, *, stop_at: float = math.inf) -> Measured:
     """Measure a choice.
 
@@ -71,28 +81,42 @@ def measure(choice: Choice, truth: Truth, *, stop_at: float = math.inf) -> Measu
     stop_at : float
         Error of shape at which to stop and leave the rest unmeasured (NaN).
     """
-    scene, model = choice.scene, choice.model
-    fidelity = choice.fidelity
-    loads = truth.poses[0].pose.scene.loads
-    static = FingerModel(scene.model_copy(update={"fidelity": fidelity, "loads": loads}), input_rates=False)
-    core = Core(static, compiled=False)
+    scene = choice.scene.model_copy(update={"fidelity": choice.fidelity, "loads": truth.loads})
+    found = errors_of(FingerModel(scene, input_rates=False), truth, moves=scene.time is not None, stop_at=stop_at)
+    return Measured(choice, found.tip, found.shape, found.frequencies, choice.instructions, found.radius)
+
+
+def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float = math.inf) -> Errors:
+    """Errors of any model that has the loads of a scene's poses.
+
+    Parameters
+    ----------
+    model : FingerModel
+        With ``truth.loads``.
+    truth : Truth
+    moves : bool
+        Whether frequencies are asked for.
+    stop_at : float
+        Error of shape at which to stop and leave the rest unmeasured (NaN).
+    """
+    core, length = Core(model, compiled=False), model.finger.rod.length
     tip = shape = radius = 0.0
     frequencies = np.zeros(2)
     for true in truth.poses:
         try:
-            found = _at_rest(true, static)
+            found = _at_rest(true, model)
         except (SolverError, InputError):
-            return Measured(choice, math.inf, math.inf, np.full(2, np.nan), choice.instructions, math.inf)
-        off = np.linalg.norm(found.backbone(STATIONS) - true.backbone, axis=1) / scene.finger.rod.length
+            return Errors(math.inf, math.inf, np.full(2, np.nan), math.inf)
+        off = np.linalg.norm(found.backbone(STATIONS) - true.backbone, axis=1) / length
         tip, shape = max(tip, float(off[-1])), max(shape, float(off.max()))
         if shape > stop_at:
-            return Measured(choice, tip, shape, np.full(2, np.nan), choice.instructions, math.nan)
-        if true.frequencies_hz is not None and scene.time is not None:
+            return Errors(tip, shape, np.full(2, np.nan), math.nan)
+        if true.frequencies_hz is not None and moves:
             frequencies = np.fmax(frequencies, _frequency_errors(true, true.frequencies_hz, found))
             radius = max(radius, spectral_radius(core, found.q[None], found.u, found.w, found.p))
     if model.n < 2:
         frequencies[1] = np.nan
-    return Measured(choice, tip, shape, frequencies, choice.instructions, radius)
+    return Errors(tip, shape, frequencies, radius)
 
 
 def _at_rest(true: TruePose, model: FingerModel) -> Equilibrium:

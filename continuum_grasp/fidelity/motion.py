@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError, NumericalError, SolverError
-from continuum_grasp.fidelity.choice import Choice, choices
+from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.fidelity.choice import choices
+from continuum_grasp.fidelity.clock import evaluation_ns
 from continuum_grasp.fidelity.truth import Truth
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene, Timing
@@ -19,7 +20,7 @@ from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.simulate import simulate
 
-__all__ = ["Motion", "Pace", "motion_error", "pace", "reference_motion"]
+__all__ = ["INSTANTS", "Motion", "Pace", "Runs", "pace", "reference_motion", "rms"]
 
 Array = NDArray[np.float64]
 
@@ -27,8 +28,8 @@ _FINE = (8, 12)
 """Clothoids of the two reference motions; their difference shows how good the finer is."""
 _SPAN = 1.0
 """Longest motion that is compared [s]."""
-_INSTANTS = 200
-_SUBSTEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 256)
+INSTANTS = 200
+_SUBSTEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 1024)
 
 
 @dataclass(frozen=True)
@@ -62,11 +63,14 @@ class Pace:
         Time of one [ns], in C where there is a compiler.
     error : float
         Greatest error of the tip by the steps, per length.
+    tip : (T, 2) ndarray
+        World positions of the tip at the instants of a ``Motion`` with far finer steps [m].
     """
 
     steps_per_second: int
     step_ns: float
     error: float
+    tip: Array
 
     @property
     def real_time_factor(self) -> float:
@@ -85,7 +89,7 @@ def timing_of_comparison(scene: Scene) -> Timing:
     if scene.time is None:
         raise InputError("comparing motions needs time: {duration: ..., step: ...}", key="time")
     span = min(scene.time.duration, _SPAN)
-    return Timing(duration=span, step=span / _INSTANTS, method="auto")
+    return Timing(duration=span, step=span / INSTANTS, method="auto")
 
 
 def reference_motion(scene: Scene, truth: Truth) -> Motion:
@@ -104,18 +108,8 @@ def reference_motion(scene: Scene, truth: Truth) -> Motion:
         trajectory = simulate(scene.model_copy(update={"fidelity": fidelity, "time": timing}))
         tips.append(trajectory.tip)
     share = (_FINE[0] / _FINE[1]) ** 4
-    error = _rms(tips[1] - tips[0]) / scene.finger.rod.length * share / (1.0 - share)
+    error = rms(tips[1] - tips[0]) / scene.finger.rod.length * share / (1.0 - share)
     return Motion(trajectory.t, tips[1], error)
-
-
-def motion_error(choice: Choice, reference: Motion) -> float:
-    """R.m.s. error of the tip over a motion, per length; infinite where the motion stops."""
-    scene = choice.scene.model_copy(update={"fidelity": choice.fidelity, "time": timing_of_comparison(choice.scene)})
-    try:
-        trajectory = simulate(scene)
-    except (NumericalError, SolverError):
-        return math.inf
-    return _rms(trajectory.tip - reference.tip) / scene.finger.rod.length
 
 
 def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
@@ -124,7 +118,7 @@ def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
     Parameters
     ----------
     scene : Scene
-        With time; what moves the model and where it starts.
+        With time and with the fidelity of the model; what moves it and where it starts.
     model : FingerModel
     tolerance : float
         Greatest error of the tip by the steps, per length.
@@ -134,7 +128,7 @@ def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
     NumericalError
         If no number of steps that is tried does.
     """
-    run = _Run(scene, model)
+    run = Runs(scene, model)
     finest: Array | None = None
     for k, substeps in enumerate(_SUBSTEPS):
         try:
@@ -145,41 +139,42 @@ def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
             finest = run.tip(max(4 * substeps, _SUBSTEPS[min(k + 6, len(_SUBSTEPS) - 1)]))
         error = float(np.linalg.norm(tip - finest, axis=1).max()) / model.finger.rod.length
         if error <= tolerance:
-            step_ns = 1e9 * run.seconds(substeps) / (_INSTANTS * substeps)
-            return Pace(round(substeps / run.step), step_ns, error)
+            return Pace(round(substeps / run.step), 4.0 * evaluation_ns(model), error, finest)
     raise NumericalError(f"more than {_SUBSTEPS[-1]} sub-steps of {run.step:g} s are needed")
 
 
-class _Run:
+class Runs:
     """Rollouts of one model in its scene with any number of sub-steps."""
 
     def __init__(self, scene: Scene, model: FingerModel) -> None:
         self.step = timing_of_comparison(scene).step
         self._core, self._signals, self._n = Core(model), Signals(scene, model), model.n
         self._x0 = initial_state(scene, model)
-        self._core.prepare_rollout("rk4")
 
-    def states(self, substeps: int) -> Array:
-        t = np.arange(2 * _INSTANTS * substeps + 1) * (0.5 * self.step / substeps)
+    def states(self, substeps: int, method: str = "rk4") -> Array:
+        """States (INSTANTS + 1, nx) with so many steps between two instants."""
+        t = np.arange(2 * INSTANTS * substeps + 1) * (0.5 * self.step / substeps)
         u, w = self._signals.u(t), self._signals.w(t)
         if self._signals.constant:
             u, w = u[0], w[0]
-        return self._core.rollout(self._x0, _INSTANTS, self.step, u=u, w=w, substeps=substeps)
+        return self._core.rollout(self._x0, INSTANTS, self.step, u=u, w=w, substeps=substeps, method=method)
 
-    def tip(self, substeps: int) -> Array:
-        states = self.states(substeps)
-        u = self._signals.u(self.step * np.arange(_INSTANTS + 1))
+    def tip(self, substeps: int, method: str = "rk4") -> Array:
+        """World positions (INSTANTS + 1, 2) of the tip [m]."""
+        states = self.states(substeps, method)
+        u = self._signals.u(self.step * np.arange(INSTANTS + 1))
         return np.asarray(self._core.batch("tip", states[:, : self._n], u, None))
 
-    def seconds(self, substeps: int) -> float:
-        """Median time of a rollout."""
+    def seconds(self, substeps: int, method: str = "rk4") -> float:
+        """Median time of a rollout [s]."""
         times = []
-        for _ in range(9):
+        for _ in range(7):
             began = perf_counter()
-            self.states(substeps)
+            self.states(substeps, method)
             times.append(perf_counter() - began)
         return float(np.median(times))
 
 
-def _rms(off: Array) -> float:
+def rms(off: Array) -> float:
+    """Root mean square of distances given as vectors (T, 2)."""
     return float(np.sqrt(np.mean(np.sum(np.square(off), axis=1))))

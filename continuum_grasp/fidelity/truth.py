@@ -11,6 +11,7 @@ from continuum_grasp.errors import SolverError
 from continuum_grasp.fidelity.elastica import Elastica, solve_elastica
 from continuum_grasp.fidelity.frequencies import natural_frequencies
 from continuum_grasp.fidelity.poses import Pose, poses
+from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["TruePose", "Truth", "find_truth"]
@@ -57,6 +58,11 @@ class Truth:
 
     poses: tuple[TruePose, ...]
     left_out: tuple[str, ...]
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Loads of every pose, in order: the scene's, then those that hold the initial pose."""
+        return self.poses[0].pose.scene.loads
 
     def curvature_reach(self, start: float, end: float, moving: bool) -> float:
         """Greatest curvature [1/m] of a stretch of the finger in the poses, or swinging about one of them from another.

@@ -7,6 +7,7 @@ touched. matplotlib is imported when the first picture is drawn.
 
 from __future__ import annotations
 
+from continuum_grasp.plotting.accuracy import plot_accuracy
 from continuum_grasp.plotting.animation import animate
 from continuum_grasp.plotting.coordinates import plot_coordinates
 from continuum_grasp.plotting.energy import plot_energy
@@ -17,6 +18,7 @@ from continuum_grasp.plotting.tip_path import plot_tip_path
 
 __all__ = [
     "animate",
+    "plot_accuracy",
     "plot_coordinates",
     "plot_energy",
     "plot_modes",

@@ -1,0 +1,44 @@
+"""``continuum-grasp accuracy``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set
+from continuum_grasp.cli.output import Output, run_folder
+
+__all__ = ["accuracy"]
+
+
+def accuracy(
+    config: Config,
+    out: Out = None,
+    changes: Set = None,
+    most: Annotated[
+        int, typer.Option("--elements", metavar="N", min=1, max=32, help="Greatest number of elements.")
+    ] = 16,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Speed against error of every choice of model, and what a tolerance would choose."""
+    from continuum_grasp.cli.scenes import plain_scene
+
+    output = Output(as_json, quiet)
+    scene = plain_scene(config, changes)
+    folder = run_folder(out, config)
+
+    from continuum_grasp.fidelity.report import COUNTS
+    from continuum_grasp.fidelity.report import accuracy as measure
+
+    with output.busy("measuring") as report:
+        found = measure(scene, counts=[count for count in COUNTS if count <= most], progress=report)
+    files = found.save(folder)
+    output.say(found.markdown())
+    output.say(f"saved in {folder}: {', '.join(file.name for file in files)}")
+    output.result(
+        tables=[table.as_dict() for table in found.tables],
+        folder=str(folder),
+        files=[str(file) for file in files],
+    )
