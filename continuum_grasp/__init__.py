@@ -15,6 +15,7 @@ _ROOMS = {
     "continuum_grasp.core": ("compile",),
     "continuum_grasp.errors": ("ContinuumGraspError", "InputError", "Interrupted", "NumericalError", "SolverError"),
     "continuum_grasp.grasp": ("optimize_grasp",),
+    "continuum_grasp.identification.fitting": ("identify",),
     "continuum_grasp.model": ("FingerModel",),
     "continuum_grasp.scene": (
         "Actuation",
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     from continuum_grasp.fidelity.choose import choose_fidelity as choose_fidelity
     from continuum_grasp.fidelity.report import accuracy as accuracy
     from continuum_grasp.grasp import optimize_grasp as optimize_grasp
+    from continuum_grasp.identification.fitting import identify as identify
     from continuum_grasp.model import FingerModel as FingerModel
     from continuum_grasp.scene import Actuation as Actuation
     from continuum_grasp.scene import BasePose as BasePose

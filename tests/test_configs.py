@@ -14,7 +14,7 @@ from continuum_grasp.scene.yaml_loader import read_yaml
 
 ROOT = Path(__file__).parents[1]
 CONFIGS = sorted((ROOT / "configs").glob("*/*.yaml"))
-FOLDER_OF = {"finger": "fingers", "simulate": "simulate", "grasp": "grasp"}
+FOLDER_OF = {"finger": "fingers", "simulate": "simulate", "identify": "identify", "grasp": "grasp"}
 
 
 def test_there_are_configurations():

@@ -13,6 +13,7 @@ from continuum_grasp.cli.accuracy import accuracy
 from continuum_grasp.cli.codegen import codegen
 from continuum_grasp.cli.doctor import doctor
 from continuum_grasp.cli.grasp import grasp
+from continuum_grasp.cli.identify import identify
 from continuum_grasp.cli.modes import modes
 from continuum_grasp.cli.schema import schema
 from continuum_grasp.cli.simulate import simulate
@@ -71,7 +72,7 @@ def _root(
     pass
 
 
-for _verb in (simulate, grasp, modes, accuracy, codegen, schema, validate, doctor):
+for _verb in (simulate, grasp, modes, accuracy, identify, codegen, schema, validate, doctor):
     app.command()(_verb)
 
 

@@ -72,5 +72,10 @@ def grasp_scene(config: Path, changes: Iterable[str] | None) -> GraspScene:
 
 
 def _other_kind(config: Path, wanted: str, loaded: object) -> InputError:
-    got = {"Scene": "a scene without an object", "GraspScene": "a grasp", "Finger": "a finger alone"}
+    got = {
+        "Scene": "a scene without an object",
+        "IdentifyScene": "an identification",
+        "GraspScene": "a grasp",
+        "Finger": "a finger alone",
+    }
     return InputError(f"expected {wanted}, got {got[type(loaded).__name__]}", file=str(config))

@@ -27,7 +27,7 @@ def validate(
     from continuum_grasp.errors import InputError
 
     output = Output(as_json, quiet)
-    kinds = {"Scene": "simulate", "GraspScene": "grasp", "Finger": "finger"}
+    kinds = {"Scene": "simulate", "IdentifyScene": "identify", "GraspScene": "grasp", "Finger": "finger"}
     checked: list[dict[str, Any]] = []
     for file in files:
         try:

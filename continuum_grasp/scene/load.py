@@ -31,7 +31,8 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
     Parameters
     ----------
     path : path-like
-        A YAML file: a scene for simulation, a grasp (it has an ``object``) or a finger (it has a ``rod``).
+        A YAML file: a scene for simulation, one with parameters to ``estimate``, a grasp (it has an ``object``) or a
+        finger (it has a ``rod``).
         Where it says ``finger: other.yaml`` or ``finger: {extends: other.yaml, ...}``, that file is read,
         relative to the file that names it; keys given beside ``extends`` replace those of the other file,
         mappings key by key.
@@ -41,7 +42,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
 
     Returns
     -------
-    Scene, GraspScene or Finger
+    Scene, IdentifyScene, GraspScene or Finger
         By the content of the file; frozen, all values in SI units.
 
     Raises
@@ -95,10 +96,12 @@ def scene_of(given: Scene | str | os.PathLike[str]) -> Scene:
 
 
 def kind_of(data: Any) -> str:
-    """``grasp``, ``simulate`` or ``finger``: what kind of configuration the data is."""
+    """``grasp``, ``identify``, ``simulate`` or ``finger``: what kind of configuration the data is."""
     if isinstance(data, dict):
         if "object" in data:
             return "grasp"
+        if "estimate" in data:
+            return "identify"
         if "rod" in data and "finger" not in data:
             return "finger"
     return "simulate"
@@ -120,7 +123,11 @@ def model_of(kind: str) -> type[BaseModel]:
         from continuum_grasp.scene.grasp import GraspScene
 
         return GraspScene
-    raise InputError(f"no such kind of configuration: expected simulate, grasp or finger, got {kind!r}")
+    if kind == "identify":
+        from continuum_grasp.scene.identify import IdentifyScene
+
+        return IdentifyScene
+    raise InputError(f"no such kind of configuration: expected simulate, identify, grasp or finger, got {kind!r}")
 
 
 def _assemble(path: str | Path, overrides: Overrides) -> Document:

@@ -1,0 +1,202 @@
+"""Predictions of one set of measurements as functions of the unknowns: shapes at rest and free vibrations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import SolverError
+from continuum_grasp.identification.data import Frequencies, Poses
+from continuum_grasp.identification.rows import Rows
+from continuum_grasp.identification.shape import Shapes, observation
+from continuum_grasp.identification.unknowns import Unknown
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.simulate import Scene
+
+__all__ = ["Block", "Entry", "PosesBlock", "VibrationBlock"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One measured number.
+
+    Attributes
+    ----------
+    label : str
+        Of what and where.
+    group : str
+        Entries of one group share a standard deviation.
+    unit : str
+    value : float
+    fitted : bool
+    sigma : float or None
+        Standard deviation, where known.
+    at : float
+        Row, or instant [s]: where it is drawn.
+    """
+
+    label: str
+    group: str
+    unit: str
+    value: float
+    fitted: bool
+    sigma: float | None
+    at: float
+
+
+class Block:
+    """One set of measurements.
+
+    Attributes
+    ----------
+    name : str
+    entries : list of Entry
+    horizons : bool
+        Whether a part from the start can be fitted before the whole.
+    """
+
+    name: str
+    entries: list[Entry]
+    horizons = False
+
+    def predict(self, values: Array) -> tuple[Array, Array]:
+        """Predictions (entries,) and their derivatives (entries, unknowns).
+
+        Raises
+        ------
+        SolverError, NumericalError
+            If there are none at these values.
+        """
+        raise NotImplementedError
+
+
+class PosesBlock(Block):
+    """Shapes at rest."""
+
+    def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
+        self.name = data.name
+        self._count = data.rows
+        self._rows = Rows(scene, unknowns, data.conditions, data.rows, data.name)
+        places = [(one.quantity, one.at) for one in data.measured]
+        self._observe = observation(self._rows.model, places)
+        self._shapes = Shapes(self._rows, data.rows)
+        fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
+        self.entries = []
+        for row in range(data.rows):
+            for one in data.measured:
+                where = "tip" if one.at is None else f"{one.at:g} m"
+                turned = one.quantity in ("angle", "bend")
+                group = "angles of poses" if turned else "positions of poses"
+                self.entries.append(
+                    Entry(
+                        f"{one.quantity} at {where}, row {row + 1}",
+                        group if one.sigma is None else f"{data.name}: {one.quantity} at {where}",
+                        "rad" if turned else "m",
+                        float(np.asarray(one.values)[row]),
+                        bool(fitted[row]),
+                        one.sigma,
+                        float(row + 1),
+                    )
+                )
+
+    def predict(self, values: Array) -> tuple[Array, Array]:
+        """As of ``Block``."""
+        found = [self._row(row, values) for row in range(self._count)]
+        return np.concatenate([y for y, _ in found]), np.concatenate([d for _, d in found])
+
+    def _row(self, row: int, values: Array) -> tuple[Array, Array]:
+        z, dz = self._rows.at(row, values)
+        q, dq = self._shapes.at(row, z)
+        y, by_q, by_z = (np.array(v) for v in self._observe(q, z))
+        return y.ravel(), (by_z + by_q @ dq) @ dz
+
+
+class VibrationBlock(Block):
+    """Frequencies and decay rates of small vibrations about the equilibrium."""
+
+    def __init__(self, scene: Scene, data: Frequencies, unknowns: Sequence[Unknown]) -> None:
+        self.name = data.name
+        self._rows = Rows(scene, unknowns, data.conditions, data.rows, data.name)
+        self._shapes = Shapes(self._rows, data.rows)
+        self._matrices, self._gradient = _pencil(self._rows.model)
+        self._modes = np.asarray(data.mode, dtype=int)
+        self._decays = data.decay_rate is not None
+        fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
+        self.entries = []
+        columns = [("frequency", "Hz", np.asarray(data.frequency, dtype=float))]
+        if data.decay_rate is not None:
+            columns.append(("decay rate", "1/s", np.asarray(data.decay_rate, dtype=float)))
+        for row, mode in enumerate(self._modes):
+            for quantity, unit, numbers in columns:
+                label = f"{quantity} of mode {mode}, row {row + 1}"
+                group = f"{quantity} of mode {mode}"
+                own = bool(fitted[row])
+                self.entries.append(Entry(label, group, unit, float(numbers[row]), own, None, float(row + 1)))
+
+    def predict(self, values: Array) -> tuple[Array, Array]:
+        """As of ``Block``."""
+        found = [self._row(row, values) for row in range(len(self._modes))]
+        return np.concatenate([y for y, _ in found]), np.concatenate([d for _, d in found])
+
+    def _row(self, row: int, values: Array) -> tuple[Array, Array]:
+        z, dz = self._rows.at(row, values)
+        q, dq = self._shapes.at(row, z)
+        mass, damping, stiffness = (np.array(v) for v in self._matrices(q, z))
+        pole, left, right = _mode(mass, damping, stiffness, int(self._modes[row]))
+        weights = np.outer(left.conj(), right)
+        scale = -np.sum(weights * (2.0 * pole * mass + damping))
+        slope = np.zeros(q.size + z.size, complex)
+        terms = (pole**2 * weights, pole * weights, weights)
+        for unit, parts in ((1.0, [term.real for term in terms]), (1.0j, [term.imag for term in terms])):
+            slope += unit * np.array(self._gradient(q, z, *parts)).ravel() / scale
+        change = (slope[q.size :] + slope[: q.size] @ dq) @ dz
+        y, derivative = [pole.imag / (2.0 * np.pi)], [change.imag / (2.0 * np.pi)]
+        if self._decays:
+            y.append(-pole.real)
+            derivative.append(-change.real)
+        return np.array(y), np.array(derivative)
+
+
+def _pencil(model: FingerModel) -> tuple[ca.Function, ca.Function]:
+    """Mass, damping and stiffness of small motions as functions (q, z), and the gradient of a weighted sum of them."""
+    n = model.n
+    q, qd, qdd = (ca.SX.sym(name, n) for name in ("q", "qd", "qdd"))
+    u, w, p = (ca.SX.sym(name, size) for name, size in (("u", model.nu), ("w", model.nw), ("p", model.np)))
+    missing = model.inverse_dynamics(q, qd, qdd, u, w, p)
+    at_rest = [qd, qdd], [ca.SX.zeros(n), ca.SX.zeros(n)]
+    three = [ca.substitute([ca.jacobian(missing, by)], *at_rest)[0] for by in (qdd, qd, q)]
+    z = ca.vertcat(u, w, p)
+    weights = [ca.SX.sym(name, n, n) for name in ("a", "b", "c")]
+    total = sum((ca.dot(weight, matrix) for weight, matrix in zip(weights, three, strict=True)), ca.SX(0))
+    gradient = ca.gradient(total, ca.vertcat(q, z))
+    outputs = ca.cse([ca.densify(matrix) for matrix in three])
+    matrices = ca.Function("pencil", [q, z], outputs, ["q", "z"], ["M", "D", "K"])
+    inputs = ["q", "z", "a", "b", "c"]
+    return matrices, ca.Function(
+        "pencil_gradient", [q, z, *weights], ca.cse([ca.densify(gradient)]), inputs, ["gradient"]
+    )
+
+
+def _mode(
+    mass: Array, damping: Array, stiffness: Array, number: int
+) -> tuple[complex, NDArray[np.complex128], NDArray[np.complex128]]:
+    """Pole (rate and pulsation [1/s]), left and right shape of the mode of that number, from 1."""
+    n = len(mass)
+    lower = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
+    poles = np.linalg.eigvals(np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), lower]))
+    ringing = sorted(poles[poles.imag > 1e-9 * np.abs(poles).max()], key=lambda pole: pole.imag)
+    if len(ringing) < number:
+        raise SolverError(
+            f"mode {number} does not ring: only {len(ringing)} of {n} modes do",
+            status="overdamped",
+            advice="give another mode, take more elements, or bound damping and stiffness",
+        )
+    pole = complex(ringing[number - 1])
+    left, _, right = np.linalg.svd(pole**2 * mass + pole * damping + stiffness)
+    return pole, left[:, -1], right[-1].conj()

@@ -1,0 +1,198 @@
+"""Measurements as arrays, in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.simulate import Scene
+
+__all__ = ["Data", "Frequencies", "Poses", "Reading", "TipPath"]
+
+Array = NDArray[np.float64]
+QUANTITIES = ("x", "y", "angle", "bend")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What was measured at one section, in every row.
+
+    Attributes
+    ----------
+    quantity : {"x", "y", "angle", "bend"}
+        World position [m], angle of the section in the world [rad], angle between base and section [rad].
+    values : (R,) array_like
+    at : float, optional
+        Position along the finger [m]; the tip where not given.
+    sigma : float, optional
+        Standard deviation, where known.
+    """
+
+    quantity: str
+    values: ArrayLike
+    at: float | None = None
+    sigma: float | None = None
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Shapes at rest: R rows.
+
+    Attributes
+    ----------
+    measured : sequence of Reading
+    conditions : mapping of str to (R,) array_like
+        Inputs, forces or parameters of the model under which each row was measured, by name; all others are the
+        scene's.
+    fitted : (R,) array_like of bool, optional
+        False for rows that are predicted and not fitted.
+    scene : Scene, optional
+        Where it differs from that of the identification.
+    name : str
+    """
+
+    measured: Sequence[Reading]
+    conditions: Mapping[str, ArrayLike] = field(default_factory=dict)
+    fitted: ArrayLike | None = None
+    scene: Scene | None = None
+    name: str = "poses"
+
+    def __post_init__(self) -> None:
+        if not self.measured:
+            raise InputError("measured: expected at least one reading", key=self.name)
+        for k, reading in enumerate(self.measured):
+            if reading.quantity not in QUANTITIES:
+                message = f"expected one of {', '.join(QUANTITIES)}, got {reading.quantity!r}"
+                raise InputError(message, key=f"{self.name}.measured[{k}].quantity")
+            column(f"{self.name}.measured[{k}].values", reading.values, self.rows)
+            positive(f"{self.name}.measured[{k}].sigma", reading.sigma)
+        _check_rows(self.name, self.conditions, self.fitted, self.rows)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows R."""
+        return int(np.size(np.asarray(self.measured[0].values)))
+
+
+@dataclass(frozen=True)
+class TipPath:
+    """Path of a point of the finger: T instants.
+
+    Attributes
+    ----------
+    t : (T,) array_like
+        Instants [s], increasing, from that at which the scene's motion starts.
+    x, y : (T,) array_like, optional
+        World position [m]; one of them may be missing.
+    at : float, optional
+        Position along the finger [m]; the tip where not given.
+    sigma : float, optional
+        Standard deviation of x and y [m], where known.
+    fitted : bool
+        False: predicted and not fitted.
+    scene : Scene, optional
+        Where it differs from that of the identification.
+    name : str
+    """
+
+    t: ArrayLike
+    x: ArrayLike | None = None
+    y: ArrayLike | None = None
+    at: float | None = None
+    sigma: float | None = None
+    fitted: bool = True
+    scene: Scene | None = None
+    name: str = "path"
+
+    def __post_init__(self) -> None:
+        t = column(f"{self.name}.t", self.t)
+        if t.size < 2 or np.any(np.diff(t) <= 0.0) or t[0] < 0.0:
+            raise InputError("expected two or more instants that increase from 0 on", key=f"{self.name}.t")
+        if self.x is None and self.y is None:
+            raise InputError("expected x, y or both", key=self.name)
+        for key, values in (("x", self.x), ("y", self.y)):
+            if values is not None:
+                column(f"{self.name}.{key}", values, t.size)
+        positive(f"{self.name}.sigma", self.sigma)
+
+
+@dataclass(frozen=True)
+class Frequencies:
+    """Free vibrations: R rows.
+
+    Attributes
+    ----------
+    mode : (R,) array_like of int
+        Natural mode, from 1.
+    frequency : (R,) array_like
+        Of the damped vibration [Hz].
+    decay_rate : (R,) array_like, optional
+        Of its amplitude [1/s].
+    conditions, fitted, scene, name
+        As of ``Poses``.
+    """
+
+    mode: ArrayLike
+    frequency: ArrayLike
+    decay_rate: ArrayLike | None = None
+    conditions: Mapping[str, ArrayLike] = field(default_factory=dict)
+    fitted: ArrayLike | None = None
+    scene: Scene | None = None
+    name: str = "frequencies"
+
+    def __post_init__(self) -> None:
+        mode = column(f"{self.name}.mode", self.mode, self.rows)
+        if np.any(mode < 1) or np.any(mode != np.round(mode)):
+            raise InputError("expected whole numbers from 1 on", key=f"{self.name}.mode")
+        frequency = column(f"{self.name}.frequency", self.frequency)
+        if not frequency.size or np.any(frequency <= 0.0):
+            raise InputError("expected frequencies above 0 Hz", key=f"{self.name}.frequency")
+        if self.decay_rate is not None:
+            column(f"{self.name}.decay_rate", self.decay_rate, self.rows)
+        _check_rows(self.name, self.conditions, self.fitted, self.rows)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows R."""
+        return int(np.size(np.asarray(self.frequency)))
+
+
+Data = Poses | TipPath | Frequencies
+
+
+def column(key: str, values: ArrayLike, count: int | None = None) -> Array:
+    """A row of finite numbers.
+
+    Raises
+    ------
+    InputError
+        If it is none, or has not ``count`` entries.
+    """
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"expected numbers, got {values!r:.60}", key=key) from None
+    if array.ndim != 1 or (count is not None and array.size != count):
+        wanted = "a row of numbers" if count is None else f"{count} numbers"
+        raise InputError(f"expected {wanted}, got an array of shape {array.shape}", key=key)
+    broken = np.flatnonzero(~np.isfinite(array))
+    if broken.size:
+        raise InputError(f"expected finite numbers, entry {broken[0]} is {array[broken[0]]}", key=key)
+    return array
+
+
+def positive(key: str, value: float | None) -> None:
+    """Refuse what is given and not a positive number."""
+    if value is not None and not 0.0 < value < np.inf:
+        raise InputError(f"expected a positive number, got {value}", key=key)
+
+
+def _check_rows(name: str, conditions: Mapping[str, ArrayLike], fitted: ArrayLike | None, rows: int) -> None:
+    for key, values in conditions.items():
+        column(f"{name}.conditions.{key}", values, rows)
+    if fitted is not None and np.shape(fitted) != (rows,):
+        raise InputError(f"expected {rows} truth values, got shape {np.shape(fitted)}", key=f"{name}.fitted")

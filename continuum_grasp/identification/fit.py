@@ -1,0 +1,185 @@
+"""What an identification found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.identification.blocks import Entry
+from continuum_grasp.scene.simulate import Scene
+
+__all__ = ["Error", "Fit"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Error:
+    """Prediction errors of a group of measurements: r.m.s., the largest, and how many.
+
+    Attributes
+    ----------
+    group, unit : str
+    rms, largest : float
+    count : int
+    """
+
+    group: str
+    unit: str
+    rms: float
+    largest: float
+    count: int
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Estimated parameters with their uncertainty, and how well the model predicts the data.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        Of the n parameters.
+    values, deviations : (n,) ndarray
+        Estimates and standard deviations; infinite where the data do not see a parameter.
+    intervals : (n, 2) ndarray
+        95 % confidence, by Student's t.
+    correlation : (n, n) ndarray
+    singular_values : (n,) ndarray
+        Of the Jacobian scaled by the data's standard deviations and the parameters' typical sizes.
+    freedom : int
+        Degrees of freedom.
+    entries : tuple of Entry
+        The m measured numbers: label, group, unit, value, whether fitted.
+    predictions : (m,) ndarray
+    sigma : (m,) ndarray
+        Standard deviation of each entry, known or from the residuals.
+    blocks : tuple of (str, int)
+        Name of each set of measurements and how many entries it has.
+    scene : Scene
+    status : str
+        ``converged``; failures raise ``SolverError``.
+    warnings : tuple of str
+    statistics : mapping
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    deviations: Array
+    intervals: Array
+    correlation: Array
+    singular_values: Array
+    freedom: int
+    entries: tuple[Entry, ...]
+    predictions: Array
+    sigma: Array
+    blocks: tuple[tuple[str, int], ...]
+    scene: Scene
+    status: str = "converged"
+    warnings: tuple[str, ...] = ()
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> float:
+        """Estimate of a parameter by its name."""
+        return float(self.values[self.names.index(name)])
+
+    @cached_property
+    def measured(self) -> Array:
+        """What was measured (m,)."""
+        return np.array([entry.value for entry in self.entries])
+
+    @cached_property
+    def fitted(self) -> NDArray[np.bool_]:
+        """Which entries (m,) were fitted."""
+        return np.array([entry.fitted for entry in self.entries], dtype=bool)
+
+    @property
+    def residuals(self) -> Array:
+        """Predictions less measurements (m,), in the units of the entries."""
+        return self.predictions - self.measured
+
+    @property
+    def errors(self) -> tuple[Error, ...]:
+        """Errors of what was fitted, by group."""
+        return self._errors(self.fitted)
+
+    @property
+    def holdout_errors(self) -> tuple[Error, ...]:
+        """Errors of what was predicted and not fitted, by group."""
+        return self._errors(~self.fitted)
+
+    def _errors(self, chosen: NDArray[np.bool_]) -> tuple[Error, ...]:
+        groups = [entry.group for entry in self.entries]
+        found = []
+        for group in dict.fromkeys(groups):
+            members = chosen & np.array([name == group for name in groups])
+            if members.any():
+                size = np.abs(self.residuals[members])
+                unit = self.entries[int(np.flatnonzero(members)[0])].unit
+                rms = float(np.sqrt(np.mean(size**2)))
+                found.append(Error(group, unit, rms, float(size.max()), int(members.sum())))
+        return tuple(found)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write ``result.npz`` and ``meta.json`` into a folder, atomically.
+
+        Returns
+        -------
+        pathlib.Path
+            The folder.
+        """
+        from continuum_grasp.results import write_run
+
+        arrays = {
+            "values": self.values,
+            "deviations": self.deviations,
+            "intervals": self.intervals,
+            "correlation": self.correlation,
+            "singular_values": self.singular_values,
+            "measured": self.measured,
+            "predictions": self.predictions,
+            "residuals": self.residuals,
+            "sigma": self.sigma,
+            "fitted": self.fitted,
+            "labels": np.array([entry.label for entry in self.entries]),
+        }
+        meta = {
+            "config": self.scene.model_dump(mode="json"),
+            "status": self.status,
+            "warnings": list(self.warnings),
+            "statistics": dict(self.statistics),
+            **self.summary(),
+        }
+        return write_run(folder, arrays, meta)
+
+    def summary(self) -> dict[str, Any]:
+        """Parameters and errors as plain data."""
+
+        def errors(found: Sequence[Error]) -> list[dict[str, Any]]:
+            return [dict(vars(one)) for one in found]
+
+        rows = zip(self.names, self.units, self.values, self.deviations, self.intervals, strict=True)
+        return {
+            "parameters": [
+                {"name": name, "unit": unit, "value": value, "deviation": deviation, "interval": list(interval)}
+                for name, unit, value, deviation, interval in rows
+            ],
+            "correlation": self.correlation,
+            "singular_values": self.singular_values,
+            "freedom": self.freedom,
+            "errors": errors(self.errors),
+            "holdout_errors": errors(self.holdout_errors),
+            "blocks": [{"name": name, "entries": count} for name, count in self.blocks],
+        }
+
+    def plot(self, folder: str | Path) -> list[Path]:
+        """Draw residuals and predictions into a folder."""
+        from continuum_grasp.plotting.identification import save_fit_pictures
+
+        return save_fit_pictures(self, Path(folder))

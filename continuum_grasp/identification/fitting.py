@@ -1,0 +1,181 @@
+"""Estimate parameters of a finger from measurements."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from os import PathLike
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBlock
+from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPath
+from continuum_grasp.identification.fit import Fit
+from continuum_grasp.identification.inference import infer
+from continuum_grasp.identification.path_block import PathBlock
+from continuum_grasp.identification.problem import Problem, Solution
+from continuum_grasp.identification.read import read_data
+from continuum_grasp.identification.unknowns import Unknown, read_unknowns
+from continuum_grasp.scene.identify import Estimate, IdentifyScene
+from continuum_grasp.scene.load import scene_of
+from continuum_grasp.scene.simulate import Scene
+
+__all__ = ["identify"]
+
+Array = NDArray[np.float64]
+Measurements = str | PathLike[str] | Data | Sequence[str | PathLike[str] | Data]
+
+_OUTLIER = 4.0
+_CORRELATED = 0.5
+_SERIES = 30
+
+
+def identify(
+    scene: Scene | str | PathLike[str],
+    data: Measurements,
+    *,
+    parameters: Sequence[Estimate | str] | None = None,
+    loss: str | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Fit:
+    """Estimate parameters of a scene by least squares through its model.
+
+    Shapes at rest, paths of the tip, and frequencies with decay rates may be given together. Predictions come from the
+    finger's model, derivatives from CasADi: by the implicit function theorem for shapes at rest, by the derivative of
+    an eigenvalue for vibrations, by the variational equations for paths.
+
+    Parameters
+    ----------
+    scene : Scene or path-like
+        The scene, or its YAML file; one with ``estimate`` and ``data`` says what to estimate and how to read files.
+    data : path-like, Poses, TipPath, Frequencies, or a sequence of these
+        Measurements: CSV files, folders of them, or arrays.
+    parameters : sequence of Estimate or str, optional
+        What to estimate; the scene's ``estimate`` where not given.
+    loss : {"squares", "huber"}, optional
+        The scene's, or squares, where not given.
+    progress : callable, optional
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    InputError
+        If scene, parameters or data are wrong or do not fit together.
+    SolverError
+        If the search does not converge, or the model has no shape or motion at the start.
+    """
+    started = perf_counter()
+    scene = _resolved(scene_of(scene))
+    chosen = parameters if parameters is not None else getattr(scene, "estimate", ())
+    used_loss = loss if loss is not None else getattr(scene, "loss", "squares")
+    if used_loss not in ("squares", "huber"):
+        raise InputError(f"expected squares or huber, got {used_loss!r}", key="loss")
+    unknowns = read_unknowns(scene, chosen)
+    blocks = [_block(_resolved(one.scene or scene), one, unknowns) for one in _measurements(scene, data)]
+    problem = Problem(blocks, unknowns, used_loss)
+    solution = problem.solve(progress or (lambda share: None))
+    return _fit(scene, problem, solution, perf_counter() - started)
+
+
+def _resolved(scene: Scene) -> Scene:
+    """The scene with a model in place of a tolerance."""
+    if scene.fidelity.tolerance is None:
+        return scene
+    from continuum_grasp.fidelity.resolve import resolve_fidelity
+
+    plain = Scene(**{name: getattr(scene, name) for name in Scene.model_fields})
+    return scene.model_copy(update={"fidelity": resolve_fidelity(plain)[0].fidelity})
+
+
+def _measurements(scene: Scene, data: Measurements) -> list[Data]:
+    given = [data] if isinstance(data, (str, os.PathLike, Poses, TipPath, Frequencies)) else list(data)
+    found: list[Data] = []
+    paths = [Path(one) for one in given if isinstance(one, (str, os.PathLike))]
+    if paths:
+        if not isinstance(scene, IdentifyScene):
+            raise InputError("files are read as the data of an identify configuration say; give arrays for a scene")
+        found += read_data(scene, paths)
+    for one in given:
+        if isinstance(one, (Poses, TipPath, Frequencies)):
+            found.append(one)
+        elif not isinstance(one, (str, os.PathLike)):
+            raise InputError(f"expected Poses, TipPath, Frequencies or a path, got {one!r:.60}", key="data")
+    if not found:
+        raise InputError("expected measurements, got none", key="data")
+    return found
+
+
+def _block(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
+    if isinstance(data, Poses):
+        return PosesBlock(scene, data, unknowns)
+    if isinstance(data, Frequencies):
+        return VibrationBlock(scene, data, unknowns)
+    return PathBlock(scene, data, unknowns)
+
+
+def _fit(scene: Scene, problem: Problem, solution: Solution, seconds: float) -> Fit:
+    fitted, sigma = problem.fitted, solution.sigma
+    weighted = (solution.predictions - problem.measured) / sigma
+    jacobian = (solution.jacobian / sigma[:, None])[fitted]
+    found = infer(problem.unknowns, solution.values, jacobian, weighted[fitted], solution.inflation)
+    warnings = (*found.warnings, *_outliers(problem, weighted, found.freedom), *_series(problem, weighted))
+    return Fit(
+        names=tuple(one.name for one in problem.unknowns),
+        units=tuple(one.unit for one in problem.unknowns),
+        values=solution.values,
+        deviations=found.deviations,
+        intervals=found.intervals,
+        correlation=found.correlation,
+        singular_values=found.singular_values,
+        freedom=found.freedom,
+        entries=tuple(problem.entries),
+        predictions=solution.predictions,
+        sigma=sigma,
+        blocks=tuple((block.name, len(block.entries)) for block in problem.blocks),
+        scene=scene,
+        warnings=warnings,
+        statistics={
+            "iterations": solution.iterations,
+            "evaluations": solution.evaluations,
+            "total_s": seconds,
+        },
+    )
+
+
+def _outliers(problem: Problem, weighted: Array, freedom: int) -> list[str]:
+    """Fitted entries far from what the rest says."""
+    if freedom < 5:
+        return []
+    scale = float(np.sqrt(np.mean(weighted[problem.fitted] ** 2)))
+    far = np.flatnonzero(problem.fitted & (np.abs(weighted) > _OUTLIER * max(scale, 1e-300)))
+    if not far.size:
+        return []
+    first = problem.entries[int(far[np.argmax(np.abs(weighted[far]))])]
+    return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {_OUTLIER:g} deviations, worst: {first.label}"]
+
+
+def _series(problem: Problem, weighted: Array) -> list[str]:
+    """Paths whose residuals hang together: then they are the model's error rather than noise."""
+    found, at = [], 0
+    for block in problem.blocks:
+        own = weighted[at : at + len(block.entries)]
+        at += len(block.entries)
+        count = sum(entry.at == block.entries[0].at for entry in block.entries)
+        if not block.horizons or own.size < _SERIES * count:
+            continue
+        before, after = own[:-count] - own.mean(), own[count:] - own.mean()
+        share = float(before @ after) / max(float(before @ before), 1e-300)
+        if share > _CORRELATED:
+            found.append(
+                f"residuals of {block.name} hang together in time (correlation {share:.2f} from one instant to the "
+                "next): the model misses something, and the intervals are too narrow"
+            )
+    return found

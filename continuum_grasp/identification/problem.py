@@ -1,0 +1,199 @@
+"""All measurements together: residuals, their weights, and the search for the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.identification.blocks import Block
+from continuum_grasp.identification.levenberg import Minimum, least_squares
+from continuum_grasp.identification.unknowns import Unknown
+
+__all__ = ["Problem", "Solution"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+_HUBER = 1.345
+_ROUNDS = 25
+_HORIZONS = (0.1, 0.25, 0.5, 1.0)
+"""Parts of the paths that are fitted one after the other, so that a wrong start does not end in a wrong period."""
+_LEAST_ROWS = 4
+_FIRST, _ITERATIONS = 8, 100
+"""Most steps of the search on a part of the data, and on all of them."""
+_REACH = 2.0
+"""Relative change of a parameter in a search on a part of the data, which may not see it yet."""
+
+
+class Solution:
+    """The parameters at the minimum, with the weights that led there.
+
+    Attributes
+    ----------
+    values : (n,) ndarray
+    predictions : (m,) ndarray
+        Of every entry, fitted or not.
+    jacobian : (m, n) ndarray
+    sigma : (m,) ndarray
+        Standard deviation of every entry, as known or found.
+    inflation : float
+        Factor on the covariance for a robust loss.
+    iterations, evaluations : int
+    """
+
+    def __init__(self, minimum: Minimum, predictions: Array, jacobian: Array, sigma: Array, inflation: float) -> None:
+        self.values = minimum.values
+        self.predictions, self.jacobian, self.sigma, self.inflation = predictions, jacobian, sigma, inflation
+        self.iterations = self.evaluations = 0
+
+
+class Problem:
+    """Measurements of all sets and the model's predictions of them.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+    unknowns : sequence of Unknown
+    loss : {"squares", "huber"}
+
+    Raises
+    ------
+    InputError
+        If nothing is to be fitted.
+    """
+
+    def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown], loss: str) -> None:
+        self.blocks, self.unknowns, self._loss = list(blocks), list(unknowns), loss
+        self.entries = [entry for block in blocks for entry in block.entries]
+        self.measured = np.array([entry.value for entry in self.entries])
+        self.fitted = np.array([entry.fitted for entry in self.entries], dtype=bool)
+        if not self.fitted.any():
+            raise InputError("no row is to be fitted", key="data")
+        names = [entry.group for entry in self.entries]
+        self.groups = list(dict.fromkeys(names))
+        self._group = np.array([self.groups.index(name) for name in names])
+        self._known = np.array([np.nan if entry.sigma is None else entry.sigma for entry in self.entries])
+        self._iterations = self._evaluations = 0
+
+    def predict(self, values: Array) -> tuple[Array, Array]:
+        """Predictions (m,) of all entries, and their Jacobian (m, n)."""
+        parts = [block.predict(values) for block in self.blocks]
+        return np.concatenate([y for y, _ in parts]), np.concatenate([j for _, j in parts])
+
+    def solve(self, progress: Progress) -> Solution:
+        """Find the parameters; unknown standard deviations and robust weights are found on the way.
+
+        Raises
+        ------
+        SolverError
+            If the search does not converge.
+        """
+        values, sigma = np.array([one.start for one in self.unknowns]), self._first_sigma()
+        horizons = _HORIZONS if any(block.horizons for block in self.blocks) else (1.0,)
+        for share in horizons[:-1]:
+            chosen = self.fitted & self._early(share)
+            if chosen.sum() >= _LEAST_ROWS * len(values):
+                values = self._search(values, chosen, 1.0 / sigma, first=True).values
+            progress(0.5 * share)
+        scale = np.ones(len(self.measured))
+        for round_ in range(_ROUNDS):
+            minimum = self._search(values, self.fitted, scale / sigma)
+            predictions, jacobian = self.predict(minimum.values)
+            new_sigma = self._new_sigma(predictions, jacobian, sigma)
+            new_scale = self._new_scale(predictions, new_sigma)
+            settled = np.allclose(new_sigma, sigma, rtol=1e-3, atol=0.0) and np.allclose(new_scale, scale, atol=1e-4)
+            values, sigma, scale = minimum.values, new_sigma, new_scale
+            progress(0.5 + 0.5 * (round_ + 1) / _ROUNDS)
+            if settled or (len(self.groups) == 1 and self._loss == "squares"):
+                break
+        solution = Solution(minimum, predictions, jacobian, sigma, self._inflation(predictions, sigma))
+        solution.iterations, solution.evaluations = self._iterations, self._evaluations
+        return solution
+
+    def _search(self, start: Array, chosen: NDArray[np.bool_], weights: Array, first: bool = False) -> Minimum:
+        lower = np.array([one.lower for one in self.unknowns])
+        upper = np.array([one.upper for one in self.unknowns])
+        sizes = np.array([max(abs(one.start), one.typical) for one in self.unknowns])
+        if first:
+            reach = _REACH * np.maximum(np.abs(start), sizes / _REACH)
+            lower, upper = np.maximum(lower, start - reach), np.minimum(upper, start + reach)
+
+        def residuals(values: Array) -> tuple[Array, Array]:
+            y, jacobian = self.predict(values)
+            scale = weights[chosen]
+            return scale * (y - self.measured)[chosen], scale[:, None] * jacobian[chosen]
+
+        found = least_squares(residuals, start, lower, upper, sizes, iterations=_FIRST if first else _ITERATIONS)
+        self._iterations += found.iterations
+        self._evaluations += found.evaluations
+        if not first and not found.converged:
+            raise SolverError(
+                "the parameters were not found",
+                status="iteration limit" if found.iterations else "no step possible",
+                violated=[
+                    f"{one.name} = {v:.6g} {one.unit}" for one, v in zip(self.unknowns, found.values, strict=True)
+                ],
+                advice="start nearer to the values, bound them, or estimate fewer parameters",
+                result=found,
+            )
+        return found
+
+    def _early(self, share: float) -> NDArray[np.bool_]:
+        """Entries in the first part of each path; all of them elsewhere."""
+        parts = []
+        for block in self.blocks:
+            at = np.array([entry.at for entry in block.entries])
+            parts.append(at <= share * at.max() if block.horizons else np.ones(at.size, dtype=bool))
+        return np.concatenate(parts)
+
+    def _first_sigma(self) -> Array:
+        """Known standard deviations; a hundredth of the spread of what was measured for the others."""
+        sigma = self._known.copy()
+        for k in range(len(self.groups)):
+            members = self._group == k
+            values = self.measured[members]
+            spread = max(float(np.ptp(values)), float(np.abs(values).max()), 1e-12)
+            sigma[members & np.isnan(self._known)] = 0.01 * spread
+        return sigma
+
+    def _new_sigma(self, predictions: Array, jacobian: Array, sigma: Array) -> Array:
+        """Standard deviations from the residuals of each group, allowing for the parameters that it pays for."""
+        fitted, residuals = self.fitted, predictions - self.measured
+        basis, singular, _ = np.linalg.svd((jacobian / sigma[:, None])[fitted], full_matrices=False)
+        keep = singular > 1e-10 * max(float(singular.max(initial=0.0)), 1e-300)
+        leverage = np.zeros(len(sigma))
+        leverage[fitted] = np.sum(basis[:, keep] ** 2, axis=1)
+        found = sigma.copy()
+        for k in range(len(self.groups)):
+            members = (self._group == k) & np.isnan(self._known)
+            used = members & fitted
+            freedom = float(np.sum(1.0 - leverage[used]))
+            if freedom > 0.5:
+                first = self._first_sigma()[members]
+                found[members] = np.maximum(self._spread(residuals[used], freedom), 1e-6 * first)
+        return found
+
+    def _spread(self, residuals: Array, freedom: float) -> float:
+        """Standard deviation: of all residuals, or from their median where outliers are expected."""
+        if self._loss == "huber" and residuals.size >= 5:
+            return 1.4826 * float(np.median(np.abs(residuals))) * float(np.sqrt(residuals.size / freedom))
+        return float(np.sqrt(residuals @ residuals / freedom))
+
+    def _new_scale(self, predictions: Array, sigma: Array) -> Array:
+        if self._loss == "squares":
+            return np.ones(len(sigma))
+        size = np.abs(predictions - self.measured) / sigma
+        return np.asarray(np.sqrt(np.minimum(1.0, _HUBER / np.maximum(size, 1e-300))))
+
+    def _inflation(self, predictions: Array, sigma: Array) -> float:
+        """Of the covariance (P. J. Huber, Robust Statistics, 1981, section 7.6), relative to plain squares."""
+        if self._loss == "squares":
+            return 1.0
+        size = ((predictions - self.measured) / sigma)[self.fitted]
+        bounded, inside = np.clip(size, -_HUBER, _HUBER), float(np.mean(np.abs(size) <= _HUBER))
+        correction = 1.0 + len(self.unknowns) / len(size) * (1.0 - inside) / max(inside, 1e-3)
+        plain = float(size @ size)
+        return correction**2 * float(bounded @ bounded) / max(inside, 1e-3) ** 2 / max(plain, 1e-300)

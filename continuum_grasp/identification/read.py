@@ -1,0 +1,183 @@
+"""From files, as a configuration describes them, to measurements."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.identification.damped_sine import fit_damped_sine
+from continuum_grasp.identification.data import Data, Frequencies, Poses, Reading, TipPath
+from continuum_grasp.identification.table import Table, read_table
+from continuum_grasp.identification.units import unit_of_quantity
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.document import Document, Place
+from continuum_grasp.scene.identify import (
+    Column,
+    ColumnLike,
+    Condition,
+    DataSet,
+    FrequencyTable,
+    IdentifyScene,
+    RingDown,
+    StaticPoses,
+    TipTrajectory,
+)
+from continuum_grasp.scene.overrides import apply_override, read_overrides
+from continuum_grasp.scene.simulate import Scene
+
+__all__ = ["read_data"]
+
+Array = NDArray[np.float64]
+
+
+def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
+    """Measurements of all sets that a configuration describes.
+
+    Parameters
+    ----------
+    scene : IdentifyScene
+    paths : sequence of path
+        Files, or folders that hold them.
+
+    Raises
+    ------
+    InputError
+        If a set has no file, a file no set, or something in a file is wrong.
+    """
+    if not scene.data:
+        raise InputError("a configuration that reads files says how: data: [{kind: ...}]", key="data")
+    files = list(_files(paths, scene.data))
+    used: set[Path] = set()
+    found: list[Data] = []
+    for k, one in enumerate(scene.data):
+        key = f"data[{k}]"
+        mine = [file for file in files if one.file is None or fnmatch.fnmatch(file.name, one.file)]
+        if not mine:
+            raise InputError(f"no file {one.file or '*.csv'} among {', '.join(map(str, paths))}", key=f"{key}.file")
+        used.update(mine)
+        own = _changed(scene, one.set, f"{key}.set")
+        for file in mine:
+            table = read_table(file)
+            for choice in one.where:
+                table = table.chosen(choice.column, choice.equals)
+            found.append(_read(one, table, own, one.name or file.stem, key))
+    for path in paths:
+        if path.is_file() and path not in used:
+            wanted = ", ".join(str(one.file) for one in scene.data)
+            raise InputError(f"no set of the configuration reads this file; they read {wanted}", file=str(path))
+    return found
+
+
+def _files(paths: Sequence[Path], sets: Iterable[DataSet]) -> Iterator[Path]:
+    for path in paths:
+        if path.is_dir():
+            patterns = [one.file or "*.csv" for one in sets]
+            yield from sorted(
+                file for file in path.iterdir() if any(fnmatch.fnmatch(file.name, pattern) for pattern in patterns)
+            )
+        elif path.is_file():
+            yield path
+        else:
+            raise InputError("no such file", file=str(path))
+
+
+def _changed(scene: IdentifyScene, changes: Sequence[str], key: str) -> Scene:
+    """The scene without what is said of the data, changed."""
+    plain = scene.model_dump(mode="json", exclude_unset=True, exclude={"estimate", "data", "loss"})
+    document = Document(plain, {(): Place(key)})
+    try:
+        for path, new in read_overrides(changes):
+            apply_override(document, path, new)
+        return Scene(**document.value)
+    except InputError as error:
+        where = ".".join(part for part in (key, error.key) if part)
+        raise InputError(error.message, key=where) from None
+
+
+def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> Data:
+    fitted = one.use == "fit"
+    if isinstance(one, StaticPoses):
+        readings = [
+            Reading(m.quantity, _column(table, m, unit_of_quantity(m.quantity)), m.at, m.sigma) for m in one.measured
+        ]
+        chosen = _chosen(len(table.rows), fitted, one.holdout_rows, key)
+        return Poses(readings, _conditions(table, one.conditions, scene), chosen, scene, name)
+    if isinstance(one, FrequencyTable):
+        rows = len(table.rows)
+        mode = np.full(rows, one.mode) if isinstance(one.mode, int) else table.numbers(one.mode)
+        decay = None if one.decay_rate is None else _column(table, one.decay_rate, "1/s")
+        chosen = _chosen(rows, fitted, one.holdout_rows, key)
+        conditions = _conditions(table, one.conditions, scene)
+        return Frequencies(mode, _column(table, one.frequency, "Hz"), decay, conditions, chosen, scene, name)
+    t = _column(table, one.t, "s")
+    inside = _inside(t, one.window, table)
+    if isinstance(one, TipTrajectory):
+        x = None if one.x is None else _column(table, one.x, "m")[inside]
+        y = None if one.y is None else _column(table, one.y, "m")[inside]
+        try:
+            return TipPath(t[inside], x, y, one.at, one.sigma, fitted, scene, name)
+        except InputError as error:
+            raise InputError(error.message, file=table.file) from None
+    return _ring_downs(one, table, t, inside, scene, name)
+
+
+def _ring_downs(
+    one: RingDown, table: Table, t: Array, inside: NDArray[np.bool_], scene: Scene, name: str
+) -> Frequencies:
+    """One row per signal."""
+    found = []
+    for heading in one.signals:
+        signal = table.numbers(heading, gaps=True)
+        there = inside & np.isfinite(signal)
+        try:
+            found.append(fit_damped_sine(t[there], signal[there], heading))
+        except InputError as error:
+            raise InputError(f"{heading}: {error.message}", file=table.file) from None
+    count = len(found)
+    fitted = np.full(count, one.use == "fit")
+    frequency, decay = [sine.frequency for sine in found], [sine.decay_rate for sine in found]
+    return Frequencies(np.full(count, one.mode), frequency, decay, {}, fitted, scene, name)
+
+
+def _inside(t: Array, window: tuple[float, float] | None, table: Table) -> NDArray[np.bool_]:
+    inside = np.ones(t.size, dtype=bool) if window is None else (t >= window[0]) & (t <= window[1])
+    if window is not None and not inside.any():
+        message = f"no sample between {window[0]:g} and {window[1]:g} s; they go from {t.min():g} to {t.max():g} s"
+        raise InputError(message, file=table.file)
+    return inside
+
+
+def _chosen(rows: int, fitted: bool, holdout: Sequence[int], key: str) -> NDArray[np.bool_]:
+    """Rows that are fitted."""
+    chosen = np.full(rows, fitted)
+    for row in holdout:
+        if row > rows:
+            raise InputError(f"row {row} of {rows}", key=f"{key}.holdout_rows")
+        chosen[row - 1] = False
+    return chosen
+
+
+def _conditions(table: Table, conditions: Sequence[Condition], scene: Scene) -> dict[str, Array]:
+    return {one.name: _column(table, one, _unit_of_entry(one.name, scene)) for one in conditions}
+
+
+def _unit_of_entry(name: str, scene: Scene) -> str:
+    """Unit of an input, force or parameter of the model; that of SI where the model does not say it."""
+    model = FingerModel(scene, input_rates=False)
+    labels = [*model.u_names, *model.w_names]
+    if name not in (label.split(" [")[0] for label in labels):
+        labels = FingerModel(scene, parameters=(name,), input_rates=False).p_names
+    return next((label.split(" [")[1].rstrip("]") for label in labels if label.split(" [")[0] == name), "")
+
+
+def _column(table: Table, column: ColumnLike, si: str) -> Array:
+    one = Column(column=column) if isinstance(column, str) else column
+    values = table.in_si(one.column, si, one.unit)
+    if one.minus is not None:
+        values = values - table.in_si(one.minus, si, one.unit)
+    return one.scale * values

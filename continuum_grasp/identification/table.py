@@ -1,0 +1,216 @@
+"""Measurements in CSV files, with the place of everything that is wrong in them."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.identification.units import factor_to_si
+
+__all__ = ["Table", "read_table"]
+
+Array = NDArray[np.float64]
+
+MAX_BYTES = 200_000_000
+_HEADING = re.compile(r"^(.*?)\s*(?:\[([^\]]*)\])?$")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text cells, and the line of each.
+
+    Attributes
+    ----------
+    file : str
+    headings : tuple of str
+        Without the units.
+    units : tuple of str or None
+        Of each column, where its heading has one in brackets.
+    rows : tuple of tuple of str
+    lines : tuple of int
+        Line of each row in the file, from 1.
+    header_line : int
+    """
+
+    file: str
+    headings: tuple[str, ...]
+    units: tuple[str | None, ...]
+    rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+    header_line: int
+
+    def index(self, heading: str) -> int:
+        """Number of a column, from 0.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        wanted = _HEADING.fullmatch(heading.strip())
+        name = wanted[1] if wanted and heading not in self.headings else heading
+        if name in self.headings:
+            return self.headings.index(name)
+        near = difflib.get_close_matches(name, self.headings, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise InputError(
+            f"no column {heading!r}{hint} (it has {', '.join(self.headings)})",
+            file=self.file,
+            line=self.header_line,
+            column=1,
+        )
+
+    def chosen(self, heading: str, texts: Sequence[str]) -> Table:
+        """The rows in which a column has one of some texts; numbers are compared as such.
+
+        Raises
+        ------
+        InputError
+            If there is no such column, or no such row.
+        """
+        at = self.index(heading)
+        keep = [k for k, row in enumerate(self.rows) if any(_same(row[at], text) for text in texts)]
+        if not keep:
+            found = list(dict.fromkeys(row[at] for row in self.rows))[:8]
+            raise InputError(
+                f"no row in which {heading} is {' or '.join(texts)}; it is {', '.join(found)}", file=self.file
+            )
+        rows, lines = tuple(self.rows[k] for k in keep), tuple(self.lines[k] for k in keep)
+        return Table(self.file, self.headings, self.units, rows, lines, self.header_line)
+
+    def numbers(self, heading: str, *, gaps: bool = False) -> Array:
+        """A column as numbers (rows,), as they stand in the file.
+
+        Parameters
+        ----------
+        heading : str
+        gaps : bool
+            Whether a cell may be empty, which then is NaN.
+
+        Raises
+        ------
+        InputError
+            If a cell is no finite number, with its place.
+        """
+        at = self.index(heading)
+        return np.array([self._number(k, at, gaps) for k in range(len(self.rows))])
+
+    def in_si(self, heading: str, si: str, unit: str | None = None, *, gaps: bool = False) -> Array:
+        """A column (rows,) in an SI unit; ``unit`` is that of the data where its heading does not say it.
+
+        Raises
+        ------
+        InputError
+            If the unit does not fit, or says another than the heading.
+        """
+        at = self.index(heading)
+        own = self.units[at]
+        if unit is not None and own is not None and unit != own:
+            raise self.error(f"its heading says [{own}], the configuration {unit!r}", at)
+        try:
+            factor = factor_to_si(unit or own or si, si)
+        except InputError as error:
+            raise self.error(f"column {self.headings[at]}: {error.message}", at) from None
+        return factor * self.numbers(heading, gaps=gaps)
+
+    def error(self, message: str, at: int, row: int | None = None) -> InputError:
+        """An error at a cell, or at the heading of a column."""
+        line = self.header_line if row is None else self.lines[row]
+        cells = self.headings if row is None else self.rows[row]
+        column = 1 + sum(len(cell) + 1 for cell in cells[:at])
+        return InputError(message, file=self.file, line=line, column=column)
+
+    def _number(self, row: int, at: int, gaps: bool) -> float:
+        text = self.rows[row][at]
+        if not text:
+            if gaps:
+                return math.nan
+            raise self.error(f"column {self.headings[at]}: the cell is empty; expected a number", at, row)
+        try:
+            value = float(text)
+        except ValueError:
+            hint = " (write a decimal point, not a comma)" if re.fullmatch(r"[-+]?\d+,\d+", text) else ""
+            message = f"column {self.headings[at]}: expected a number, got {text[:40]!r}{hint}"
+            raise self.error(message, at, row) from None
+        if not math.isfinite(value):
+            raise self.error(f"column {self.headings[at]}: expected a finite number, got {text!r}", at, row)
+        return value
+
+
+def read_table(path: str | Path) -> Table:
+    """Read a CSV file: UTF-8, commas, one line of headings; empty lines and lines that begin with # are left out.
+
+    Raises
+    ------
+    InputError
+        With the line, where it is not of that form.
+    """
+    name = str(path)
+    try:
+        data = Path(path).read_bytes()
+    except FileNotFoundError:
+        raise InputError("no such file", file=name) from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=name) from None
+    if len(data) > MAX_BYTES:
+        raise InputError(f"the file is too large; expected at most {MAX_BYTES} bytes", file=name)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError("the file is not UTF-8 text", file=name, line=line) from None
+    numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
+    if len(numbered) < 2:
+        raise InputError("expected a line of headings and rows of numbers", file=name)
+    return _table(name, numbered)
+
+
+def _table(name: str, numbered: list[tuple[int, str]]) -> Table:
+    header_line, header = numbered[0]
+    cells = _cells(header)
+    if len(cells) == 1 and (";" in header or "\t" in header):
+        raise InputError("expected columns that are separated by commas", file=name, line=header_line)
+    parts = [_HEADING.fullmatch(cell) for cell in cells]
+    headings = tuple(part[1] if part else cell for part, cell in zip(parts, cells, strict=True))
+    units = tuple(part[2] if part else None for part in parts)
+    for k, heading in enumerate(headings):
+        if not heading:
+            raise InputError(f"column {k + 1} has no heading", file=name, line=header_line)
+        if heading in headings[:k]:
+            raise InputError(f"two columns are called {heading!r}", file=name, line=header_line)
+        if _is_number(heading):
+            raise InputError(f"expected headings, got the number {heading}", file=name, line=header_line)
+    rows = []
+    for line, text in numbered[1:]:
+        row = _cells(text)
+        if len(row) != len(headings):
+            raise InputError(f"expected {len(headings)} cells, got {len(row)}", file=name, line=line)
+        rows.append(row)
+    return Table(name, headings, units, tuple(rows), tuple(k for k, _ in numbered[1:]), header_line)
+
+
+def _cells(line: str) -> tuple[str, ...]:
+    return tuple(cell.strip() for cell in next(csv.reader([line])))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _same(cell: str, text: str) -> bool:
+    if _is_number(cell) and _is_number(text):
+        return math.isclose(float(cell), float(text), rel_tol=1e-12)
+    return cell == text

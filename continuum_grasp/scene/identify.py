@@ -1,0 +1,194 @@
+"""What is to be estimated from measurements, and how to read these."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.value import Length, Positive, Real, Value
+
+__all__ = [
+    "Column",
+    "Condition",
+    "DataSet",
+    "Estimate",
+    "FrequencyTable",
+    "IdentifyScene",
+    "Measured",
+    "RingDown",
+    "RowsEqual",
+    "StaticPoses",
+    "TipTrajectory",
+]
+
+Quantity = Literal["x", "y", "angle", "bend"]
+
+
+class Column(Value):
+    """One column of a table: its number times the unit times ``scale``."""
+
+    column: str
+    """Heading of the column, with or without the unit that it has in brackets."""
+    unit: str | None = None
+    """Unit, such as mm; None: as in brackets in the heading, or SI."""
+    scale: Real = 1.0
+    """Factor, -1 for a drop that is counted downwards."""
+    minus: str | None = None
+    """Heading of a column of the same unit that is taken off first, such as the base's position."""
+
+
+ColumnLike = str | Column
+
+
+class Condition(Column):
+    """A column that says under which load, input or parameter a row was measured."""
+
+    name: str
+    """Entry of the model's inputs (tip_moment, tension_1, ...), forces (tip_y, load_1_y, ...) or parameters."""
+
+
+class Measured(Column):
+    """A column with what was measured at a section."""
+
+    quantity: Quantity
+    """x, y: world position [m]; angle: of the section in the world [rad]; bend: between base and section [rad]."""
+    at: Annotated[float, Field(ge=0.0, le=1e4)] | None = None
+    """Position along the finger [m]; None: the tip."""
+    sigma: Positive | None = None
+    """Standard deviation in SI units, where known: weights of unlike quantities; None: from the residuals."""
+
+
+class RowsEqual(Value):
+    """Choice of the rows in which a column has one of some texts."""
+
+    column: str
+    """Heading of the column."""
+    equals: Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
+    """The texts, or numbers as texts."""
+
+
+class _Data(Value):
+    name: str | None = None
+    """What reports call this set; the file's name where not given."""
+    file: str | None = None
+    """Name of the file with wildcards, torque_*.csv; None: every file that is given."""
+    where: Annotated[tuple[RowsEqual, ...], Field(strict=False)] = ()
+    """Rows to read; all of them must hold."""
+    set: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    """Changes of the scene for this set, as ``key.path=value``."""
+    use: Literal["fit", "holdout"] = "fit"
+    """holdout: predicted and compared, not fitted."""
+
+
+class StaticPoses(_Data):
+    """Shapes at rest: a row per load case."""
+
+    kind: Literal["static"]
+    conditions: Annotated[tuple[Condition, ...], Field(strict=False)] = ()
+    measured: Annotated[tuple[Measured, ...], Field(strict=False, min_length=1)]
+    holdout_rows: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = ()
+    """Rows, counted from 1 among those read, that are predicted and not fitted."""
+
+
+class TipTrajectory(_Data):
+    """Path of a point of the finger in time; the motion starts as ``initial`` of the scene says."""
+
+    kind: Literal["trajectory"]
+    t: ColumnLike = "t"
+    x: ColumnLike | None = "x"
+    y: ColumnLike | None = "y"
+    at: Length | None = None
+    """Position along the finger [m]; None: the tip."""
+    window: Annotated[tuple[Real, Real], Field(strict=False)] | None = None
+    """Instants from and to which samples are used [s]."""
+    sigma: Positive | None = None
+    """Standard deviation of x and y [m], where known."""
+
+    @model_validator(mode="after")
+    def _something(self) -> TipTrajectory:
+        if self.x is None and self.y is None:
+            raise ValueError("x and y are both null: give one of them at least")
+        if self.window is not None and self.window[1] <= self.window[0]:
+            raise ValueError(f"window must increase, got {list(self.window)}")
+        return self
+
+
+class RingDown(_Data):
+    """Free vibration after a motion: each signal becomes a frequency and a decay rate."""
+
+    kind: Literal["ring_down"]
+    t: ColumnLike = "t"
+    signals: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = ("signal",)
+    """Headings of the columns, in any unit; empty cells are samples that are missing."""
+    window: Annotated[tuple[Real, Real], Field(strict=False)]
+    """Instants from and to which samples are used [s]."""
+    mode: Annotated[int, Field(ge=1)] = 1
+    """Natural mode that rings, from 1."""
+
+    @model_validator(mode="after")
+    def _increasing(self) -> RingDown:
+        if self.window[1] <= self.window[0]:
+            raise ValueError(f"window must increase, got {list(self.window)}")
+        return self
+
+
+class FrequencyTable(_Data):
+    """Frequencies of free vibration: a row per mode and configuration."""
+
+    kind: Literal["frequencies"]
+    mode: str | Annotated[int, Field(ge=1)] = "mode"
+    """Heading of the column, or one mode for all rows, from 1."""
+    frequency: ColumnLike = "frequency"
+    """Of the damped vibration [Hz]."""
+    decay_rate: ColumnLike | None = None
+    """Of its amplitude [1/s]."""
+    conditions: Annotated[tuple[Condition, ...], Field(strict=False)] = ()
+    holdout_rows: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = ()
+    """Rows, counted from 1 among those read, that are predicted and not fitted."""
+
+
+DataSet = Annotated[StaticPoses | TipTrajectory | RingDown | FrequencyTable, Field(discriminator="kind")]
+
+
+class Estimate(Value):
+    """A parameter to estimate."""
+
+    name: str
+    """youngs_modulus, bending_stiffness, linear_density, material_damping, per_arc_damping, rest_curvature, tip_mass,
+    mass_0 (of masses[0]), clamp_angle (added to the base angle), tendon_offset, tendon_friction or tension_deadband."""
+    start: Real | None = None
+    """Where the search starts; None: the scene's value."""
+    min: Real | None = None
+    max: Real | None = None
+    second_moment: Annotated[float, Field(ge=1e-24, le=1e6)] | None = None
+    """Second moment of area [m4], for youngs_modulus of a rod that is given by its bending stiffness."""
+
+    @model_validator(mode="after")
+    def _bounds(self) -> Estimate:
+        if self.min is not None and self.max is not None and self.min >= self.max:
+            raise ValueError(f"min = {self.min:g} is not below max = {self.max:g}")
+        if self.second_moment is not None and self.name != "youngs_modulus":
+            raise ValueError(f"second_moment goes with youngs_modulus, not with {self.name}")
+        return self
+
+
+class IdentifyScene(Scene):
+    """A scene, the parameters of it that are unknown, and the measurements that are to tell them."""
+
+    estimate: Annotated[tuple[Estimate, ...], Field(strict=False, min_length=1)]
+    data: Annotated[tuple[DataSet, ...], Field(strict=False)] = ()
+    """How to read the files that are given beside this one."""
+    loss: Literal["squares", "huber"] = "squares"
+    """huber: residuals beyond 1.345 standard deviations count linearly, so that outliers pull less."""
+
+    @model_validator(mode="after")
+    def _distinct(self) -> IdentifyScene:
+        names = [one.name for one in self.estimate]
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                raise ValueError(f"estimate[{k}].name: {name} is estimated twice")
+        if self.data and all(one.use == "holdout" for one in self.data):
+            raise ValueError("data: every set is a hold-out; one at least must be fitted")
+        return self
