@@ -191,6 +191,24 @@ def test_a_model_with_such_constants_says_so():
     assert cg.compile(coarse, precision="float").tip(q) == pytest.approx(cg.compile(wide).tip(q), abs=1e-5)
 
 
+def test_a_model_whose_accelerations_would_be_lost_says_so():
+    slender = Finger(rod=ROD.model_copy(update={"rotary_inertia": 0.0}))
+    with pytest.raises(InputError, match="fewer elements"):
+        cg.compile(cg.FingerModel(slender, family="arc", elements=32), precision="float")
+    assert cg.compile(cg.FingerModel(slender, family="arc", elements=8), (), precision="float").compiled
+
+
+def test_stiff_steps_keep_their_digits():
+    """Rows of the implicit step differ by 1e8 here; rounding of the largest must not reach the smallest."""
+    finger = Finger(rod=ROD.model_copy(update={"rotary_inertia": 0.0}))
+    model = cg.FingerModel(finger, family="clothoid", elements=(0.59, 0.01))
+    double, narrow = cg.compile(model), cg.compile(model, precision="float")
+    x0 = np.concatenate([[1.0, 0.5, 0.5], np.zeros(3)])
+    expected, found = (c.rollout(x0, 50, 2e-3, method="implicit")[:, :3] for c in (double, narrow))
+    tips = [double.batch("tip", np.ascontiguousarray(q)) for q in (expected, found)]
+    assert np.abs(tips[0] - tips[1]).max() <= 1e-5 * ROD.length
+
+
 CALLS = {
     "precision": (lambda c, x: cg.compile(c.model, precision="half"), "precision: expected one of double, float"),
     "precision that is no word": (lambda c, x: core.Core(c.model, precision=32), "precision: expected .* got 32"),

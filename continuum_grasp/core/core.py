@@ -16,7 +16,7 @@ from continuum_grasp.core.call import Caller, pointers, real_array, shaped
 from continuum_grasp.core.checks import Sections, finite, model_of, positive, whole
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
 from continuum_grasp.core.integrators import METHODS, step_function
-from continuum_grasp.core.precision import SingleRange, precision_of
+from continuum_grasp.core.precision import SingleRange, check_solvable, precision_of
 from continuum_grasp.core.rollouts import Rollouts, row, signal
 from continuum_grasp.core.source import batch_source, entry, function_source, rollout_source, rollouts_source
 from continuum_grasp.errors import InputError, NumericalError
@@ -92,7 +92,7 @@ class Core:
     Raises
     ------
     InputError
-        If single precision is asked for where nothing is compiled, or a constant of the model is beyond it.
+        If single precision is asked for where nothing is compiled, or has too few digits for the model.
     """
 
     def __init__(self, model: FingerModel, *, compiled: bool = True, precision: str = "double") -> None:
@@ -105,6 +105,8 @@ class Core:
         self._steps: dict[str, ca.Function] = {}
         if self.precision == "float" and self._compiler is None:
             raise _no_single_precision(why_no_compiler() if compiled else "compiled=False")
+        if self.precision == "float":
+            check_solvable(self.model)
         if compiled and self._compiler is None:
             _warn(why_no_compiler())
 

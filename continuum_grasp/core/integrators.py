@@ -103,6 +103,9 @@ def _rodas(
         raise InputError("the implicit method needs the linearization")
     jacobian = linearization(x, u[0], w[0], p)[0]
     matrix = ca.MX.eye(x.numel()) / (_GAMMA * h) - jacobian
+    # Rows of one size: those of accelerations can be 1e8 times those of rates, whose digits they would take.
+    balance = 1.0 / ca.sqrt(ca.sum2(matrix * matrix))
+    matrix = ca.repmat(balance, 1, x.numel()) * matrix
     solver = ca.Linsol("solver", "qr", matrix.sparsity())
     # Change of the right-hand side over the step through the inputs alone, per step.
     drift = -3 * f(x, u[0], w[0], p) + 4 * f(x, u[1], w[1], p) - f(x, u[2], w[2], p)
@@ -117,7 +120,7 @@ def _rodas(
         right = right + f(at, _quadratic(u, alpha), _quadratic(w, alpha), p)
         if varying and gamma != 0.0:
             right = right + gamma * drift
-        stages.append(solver.solve(matrix, right))
+        stages.append(solver.solve(matrix, balance * right))
     following = x + stages[-1]
     for weight, stage in zip(_A[-1], stages, strict=False):
         following = following + weight * stage

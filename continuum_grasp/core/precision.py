@@ -11,14 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.model.finger_model import FingerModel
 
-__all__ = ["PRECISIONS", "SingleRange", "literal", "precision_of", "single"]
+__all__ = ["PRECISIONS", "SingleRange", "check_solvable", "literal", "precision_of", "single"]
 
 PRECISIONS = ("double", "float")
 """C types that a core may compute in."""
 
 _GREATEST = float(np.finfo(np.float32).max)
 _LEAST = float(np.finfo(np.float32).tiny)
+_ROUNDING = 0.5 * float(np.finfo(np.float32).eps)
 
 _TOKEN = re.compile(
     r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'|[A-Za-z_]\w*"
@@ -73,6 +75,25 @@ def literal(value: float, real: str, text: str | None = None) -> str:
             "series are long"
         )
     return f"{text}f"
+
+
+def check_solvable(model: FingerModel) -> None:
+    """Whether single precision leaves accelerations any digit, at the straight finger.
+
+    Raises
+    ------
+    InputError
+        If rounding times the condition of the mass matrix, with a diagonal of ones as the factorisation sees it,
+        exceeds one.
+    """
+    mass = np.array(model.mass_matrix(np.zeros(model.n), np.zeros(model.nu), model.p_nominal))
+    scale = 1.0 / np.sqrt(np.diag(mass))
+    condition = float(np.linalg.cond(scale[:, None] * mass * scale))
+    if not condition * _ROUNDING <= 1.0:
+        raise InputError(
+            f"single precision may lose all digits of this model's accelerations (condition of the mass matrix "
+            f"{condition:.1g}, expected up to {1.0 / _ROUNDING:.1g}): take precision='double', or fewer elements"
+        )
 
 
 class SingleRange:
