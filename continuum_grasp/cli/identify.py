@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from continuum_grasp.identification import Error, Fit
+    from continuum_grasp.scene.document import Document
     from continuum_grasp.scene.identify import IdentifyScene
 
 __all__ = ["identify"]
@@ -34,13 +35,21 @@ def identify(
 ) -> None:
     """Estimate parameters from measurements, with confidence intervals."""
     output = Output(as_json, quiet, verbose)
-    scene = _scene(config, changes)
+    scene, document = _scene(config, changes)
     folder = run_folder(out, config)
 
+    from continuum_grasp.errors import InputError
     from continuum_grasp.identification import identify as run
+    from continuum_grasp.scene.document import undotted
 
-    with output.busy("identifying") as report:
-        fit = run(scene, data, progress=report)
+    try:
+        with output.busy("identifying") as report:
+            fit = run(scene, data, progress=report)
+    except InputError as error:
+        if error.file is not None or error.key is None:
+            raise
+        path = undotted(error.key)
+        raise document.nearest(path).error(error.message, path) from None
     fit.save(folder)
     files: list[Path] = []
     if pictures:
@@ -49,14 +58,14 @@ def identify(
     _report(fit, folder, files, output)
 
 
-def _scene(config: Path, changes: Sequence[str] | None) -> IdentifyScene:
+def _scene(config: Path, changes: Sequence[str] | None) -> tuple[IdentifyScene, Document]:
     from continuum_grasp.errors import InputError
     from continuum_grasp.scene.identify import IdentifyScene
-    from continuum_grasp.scene.load import load
+    from continuum_grasp.scene.load import load_placed
 
-    loaded = load(config, changes or ())
+    loaded, document = load_placed(config, changes or ())
     if isinstance(loaded, IdentifyScene):
-        return loaded
+        return loaded, document
     raise InputError("expected a scene with parameters to estimate: [{name: ...}] and data", file=str(config))
 
 

@@ -75,6 +75,10 @@ class Block:
         """
         raise NotImplementedError
 
+    def warnings(self, values: Array) -> tuple[str, ...]:
+        """What the user must know of shapes beyond the bending range or the strain limit."""
+        raise NotImplementedError
+
 
 class PosesBlock(Block):
     """Shapes at rest."""
@@ -110,6 +114,10 @@ class PosesBlock(Block):
         found = [self._row(row, values) for row in range(self._count)]
         return np.concatenate([y for y, _ in found]), np.concatenate([d for _, d in found])
 
+    def warnings(self, values: Array) -> tuple[str, ...]:
+        """As of ``Block``."""
+        return self._shapes.warnings(self._rows, self._count, values)
+
     def _row(self, row: int, values: Array) -> tuple[Array, Array]:
         z, dz = self._rows.at(row, values)
         q, dq = self._shapes.at(row, z)
@@ -143,6 +151,10 @@ class VibrationBlock(Block):
         """As of ``Block``."""
         found = [self._row(row, values) for row in range(len(self._modes))]
         return np.concatenate([y for y, _ in found]), np.concatenate([d for _, d in found])
+
+    def warnings(self, values: Array) -> tuple[str, ...]:
+        """As of ``Block``."""
+        return self._shapes.warnings(self._rows, len(self._modes), values)
 
     def _row(self, row: int, values: Array) -> tuple[Array, Array]:
         z, dz = self._rows.at(row, values)

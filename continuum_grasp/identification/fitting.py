@@ -126,7 +126,8 @@ def _fit(scene: Scene, problem: Problem, solution: Solution, seconds: float) -> 
     weighted = (solution.predictions - problem.measured) / sigma
     jacobian = (solution.jacobian / sigma[:, None])[fitted]
     found = infer(problem.unknowns, solution.values, jacobian, weighted[fitted], solution.inflation)
-    warnings = (*found.warnings, *_outliers(problem, weighted, found.freedom), *_series(problem, weighted))
+    shapes = [f"{block.name}: {one}" for block in problem.blocks for one in block.warnings(solution.values)]
+    warnings = (*found.warnings, *shapes, *_outliers(problem, weighted, found.freedom), *_series(problem, weighted))
     return Fit(
         names=tuple(one.name for one in problem.unknowns),
         units=tuple(one.unit for one in problem.unknowns),

@@ -94,7 +94,7 @@ def infer(
     intervals = np.stack([values - reach, values + reach], axis=1)
     warnings = [*_blindness(unknowns, directions[blind], jacobian * sizes)]
     warnings += _weakness(unknowns, values, deviations, correlation, lost)
-    warnings += _limits(unknowns, values)
+    warnings += _limits(unknowns, values, lost)
     if freedom <= 0:
         warnings.append(f"{rows} fitted numbers for {count} parameters: nothing is left to tell their uncertainty")
     return Inference(deviations, intervals, correlation, singular, directions, freedom, tuple(warnings))
@@ -110,9 +110,7 @@ def _blindness(unknowns: Sequence[Unknown], directions: Array, scaled: Array) ->
         parts = [int(k) for k in np.flatnonzero(np.abs(direction) > _PART) if not unseen[k]]
         if len(parts) > 1:
             names = " and ".join(unknowns[k].name for k in parts)
-            ratio = ", ".join(
-                f"{unknowns[k].name} by {100 * direction[k] / abs(direction[parts[0]]):+.3g} %" for k in parts
-            )
+            ratio = ", ".join(f"{unknowns[k].name} by {100 * direction[k] / direction[parts[0]]:+.3g} %" for k in parts)
             found.append(
                 f"the data see only a combination of {names}: changing {ratio} (of typical sizes) changes no "
                 "prediction; fix all but one of them"
@@ -140,9 +138,9 @@ def _weakness(
     return found
 
 
-def _limits(unknowns: Sequence[Unknown], values: Array) -> list[str]:
+def _limits(unknowns: Sequence[Unknown], values: Array, lost: NDArray[np.bool_]) -> list[str]:
     return [
         f"{one.name} is at its bound of {value:g} {one.unit}: its interval means little"
-        for one, value in zip(unknowns, values, strict=True)
-        if value <= one.lower or value >= one.upper
+        for one, value, unseen in zip(unknowns, values, lost, strict=True)
+        if not unseen and (value <= one.lower or value >= one.upper)
     ]

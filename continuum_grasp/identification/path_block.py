@@ -16,6 +16,7 @@ from continuum_grasp.identification.shape import Shapes, observation
 from continuum_grasp.identification.unknowns import DEADBAND, Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.limits import limit_warnings
 from continuum_grasp.simulation.signals import Signals
 
 __all__ = ["PathBlock"]
@@ -42,6 +43,7 @@ class PathBlock(Block):
         self._rows = Rows(self._scene, unknowns, {}, 1, data.name)
         self._start = _Start(self._scene, unknowns, data.name)
         t = column(f"{data.name}.t", data.t)
+        self._t = t
         quantities = [key for key, values in (("x", data.x), ("y", data.y)) if values is not None]
         self._observe = observation(model, [(key, data.at) for key in quantities]).map(t.size)
         values = np.array([one.start for one in unknowns])
@@ -69,6 +71,13 @@ class PathBlock(Block):
         by_p = by_z.reshape(size, count, acting.shape[1]).transpose(1, 0, 2)[:, :, start:]
         derivative = by_q @ by_values[:, :n] + by_p @ slope
         return y.T.ravel(), derivative.reshape(size * count, len(self._unknowns))
+
+    def warnings(self, values: Array) -> tuple[str, ...]:
+        """As of ``Block``."""
+        p = self._rows.split(self._rows.at(0, values)[0])[2]
+        q = self._motion.at(*self._begin(values), p)[0][:, : self._model.n]
+        use = np.array(self._model.range_use.map(len(q))(q.T, self._acting[0].T, np.tile(p, (len(q), 1)).T)).T
+        return limit_warnings(self._model, use, self._t)
 
     def _slope(self, values: Array) -> Array:
         """Derivative of p with respect to the unknowns."""

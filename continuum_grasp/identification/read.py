@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.damped_sine import fit_damped_sine
 from continuum_grasp.identification.data import Data, Frequencies, Poses, Reading, TipPath
+from continuum_grasp.identification.folder import VARIABLE, located
 from continuum_grasp.identification.table import Table, read_table
 from continuum_grasp.identification.units import unit_of_quantity
 from continuum_grasp.model import FingerModel
@@ -42,7 +43,7 @@ def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
     ----------
     scene : IdentifyScene
     paths : sequence of path
-        Files, or folders that hold them.
+        Files, or folders that hold them; relative ones may lie in the data folder.
 
     Raises
     ------
@@ -51,6 +52,7 @@ def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
     """
     if not scene.data:
         raise InputError("a configuration that reads files says how: data: [{kind: ...}]", key="data")
+    paths = [located(path) for path in paths]
     files = list(_files(paths, scene.data))
     used: set[Path] = set()
     found: list[Data] = []
@@ -83,7 +85,7 @@ def _files(paths: Sequence[Path], sets: Iterable[DataSet]) -> Iterator[Path]:
         elif path.is_file():
             yield path
         else:
-            raise InputError("no such file", file=str(path))
+            raise InputError(f"no such file, nor in the folder that {VARIABLE} names", file=str(path))
 
 
 def _changed(scene: IdentifyScene, changes: Sequence[str], key: str) -> Scene:
@@ -102,17 +104,18 @@ def _changed(scene: IdentifyScene, changes: Sequence[str], key: str) -> Scene:
 def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> Data:
     fitted = one.use == "fit"
     if isinstance(one, StaticPoses):
+        _check_places(one, scene, key)
         readings = [
             Reading(m.quantity, _column(table, m, unit_of_quantity(m.quantity)), m.at, m.sigma) for m in one.measured
         ]
         chosen = _chosen(len(table.rows), fitted, one.holdout_rows, key)
-        return Poses(readings, _conditions(table, one.conditions, scene), chosen, scene, name)
+        return Poses(readings, _conditions(table, one.conditions, scene, key), chosen, scene, name)
     if isinstance(one, FrequencyTable):
         rows = len(table.rows)
         mode = np.full(rows, one.mode) if isinstance(one.mode, int) else table.numbers(one.mode)
         decay = None if one.decay_rate is None else _column(table, one.decay_rate, "1/s")
         chosen = _chosen(rows, fitted, one.holdout_rows, key)
-        conditions = _conditions(table, one.conditions, scene)
+        conditions = _conditions(table, one.conditions, scene, key)
         return Frequencies(mode, _column(table, one.frequency, "Hz"), decay, conditions, chosen, scene, name)
     t = _column(table, one.t, "s")
     inside = _inside(t, one.window, table)
@@ -162,17 +165,39 @@ def _chosen(rows: int, fitted: bool, holdout: Sequence[int], key: str) -> NDArra
     return chosen
 
 
-def _conditions(table: Table, conditions: Sequence[Condition], scene: Scene) -> dict[str, Array]:
-    return {one.name: _column(table, one, _unit_of_entry(one.name, scene)) for one in conditions}
+def _check_places(one: StaticPoses, scene: Scene, key: str) -> None:
+    length = scene.finger.rod.length
+    for k, measured in enumerate(one.measured):
+        if measured.at is not None and measured.at > length * (1 + 1e-9):
+            message = f"{measured.at:g} m is beyond the finger's length of {length:g} m"
+            raise InputError(message, key=f"{key}.measured[{k}].at")
 
 
-def _unit_of_entry(name: str, scene: Scene) -> str:
-    """Unit of an input, force or parameter of the model; that of SI where the model does not say it."""
-    model = FingerModel(scene, input_rates=False)
+def _conditions(table: Table, conditions: Sequence[Condition], scene: Scene, key: str) -> dict[str, Array]:
+    found = {}
+    for k, one in enumerate(conditions):
+        if one.name in found:
+            raise InputError(f"{one.name} is given twice", key=f"{key}.conditions[{k}].name")
+        found[one.name] = _column(table, one, _unit_of_entry(one.name, scene, f"{key}.conditions[{k}].name"))
+    return found
+
+
+def _unit_of_entry(name: str, scene: Scene, key: str) -> str:
+    """Unit of an input, force or parameter of the model."""
+    plain = scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"tolerance": None})})
+    model = FingerModel(plain, input_rates=False)
     labels = [*model.u_names, *model.w_names]
-    if name not in (label.split(" [")[0] for label in labels):
-        labels = FingerModel(scene, parameters=(name,), input_rates=False).p_names
-    return next((label.split(" [")[1].rstrip("]") for label in labels if label.split(" [")[0] == name), "")
+    names = [label.split(" [")[0] for label in labels]
+    if name not in names:
+        try:
+            labels = FingerModel(plain, parameters=(name,), input_rates=False).p_names
+        except InputError as error:
+            message = f"no input or force {name!r} (this scene has {', '.join(names)}), and {error.message}"
+            raise InputError(message, key=key) from None
+        names = [label.split(" [")[0] for label in labels]
+    if name not in names:
+        raise InputError(f"{name} is several numbers: name one of {', '.join(names)}", key=key)
+    return labels[names.index(name)].split(" [")[1].rstrip("]")
 
 
 def _column(table: Table, column: ColumnLike, si: str) -> Array:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.rows import Rows
 from continuum_grasp.model import FingerModel
+from continuum_grasp.simulation.limits import limit_warnings
 from continuum_grasp.simulation.statics import equilibrium
 
 __all__ = ["Shapes", "observation"]
@@ -86,6 +87,15 @@ class Shapes:
         self._last[row] = (q, z)
         _, stiffness, slope = self._evaluate(q, z)
         return q, np.asarray(-np.linalg.solve(stiffness, slope))
+
+    def warnings(self, rows: Rows, count: int, values: Array) -> tuple[str, ...]:
+        """What the user must know of shapes beyond the bending range or the strain limit."""
+        use = []
+        for row in range(count):
+            z, _ = rows.at(row, values)
+            u, _, p = rows.split(z)
+            use.append(np.array(self._model.range_use(self.at(row, z)[0], u, p)).ravel())
+        return limit_warnings(self._model, np.array(use))
 
     def _newton(self, q: Array, z: Array) -> Array | None:
         for _ in range(_ITERATIONS):
