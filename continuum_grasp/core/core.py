@@ -92,7 +92,8 @@ class Core:
     Raises
     ------
     InputError
-        If single precision is asked for where nothing is compiled, or has too few digits for the model.
+        If single precision is asked for where nothing is compiled; and of what needs the accelerations, if it has too
+        few digits for them.
     """
 
     def __init__(self, model: FingerModel, *, compiled: bool = True, precision: str = "double") -> None:
@@ -105,8 +106,6 @@ class Core:
         self._steps: dict[str, ca.Function] = {}
         if self.precision == "float" and self._compiler is None:
             raise _no_single_precision(why_no_compiler() if compiled else "compiled=False")
-        if self.precision == "float":
-            check_solvable(self.model)
         if compiled and self._compiler is None:
             _warn(why_no_compiler())
 
@@ -142,6 +141,8 @@ class Core:
                 checks.append(Sections(self.model, function).check)
             if self.precision == "float":
                 checks.append(SingleRange.of(function).check)
+                if name in ("forward_dynamics", "linearization"):
+                    check_solvable(self.model)
             self._callers[name] = Caller(
                 function,
                 lambda: self._library(function_source(function, self.precision)),
@@ -289,6 +290,8 @@ class Core:
         """Compile the rollouts of a method, from one state or from many, and give their caller."""
         step = self.step_function(method)
         if (method, single) not in self._rollouts:
+            if self.precision == "float":
+                check_solvable(self.model)
             source = (rollout_source if single else rollouts_source)(step, self.precision)
             library = self._library(source)
             self._rollouts[method, single] = Rollouts(step, library, single)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -119,15 +120,28 @@ class Signals:
     @property
     def constant(self) -> bool:
         """Whether nothing varies."""
-        values = [*self._values, *(_value(load) for load, _ in self._loads)]
-        return not any(isinstance(value, (Samples, VectorSamples)) for value in values)
+        return not self._sampled
 
     def instants(self, duration: float) -> list[float]:
         """Zero, and up to 15 more instants at which inputs and loads take their sampled values [s]."""
-        sampled = [*self._values, *(_value(load) for load, _ in self._loads)]
-        times = {t for value in sampled if isinstance(value, (Samples, VectorSamples)) for t in value.times}
+        times = {t for value in self._sampled for t in value.times}
         later = sorted(t for t in times if 0.0 < t <= duration)
         return [0.0, *later[:: max(1, math.ceil(len(later) / 15))]]
+
+    def warnings(self, step: float, duration: float) -> tuple[str, ...]:
+        """What the user must know of samples that change within less than a step, between whose instants they fall."""
+        shortest = min((gap for value in self._sampled for gap in _changes(value, duration)), default=math.inf)
+        if not shortest < step * (1 - 1e-9):
+            return ()
+        return (
+            f"an input or load changes within {shortest:.3g} s, which steps of {step:.3g} s follow with an error of "
+            "the order of its change times a step: let it change more slowly, or take a smaller time.step",
+        )
+
+    @property
+    def _sampled(self) -> list[Samples | VectorSamples]:
+        values = [*self._values, *(_value(load) for load, _ in self._loads)]
+        return [value for value in values if isinstance(value, (Samples, VectorSamples))]
 
     def u(self, t: ArrayLike) -> Array:
         """Inputs (T, nu) at instants (T,)."""
@@ -158,3 +172,9 @@ class Signals:
 
 def _value(load: Load) -> float | tuple[float, float] | Samples | VectorSamples:
     return load.force if isinstance(load, ForceLoad) else load.moment
+
+
+def _changes(value: Samples | VectorSamples, duration: float) -> list[float]:
+    """Times that changes within the motion take [s]."""
+    samples = list(zip(value.times, value.values, strict=True))
+    return [b - a for (a, v), (b, w) in pairwise(samples) if v != w and b > 0.0 and a < duration]

@@ -130,7 +130,9 @@ class _Run:
             "total_s": perf_counter() - started,
         }
         status = "finished" if error is None else "stopped"
-        warnings = (*start_warnings(self._scene, self._model), *limit_warnings(self._model, use, result.t))
+        jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
+        started_thrown, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
+        warnings = (*started_thrown, *jumps, *limits)
         result = replace(result, status=status, warnings=warnings, statistics=statistics)
         if isinstance(error, Interrupted):
             raise Interrupted(str(error), result=result) from error.__cause__
