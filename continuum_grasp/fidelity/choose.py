@@ -15,7 +15,7 @@ from continuum_grasp.fidelity.truth import Truth, find_truth
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Family, Fidelity, Scene
 
-__all__ = ["Chosen", "choose_fidelity"]
+__all__ = ["Chosen", "allowed_accuracies", "allowed_families", "choose_fidelity"]
 
 _PROBE = 1e-6
 """Accuracy of evaluation with which it is seen whether a number of elements can do."""
@@ -99,18 +99,31 @@ def choose_fidelity(scene: Scene, tolerance: float | None = None) -> Chosen:
         )
     truth = find_truth(scene)
     search = _Search(scene, truth, asked)
-    for family in _families(scene):
+    for family in allowed_families(scene):
         search.through(family)
     if search.best is None:
         raise _none_keeps(asked, search.tried)
     return Chosen(search.best, asked, tuple(search.tried), truth, perf_counter() - began)
 
 
-def _families(scene: Scene) -> tuple[Family, ...]:
+def allowed_families(scene: Scene) -> tuple[Family, ...]:
+    """Families that a scene can have."""
     if scene.fidelity.family is not None:
         return (scene.fidelity.family,)
     bare = scene.model_copy(update={"fidelity": Fidelity()})
     return FAMILIES if FingerModel(bare).family == "matched_clothoid" else FAMILIES[1:]
+
+
+def allowed_accuracies(scene: Scene, tolerance: float) -> tuple[float, ...]:
+    """Accuracies of evaluation that a scene can have, coarse first.
+
+    Poses and frequencies do not see the velocity products, so that where the scene moves the evaluation has to be about
+    as accurate as the tolerance by itself.
+    """
+    if scene.fidelity.accuracy is not None:
+        return (scene.fidelity.accuracy,)
+    most = _TERMS_SHARE * tolerance if scene.time is not None else math.inf
+    return tuple(accuracy for accuracy in ACCURACIES if accuracy <= most) or ACCURACIES[-1:]
 
 
 class _Search:
@@ -124,7 +137,7 @@ class _Search:
 
     def through(self, family: Family) -> None:
         """Try the choices of a family, from few to many elements, until they cost more than the best."""
-        accuracies = self._accuracies()
+        accuracies = allowed_accuracies(self._scene, self._tolerance)
         stiffness = {False: 0.0, True: 0.0}
         hopeless = {False: 0.0, True: 0.0}
         closed: set[bool] = set()
@@ -142,17 +155,6 @@ class _Search:
             hopeless[coarse.aligned] = self._hopeless_below(probe)
             if probe.within(2.0 * self._tolerance, self._frequencies):
                 self._cheapest_terms(coarse, accuracies, probe.radius)
-
-    def _accuracies(self) -> tuple[float, ...]:
-        """Accuracies of evaluation, coarse first.
-
-        Poses and frequencies do not see the velocity products, so that where the scene moves the evaluation has to be
-        about as accurate as the tolerance by itself.
-        """
-        if self._scene.fidelity.accuracy is not None:
-            return (self._scene.fidelity.accuracy,)
-        most = _TERMS_SHARE * self._tolerance if self._scene.time is not None else math.inf
-        return tuple(a for a in ACCURACIES if a <= most) or ACCURACIES[-1:]
 
     def _hopeless_below(self, probe: Measured) -> float:
         """Number of elements that cannot do, with a margin, by the order with which the family converges."""

@@ -1,0 +1,106 @@
+"""Whether a tolerance chooses rightly: within it, and nothing cheaper would have done.
+
+Run ``python -m benchmarks.bench_fidelity`` in the root of the repository. Random scenes, each with one of some
+tolerances; the chosen model is measured again against the exact rod at other places, and every cheaper choice on the
+list of up to one element more (arcs: as long as they may be cheaper) is measured too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+
+import numpy as np
+
+from benchmarks.random_scenes import random_scene
+from benchmarks.report import Report, Table
+from continuum_grasp.errors import SolverError
+from continuum_grasp.fidelity.choice import COUNTS, choices
+from continuum_grasp.fidelity.choose import Chosen, allowed_accuracies, allowed_families, choose_fidelity
+from continuum_grasp.fidelity.elastica import solve_elastica
+from continuum_grasp.fidelity.measure import measure
+from continuum_grasp.simulation import equilibrium
+
+TOLERANCES = (2e-2, 5e-3, 1e-3, 1e-4)
+PLACES = 173
+
+
+def again(chosen: Chosen) -> float:
+    """Error of the pose at time zero per length, by the public way and at other places."""
+    scene = chosen.scene
+    rod = solve_elastica(scene)
+    found = equilibrium(scene, guess=_guess(chosen))
+    s = np.linspace(0.0, scene.finger.rod.length, PLACES)
+    return float(np.linalg.norm(found.backbone(PLACES) - rod.position(s), axis=1).max()) / scene.finger.rod.length
+
+
+def _guess(chosen: Chosen) -> np.ndarray:
+    """Coordinates of the exact rod, so that both are on one branch."""
+    lengths, rod = chosen.best.choice.lengths, chosen.truth.poses[0].rod
+    edges = np.minimum(np.concatenate([[0.0], np.cumsum(lengths)]), np.nextafter(sum(lengths), 0.0))
+    model = chosen.best.choice.model
+    return np.diff(rod.angle(edges)) if model.family == "arc" else rod.curvature(edges)[: model.n]
+
+
+def cheaper(chosen: Chosen) -> str:
+    """A choice on the list that costs less and keeps the tolerance; empty where there is none."""
+    scene, best = chosen.best.choice.scene, chosen.best
+    moving = scene.time is not None
+    for family in allowed_families(scene):
+        most = 32 if family == "arc" else best.choice.elements + 1
+        counts = [count for count in COUNTS if count <= most]
+        for accuracy in allowed_accuracies(scene, chosen.tolerance):
+            for choice in choices(scene, chosen.truth, family, accuracy, counts=counts):
+                if choice.instructions >= (2.0 if moving else 1.0) * best.instructions:
+                    break
+                found = measure(choice, chosen.truth, stop_at=chosen.tolerance)
+                if found.cost < 0.999 * best.cost and found.within(chosen.tolerance, scene.fidelity.frequencies):
+                    return str(choice)
+    return ""
+
+
+def main() -> None:
+    """Choose for every scene, check, and write the report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--scenes", type=int, default=200)
+    arguments = parser.parse_args()
+    report, rows, seconds = Report("fidelity", arguments.seed), [], []
+    counts: dict[str, int] = {"kept": 0, "beaten": 0, "chosen": 0}
+    for number, tolerance in zip(range(arguments.scenes), itertools.cycle(TOLERANCES), strict=False):
+        seed = arguments.seed + number
+        scene = random_scene(seed)
+        try:
+            chosen = choose_fidelity(scene, tolerance)
+        except SolverError as error:
+            report.missing.append(f"scene {seed}, tolerance {tolerance:g}: {str(error).splitlines()[0]}")
+            continue
+        best, error, other = chosen.best, again(chosen), cheaper(chosen)
+        frequency = float(best.frequencies[0]) if scene.time is not None else float("nan")
+        counts["chosen"] += 1
+        counts["kept"] += error <= tolerance * (1 + 1e-6)
+        counts["beaten"] += bool(other)
+        seconds.append(chosen.seconds)
+        choice = best.choice
+        rows.append(
+            [
+                *(seed, tolerance, choice.family, choice.elements, choice.accuracy, best.instructions),
+                *(error, frequency, chosen.seconds, other or "-"),
+            ]
+        )
+    kept, beaten = (100.0 * counts[name] / max(counts["chosen"], 1) for name in ("kept", "beaten"))
+    report.claim("scenes that keep their tolerance, per cent", kept, ">=", 99.0)
+    report.claim("scenes for which nothing cheaper would do, per cent", 100.0 - beaten, ">=", 90.0)
+    columns = ["scene", "tolerance", "family", "elements", "accuracy", "instructions", "error / L", "frequency"]
+    columns += ["choosing [s]", "cheaper"]
+    note = (
+        f"{counts['chosen']} scenes; choosing took {np.median(seconds):.2f} s (median), {max(seconds):.2f} s at most."
+    )
+    report.tables.append(Table("What was chosen", columns, rows, note))
+    for file in report.write():
+        print(file)
+    print(report.status)
+
+
+if __name__ == "__main__":
+    main()
