@@ -145,7 +145,7 @@ class Core:
                     check_solvable(self.model)
             self._callers[name] = Caller(
                 function,
-                lambda: self._library(function_source(function, self.precision)),
+                lambda: self._library(lambda: function_source(function, self.precision)),
                 nominal,
                 checks,
                 entry(function, self.precision),
@@ -181,7 +181,7 @@ class Core:
         count = counts.pop()
         outputs = [np.empty((count, function.nnz_out(k))) for k in range(function.n_out())]
         if name not in self._batches:
-            self._batches[name] = self._library(batch_source(function, self.precision))
+            self._batches[name] = self._library(lambda: batch_source(function, self.precision))
         library = self._batches[name]
         if library is None:
             columns = [np.broadcast_to(row, (count, row.shape[-1])).T for row in rows]
@@ -292,16 +292,17 @@ class Core:
         if (method, single) not in self._rollouts:
             if self.precision == "float":
                 check_solvable(self.model)
-            source = (rollout_source if single else rollouts_source)(step, self.precision)
-            library = self._library(source)
+            write = rollout_source if single else rollouts_source
+            library = self._library(lambda: write(step, self.precision))
             self._rollouts[method, single] = Rollouts(step, library, single)
         return self._rollouts[method, single]
 
-    def _library(self, source: str) -> ctypes.CDLL | None:
+    def _library(self, source: Callable[[], str]) -> ctypes.CDLL | None:
+        """The compiled library of a source, which is written only if there is a compiler."""
         if self._compiler is None:
             return None
         try:
-            return ctypes.CDLL(str(library_for(source, self._compiler)))
+            return ctypes.CDLL(str(library_for(source(), self._compiler)))
         except (CompileError, OSError) as error:
             if self.precision == "float":
                 raise _no_single_precision(f"compiling failed ({error})") from error
