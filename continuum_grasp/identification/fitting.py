@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from os import PathLike
@@ -29,7 +30,6 @@ __all__ = ["identify"]
 Array = NDArray[np.float64]
 Measurements = str | PathLike[str] | Data | Sequence[str | PathLike[str] | Data]
 
-_OUTLIER = 4.0
 _CORRELATED = 0.5
 _SERIES = 30
 
@@ -155,12 +155,14 @@ def _outliers(problem: Problem, weighted: Array, freedom: int) -> list[str]:
     """Fitted entries far from what the rest says."""
     if freedom < 5:
         return []
-    scale = float(np.sqrt(np.mean(weighted[problem.fitted] ** 2)))
-    far = np.flatnonzero(problem.fitted & (np.abs(weighted) > _OUTLIER * max(scale, 1e-300)))
+    sizes = np.abs(weighted[problem.fitted])
+    scale = 1.4826 * float(np.median(sizes))  # which outliers do not raise
+    limit = max(4.0, 1.5 + math.sqrt(2.0 * math.log(sizes.size)))  # that normal noise rarely reaches
+    far = np.flatnonzero(problem.fitted & (np.abs(weighted) > limit * max(scale, 1e-300)))
     if not far.size:
         return []
     first = problem.entries[int(far[np.argmax(np.abs(weighted[far]))])]
-    return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {_OUTLIER:g} deviations, worst: {first.label}"]
+    return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {first.label}"]
 
 
 def _series(problem: Problem, weighted: Array) -> list[str]:

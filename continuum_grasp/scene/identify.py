@@ -24,6 +24,7 @@ __all__ = [
 ]
 
 Quantity = Literal["x", "y", "angle", "bend"]
+Estimated = Annotated[float, Field(ge=-1e15, le=1e15)]
 
 
 class Column(Value):
@@ -158,10 +159,12 @@ class Estimate(Value):
     name: str
     """youngs_modulus, bending_stiffness, linear_density, material_damping, per_arc_damping, rest_curvature, tip_mass,
     mass_0 (of masses[0]), clamp_angle (added to the base angle), tendon_offset, tendon_friction or tension_deadband."""
-    start: Real | None = None
+    start: Estimated | None = None
     """Where the search starts; None: the scene's value."""
-    min: Real | None = None
-    max: Real | None = None
+    min: Estimated | None = None
+    """Least value; None: 0, or none for angles and curvatures."""
+    max: Estimated | None = None
+    """Greatest value; None: none."""
     second_moment: Annotated[float, Field(ge=1e-24, le=1e6)] | None = None
     """Second moment of area [m4], for youngs_modulus of a rod that is given by its bending stiffness."""
 
