@@ -129,8 +129,12 @@ class Signals:
         return [0.0, *later[:: max(1, math.ceil(len(later) / 15))]]
 
     def warnings(self, step: float, duration: float) -> tuple[str, ...]:
-        """What the user must know of samples that change within less than a step, between whose instants they fall."""
-        shortest = min((gap for value in self._sampled for gap in _changes(value, duration)), default=math.inf)
+        """What the user must know of samples that change within less than a step, unless a slower lag takes them up."""
+        tendons = self._model.finger.tendons
+        lag = 0.0 if tendons is None else tendons.time_constant or 0.0
+        drive = self._values[:2] if step <= 0.1 * lag else []
+        felt = [value for value in self._sampled if not any(value is tension for tension in drive)]
+        shortest = min((gap for value in felt for gap in _changes(value, duration)), default=math.inf)
         if not shortest < step * (1 - 1e-9):
             return ()
         return (
