@@ -14,7 +14,7 @@ from time import perf_counter
 from continuum_grasp.errors import InputError, NumericalError, SolverError
 
 RIGHT, REFUSED, WARNED, WRONG = "right", "refused", "warned", "WRONG"
-PATIENCE = 300
+PATIENCE = 900
 """Seconds after which an attempt counts as hanging."""
 
 
