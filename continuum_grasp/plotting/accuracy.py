@@ -52,6 +52,8 @@ def plot_accuracy(report: DrawableReport, *, axes: Sequence[Axes] | None = None)
     -------
     list of matplotlib.axes.Axes
     """
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
     columns, rows = report.choices.columns, report.choices.rows
     panels = [panel for panel in _PANELS if len(report.front(panel[0], panel[1])) > 1]
     if axes is None:
@@ -76,6 +78,11 @@ def plot_accuracy(report: DrawableReport, *, axes: Sequence[Axes] | None = None)
                 ax.annotate(str(row[1]), (row[i], row[j]), (4, 3), textcoords="offset points", fontsize=7, color=color)
         ax.set_xscale("log")
         ax.set_yscale("log")
+        costs = [row[i] for row in rows if _drawn(row[i])]
+        subs = (1.0,) if max(costs) > 50.0 * min(costs) else (1.0, 2.0, 5.0)
+        ax.xaxis.set_major_locator(LogLocator(subs=subs, numticks=9))
+        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+        ax.xaxis.set_minor_formatter(NullFormatter())
         if cost == "real-time factor":
             ax.invert_xaxis()
             ax.set_xlabel("times faster than real time", color=INK)

@@ -84,6 +84,7 @@ def plot_residuals(fit: DrawableFit, *, ax: Axes | None = None) -> Axes:
         ax.axvline(end + 0.5, color=GREY, linewidth=0.6, linestyle=":")
     reach = 1.15 * max(3.0, float(np.abs(scaled).max(initial=0.0)))
     ax.set_ylim(-reach, reach)
+    ax.locator_params(axis="x", integer=True)
     ax.set_xlabel("number of the measurement (dotted: next set)", color=INK)
     ax.set_ylabel("residual [standard deviations]", color=INK)
     head(ax, "Residuals: predicted less measured", 1 + int(outside.any()))
@@ -119,15 +120,17 @@ def plot_predictions(fit: DrawableFit, group: str, *, ax: Axes | None = None) ->
     ax = new_axes(ax, 4.8, 4.6)
     inside, outside = members & np.asarray(fit.fitted), members & ~np.asarray(fit.fitted)
     numbers = np.concatenate([fit.measured[members], fit.predictions[members]])
+    size = 22.0 if members.sum() <= 200 else 7.0
     margin = 0.05 * max(float(np.ptp(numbers)), 1e-12)
     ends = [float(numbers.min()) - margin, float(numbers.max()) + margin]
     ax.plot(ends, ends, color=GREY, linewidth=0.9, zorder=1)
-    ax.scatter(fit.measured[inside], fit.predictions[inside], s=20, color=BLUE, linewidth=0, label="fitted", zorder=3)
+    ax.scatter(fit.measured[inside], fit.predictions[inside], s=size, color=BLUE, linewidth=0, label="fitted", zorder=3)
     if outside.any():
         ax.scatter(
             fit.measured[outside],
             fit.predictions[outside],
-            s=26,
+            s=size,
+            linewidth=0.8,
             facecolor="none",
             edgecolor=ORANGE,
             label="hold-out",
@@ -154,7 +157,7 @@ def save_fit_pictures(fit: DrawableFit, folder: str | os.PathLike[str]) -> list[
     groups = list(dict.fromkeys(entry.group for entry in fit.entries))[:6]
     columns = min(3, len(groups))
     rows = -(-len(groups) // columns)
-    figure = new_figure(4.6 * columns, 4.7 * rows)
+    figure = new_figure(4.6 * columns, 5.3 * rows)
     for k, group in enumerate(groups):
         plot_predictions(fit, group, ax=quiet(figure.add_subplot(rows, columns, k + 1)))
     target = Path(folder)
