@@ -252,6 +252,15 @@ def test_stiffness_and_damping_from_closed_forms():
     assert fit["material_damping"] == pytest.approx(eta, rel=3e-3)
 
 
+def test_repeats_that_agree_better_than_their_sets_are_named():
+    rng = np.random.default_rng(0)
+    sets = [Frequencies([1] * 6, frequency(1) + at + 1e-4 * rng.standard_normal(6)) for at in (-0.01, 0.0, 0.015)]
+    fit = cg.identify(bare_scene(), sets, parameters=["bending_stiffness"])
+    assert any("sets differ by more than their repeats" in warning for warning in fit.warnings)
+    alike = [Frequencies([1] * 6, frequency(1) + 1e-2 * rng.standard_normal(6)) for _ in range(3)]
+    assert cg.identify(bare_scene(), alike, parameters=["bending_stiffness"]).warnings == ()
+
+
 def test_frequencies_tell_stiffness_over_density_only():
     data = Frequencies([1, 2, 1, 2], [1.001 * frequency(1), frequency(2), frequency(1), 0.998 * frequency(2)])
     both = cg.identify(bare_scene(), data, parameters=["bending_stiffness", "linear_density"])

@@ -32,6 +32,7 @@ Measurements = str | PathLike[str] | Data | Sequence[str | PathLike[str] | Data]
 
 _CORRELATED = 0.5
 _SERIES = 30
+_APART = 8.0
 
 
 def identify(
@@ -127,7 +128,13 @@ def _fit(scene: Scene, problem: Problem, solution: Solution, seconds: float) -> 
     jacobian = (solution.jacobian / sigma[:, None])[fitted]
     found = infer(problem.unknowns, solution.values, jacobian, weighted[fitted], solution.inflation)
     shapes = [f"{block.name}: {one}" for block in problem.blocks for one in block.warnings(solution.values)]
-    warnings = (*found.warnings, *shapes, *_outliers(problem, weighted, found.freedom), *_series(problem, weighted))
+    warnings = (
+        *found.warnings,
+        *shapes,
+        *_outliers(problem, weighted, found.freedom),
+        *_series(problem, weighted),
+        *_sets(problem, weighted),
+    )
     return Fit(
         names=tuple(one.name for one in problem.unknowns),
         units=tuple(one.unit for one in problem.unknowns),
@@ -163,6 +170,30 @@ def _outliers(problem: Problem, weighted: Array, freedom: int) -> list[str]:
         return []
     first = problem.entries[int(far[np.argmax(np.abs(weighted[far]))])]
     return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {first.label}"]
+
+
+def _sets(problem: Problem, weighted: Array) -> list[str]:
+    """Groups whose sets differ by more than their own scatter: repeats of one set are then not independent."""
+    found = []
+    ends = np.cumsum([len(block.entries) for block in problem.blocks])
+    which = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
+    still = np.array([not block.horizons for block in problem.blocks])[which]
+    for group in problem.groups:
+        members = problem.fitted & still & np.array([entry.group == group for entry in problem.entries])
+        sets = [weighted[members & (which == k)] for k in np.unique(which[members])]
+        sets = [one for one in sets if one.size > 2]
+        count = sum(one.size for one in sets)
+        if len(sets) < 2:
+            continue
+        mean = sum(float(one.sum()) for one in sets) / count
+        between = sum(one.size * (one.mean() - mean) ** 2 for one in sets) / (len(sets) - 1)
+        within = sum(float(np.sum((one - one.mean()) ** 2)) for one in sets) / (count - len(sets))
+        if between > _APART * within:
+            found.append(
+                f"{group}: the sets differ by more than their repeats do (ratio of variances {between / within:.0f}): "
+                "repeats are not independent, and the intervals are too narrow; trust the hold-out error"
+            )
+    return found
 
 
 def _series(problem: Problem, weighted: Array) -> list[str]:
