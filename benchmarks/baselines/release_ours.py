@@ -1,0 +1,135 @@
+"""Releases by this package: families, elements, accuracies and steps, with their errors and times."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from continuum_grasp.core import Core
+from continuum_grasp.errors import NumericalError
+from continuum_grasp.fidelity.choice import Choice, choices
+from continuum_grasp.fidelity.motion import Motion
+from continuum_grasp.fidelity.truth import Truth
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.initial import initial_state
+
+FRAMES = 200
+"""Instants of a reference motion in its second."""
+STEPS = (25, 50, 100, 200, 400, 600, 800, 1000, 1200, 1600, 2400, 3200, 4800, 6400, 9600)
+"""Steps per second that are tried; those that do not run through are left out."""
+CANDIDATES = {
+    "matched_clothoid": ((1, 2, 3, 4), (1e-2, 1e-4)),
+    "clothoid": ((1, 2, 3, 4), (1e-2, 1e-4)),
+    "arc": ((2, 3, 4, 5, 8), (1e-4,)),
+}
+"""Elements and accuracies of evaluation of each family."""
+NAMES = {"matched_clothoid": "matched clothoids", "clothoid": "clothoids", "arc": "arcs"}
+
+
+def rms_error(tip: np.ndarray, reference: Motion) -> float:
+    """R.m.s. distance [m] of a tip (T, 2) at equally spaced instants from the reference; infinite where it is lost."""
+    every = FRAMES // (len(tip) - 1)
+    off = np.hypot(*(tip - reference.tip[::every]).T)
+    return float(np.sqrt(np.mean(off**2))) if np.all(np.isfinite(off)) else math.inf
+
+
+def worst(tip: np.ndarray, fine: np.ndarray) -> float:
+    """Greatest distance [m] of a tip from the same with finer steps; infinite where it is lost."""
+    every = (len(fine) - 1) // (len(tip) - 1)
+    off = np.hypot(*(tip - fine[::every]).T)
+    return float(off.max()) if np.all(np.isfinite(off)) else math.inf
+
+
+@dataclass
+class OwnRun:
+    """One choice with one number of steps."""
+
+    name: str
+    choice: Choice
+    core: Core
+    x0: np.ndarray
+    steps: int
+    """Per second."""
+    cold: float
+    """Time to generate, compile or load the choice, and find its initial state [s]."""
+    tip: np.ndarray
+    error: float = math.inf
+    """R.m.s. against the reference [m]."""
+    step_error: float = math.inf
+    """Greatest distance from the same choice with the finest steps [m]."""
+
+    @property
+    def cost(self) -> int:
+        """Instructions of a second of motion."""
+        return self.steps * self.choice.instructions
+
+    def run(self, seconds: float) -> None:
+        """Integrate a span of time in calls of up to a hundred seconds; states are kept as in the reference."""
+        frames = min(FRAMES, self.steps)
+        left = max(1, round(seconds * frames))
+        while left > 0:
+            count = min(left, 100 * frames)
+            self.core.rollout(self.x0, count, 1.0 / frames, substeps=self.steps // frames)
+            left -= count
+
+
+def front(runs: Iterable[OwnRun]) -> list[OwnRun]:
+    """Those than which no cheaper one is as close, but for a hundredth; cheapest first."""
+    kept: list[OwnRun] = []
+    for run in sorted(runs, key=lambda one: (one.cost, one.error)):
+        if not kept or run.error < 0.99 * kept[-1].error:
+            kept.append(run)
+    return kept
+
+
+def by_rule(runs: Iterable[OwnRun], family: str, elements: int, tolerance: float) -> OwnRun:
+    """The cheapest run of a family and number whose steps by themselves keep a tolerance [m] of the tip.
+
+    Of the accuracies of evaluation, the coarsest whose error is not a hundredth above that of the finest.
+    """
+    mine = [
+        r for r in runs if r.choice.family == family and r.choice.elements == elements and r.step_error <= tolerance
+    ]
+    finest = min(mine, key=lambda one: one.choice.accuracy)
+    return min((r for r in mine if r.error <= 1.01 * finest.error), key=lambda one: one.cost)
+
+
+def own_runs(scene: Scene, truth: Truth, reference: Motion) -> Iterator[OwnRun]:
+    """All candidates with all numbers of steps with which they run through."""
+    for family, (counts, accuracies) in CANDIDATES.items():
+        for accuracy in accuracies:
+            for choice in choices(scene, truth, family, accuracy):
+                if choice.elements in counts and not choice.aligned:
+                    yield from _with_steps(choice, reference)
+
+
+def _with_steps(choice: Choice, reference: Motion) -> list[OwnRun]:
+    began = time.perf_counter()
+    core = Core(choice.model)
+    core.prepare_rollout("rk4")
+    x0 = initial_state(choice.scene.model_copy(update={"fidelity": choice.fidelity}), choice.model)
+    cold = time.perf_counter() - began
+    name = f"{choice.elements} {NAMES[choice.family]}"
+    if choice.elements == 1:
+        name = name.removesuffix("s")
+    runs: list[OwnRun] = []
+    for steps in STEPS:
+        frames = min(FRAMES, steps)
+        if FRAMES % frames:
+            continue
+        try:
+            states = core.rollout(x0, frames, 1.0 / frames, substeps=steps // frames)
+        except NumericalError:
+            continue
+        tip = np.asarray(core.batch("tip", states[:, : choice.model.n], np.zeros(choice.model.nu), None))
+        run = OwnRun(name, choice, core, x0, steps, cold, tip, rms_error(tip, reference))
+        runs.append(run)
+        if len(runs) > 2 and worst(runs[-2].tip, tip) < 1e-6 * choice.scene.finger.rod.length:
+            break
+    for run in runs:
+        run.step_error = worst(run.tip, runs[-1].tip)
+    return runs[:-1]

@@ -1,0 +1,115 @@
+"""The picture of error against real-time factor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+STYLES = {
+    "ours": ("continuum_grasp", "#1b6ca8", "o"),
+    "mujoco": ("MuJoCo hinge chains", "#d1495b", "s"),
+    "pyelastica": ("PyElastica", "#6a4c93", "D"),
+    "soromox": ("SoRoMoX", "#2e8b57", "^"),
+    "jsrm": ("JSRM", "#e09f3e", "v"),
+}
+"""Name, colour and marker of each library."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One contestant in the picture."""
+
+    library: str
+    label: str
+    factor: float
+    """Real-time factor."""
+    error: float
+    """[m]"""
+
+
+def draw(panels: Mapping[str, Sequence[Point]], file: Path) -> None:
+    """Draw one panel per scene and save the picture."""
+    figure = Figure(figsize=(6.2 * len(panels), 6.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
+    for ax, (title, points) in zip(axes, panels.items(), strict=True):
+        _panel(ax, points)
+        ax.set_title(f"0.6 m rod {title}", fontsize=11)
+        ax.set_xlabel("real-time factor, one core (right is faster)")
+    axes[0].set_ylabel("r.m.s. error of the tip over 1 s [mm] (down is better)")
+    figure.savefig(file, dpi=130)
+
+
+def _panel(ax: Axes, points: Sequence[Point]) -> None:
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.grid(True, which="major", color="0.9", linewidth=0.8)
+    ax.spines[["top", "right"]].set_visible(False)
+    for library, (name, colour, marker) in STYLES.items():
+        own = [p for p in points if p.library == library]
+        if not own:
+            continue
+        best = _front(own)
+        ax.plot([p.factor for p in best], [1e3 * p.error for p in best], color=colour, alpha=0.45, linewidth=1.5)
+        ax.scatter([p.factor for p in own], [1e3 * p.error for p in own], 38, colour, marker, label=name, zorder=3)
+    ax.margins(x=0.16, y=0.08)
+    ax.figure.canvas.draw()
+    _label(ax, points)
+    ax.legend(loc="lower left", frameon=False, fontsize=9)
+
+
+def _front(points: Sequence[Point]) -> list[Point]:
+    """Those than which none is both faster and closer."""
+    kept: list[Point] = []
+    for point in sorted(points, key=lambda p: -p.factor):
+        if not kept or point.error < kept[-1].error:
+            kept.append(point)
+    return kept
+
+
+def _label(ax: Axes, points: Sequence[Point]) -> None:
+    """Put each label where it covers the least of markers and other labels."""
+    renderer = ax.figure.canvas.get_renderer()
+    at = ax.transData.transform([(p.factor, 1e3 * p.error) for p in points])
+    taken = [mpl.transforms.Bbox.from_extents(x - 5, y - 5, x + 5, y + 5) for x, y in at]
+    inside = ax.get_window_extent(renderer)
+    for point, centre in zip(points, at, strict=True):
+        text = ax.annotate(
+            point.label, (point.factor, 1e3 * point.error), xytext=(0, 0), textcoords="offset pixels", fontsize=7.5
+        )
+        text.set_color(STYLES[point.library][1])
+        size = text.get_window_extent(renderer)
+        best = min(_places(size.width, size.height), key=lambda d: _cost(centre, d, size, taken, inside))
+        text.set_position(best)
+        taken.append(mpl.transforms.Bbox.from_bounds(*(centre + best), size.width, size.height))
+
+
+def _places(width: float, height: float) -> list[tuple[float, float]]:
+    """Offsets of a label's lower left corner from its point, the pleasant ones first [pixels]."""
+    near = [(8, -0.4 * height), (-8 - width, -0.4 * height), (-0.5 * width, 8), (-0.5 * width, -8 - height)]
+    near += [(6, 6), (6, -6 - height), (-6 - width, 6), (-6 - width, -6 - height)]
+    return near + [(8, k * height) for k in (1.0, -2.0, 2.2, -3.2)] + [(-8 - width, k * height) for k in (1.0, -2.0)]
+
+
+def _cost(
+    centre: np.ndarray,
+    offset: tuple[float, float],
+    size: mpl.transforms.Bbox,
+    taken: Sequence[mpl.transforms.Bbox],
+    inside: mpl.transforms.Bbox,
+) -> float:
+    box = mpl.transforms.Bbox.from_bounds(*(centre + offset), size.width, size.height)
+    cost = 0.02 * float(np.hypot(*offset))
+    for other in taken:
+        shared = mpl.transforms.Bbox.intersection(box, other)
+        if shared is not None:
+            cost += 2.0 + shared.width * shared.height
+    outside = max(0.0, inside.x0 - box.x0) + max(0.0, box.x1 - inside.x1 - 30.0)
+    return cost + 20.0 * outside

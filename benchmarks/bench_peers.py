@@ -1,0 +1,283 @@
+"""Speed against error: the one-second release of the 0.6 m rod by this package and by other libraries, in one run.
+
+Run ``python -m benchmarks.bench_peers`` in the root of the repository, with the interpreter that has the other
+libraries named in ``CONTINUUM_GRASP_PEERS_PYTHON``; see ``baselines/release_peers.py``. Errors are r.m.s. distances of
+the tip over the second from the motion of 12 free clothoids. Times are of stepping alone, warm, on one core, in turns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, cast
+
+from benchmarks.baselines import mujoco_sweep, pyelastica_check
+from benchmarks.baselines.release_ours import OwnRun, by_rule, front, own_runs, rms_error
+from benchmarks.baselines.release_peers import PeerError, ReleasePeers, describe_rod
+from benchmarks.baselines.release_picture import Point, draw
+from benchmarks.harness import Timing, race, ratios
+from benchmarks.machine import one_core
+from benchmarks.report import RESULTS, Report, Table
+from continuum_grasp.fidelity.motion import Motion, reference_motion
+from continuum_grasp.fidelity.truth import Truth, find_truth
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.simulate import Initial, Scene
+
+CONFIGS = Path(__file__).parents[1] / "configs" / "simulate"
+FRAME = 0.04
+"""Span that counts as one evaluation [s]; whole numbers of all steps."""
+TOLERANCE = 1e-4
+"""Error of the steps alone, per length, in the comparisons by the same rule."""
+LARGEST = 0.03
+"""Largest error of ours that is shown [m]."""
+ONE_CALL = 31
+"""Calls of one second that are timed with Python's part included."""
+SEGMENTS = {"soromox": {2: 100, 3: 200, 4: 400}, "jsrm": {2: 100}}
+"""Segments of the constant-curvature libraries, with steps per second: those of as many arcs of ours."""
+NOT_TRIED = "JSRM, 3 and more segments: its expressions do not compile within five minutes; 2 segments only"
+LABELS = {"mujoco": "MuJoCo", "pyelastica": "PyElastica", "soromox": "SoRoMoX", "jsrm": "JSRM"}
+
+
+@dataclass
+class Entry:
+    """One contestant."""
+
+    name: str
+    library: str
+    label: str
+    """In the picture."""
+    error: float
+    steps: int
+    cold: float
+    run: Callable[[int], None]
+
+
+@dataclass
+class Release:
+    """A scene, its truth, and what is measured in it."""
+
+    title: str
+    scene: Scene
+    libraries: tuple[str, ...]
+    truth: Truth = field(init=False)
+    reference: Motion = field(init=False)
+    rod: dict[str, Any] = field(init=False)
+
+    def prepare(self) -> None:
+        """Find the exact rod and the reference motion."""
+        self.truth = find_truth(self.scene)
+        self.reference = reference_motion(self.scene, self.truth)
+        self.rod = describe_rod(self.scene, self.truth)
+
+    @property
+    def tolerance(self) -> float:
+        """Of the steps alone [m]."""
+        return TOLERANCE * self.scene.finger.rod.length
+
+
+def releases() -> dict[str, Release]:
+    """What can be measured, by short names."""
+    held = cast(Scene, load(CONFIGS / "nitinol_release_000g.yaml"))
+    heavy = cast(Scene, load(CONFIGS / "nitinol_release_020g.yaml"))
+    straight = held.model_copy(update={"initial": Initial(pose="straight")})
+    free = straight.finger.damping.model_copy(update={"material": 0.0})
+    undamped = straight.model_copy(update={"finger": straight.finger.model_copy(update={"damping": free})})
+    segments = ("mujoco", "soromox", "jsrm")
+    return {
+        "straight": Release("released straight", straight, segments),
+        "held": Release("released from the held pose", held, segments),
+        "undamped": Release("released straight, no damping", undamped, ("mujoco", "pyelastica")),
+        "heavy": Release("released from the held pose, 20 g at the tip", heavy, ("mujoco",)),
+    }
+
+
+def own_entries(release: Release) -> tuple[list[Entry], dict[str, OwnRun]]:
+    """Ours: the front, and 2 matched clothoids and 2 arcs with steps by the rule."""
+    runs = list(own_runs(release.scene, release.truth, release.reference))
+    ruled = {"matched": by_rule(runs, "matched_clothoid", 2, release.tolerance)}
+    ruled["arcs"] = by_rule(runs, "arc", 2, release.tolerance)
+    chosen = [run for run in front(runs) if run.error <= LARGEST]
+    chosen += [run for run in ruled.values() if all(run is not other for other in chosen)]
+    return [_own_entry(run) for run in chosen], ruled
+
+
+def _own_entry(run: OwnRun) -> Entry:
+    name = f"{run.name}, {run.choice.accuracy:g}, {run.steps}/s"
+    label = f"{run.name}, {run.steps}/s"
+    return Entry(name, "ours", label, run.error, run.steps, run.cold, lambda count: run.run(FRAME * count))
+
+
+def mujoco_entries(
+    release: Release, peers: ReleasePeers
+) -> tuple[list[Entry], dict[tuple[int, str], mujoco_sweep.ChainRun]]:
+    """MuJoCo's chains: of each number of hinges the best settings of a sweep."""
+    entries, chosen = [], {}
+    for hinges in mujoco_sweep.HINGES:
+        runs = mujoco_sweep.sweep(peers, release.rod, hinges, release.reference)
+        for key, run in mujoco_sweep.best(runs, release.tolerance).items():
+            chosen[hinges, key] = run
+            if all(run.name != entry.name for entry in entries):
+                peers.make(run.name, "mujoco", release.rod, run.settings, frames=0)
+                label = f"{hinges} hinges" + ("" if key == "fastest" else f" ({key})")
+                step = partial(_step, peers, run.name)
+                entries.append(Entry(run.name, "mujoco", label, run.error, run.settings["steps"], run.cold, step))
+    return entries, chosen
+
+
+def other_entries(release: Release, peers: ReleasePeers, library: str, report: Report) -> list[Entry]:
+    """Rods of segments, or PyElastica's with its cross-check."""
+    if library == "pyelastica":
+        rod = release.rod
+        table, name, run = pyelastica_check.check(peers, rod, release.reference)
+        report.tables.append(table)
+        error = rms_error(run.tip, release.reference)
+        label = f"{pyelastica_check.SHOWN} elements"
+        return [Entry(name, library, label, error, run.steps, run.cold, partial(_step, peers, name))]
+    entries = []
+    for count, steps in SEGMENTS[library].items():
+        name = f"{LABELS[library]} {count} segments, {steps}/s"
+        motion = peers.make(name, library, release.rod, {"segments": count, "steps": steps})
+        error = rms_error(motion.tip, release.reference)
+        step = partial(_step, peers, name)
+        entries.append(Entry(name, library, f"{count} segments", error, steps, motion.cold, step))
+    return entries
+
+
+def _step(peers: ReleasePeers, name: str, count: int) -> None:
+    peers.run(name, FRAME * count)
+
+
+def measure(release: Release, peers: ReleasePeers | None, report: Report) -> list[Point]:
+    """One scene: all errors, then all times in one race."""
+    release.prepare()
+    entries, ruled = own_entries(release)
+    chains: dict[tuple[int, str], mujoco_sweep.ChainRun] = {}
+    for library in release.libraries if peers is not None else ():
+        try:
+            if library == "mujoco":
+                more, chains = mujoco_entries(release, peers)
+            else:
+                more = other_entries(release, peers, library, report)
+            entries += more
+        except PeerError as error:
+            report.missing.append(f"{LABELS[library]}, {release.title}: {error}")
+    timings = race({e.name: e.run for e in entries}, repeats=15, sample_seconds=0.05, seed=report.seed)
+    matched = _own_entry(ruled["matched"]).name
+    one_call = 1e6 * _median_time(lambda: ruled["matched"].run(1.0))
+    factors = {e.name: FRAME / timings[e.name].median for e in entries}
+    extra = {e.name: [1e3 * e.error, e.steps, factors[e.name], 1e3 * e.cold] for e in entries}
+    title = f"Rod {release.title}"
+    report.add_race(
+        f"{title}: time of {1e3 * FRAME:g} ms of motion",
+        timings,
+        matched,
+        extra=extra,
+        extra_columns=["r.m.s. error [mm]", "steps per s", "real-time factor", "to build [ms]"],
+        note=f"Reference good to {1e3 * release.reference.error * release.scene.finger.rod.length:.1g} mm (estimated). "
+        f"{matched}: a call from Python for one second takes {one_call:.0f} us.",
+    )
+    report.tables.append(equal_error(entries, timings, title))
+    if chains:
+        claims(report, release, entries, timings, chains[10, "fastest"], chains[10, "rule"], ruled["matched"])
+    return [Point(e.library, e.label, factors[e.name], e.error) for e in entries]
+
+
+def _median_time(call: Callable[[], None]) -> float:
+    times = []
+    for _ in range(ONE_CALL):
+        began = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - began)
+    return statistics.median(times)
+
+
+def cheapest(entries: list[Entry], timings: dict[str, Timing], error: float) -> Entry | None:
+    """Our fastest with at most an error."""
+    good = [e for e in entries if e.library == "ours" and e.error <= error]
+    return min(good, key=lambda e: timings[e.name].median, default=None)
+
+
+def equal_error(entries: list[Entry], timings: dict[str, Timing], title: str) -> Table:
+    """For each peer our fastest choice with at most its error, and how many times faster."""
+    rows: list[list[Any]] = []
+    for peer in entries:
+        if peer.library != "ours":
+            best = cheapest(entries, timings, peer.error)
+            if best is None:
+                rows.append([peer.name, 1e3 * peer.error, "none", None, None])
+            else:
+                ratio = ratios(timings, best.name)[peer.name][1]
+                rows.append([peer.name, 1e3 * peer.error, best.name, 1e3 * best.error, ratio])
+    columns = ["peer", "its error [mm]", "our fastest with at most that", "our error [mm]", "times as fast"]
+    return Table(f"{title}: at equal error", columns, rows)
+
+
+def claims(
+    report: Report,
+    release: Release,
+    entries: list[Entry],
+    timings: dict[str, Timing],
+    fastest: mujoco_sweep.ChainRun,
+    rule: mujoco_sweep.ChainRun,
+    matched: OwnRun,
+) -> None:
+    """Against 10 hinges: with steps by the same rule, and against its fastest setting."""
+    ours = _own_entry(matched).name
+    text = f"{release.title}: 10 hinges in MuJoCo / ours"
+    same = ratios(timings, ours)[rule.name][1]
+    report.claim(f"{text}, time, steps of each good to {TOLERANCE:g} L, 2 matched clothoids", same, ">=", 50)
+    report.claim(f"{text}, error, the same", rule.error / matched.error, ">=", 1)
+    best = cheapest(entries, timings, fastest.error)
+    value = float("nan") if best is None else ratios(timings, best.name)[fastest.name][1]
+    report.claim(f"{text}, time, its fastest setting, ours with no more error", value, ">=", 50)
+
+
+def main() -> None:
+    """Measure the scenes that are asked for; write the report and the picture."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=0)
+    known = releases()
+    parser.add_argument("--scenes", nargs="+", choices=known, default=["straight", "held", "undamped"])
+    arguments = parser.parse_args()
+    report = Report("peers", arguments.seed)
+    panels = {}
+    with one_core():
+        try:
+            peers = ReleasePeers()
+            installed = [name for name in LABELS if _installed(peers, name, report)]
+        except PeerError as error:
+            peers, installed = None, []
+            report.missing.append(f"all other libraries: {error}")
+        if "jsrm" in installed:
+            report.missing.append(NOT_TRIED)
+        for name in arguments.scenes:
+            release = known[name]
+            release = replace(release, libraries=tuple(k for k in release.libraries if k in installed))
+            panels[release.title] = measure(release, peers, report)
+        if peers is not None:
+            peers.close()
+    picture = RESULTS / "peers.png"
+    for file in report.write():
+        print(file)
+    draw(panels, picture)
+    print(picture)
+    print(report.status)
+
+
+def _installed(peers: ReleasePeers, library: str, report: Report) -> bool:
+    """Whether a library is there; its version goes to the machine's description."""
+    try:
+        report.machine[library] = peers.version(library)
+    except PeerError as error:
+        report.missing.append(f"{LABELS[library]}: {error}")
+        return False
+    return True
+
+
+if __name__ == "__main__":
+    main()
