@@ -747,13 +747,13 @@ IN_SCENE = {
     "repeated parameter": ({"parameters": ("gravity", "gravity")}, {}, "parameters[1]", "'gravity' is repeated"),
     "piecewise rest": ({"parameters": ("gravity", "element_lengths")}, {}, "parameters[1]", "piecewise rest curvature"),
     "initial angles": (
-        {"initial": Initial(q=(0.0,)), "fidelity": Fidelity(family="arc")},
+        {"initial": Initial(q=(0.0,)), "fidelity": Fidelity(family="arc", elements=2)},
         {},
         "initial.q",
         r"q has 1 entries, the arc model has 2: theta_1",
     ),
     "initial rates": (
-        {"initial": Initial(q=(0.0, 0.0), qd=(1.0,))},
+        {"initial": Initial(q=(0.0, 0.0), qd=(1.0,)), "fidelity": Fidelity(elements=2)},
         {},
         "initial.qd",
         "qd has 1 entries, the matched_clothoid model has 2: kappa_0",

@@ -9,9 +9,11 @@ import pytest
 from scipy import integrate, optimize, special
 
 from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.fidelity.elastica import solve_elastica
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import ForceLoad
 from continuum_grasp.simulation import equilibrium, equilibrium_path
-from tests.rods import HANGING, UNIT, UPRIGHT, force, order, rod_scene, without_compiler  # noqa: F401
+from tests.rods import HANGING, HORIZONTAL, UNIT, UPRIGHT, force, order, rod_scene, without_compiler  # noqa: F401
 
 pytestmark = pytest.mark.usefixtures("without_compiler")
 
@@ -113,10 +115,25 @@ def test_an_end_moment_and_a_preshape_bend_a_circle(family, elements, keys):
     assert found.residual < 1e-10
 
 
-def test_piecewise_rest_curvature_is_met_exactly_where_the_elements_can():
-    rest = {"breaks": [0.3, 0.8], "values": [2.0, -1.0, 0.5]}
-    found = equilibrium(rod_scene(UNIT, "arc", (0.3, 0.5, 0.2), gravity=NONE, finger={"rest_curvature": rest}))
-    assert found.q == pytest.approx([0.6, -0.5, 0.1], abs=1e-13)
+REST = {"breaks": [0.3, 0.8], "values": [2.0, -1.0, 0.5]}
+
+
+@pytest.mark.parametrize(
+    ("family", "q"),
+    [("arc", [0.6, -0.5, 0.1]), ("clothoid", [2.0, 0.5, -0.25, 0.5]), ("matched_clothoid", [2.0, 0.5, -0.25])],
+)
+@pytest.mark.parametrize("elements", [None, (0.3, 0.5, 0.2)])
+def test_piecewise_rest_curvature_is_met_exactly(family, elements, q):
+    """Elements end at its jumps, unless they are told otherwise."""
+    finger, fidelity = {"rest_curvature": REST}, {"accuracy": 1e-13}
+    found = equilibrium(rod_scene(UNIT, family, elements, gravity=NONE, finger=finger, fidelity=fidelity))
+    assert found.q == pytest.approx(q, abs=1e-12)
+    assert np.array(found.model.bending(found.q, found.u, found.p)).ravel() == pytest.approx([0.6, -0.5, 0.1])
+    ends = [0.3, 0.55, 0.8, 1.0]
+    angles = [float(found.model.orientation(found.q, found.u, at, found.p)) for at in ends]
+    assert np.array(angles) - HORIZONTAL == pytest.approx([0.6, 0.35, 0.1, 0.2], abs=1e-12)
+    energy = found.model.energy([*found.q, *np.zeros(found.model.n)], found.u, found.p)[1]
+    assert float(energy) == pytest.approx(0.0, abs=1e-13)
     s = np.linspace(0.0, 1.0, 40001)
     slope = np.interp(s, [0.0, 0.3, 0.8, 1.0], [0.0, 0.6, 0.1, 0.2])
     assert found.tip == pytest.approx([integrate.simpson(f(slope), x=s) for f in (np.cos, np.sin)], abs=1e-8)
@@ -311,3 +328,34 @@ def test_bends_beyond_the_range_are_said_and_far_beyond_it_are_refused(family):
     with pytest.raises(SolverError, match=r"element 1 is bent .* times its range of 0\.1 rad") as caught:
         equilibrium(pushed(5.0, family, fidelity={"bending_range": 0.1}))
     assert caught.value.status == "beyond the bending range"
+
+
+@pytest.mark.parametrize("family", ["clothoid", "matched_clothoid"])
+def test_a_loaded_preshape_with_jumps_converges_like_one_without(family):
+    """Fourth order, as the curvature jumps where the rest curvature does; the truth is the elastica."""
+    keys = {"gravity": (0.3, -1.0), "loads": [force(1.0, (1.0, 0.5))], "finger": {"rest_curvature": REST}}
+    exact = solve_elastica(rod_scene(UNIT, "arc", 1, **keys)).tip
+    errors = []
+    for count in (2, 4, 8):
+        lengths = [h / count for h in (0.3, 0.5, 0.2) for _ in range(count)]
+        scene = rod_scene(UNIT, family, lengths, fidelity={"accuracy": 1e-13, "bending_range": 2.1}, **keys)
+        errors.append(np.linalg.norm(equilibrium(scene).tip - exact))
+    assert order(errors)[-1] == pytest.approx(4.0, abs=0.5)
+    assert errors[-1] < 1e-7
+
+
+@pytest.mark.parametrize("family", ["clothoid", "matched_clothoid"])
+def test_forces_are_gradients_also_where_the_rest_curvature_jumps(family):
+    scene = rod_scene(UNIT, family, None, finger={"rest_curvature": REST, "masses": [{"at": 0.9, "mass": 0.3}]})
+    model = FingerModel(scene, parameters=(), accuracy=1e-13)
+    q, h = np.array([0.7, -1.2, 0.9, 0.4][: model.n]), 1e-5
+    rest = np.zeros(model.n)
+    slope, columns = [], []
+    for unit in np.eye(model.n):
+        up, down = (float(model.energy([*(q + s * h * unit), *rest], [0.0], [])[1]) for s in (1, -1))
+        slope.append((up - down) / (2 * h))
+        ahead, behind = (np.array(model.position(q + s * h * unit, [0.0], 0.7, [])).ravel() for s in (1, -1))
+        columns.append((ahead - behind) / (2 * h))
+    forces = np.array(model.gravity(q, [0.0], []) + model.elastic(q, [0.0], [])).ravel()
+    assert forces == pytest.approx(slope, rel=1e-7, abs=1e-9)
+    assert np.array(model.jacobian(q, [0.0], 0.7, [])) == pytest.approx(np.array(columns).T, rel=1e-7, abs=1e-9)

@@ -126,8 +126,9 @@ def _at_rest(true: TruePose, model: FingerModel) -> Equilibrium:
     if model.family == "arc":
         guess = np.diff(true.rod.angle(edges))
     else:
-        inside = np.clip(edges, 0.0, np.nextafter(edges[-1], 0.0))
-        guess = true.rod.curvature(inside)[: model.n]
+        short = 1e-9 * edges[-1]
+        sides = [true.rod.curvature(np.clip(edges + side, short, edges[-1] - short)) for side in (-short, short)]
+        guess = 0.5 * (sides[0] + sides[1])[: model.n]
     signals = Signals(true.pose.scene, model, true.pose.scene.loads)
     return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], guess=guess)
 

@@ -106,8 +106,8 @@ class Equations:
     @cached_property
     def bends(self) -> list[Scalar]:
         """Bending angle of each element [rad]."""
-        count = len(self.lengths)
-        return [_dot(self._family.bend_gradient(k, self.lengths), self.full) for k in range(count)]
+        shapes = [self._family.shape(k, self.full) for k in range(len(self.lengths))]
+        return [_dot(link.link.end.angles, shape) for link, shape in zip(self.chain.links, shapes, strict=True)]
 
     # -- geometry ------------------------------------------------------------------------------------------------
 
@@ -160,8 +160,8 @@ class Equations:
     def section_angle(self) -> Scalar:
         """Angle in the world [rad] of the section at the run-time position s."""
         angle: Scalar = self._par["base_angle"]
-        for (_, section, _), local in zip(self._partial_chain, self.chain.coordinates, strict=True):
-            angle = plus(angle, _dot(section.angles, [self.full[a] for a in local]))
+        for k, (_, section, _) in enumerate(self._partial_chain):
+            angle = plus(angle, _dot(section.angles, self._family.shape(k, self.full)))
         return angle
 
     @cached_property
@@ -304,9 +304,10 @@ class Equations:
         """Elastic energy above the rest shape and potential of the weight above the world's origin [J]."""
         stiffness, pieces = self._par["bending_stiffness"], self._made.finger.curvature_pieces
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
-        constant: Scalar = sum(0.5 * (b - a) * k**2 for a, b, k in pieces)
         if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
             constant = times(0.5, times(_sum(self.lengths), times(self._tip_rest, self._tip_rest)))
+        else:
+            constant = self._family.rest_energy(self._made.lengths, pieces)
         elastic = times(stiffness, plus(minus(_dot(product, self.full), _dot(self.rest, self.full)), constant))
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")

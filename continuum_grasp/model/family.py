@@ -53,6 +53,10 @@ class Family(ABC):
     def local(self, element: int) -> tuple[int, ...]:
         """Full coordinates that bend an element."""
 
+    def shape(self, element: int, q: Sequence[Scalar]) -> list[Scalar]:
+        """What bends an element: its coordinates, with the jumps of the rest curvature at its ends."""
+        return [q[a] for a in self.local(element)]
+
     @abstractmethod
     def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
         """The chain's links."""
@@ -63,7 +67,11 @@ class Family(ABC):
 
     @abstractmethod
     def rest(self, lengths: Sequence[float], pieces: Sequence[tuple[float, float, float]]) -> list[float]:
-        """Integral of the rest curvature times each curvature shape."""
+        """Integral of the rest curvature, less what is in the shape already, times each curvature shape."""
+
+    def rest_energy(self, lengths: Sequence[float], pieces: Sequence[tuple[float, float, float]]) -> float:
+        """Half the integral of the square of the same."""
+        return sum(0.5 * (b - a) * value**2 for a, b, value in pieces)
 
     @abstractmethod
     def bend_gradient(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
@@ -118,7 +126,26 @@ class ArcFamily(Family):
 
 
 class ClothoidFamily(Family):
-    """Curvature linear on each element and continuous; the unknowns are the nodal curvatures [1/m]."""
+    """Curvature linear on each element and continuous; the unknowns are the nodal curvatures [1/m].
+
+    Where the rest curvature jumps at a node, the curvature jumps with it and the unknown is the mean of both sides.
+
+    Parameters
+    ----------
+    elements : int
+    accuracy : float or None
+    jumps : sequence of float, optional
+        Jump of the rest curvature at each inner node [1/m].
+    """
+
+    def __init__(self, elements: int, accuracy: float | None, jumps: Sequence[float] = ()) -> None:
+        super().__init__(elements, accuracy)
+        inner = tuple(jumps) or (0.0,) * (elements - 1)
+        self._steps = tuple(zip((0.0, *(0.5 * j for j in inner)), (*(-0.5 * j for j in inner), 0.0), strict=True))
+        """What is added to the curvatures at both ends of each element [1/m]."""
+
+    def shape(self, element: int, q: Sequence[Scalar]) -> list[Scalar]:
+        return [plus(q[element + k], step) for k, step in enumerate(self._steps[element])]
 
     @property
     def size(self) -> int:
@@ -142,9 +169,10 @@ class ClothoidFamily(Family):
                 for fraction, mass in masses
                 if not (folds and fraction == 1.0 and isinstance(mass, float))
             )
+            first, last = self.shape(k, q)
             link = Clothoid(
-                q[k],
-                q[k + 1],
+                first,
+                last,
                 h,
                 rod.linear_density,
                 rod.rotary_inertia,
@@ -172,8 +200,22 @@ class ClothoidFamily(Family):
                     rising = ((hi - start) ** 2 - (lo - start) ** 2) / (2 * h)
                     result[k] += value * (hi - lo - rising)
                     result[k + 1] += value * rising
+            left, right = self._steps[k]
+            result[k] -= h * (left / 3 + right / 6)
+            result[k + 1] -= h * (left / 6 + right / 3)
             start += h
         return result
+
+    def rest_energy(self, lengths: Sequence[float], pieces: Sequence[tuple[float, float, float]]) -> float:
+        energy, start = 0.0, 0.0
+        for h, (left, right) in zip(lengths, self._steps, strict=True):
+            for a, b, value in pieces:
+                lo, hi = max(start, a), min(start + h, b)
+                if hi > lo:
+                    first, last = (value - left - (right - left) * (at - start) / h for at in (lo, hi))
+                    energy += (hi - lo) * (first**2 + first * last + last**2) / 6
+            start += h
+        return energy
 
     def rest_uniform(self, lengths: Sequence[Scalar]) -> list[Scalar]:
         result: list[Scalar] = [0.0] * self.size

@@ -37,7 +37,8 @@ class FingerModel:
         Curvature family; ``matched_clothoid`` where nothing is said (``clothoid`` where tendons rub, where a moment
         of the scene on the tip varies in time, or where those at time zero do not fit the initial pose).
     elements : int or sequence of float, optional
-        Number of elements, or their lengths [m]; two, or one per stretch between contacts, where nothing is said.
+        Number of elements, or their lengths [m]; two, or one per stretch between contacts and jumps of the rest
+        curvature, where nothing is said.
     bending_range : float, optional
         Greatest bend of an element [rad] (for clothoids: its length times its greatest curvature); 2 pi / 3, or less
         where the finger's strain limit allows less.
@@ -99,8 +100,9 @@ class FingerModel:
 
     Units follow the coordinates. Arcs: q are bending angles [rad], so generalised forces [Q] are in N m, M in kg m2,
     J in m and tangent stiffness in N m. Clothoids: q are nodal curvatures [1/m], so [Q] is N m2, M in kg m4, J in m2
-    and tangent stiffness in N m3. ``q_names``, ``x_names``, ``u_names``, ``w_names`` and ``p_names`` have the unit of
-    every entry.
+    and tangent stiffness in N m3; at a boundary where the rest curvature jumps, the curvature jumps with it and q is
+    the mean of both sides. ``q_names``, ``x_names``, ``u_names``, ``w_names`` and ``p_names`` have the unit of every
+    entry.
 
     x = [q, qd], and [q, qd, tip moment, its rate] where the tendons have a time constant; the functions of q then take
     the tip moment that u commands. w = world forces at the contacts, then at the tip (if any), then the loads.
@@ -258,7 +260,7 @@ class FingerModel:
         eq = self._equations
         use: list[Scalar] = []
         for k, reach in enumerate(self.ranges):
-            bends = [eq.full[a] for a in self.structure.family.local(k)]
+            bends = self.structure.family.shape(k, eq.full)
             if self.family != "arc":
                 bends = [eq.lengths[k] * bend for bend in bends]
             peak = ca.fabs(ca.SX(bends[0]))

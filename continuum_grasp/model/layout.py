@@ -8,13 +8,16 @@ from collections.abc import Sequence
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.chain import Place
+from continuum_grasp.scene.finger import Finger
 
-__all__ = ["DEFAULT_RANGE", "element_lengths", "element_ranges", "place_at"]
+__all__ = ["DEFAULT_RANGE", "element_lengths", "element_ranges", "place_at", "with_jumps"]
 
 DEFAULT_RANGE = 2 * math.pi / 3
 """Bending range of one element where nothing else is said [rad]; equation (44) of the paper."""
 
 _SNAP = 1e-9
+_SHORTEST = 0.02
+"""Shortest element that is made for a jump of the rest curvature, per length of the finger."""
 _LEAST = 1e-6
 """Least length of an element, as a part of the finger's."""
 _MOST = 64
@@ -69,6 +72,15 @@ def element_lengths(
         longest = max(range(len(stretches)), key=lambda k: stretches[k] / shares[k])
         shares[longest] += 1
     return tuple(h / n for h, n in zip(stretches, shares, strict=True) for _ in range(n))
+
+
+def with_jumps(contacts: Sequence[float], finger: Finger) -> tuple[float, ...]:
+    """Contacts, and the jumps of the rest curvature that are not too near to them or to an end for an element."""
+    length, kept = finger.rod.length, list(contacts)
+    for start, _, _ in finger.curvature_pieces[1:]:
+        if all(abs(start - other) >= _SHORTEST * length for other in (0.0, *kept, length)):
+            kept.append(start)
+    return tuple(sorted(kept))
 
 
 def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tuple[float, ...]:

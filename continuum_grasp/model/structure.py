@@ -10,7 +10,7 @@ from continuum_grasp.model.actuation import InputLayout
 from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices
 from continuum_grasp.model.family import ArcFamily, ClothoidFamily, Family
-from continuum_grasp.model.layout import element_lengths, element_ranges, place_at
+from continuum_grasp.model.layout import element_lengths, element_ranges, place_at, with_jumps
 from continuum_grasp.model.parameters import Parameters
 from continuum_grasp.model.quadrature import node_count
 from continuum_grasp.scene.finger import Finger
@@ -72,7 +72,10 @@ class Structure:
         tip_force = choices.switch("tip_force")
         self.tip_force = (scene is None or bool(scene.contacts)) if tip_force is None else tip_force
         gravity = choices.numbers("gravity", 2) or (0.0, -9.81)
-        self.lengths = element_lengths(self.length, self.contacts, choices.elements())
+        elements = choices.elements()
+        self.lengths = element_lengths(self.length, self.contacts, elements)
+        if elements is None:
+            self.lengths = element_lengths(self.length, with_jumps(self.contacts, self.finger), None)
         self.ranges = element_ranges(self.lengths, choices.number("bending_range"), self.finger.curvature_limit)
         self.parameters = Parameters(self.finger, (gravity[0], gravity[1]), self.lengths, choices.words("parameters"))
         self.accuracy = choices.number("accuracy")
@@ -187,7 +190,16 @@ class Structure:
             return ArcFamily(count, self.accuracy)
         for reach in self.ranges:
             node_count(reach, 1e-2)  # says where the range is too large
-        return ClothoidFamily(count, self.accuracy)
+        return ClothoidFamily(count, self.accuracy, self._rest_jumps())
+
+    def _rest_jumps(self) -> list[float]:
+        """Jump of the rest curvature at each inner boundary [1/m]."""
+        jumps, pieces, edge = [], self.finger.curvature_pieces, 0.0
+        for h in self.lengths[:-1]:
+            edge += h
+            there = [k for k, (start, _, _) in enumerate(pieces) if k and abs(start - edge) <= 1e-9 * self.length]
+            jumps.append(sum(pieces[k][2] - pieces[k - 1][2] for k in there))
+        return jumps
 
     def _name_entries(self) -> None:
         self.q_names = self.family.labels[: self.n]
