@@ -58,9 +58,9 @@ def _distance(a: Any, b: Any) -> float:
 
 
 @lru_cache(maxsize=64)
-def exact(scene: Scene, side: int = 1, stable: bool = True) -> Elastica:
+def exact(scene: Scene) -> Elastica:
     """The elastica of a scene."""
-    return solve_elastica(scene, side=side, stable=stable)
+    return solve_elastica(scene)
 
 
 # Scenes.
@@ -120,12 +120,7 @@ def both_sides(scene: Scene, truth: Callable[[], tuple[float, float]]) -> Found:
     return Found(error, sum(s.iterations for s in sides), tuple(w for s in sides for w in s.warnings))
 
 
-def snap_load(family: str) -> float:
-    """Force across, per critical load, at which the elastica leaves the side that it is pushed from."""
-    return _last(lambda across, before: _followed(family, across, before))
-
-
-def _followed(family: str, across: float, before: Elastica | None) -> Elastica | None:
+def _followed(across: float, before: Elastica | None) -> Elastica | None:
     scene = snapping("matched_clothoid", 2, across)
     found = solve_elastica(scene, side=1) if before is None else solve_elastica(scene, guess=before.angle)
     return found if found.tip[0] < 0.0 else None
@@ -175,18 +170,17 @@ def _last(follow: Callable[[float, Any], Any]) -> float:
 
 @lru_cache(maxsize=1)
 def true_snap() -> float:
-    """The elastica's snap load per critical load."""
-    return snap_load("matched_clothoid")
+    """Force across, per critical load, at which the elastica leaves the side that it is pushed from."""
+    return _last(_followed)
 
 
 def snap_through(family: str) -> Found:
     """Snap load of the model against the elastica's, and the stable shape on the other side after it."""
     elements = ELEMENTS[family]
     load, _, after = model_snap_load(family, elements)
-    other = exact(snapping("matched_clothoid", 2, load + 0.01), stable=True)
-    side = solve_elastica(snapping("matched_clothoid", 2, load + 0.01), guess=_angles(after)) if other else other
+    true = solve_elastica(snapping("matched_clothoid", 2, load + 0.01), guess=_angles(after))
     error = abs(load - true_snap()) / true_snap() + (not after.stable) + (after.tip[0] <= 0.0)
-    return Found(error + _distance(after.tip, side.tip), after.iterations, after.warnings)
+    return Found(error + _distance(after.tip, true.tip), after.iterations, after.warnings)
 
 
 def both_under_one_load(family: str, share: float = 0.7) -> Found:
