@@ -17,6 +17,7 @@ from continuum_grasp.identification.levenberg import least_squares
 from continuum_grasp.identification.student import t_quantile
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene import Fidelity
 from tests.identification_cases import (
     DENSITY,
     LENGTH,
@@ -173,6 +174,12 @@ def test_stiffness_clamp_and_rest_curvature_from_the_exact_rod():
     assert np.abs(fit.residuals).max() < 2e-5
 
 
+def test_a_tolerance_chooses_the_model():
+    scene = loaded_scene().model_copy(update={"fidelity": Fidelity(tolerance=1e-3)})
+    fit = cg.identify(scene, poses(tip_data()), parameters=["bending_stiffness"])
+    assert fit["bending_stiffness"] == pytest.approx(STIFFNESS, rel=5e-3)
+
+
 def test_youngs_modulus_is_stiffness_over_second_moment():
     fit = cg.identify(
         loaded_scene(), poses(tip_data()), parameters=[Estimate(name="youngs_modulus", second_moment=1e-13)]
@@ -199,6 +206,12 @@ def test_known_deviations_weight_unlike_data():
     both = cg.identify(loaded_scene(), Poses(readings, conditions), parameters=["bending_stiffness"])
     alone = cg.identify(loaded_scene(), Poses(readings[:1], conditions), parameters=["bending_stiffness"])
     assert both.values == pytest.approx(alone.values, rel=1e-3)
+
+
+def test_data_in_another_unit_are_doubted():
+    data = Poses([Reading("y", 1e3 * tip_data()[:, 1])], {"load_1_y": -LOADS})
+    fit = cg.identify(loaded_scene(), data, parameters=["bending_stiffness"])
+    assert any("check units, signs and conditions" in warning for warning in fit.warnings)
 
 
 def test_unknown_deviations_come_from_the_residuals():
@@ -333,6 +346,8 @@ def test_noise_alone_is_no_vibration():
     ("names", "words"),
     [
         ([], "expected the names"),
+        ("bending_stiffness", "expected a list of names"),
+        ([3], "expected a name or an Estimate"),
         (["youngs_modulus"], "second_moment"),
         (["bending_stiffnes"], "did you mean bending_stiffness"),
         (["gravity"], "2 entries"),
@@ -370,6 +385,7 @@ def test_wrong_data_are_named(make, words):
         (Poses([Reading("x", [0.3])], {"bending_stiffness": [0.1]}), "is to be estimated, and given"),
         (Poses([Reading("x", [0.3], at=2.0 * LENGTH)]), "not on the finger"),
         ([], "expected measurements"),
+        (3, "expected Poses"),
         ("tip_drop.csv", "give arrays for a scene"),
         (Poses([Reading("x", [0.3])], fitted=[False]), "no row is to be fitted"),
     ],

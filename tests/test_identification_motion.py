@@ -15,7 +15,8 @@ from continuum_grasp.identification import Estimate, TipPath
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Fidelity, Scene, Timing
-from tests.identification_cases import coverage, path_of, release, slope_error
+from tests.identification_cases import ROD, coverage, path_of, release, slope_error
+from tests.rods import rod_scene
 
 CONFIGS = Path(__file__).parents[1] / "configs/simulate"
 GRAMS = (0, 10, 20, 50)
@@ -50,6 +51,34 @@ def test_derivatives_of_paths(instants):
     unknowns = read_unknowns(scene, names)
     block = PathBlock(scene, TipPath(t, x=0 * t, y=0 * t), unknowns)
     values = np.array([55e9, 1.3e-4, 0.01, 0.018, 0.1, 0.021])
+    assert slope_error(block, values, np.array([one.typical for one in unknowns])).max() < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("family", "input_", "tendons", "pose", "names"),
+    [
+        ("clothoid", "tensions", 0.03, "equilibrium", ["bending_stiffness", "tendon_offset"]),
+        ("matched_clothoid", "tip_moment", None, "rest", ["bending_stiffness", "rest_curvature"]),
+    ],
+)
+def test_driven_paths_are_those_of_a_simulation(family, input_, tendons, pose, names):
+    """A lagged tendon, and a matched tip that moves with its moment: path and derivatives."""
+    pull = {"times": [0.0, 0.1, 0.2], "values": [0.0, 1.0 if tendons else 0.02, 0.0]}
+    finger = {"tendons": {"offset": 0.02, "max_tension": 9.0, "time_constant": tendons}} if tendons else {}
+    scene = rod_scene(
+        ROD,
+        family,
+        finger=finger,
+        actuation={input_: [pull, 0.0] if tendons else pull},
+        initial={"pose": pose},
+        time={"duration": 0.3, "step": 0.001},
+    )
+    unknowns = read_unknowns(scene, names)
+    true = cg.simulate(scene)
+    t, tip = true.t[10::10], true.tip[10::10]
+    block = PathBlock(scene, TipPath(t, tip[:, 0], tip[:, 1]), unknowns)
+    values = np.array([one.start for one in unknowns])
+    assert np.abs(block.predict(values)[0].reshape(-1, 2) - tip).max() < 2e-5
     assert slope_error(block, values, np.array([one.typical for one in unknowns])).max() < 1e-7
 
 

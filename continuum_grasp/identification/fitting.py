@@ -33,6 +33,7 @@ Measurements = str | PathLike[str] | Data | Sequence[str | PathLike[str] | Data]
 _CORRELATED = 0.5
 _SERIES = 30
 _APART = 8.0
+_LITTLE = 0.6
 
 
 def identify(
@@ -97,7 +98,8 @@ def _resolved(scene: Scene) -> Scene:
 
 
 def _measurements(scene: Scene, data: Measurements) -> list[Data]:
-    given = [data] if isinstance(data, (str, os.PathLike, Poses, TipPath, Frequencies)) else list(data)
+    one_of = (str, os.PathLike, Poses, TipPath, Frequencies)
+    given = list(data) if isinstance(data, Sequence) and not isinstance(data, one_of) else [data]
     found: list[Data] = []
     paths = [Path(one) for one in given if isinstance(one, (str, os.PathLike))]
     if paths:
@@ -135,6 +137,7 @@ def _fit(scene: Scene, problem: Problem, solution: Solution, seconds: float) -> 
         *_series(problem, weighted),
         *_sets(problem, weighted),
     )
+    warnings += tuple(_misfits(problem, solution.predictions))
     return Fit(
         names=tuple(one.name for one in problem.unknowns),
         units=tuple(one.unit for one in problem.unknowns),
@@ -172,14 +175,30 @@ def _outliers(problem: Problem, weighted: Array, freedom: int) -> list[str]:
     return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {first.label}"]
 
 
+def _misfits(problem: Problem, predictions: Array) -> list[str]:
+    """Groups of which the model explains little: wrong units, signs or conditions do that."""
+    found = []
+    for k, group in enumerate(problem.groups):
+        members = problem.fitted & problem.members(k)
+        values = problem.measured[members]
+        left = float(np.sqrt(np.mean((predictions[members] - values) ** 2))) if values.size else 0.0
+        spread = float(np.ptp(values)) if values.size > 2 else 0.0
+        if spread > 0.0 and left > _LITTLE * spread:
+            found.append(
+                f"{group}: the model is off by {left:.2g} r.m.s. where the measurements spread over {spread:.2g}: "
+                "check units, signs and conditions of the data"
+            )
+    return found
+
+
 def _sets(problem: Problem, weighted: Array) -> list[str]:
     """Groups whose sets differ by more than their own scatter: repeats of one set are then not independent."""
     found = []
     ends = np.cumsum([len(block.entries) for block in problem.blocks])
     which = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
     still = np.array([not block.horizons for block in problem.blocks])[which]
-    for group in problem.groups:
-        members = problem.fitted & still & np.array([entry.group == group for entry in problem.entries])
+    for number, group in enumerate(problem.groups):
+        members = problem.fitted & still & problem.members(number)
         sets = [weighted[members & (which == k)] for k in np.unique(which[members])]
         sets = [one for one in sets if one.size > 2]
         count = sum(one.size for one in sets)

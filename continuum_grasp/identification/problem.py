@@ -78,6 +78,10 @@ class Problem:
         self._known = np.array([np.nan if entry.sigma is None else entry.sigma for entry in self.entries])
         self._iterations = self._evaluations = 0
 
+    def members(self, group: int) -> NDArray[np.bool_]:
+        """Entries of one group."""
+        return np.asarray(self._group == group)
+
     def predict(self, values: Array) -> tuple[Array, Array]:
         """Predictions (m,) of all entries, and their Jacobian (m, n)."""
         parts = [block.predict(values) for block in self.blocks]
@@ -136,7 +140,7 @@ class Problem:
                 violated=[
                     f"{one.name} = {v:.6g} {one.unit}" for one, v in zip(self.unknowns, found.values, strict=True)
                 ],
-                advice="start nearer to the values, bound them, or estimate fewer parameters",
+                advice="check units and signs of the data, start nearer to the values, bound them, or estimate fewer",
                 result=found,
             )
         return found

@@ -69,7 +69,12 @@ def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unk
     InputError
         If there is none, one is unknown or given twice, or a start value is missing or out of bounds.
     """
+    if isinstance(estimates, str):
+        raise InputError(f"expected a list of names, got {estimates!r:.60}", key="estimate")
     chosen = [Estimate(name=one) if isinstance(one, str) else one for one in estimates]
+    for k, asked in enumerate(chosen):
+        if not isinstance(asked, Estimate):
+            raise InputError(f"expected a name or an Estimate, got {asked!r:.60}", key=f"estimate[{k}]")
     if not chosen:
         raise InputError("expected the names of the parameters to estimate", key="estimate")
     found = [_unknown(scene, one, f"estimate[{k}]") for k, one in enumerate(chosen)]
