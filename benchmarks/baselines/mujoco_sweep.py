@@ -12,8 +12,8 @@ from benchmarks.baselines.release_peers import ReleasePeers
 from continuum_grasp.fidelity.motion import Motion
 
 HINGES = (5, 10, 20, 40)
-STEPS = (100, 200, 400, 600, 800, 1000, 2000, 4000, 10000)
-"""Per second; all divide or are divided by the reference's instants."""
+STEPS = (100, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1400, 1600, 2000, 2800, 4000, 5600, 10000)
+"""Per second; ``FRAME`` of ``bench_peers`` has a whole number of each."""
 METHODS = (("implicitfast", False), ("implicitfast", True), ("Euler", False), ("Euler", True), ("discrete", False))
 METHODS += (("RK4", False),)
 """Integrators, and whether the start is staggered."""

@@ -78,10 +78,10 @@ class OwnRun:
 
 
 def front(runs: Iterable[OwnRun]) -> list[OwnRun]:
-    """Those than which no cheaper one is as close, but for a hundredth; cheapest first."""
+    """Those than which no cheaper one is as close, but for a twentieth; cheapest first."""
     kept: list[OwnRun] = []
     for run in sorted(runs, key=lambda one: (one.cost, one.error)):
-        if not kept or run.error < 0.99 * kept[-1].error:
+        if not kept or run.error < 0.95 * kept[-1].error:
             kept.append(run)
     return kept
 

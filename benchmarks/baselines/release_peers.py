@@ -113,7 +113,7 @@ class ReleasePeers:
         settings : mapping
             Arguments of the class in ``mujoco_chain``, ``pyelastica_rod`` or ``segment_release``.
         frames : int
-            Instants in the second, at most one per step; 0 for none.
+            Instants in the second, or as many of them as are ends of steps; 0 for none.
         """
         reply = self._ask(make=name, kind=kind, rod=dict(rod), settings=dict(settings), frames=frames)
         tip = np.empty((0, 2)) if reply["tip"] is None else np.array(reply["tip"], dtype=float)

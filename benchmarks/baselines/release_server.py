@@ -9,6 +9,7 @@ second and answers with the tip; ``{"run": name, "seconds": ...}`` steps and ans
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import time
@@ -42,7 +43,7 @@ def answer(request: dict, made: dict[str, Any]) -> dict:
     one = made[request["make"]] = build(request["kind"], request["rod"], request["settings"])
     one.run(1.0 / one.steps)
     cold = time.perf_counter() - began
-    tips = one.tips(min(request["frames"], one.steps)) if request["frames"] else None
+    tips = one.tips(math.gcd(request["frames"], one.steps)) if request["frames"] else None
     return {"cold": cold, "steps": one.steps, "tip": None if tips is None else tips.tolist()}
 
 
