@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -172,6 +173,30 @@ def test_stiffness_clamp_and_rest_curvature_from_the_exact_rod():
     assert fit["rest_curvature"] == pytest.approx(0.2, abs=0.01)
     assert fit.status == "converged"
     assert np.abs(fit.residuals).max() < 2e-5
+
+
+def test_estimates_in_a_scene_are_those_of_its_model():
+    """The scene with estimates in it has the nominal parameters that were estimated; a clamp angle is added."""
+    rod = {"length": LENGTH, "diameter": 0.002, "density": 6000.0, "youngs_modulus": 60e9}
+    finger = {"masses": [{"at": 0.1, "mass": 0.01}, {"at": LENGTH, "mass": 0.02}]}
+    scene = rod_scene(rod, "clothoid", finger=finger)
+    fit = cg.identify(loaded_scene(), poses(tip_data()), parameters=["bending_stiffness"])
+    targets = {
+        "bending_stiffness": 0.05,
+        "linear_density": 0.02,
+        "material_damping": 2e-4,
+        "per_arc_damping": 1e-4,
+        "rest_curvature": 0.3,
+        "tip_mass": 0.03,
+        "mass_0": 0.005,
+        "base_angle": 0.1,
+    }
+    given = tuple((name, 1.0, name == "base_angle") for name in targets)
+    fit = dataclasses.replace(fit, targets=given, values=np.array(list(targets.values())), names=tuple(targets))
+    changed = FingerModel(fit.apply(scene), parameters=(*targets, "rotary_inertia"))
+    expected = {**targets, "base_angle": scene.finger.base.angle + 0.1}
+    assert changed.p_nominal[:-1] == pytest.approx(list(expected.values()))
+    assert changed.p_nominal[-1] == pytest.approx(scene.finger.rod.inertia_per_length)
 
 
 def test_a_tolerance_chooses_the_model():

@@ -16,6 +16,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.identification import IdentifyScene, read_data, read_table
 from continuum_grasp.identification.folder import VARIABLE
 from continuum_grasp.identification.units import factor_to_si
+from continuum_grasp.plotting.identification import plot_predictions, plot_residuals
 from continuum_grasp.results import read_run
 from tests.identification_cases import LENGTH, ROD, STIFFNESS, elastica, frequency
 
@@ -244,7 +245,27 @@ def test_command_saves_draws_and_prints(written, tmp_path):
     stored = read_run(out)
     assert stored.arrays["values"] == pytest.approx([one["value"]])
     assert stored.meta["status"] == "converged"
+    assert stored.meta["identified_finger"]["rod"]["bending_stiffness"] == pytest.approx(one["value"])
     assert {"residuals.png", "predictions.png"} <= {path.name for path in out.iterdir()}
+
+
+def test_pictures_show_every_number(written):
+    file, data = written
+    fit = cg.identify(cg.load(file, ["data[0].holdout_rows=[2]"]), data)
+    ax = plot_residuals(fit)
+    fitted, held = (points.get_offsets() for points in ax.collections)
+    assert np.asarray(held)[:, 0].tolist() == [2.0]
+    assert np.asarray(fitted)[:, 1] == pytest.approx(fit.residuals[fit.fitted] / fit.sigma[fit.fitted])
+    ax = plot_predictions(fit, "positions of poses")
+    shown = np.concatenate([np.asarray(points.get_offsets()) for points in ax.collections])
+    assert sorted(shown[:, 0]) == pytest.approx(sorted(fit.measured))
+    assert ax.get_xlabel() == "measured [m]"
+    with pytest.raises(InputError, match="expected one of positions of poses"):
+        plot_predictions(fit, "positions")
+
+
+def test_command_explains_itself():
+    assert run("--help").exit_code == 0
 
 
 def test_command_tells_intervals_and_holdout(written, tmp_path):

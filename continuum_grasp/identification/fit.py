@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Entry
 from continuum_grasp.scene.simulate import Scene
 
@@ -61,6 +62,8 @@ class Fit:
         Standard deviation of each entry, known or from the residuals.
     blocks : tuple of (str, int)
         Name of each set of measurements and how many entries it has.
+    targets : tuple of (str, float, bool)
+        Per parameter, what of the model it sets, the factor to that, and whether it is added to the scene's value.
     scene : Scene
     status : str
         ``converged``; failures raise ``SolverError``.
@@ -80,6 +83,7 @@ class Fit:
     predictions: Array
     sigma: Array
     blocks: tuple[tuple[str, int], ...]
+    targets: tuple[tuple[str, float, bool], ...]
     scene: Scene
     status: str = "converged"
     warnings: tuple[str, ...] = ()
@@ -126,6 +130,29 @@ class Fit:
                 found.append(Error(group, unit, rms, float(size.max()), int(members.sum())))
         return tuple(found)
 
+    def apply(self, scene: Scene | None = None) -> Scene:
+        """A scene with the estimates in it; a deadband of the drive is none of a scene's values and left out.
+
+        Parameters
+        ----------
+        scene : Scene, optional
+            That of the identification where not given.
+
+        Raises
+        ------
+        InputError
+            If the scene does not take a value.
+        """
+        from continuum_grasp.identification.apply import with_parameter
+        from continuum_grasp.identification.unknowns import DEADBAND
+
+        changed = self.scene if scene is None else scene
+        for (target, factor, added), value in zip(self.targets, self.values, strict=True):
+            if target != DEADBAND:
+                base = changed.finger.base.angle if added else 0.0
+                changed = with_parameter(changed, target, base + factor * float(value))
+        return changed
+
     def save(self, folder: str | Path) -> Path:
         """Write ``result.npz`` and ``meta.json`` into a folder, atomically.
 
@@ -151,12 +178,20 @@ class Fit:
         }
         meta = {
             "config": self.scene.model_dump(mode="json"),
+            "identified_finger": self._finger(),
             "status": self.status,
             "warnings": list(self.warnings),
             "statistics": dict(self.statistics),
             **self.summary(),
         }
         return write_run(folder, arrays, meta)
+
+    def _finger(self) -> dict[str, Any] | None:
+        """The finger with the estimates in it; None where an estimate is out of a finger's range."""
+        try:
+            return self.apply().finger.model_dump(mode="json", exclude_unset=True)
+        except InputError:
+            return None
 
     def summary(self) -> dict[str, Any]:
         """Parameters and errors as plain data."""

@@ -151,6 +151,7 @@ def _fit(scene: Scene, problem: Problem, solution: Solution, seconds: float) -> 
         predictions=solution.predictions,
         sigma=sigma,
         blocks=tuple((block.name, len(block.entries)) for block in problem.blocks),
+        targets=tuple((one.target, one.factor, one.added) for one in problem.unknowns),
         scene=scene,
         warnings=warnings,
         statistics={

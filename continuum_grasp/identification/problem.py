@@ -136,7 +136,7 @@ class Problem:
         if not first and not found.converged:
             raise SolverError(
                 "the parameters were not found",
-                status="iteration limit" if found.iterations else "no step possible",
+                status="iteration limit" if found.iterations >= _ITERATIONS else "no step possible",
                 violated=[
                     f"{one.name} = {v:.6g} {one.unit}" for one, v in zip(self.unknowns, found.values, strict=True)
                 ],
