@@ -29,7 +29,7 @@ from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Initial, Scene
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "simulate"
-FRAME = 0.04
+FRAME = 0.2
 """Span that counts as one evaluation [s]; whole numbers of all steps."""
 TOLERANCE = 1e-4
 """Error of the steps alone, per length, in the comparisons by the same rule."""
