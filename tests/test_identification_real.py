@@ -41,6 +41,14 @@ def test_modulus_from_seven_drops_is_that_of_the_authors():
     assert fit.errors[0].rms < 1.8e-3
 
 
+def test_drops_of_the_exact_rod_give_its_modulus():
+    """The file has the drops of the exact elastica for 194.3 GPa beside those that were measured."""
+    exact = "elastica_tip_drop_m_E194p3GPa"
+    fit = belendez("data[0].holdout_rows=[]", f"data[0].measured[0].column={exact}")
+    assert fit["youngs_modulus"] == pytest.approx(194.3e9, rel=1e-3)
+    assert np.abs(fit.residuals).max() < 1e-4
+
+
 def test_drops_are_predicted_from_three_of_them():
     (error,) = belendez().holdout_errors
     assert error.count == 4

@@ -1,0 +1,153 @@
+"""The parts of identification: search, uncertainty, derivatives, damped sines."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from continuum_grasp.errors import SolverError
+from continuum_grasp.identification import Frequencies, Poses, Reading, fit_damped_sine
+from continuum_grasp.identification.blocks import PosesBlock, VibrationBlock
+from continuum_grasp.identification.inference import infer
+from continuum_grasp.identification.levenberg import least_squares
+from continuum_grasp.identification.student import t_quantile
+from continuum_grasp.identification.unknowns import read_unknowns
+from continuum_grasp.model import FingerModel
+from tests.identification_cases import DENSITY, ROD, STIFFNESS, loaded_scene, slope_error
+from tests.rods import rod_scene
+
+# -- the search ------------------------------------------------------------------------------------------------------
+
+
+def rosenbrock(v):
+    residuals = np.array([10.0 * (v[1] - v[0] ** 2), 1.0 - v[0]])
+    return residuals, np.array([[-20.0 * v[0], 10.0], [-1.0, 0.0]])
+
+
+def search(function, start, lower=-np.inf, upper=np.inf):
+    start = np.array(start, dtype=float)
+    bounds = np.broadcast_to(lower, start.shape).astype(float), np.broadcast_to(upper, start.shape).astype(float)
+    return least_squares(function, start, *bounds, np.ones(start.size), iterations=300)
+
+
+def test_search_finds_the_minimum_of_a_valley():
+    found = search(rosenbrock, [-1.2, 1.0])
+    assert found.converged
+    assert found.values == pytest.approx([1.0, 1.0], abs=1e-7)
+
+
+def test_search_stops_at_a_bound_with_the_best_of_the_rest():
+    found = search(rosenbrock, [0.2, 0.3], upper=[0.5, np.inf])
+    assert found.converged
+    assert found.values == pytest.approx([0.5, 0.25], abs=1e-7)
+
+
+def test_search_takes_shorter_steps_where_the_model_fails():
+    def fails(v):
+        if v[0] > 2.0:
+            raise SolverError("beyond", status="beyond")
+        return np.array([v[0] ** 2 - 3.9]), np.array([[2.0 * v[0]]])
+
+    assert search(fails, [0.1]).values == pytest.approx([math.sqrt(3.9)])
+
+
+def test_search_of_unseen_directions_leaves_them():
+    found = search(
+        lambda v: (np.array([v[0] + v[1] - 2.0, 0.0]), np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 0.0]])), [0, 0, 7]
+    )
+    assert found.converged
+    assert found.values.sum() == pytest.approx(9.0)
+    assert found.values[2] == 7.0
+
+
+@pytest.mark.parametrize("freedom", [1, 2, 3, 7, 30, 1000])
+@pytest.mark.parametrize("probability", [0.025, 0.6, 0.975, 0.9995])
+def test_quantiles_of_student(freedom, probability):
+    assert t_quantile(probability, freedom) == pytest.approx(scipy.stats.t.ppf(probability, freedom), rel=1e-9)
+
+
+def test_intervals_of_a_straight_line_are_those_of_regression():
+    x = np.array([0.0, 1.0, 2.0, 4.0, 7.0])
+    y = np.array([1.1, 2.9, 5.2, 8.8, 15.3])
+    known = scipy.stats.linregress(x, y)
+    unknowns = read_unknowns(loaded_scene(), ["bending_stiffness", "linear_density"])
+    jacobian = np.stack([x, np.ones_like(x)], axis=1)
+    values = np.array([known.slope, known.intercept])
+    found = infer(unknowns, values, jacobian, jacobian @ values - y)
+    assert found.deviations == pytest.approx([known.stderr, known.intercept_stderr])
+    half = scipy.stats.t.ppf(0.975, 3) * known.stderr
+    assert found.intervals[0] == pytest.approx([known.slope - half, known.slope + half])
+    assert found.correlation[0, 1] == pytest.approx(-x.mean() / math.sqrt(np.mean(x**2)))
+
+
+# -- derivatives -----------------------------------------------------------------------------------------------------
+
+NAMES = ["bending_stiffness", "linear_density", "tip_mass", "rest_curvature", "clamp_angle"]
+
+
+@pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
+def test_derivatives_of_poses(family):
+    scene = loaded_scene(2, fidelity={"family": family})
+    readings = [Reading(one, [0.1], at) for one, at in (("x", 0.17), ("y", None), ("angle", 0.3), ("bend", None))]
+    unknowns = read_unknowns(scene, NAMES)
+    block = PosesBlock(scene, Poses(readings, {"load_1_y": [-0.2]}), unknowns)
+    values = np.array([STIFFNESS, DENSITY, 0.004, 0.3, 0.02])
+    assert slope_error(block, values, np.array([one.typical for one in unknowns])).max() < 1e-8
+
+
+@pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
+def test_derivatives_of_vibrations(family):
+    scene = loaded_scene(2, fidelity={"family": family})
+    unknowns = read_unknowns(scene, [*NAMES, "material_damping"])
+    block = VibrationBlock(scene, Frequencies([1, 2], [2.0, 20.0], [0.1, 1.0], {"load_1_y": [-0.1, 0.1]}), unknowns)
+    values = np.array([STIFFNESS, DENSITY, 0.004, 0.3, 0.02, 2e-4])
+    assert slope_error(block, values, np.array([one.typical for one in unknowns])).max() < 1e-7
+
+
+def test_derivatives_behind_friction_and_deadband():
+    tendons = {"tendons": {"offset": 0.02, "max_tension": 10.0, "friction": 0.1}}
+    scene = rod_scene(ROD, "clothoid", finger=tendons, gravity=(0.0, 0.0))
+    unknowns = read_unknowns(scene, ["bending_stiffness", "tendon_friction", "tension_deadband", "tendon_offset"])
+    conditions = {"tension_1": [3.0, 0.5, 0.5], "tension_2": [0.5, 4.0, 0.7]}
+    block = PosesBlock(scene, Poses([Reading("bend", [0.5, -0.5, 0.0])], conditions), unknowns)
+    values = np.array([0.03, 0.12, 0.4, 0.02])
+    assert slope_error(block, values, np.array([0.03, 0.1, 0.1, 0.02])).max() < 1e-5
+
+
+@pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
+def test_base_angle_at_run_time_is_the_folded_one(family):
+    scene = loaded_scene(2, fidelity={"family": family})
+    runtime = FingerModel(scene, parameters=("base_angle",))
+    base = scene.finger.base.model_copy(update={"angle": 0.7})
+    folded = FingerModel(scene.model_copy(update={"finger": scene.finger.model_copy(update={"base": base})}))
+    q, w = np.linspace(0.4, -0.3, runtime.n), np.array([0.1, -0.2])
+    x = np.concatenate([q, 0.5 * q])
+    for name, given in (("forward_dynamics", (x, 0.0, w)), ("position", (q, 0.0, 0.3)), ("orientation", (q, 0.0, 0.3))):
+        ours, expected = getattr(runtime, name)(*given, 0.7), getattr(folded, name)(*given, [])
+        assert np.array(ours) == pytest.approx(np.array(expected), rel=1e-12, abs=1e-14)
+
+
+# -- ring-downs ------------------------------------------------------------------------------------------------------
+
+
+def test_damped_sine_is_recovered_within_its_deviations():
+    t = np.arange(0.0, 6.0, 0.01)
+    clean = 0.4 * np.exp(-0.3 * t) * np.cos(2.0 * math.pi * 3.05 * t + 0.7) + 0.2 - 0.03 * t
+    rng, scores = np.random.default_rng(2), []
+    for _ in range(60):
+        found = fit_damped_sine(t, clean + 0.02 * rng.standard_normal(t.size))
+        scores.append([(found.frequency - 3.05) / found.deviations[0], (found.decay_rate - 0.3) / found.deviations[1]])
+    assert np.abs(np.mean(scores, axis=0)).max() < 4.0 / math.sqrt(60)
+    assert np.abs(np.std(scores, axis=0) - 1.0).max() < 4.0 / math.sqrt(120)
+    exact = fit_damped_sine(t + 2.0, clean)
+    assert (exact.frequency, exact.decay_rate) == pytest.approx((3.05, 0.3), rel=1e-8)
+    assert exact.damping_ratio == pytest.approx(0.3 / math.hypot(0.3, 2.0 * math.pi * 3.05))
+
+
+def test_noise_alone_is_no_vibration():
+    t = np.arange(0.0, 5.0, 0.01)
+    with pytest.raises(SolverError, match="no damped vibration"):
+        fit_damped_sine(t, np.random.default_rng(0).standard_normal(t.size))
