@@ -140,8 +140,8 @@ def test_tip_mass_and_stiffness_from_one_path():
 
 def test_a_motion_that_is_too_stiff_is_refused():
     data = paths(2, 0.0, (2, "matched_clothoid"), grams=(0,))
-    stiff = [Estimate(name="youngs_modulus", start=1e15), "material_damping"]
-    scene = scene_of(0)
+    stiff = ["youngs_modulus", Estimate(name="material_damping", start=10.0)]
+    scene = scene_of(0, 3, "arc")
     with pytest.raises(NumericalError, match="steps are needed"):
         cg.identify(scene, TipPath(data[0].t, data[0].x, data[0].y), parameters=stiff)
 
