@@ -21,7 +21,7 @@ ALLOWED = {
     "grasp": {"grasp", "core", "model", "scene", "results", "plotting"},
     "fidelity": {"fidelity", "simulation", "core", "model", "scene", "results", "plotting"},
     "verbs": {"fidelity", "simulation", "model", "scene"},
-    "identification": {"identification", "simulation", "core", "model", "scene", "results", "plotting"},
+    "identification": {"identification", "fidelity", "simulation", "core", "model", "scene", "results", "plotting"},
     "results": {"results", "scene"},
     "plotting": {"plotting", "results", "scene"},
 }
