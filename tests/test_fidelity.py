@@ -78,6 +78,14 @@ def test_what_is_fixed_stays():
     assert chosen.best.choice.elements > choose_fidelity(scene(), 1e-2).best.choice.elements
 
 
+@pytest.mark.parametrize("elements", [5, (0.1, 0.2, 0.3)])
+def test_elements_that_are_fixed_stay(elements):
+    fixed = scene(tip_mass=0.02)
+    fixed = fixed.model_copy(update={"fidelity": fixed.fidelity.model_copy(update={"elements": elements})})
+    lengths = choose_fidelity(fixed, 2e-2).scene.fidelity.elements
+    assert lengths == pytest.approx((0.12,) * 5 if elements == 5 else elements)
+
+
 def test_two_frequencies_cost_more_than_one():
     moving = scene(time={"duration": 1.0, "step": 0.01})
     both = moving.model_copy(update={"fidelity": moving.fidelity.model_copy(update={"frequencies": 2})})
@@ -135,6 +143,9 @@ def test_who_has_not_chosen_is_told():
         FingerModel(scene(1e-2))
     with pytest.raises(cg.InputError, match="needs a tolerance"):
         choose_fidelity(scene())
+    for wrong in (0.0, -1.0, 2.0, "1 %"):
+        with pytest.raises(cg.InputError, match=r"above 0 and up to 0\.5"):
+            choose_fidelity(scene(), wrong)
     posed = scene(initial={"q": [0.1, 0.1]}, tolerance=1e-2)
     with pytest.raises(cg.InputError, match=r"fidelity\.family and elements, or a pose"):
         cg.equilibrium(posed)

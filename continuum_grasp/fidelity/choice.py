@@ -98,20 +98,26 @@ def choices(
     accuracy : float or None
         Relative accuracy of the evaluation; None: the family's own.
     counts : sequence of int
-        Numbers of elements.
+        Numbers of elements, where the scene fixes none.
     """
-    length = scene.finger.rod.length
+    for lengths, aligned in _placements(scene, counts):
+        reach = _bending_range(scene, truth, lengths)
+        if reach is not None:
+            yield Choice(scene, family, lengths, aligned, accuracy, reach)
+
+
+def _placements(scene: Scene, counts: Sequence[int]) -> Iterator[tuple[tuple[float, ...], bool]]:
+    """Element lengths, and whether they are aligned; those that the scene fixes alone."""
+    length, contacts, fixed = scene.finger.rod.length, scene.contacts, scene.fidelity.elements
+    if isinstance(fixed, tuple):
+        yield element_lengths(length, contacts, fixed), False
+        return
     marks = _marks(scene)
-    for count in counts:
-        if count <= len(scene.contacts):
-            continue
-        placements = [(element_lengths(length, scene.contacts, count), False)]
-        if len(marks) > len(scene.contacts) and count > len(marks):
-            placements.append((element_lengths(length, marks, count), True))
-        for lengths, aligned in placements:
-            reach = _bending_range(scene, truth, lengths, family)
-            if reach is not None:
-                yield Choice(scene, family, lengths, aligned, accuracy, reach)
+    for count in counts if fixed is None else (fixed,):
+        if count > len(contacts):
+            yield element_lengths(length, contacts, count), False
+        if count > len(marks) > len(contacts):
+            yield element_lengths(length, marks, count), True
 
 
 def _marks(scene: Scene) -> tuple[float, ...]:
@@ -128,7 +134,7 @@ def _marks(scene: Scene) -> tuple[float, ...]:
     return tuple(sorted(kept))
 
 
-def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...], family: Family) -> float | None:
+def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> float | None:
     """Declared range that covers what the elements do with a margin; None where none does."""
     given = scene.fidelity.bending_range
     if given is not None:

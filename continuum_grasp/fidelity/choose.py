@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from os import PathLike
 from time import perf_counter
 
 import numpy as np
@@ -13,6 +14,7 @@ from continuum_grasp.fidelity.choice import ACCURACIES, FAMILIES, Choice, choice
 from continuum_grasp.fidelity.measure import Measured, measure
 from continuum_grasp.fidelity.truth import Truth, find_truth
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Family, Fidelity, Scene
 
 __all__ = ["Chosen", "allowed_accuracies", "allowed_families", "choose_fidelity"]
@@ -21,6 +23,7 @@ _PROBE = 1e-6
 """Accuracy of evaluation with which it is seen whether a number of elements can do."""
 
 _TERMS_SHARE = 4.0
+"""Accuracy of evaluation per tolerance up to which choices are listed where the scene moves."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class Chosen:
         )
 
 
-def choose_fidelity(scene: Scene, tolerance: float | None = None) -> Chosen:
+def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None = None) -> Chosen:
     """Find the cheapest family, elements and terms with which a scene keeps a tolerance.
 
     Every choice is measured in the scene's own static poses and, where the scene moves, by its natural frequencies,
@@ -70,10 +73,10 @@ def choose_fidelity(scene: Scene, tolerance: float | None = None) -> Chosen:
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or path-like
+        The scene, or its YAML file.
     tolerance : float, optional
-        Greatest error of position per length, and of frequency where the scene moves; the
-        scene's own where not given.
+        Greatest error of position per length, and of frequency where the scene moves; the scene's own where not given.
 
     Returns
     -------
@@ -82,15 +85,18 @@ def choose_fidelity(scene: Scene, tolerance: float | None = None) -> Chosen:
     Raises
     ------
     InputError
-        If there is no tolerance, or the scene says its initial state in coordinates of a model yet to be chosen.
+        If there is no tolerance or none that makes sense, or the scene says its initial state in coordinates of a model
+        yet to be chosen.
     SolverError
         If the exact rod is not found, or no choice keeps the tolerance; ``result`` is the best that was found.
     """
     began = perf_counter()
-    fidelity = scene.fidelity
-    asked = fidelity.tolerance if tolerance is None else tolerance
+    scene = scene_of(scene)
+    asked = scene.fidelity.tolerance if tolerance is None else tolerance
     if asked is None:
         raise InputError("choosing needs a tolerance", key="fidelity.tolerance")
+    if not isinstance(asked, int | float) or not 0.0 < asked <= 0.5:
+        raise InputError(f"expected a number above 0 and up to 0.5, got {asked!r}", key="tolerance")
     if scene.initial.q is not None:
         raise InputError(
             "initial.q says bends of a given model, which a tolerance has yet to choose: give fidelity.family and "

@@ -16,7 +16,7 @@ from continuum_grasp.fidelity.rows import NOTES, Measuring, columns_of
 from continuum_grasp.fidelity.tables import Table
 from continuum_grasp.fidelity.truth import Truth, find_truth
 from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.simulate import Fidelity, Scene
 
 __all__ = ["COUNTS", "AccuracyReport", "accuracy"]
 
@@ -120,7 +120,7 @@ def accuracy(
     Parameters
     ----------
     scene : Scene or path-like
-        The scene, or its YAML file; what its ``fidelity`` says of family, elements and accuracy does not matter.
+        The scene, or its YAML file; what its ``fidelity`` says does not matter, but for ``bending_range``.
     counts : sequence of int
         Numbers of elements.
     progress : callable, optional
@@ -142,6 +142,7 @@ def accuracy(
     given = scene_of(scene)
     if given.initial.q is not None:
         raise InputError("initial.q says bends of one model: give a pose", key="initial.q")
+    given = given.model_copy(update={"fidelity": Fidelity(bending_range=given.fidelity.bending_range)})
     truth = find_truth(given)
     measuring = Measuring(given, truth, reference_motion(given, truth) if given.time is not None else None)
     jobs = list(measuring.jobs(counts))
