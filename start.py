@@ -34,7 +34,7 @@ def main(arguments):
         return 2
     sys.stdout.flush()
     if testing:
-        return subprocess.call([PYTHON, "-m", "pytest", *arguments[1:]], cwd=ROOT)
+        return subprocess.call([PYTHON, "-m", "pytest", "-n", "auto", "--dist", "loadfile", *arguments[1:]], cwd=ROOT)
     return subprocess.call([PYTHON, "-m", "continuum_grasp", *arguments])
 
 

@@ -43,19 +43,30 @@ def _guess(chosen: Chosen) -> np.ndarray:
 
 
 def cheaper(chosen: Chosen) -> str:
-    """A choice on the list that costs less and keeps the tolerance; empty where there is none."""
-    scene, best = chosen.best.choice.scene, chosen.best
-    moving = scene.time is not None
+    """A choice on the list that costs less and keeps the tolerance; empty where there is none.
+
+    More terms are not tried where those that are left out cannot be what is wrong.
+    """
+    scene, best, tolerance = chosen.best.choice.scene, chosen.best, chosen.tolerance
+    accuracies = allowed_accuracies(scene, tolerance)
+    most_instructions = (2.0 if scene.time is not None else 1.0) * best.instructions
     for family in allowed_families(scene):
         most = 32 if family == "arc" else best.choice.elements + 1
         counts = [count for count in COUNTS if count <= most]
-        for accuracy in allowed_accuracies(scene, chosen.tolerance):
-            for choice in choices(scene, chosen.truth, family, accuracy, counts=counts):
-                if choice.instructions >= (2.0 if moving else 1.0) * best.instructions:
+        for coarse in choices(scene, chosen.truth, family, accuracies[0], counts=counts):
+            before = 0
+            for accuracy in accuracies:
+                choice = coarse.with_accuracy(accuracy)
+                if choice.instructions >= most_instructions:
                     break
-                found = measure(choice, chosen.truth, stop_at=chosen.tolerance)
-                if found.cost < 0.999 * best.cost and found.within(chosen.tolerance, scene.fidelity.frequencies):
+                if choice.instructions == before:
+                    continue
+                before = choice.instructions
+                found = measure(choice, chosen.truth, stop_at=3.0 * max(tolerance, accuracy))
+                if found.cost < 0.999 * best.cost and found.within(tolerance, scene.fidelity.frequencies):
                     return str(choice)
+                if found.shape > 3.0 * max(tolerance, accuracy):
+                    break
     return ""
 
 

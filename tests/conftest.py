@@ -6,6 +6,9 @@ import os
 
 import pytest
 
+# Small dense problems stall where several processes run the threads of one linear algebra library each.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_cache(tmp_path_factory):
