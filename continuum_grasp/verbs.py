@@ -40,17 +40,17 @@ def equilibrium(
 
 
 def modes(scene: Given, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
-    resolved = scene_of(scene) if about is not None else _resolved(scene)[0]
+    resolved = scene_of(scene) if about is not None else _resolved(scene, vibrates=True)[0]
     return simulation.modes(resolved, about=about, points=points)
 
 
-def _resolved(scene: Given) -> tuple[Scene, str]:
+def _resolved(scene: Given, *, vibrates: bool = False) -> tuple[Scene, str]:
     given = scene_of(scene)
     if given.fidelity.tolerance is None:
         return given, ""
     from continuum_grasp.fidelity.resolve import resolve_fidelity
 
-    return resolve_fidelity(given)
+    return resolve_fidelity(given, vibrates=vibrates)
 
 
 for _verb in (simulate, equilibrium, modes):

@@ -300,6 +300,24 @@ def test_exit_codes(written, tmp_path, arguments, code, words):
     assert words in done.stderr
 
 
+@pytest.mark.parametrize("again", ["the file", "its folder"])
+def test_measurements_do_not_count_twice(written, tmp_path, again):
+    """That would narrow the intervals."""
+    file, data = written
+    done = run(file, "--data", data, "--data", data if again == "the file" else data.parent, "--out", tmp_path / "run")
+    assert done.exit_code == 2
+    assert "given twice" in done.stderr
+
+
+def test_what_a_tolerance_chose_is_told(written, tmp_path):
+    file, data = written
+    changes = ("--set", "fidelity={tolerance: 0.001}", "--out", tmp_path / "run")
+    assert run(file, "--data", data, *changes).stdout.startswith("fidelity: ")
+    told = json.loads(run(file, "--data", data, *changes, "--json").stdout)["statistics"]["fidelity"]
+    assert "tolerance of 0.001" in told
+    assert read_run(tmp_path / "run").meta["statistics"]["fidelity"] == told
+
+
 def test_command_needs_something_to_estimate(written):
     scene_alone = Path(__file__).parents[1] / "configs/simulate/hanging.yaml"
     done = run(scene_alone, "--data", written[1])

@@ -103,6 +103,14 @@ def test_finer_truth_is_recovered_from_a_far_start():
     assert any("hang together in time" in warning for warning in fit.warnings)
 
 
+@pytest.mark.parametrize(("truth", "said"), [((4, "clothoid"), True), ((4, "matched_clothoid"), False)])
+def test_an_error_of_the_model_below_the_noise_is_still_said(truth, said):
+    """Two matched clothoids see four elements with noise of 0.4 mm; four see themselves."""
+    elements = 2 if said else 4
+    fit = cg.identify(scene_of(20, elements), paths(elements, 4e-4, truth, (20,)), parameters=NAMES)
+    assert any("hang together in time" in warning for warning in fit.warnings) == said
+
+
 def test_two_arcs_pay_for_their_stiffness_with_a_wrong_modulus():
     arcs = [
         path.__class__(**{**vars(path), "scene": scene_of(g, 2, "arc")})

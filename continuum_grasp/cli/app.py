@@ -18,7 +18,7 @@ from continuum_grasp.cli.modes import modes
 from continuum_grasp.cli.schema import schema
 from continuum_grasp.cli.simulate import simulate
 from continuum_grasp.cli.validate import validate
-from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
+from continuum_grasp.errors import ContinuumGraspError, InputError
 
 __all__ = ["app", "main"]
 
@@ -36,8 +36,8 @@ class _Verbs(TyperGroup):
         except ContinuumGraspError as error:
             typer.echo(f"error: {error}", err=True)
             raise typer.Exit(BAD_INPUT if isinstance(error, InputError) else SOLVER_FAILED) from None
-        except Interrupted as error:
-            typer.echo(f"{error}", err=True)
+        except KeyboardInterrupt as error:
+            typer.echo(str(error) or "interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None
         except OSError as error:
             if error.filename is None:

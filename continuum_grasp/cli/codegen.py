@@ -31,7 +31,7 @@ def codegen(
     from continuum_grasp.cli.scenes import simulation_scene
 
     output = Output(as_json, quiet)
-    scene = simulation_scene(config, changes, output)
+    scene, _ = simulation_scene(config, changes, output)
     folder = run_folder(out if out is not None else Path(f"{config.stem}_c"), config)
 
     from continuum_grasp.core import codegen as write

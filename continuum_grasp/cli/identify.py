@@ -70,6 +70,8 @@ def _scene(config: Path, changes: Sequence[str] | None) -> tuple[IdentifyScene, 
 
 
 def _report(fit: Fit, folder: Path, files: list[Path], output: Output) -> None:
+    if "fidelity" in fit.statistics:
+        output.say(f"fidelity: {fit.statistics['fidelity']}")
     output.warn(fit.warnings)
     output.table(
         ("parameter", "value", "deviation", "95 % interval", "unit"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -31,7 +31,7 @@ def modes(
     from continuum_grasp.cli.scenes import simulation_scene
 
     output = Output(as_json, quiet)
-    scene = simulation_scene(config, changes, output)
+    scene, note = simulation_scene(config, changes, output, vibrates=True)
 
     from continuum_grasp.simulation import modes as find
 
@@ -40,7 +40,7 @@ def modes(
     output.warn(found.warnings)
     if not found.stable:
         output.warn(["the equilibrium is unstable"])
-    files = _save(found, scene, run_folder(out, config)) if out is not None else []
+    files = _save(found, scene, note, run_folder(out, config)) if out is not None else []
     output.table(
         ("mode", "frequency [Hz]", "damping ratio"),
         (
@@ -52,6 +52,7 @@ def modes(
         output.say(f"saved in {out}")
     output.result(
         stable=found.stable,
+        fidelity=note or None,
         warnings=list(found.warnings),
         frequencies_hz=found.frequencies_hz,
         damping_ratios=found.damping_ratios,
@@ -60,11 +61,13 @@ def modes(
     )
 
 
-def _save(found: Modes, scene: Scene, folder: Path) -> list[Path]:
+def _save(found: Modes, scene: Scene, note: str, folder: Path) -> list[Path]:
     from continuum_grasp.plotting import plot_modes, save_picture
     from continuum_grasp.results import write_run
 
     names = ("frequencies_hz", "damping_ratios", "backbone", "shapes")
-    meta = {"config": scene.model_dump(mode="json"), "status": "stable" if found.stable else "unstable"}
+    meta: dict[str, Any] = {"config": scene.model_dump(mode="json"), "status": "stable" if found.stable else "unstable"}
+    if note:
+        meta["statistics"] = {"fidelity": note}
     write_run(folder, {name: getattr(found, name) for name in names}, meta)
     return [save_picture(plot_modes(found), folder / "modes.png")]

@@ -16,8 +16,10 @@ if TYPE_CHECKING:
 __all__ = ["grasp_scene", "plain_scene", "simulation_scene"]
 
 
-def simulation_scene(config: Path, changes: Iterable[str] | None, output: Output) -> Scene:
-    """A scene for simulation, statics, modes and code generation; a tolerance has become a model.
+def simulation_scene(
+    config: Path, changes: Iterable[str] | None, output: Output, *, vibrates: bool = False
+) -> tuple[Scene, str]:
+    """A scene for simulation, modes and code generation, its tolerance turned into a model; what was chosen and why.
 
     Raises
     ------
@@ -28,13 +30,13 @@ def simulation_scene(config: Path, changes: Iterable[str] | None, output: Output
     """
     scene = plain_scene(config, changes)
     if scene.fidelity.tolerance is None:
-        return scene
+        return scene, ""
     from continuum_grasp.fidelity.resolve import resolve_fidelity
 
     with output.busy("choosing the model"):
-        scene, note = resolve_fidelity(scene)
+        scene, note = resolve_fidelity(scene, vibrates=vibrates)
     output.say(f"fidelity: {note}")
-    return scene
+    return scene, note
 
 
 def plain_scene(config: Path, changes: Iterable[str] | None) -> Scene:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -36,7 +37,7 @@ def simulate(
     output = Output(as_json, quiet, verbose)
     if animation not in (None, "gif", "mp4"):
         raise InputError(f"expected gif or mp4, got {animation!r}", key="--animate")
-    scene = simulation_scene(config, changes, output)
+    scene, note = simulation_scene(config, changes, output)
     if scene.time is None:
         raise InputError("a simulation needs time: {duration: ..., step: ...}", file=str(config), key="time")
     folder = run_folder(out, config)
@@ -51,6 +52,8 @@ def simulate(
             error.result.save(folder)
             typer.echo(f"what was computed until then is in {folder}", err=True)
         raise
+    if note:
+        trajectory = replace(trajectory, statistics={**trajectory.statistics, "fidelity": note})
     files = _save(trajectory, folder, animation, pictures, output)
     _report(trajectory, folder, files, output)
 

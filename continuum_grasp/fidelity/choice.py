@@ -23,6 +23,7 @@ ACCURACIES = (1e-2, 2e-3, 1e-4, 1e-6, 1e-9, 1e-13)
 _RANGES = (0.3, 0.6, 1.0, 1.5, 2.1, 3.15, 4.5, 6.3)
 """Declared bending ranges [rad]; those for which the nodes of clothoids are tabulated."""
 _MARGIN = 1.1
+_MOST_ELEMENTS = 64
 _SHORTEST = 0.02
 """Shortest element that is made for a load's sake, per length."""
 
@@ -112,8 +113,12 @@ def _placements(scene: Scene, counts: Sequence[int]) -> Iterator[tuple[tuple[flo
     if isinstance(fixed, tuple):
         yield element_lengths(length, contacts, fixed), False
         return
-    marks = _marks(scene)
-    for count in counts if fixed is None else (fixed,):
+    marks, least = _marks(scene), len(contacts) + 1
+    if fixed is not None:
+        counts = (fixed,)
+    elif least > max(counts):
+        counts = tuple(count for count in (least, 2 * least) if count <= _MOST_ELEMENTS)
+    for count in counts:
         if count > len(contacts):
             yield element_lengths(length, contacts, count), False
         if count > len(marks) > len(contacts):

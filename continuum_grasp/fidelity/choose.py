@@ -107,8 +107,11 @@ def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None 
     search = _Search(scene, truth, asked)
     for family in allowed_families(scene):
         search.through(family)
+    if search.best is None:  # what was passed over as hopeless is measured too before that is said
+        for family in allowed_families(scene):
+            search.through(family, skipping=False)
     if search.best is None:
-        raise _none_keeps(asked, search.tried)
+        raise _none_keeps(scene, asked, search.tried)
     return Chosen(search.best, asked, tuple(search.tried), truth, perf_counter() - began)
 
 
@@ -141,8 +144,11 @@ class _Search:
         self.best: Measured | None = None
         self.tried: list[Measured] = []
 
-    def through(self, family: Family) -> None:
-        """Try the choices of a family, from few to many elements, until they cost more than the best."""
+    def through(self, family: Family, *, skipping: bool = True) -> None:
+        """Try the choices of a family, from few to many elements, until they cost more than the best.
+
+        Those that cannot do by the order of convergence are skipped where that is wanted.
+        """
         accuracies = allowed_accuracies(self._scene, self._tolerance)
         stiffness = {False: 0.0, True: 0.0}
         hopeless = {False: 0.0, True: 0.0}
@@ -153,7 +159,7 @@ class _Search:
             if self._dearer(coarse, stiffness[coarse.aligned]):
                 closed.add(coarse.aligned)
                 continue
-            if hopeless[coarse.aligned] > coarse.elements:
+            if skipping and hopeless[coarse.aligned] > coarse.elements:
                 continue
             probe = self._measured(coarse.with_accuracy(min(_PROBE, 0.1 * self._tolerance, accuracies[-1])))
             if math.isfinite(probe.radius):
@@ -195,14 +201,23 @@ class _Search:
         return measured
 
 
-def _none_keeps(tolerance: float, tried: list[Measured]) -> SolverError:
-    found = [one for one in tried if np.isfinite(one.shape) and not np.isnan(one.radius)]
-    closest = min(found or tried, key=lambda one: np.nanmax([one.shape, one.frequencies[0]]), default=None)
-    violated = [] if closest is None else [f"{closest.choice}: shape {closest.shape:.3g}, {closest.frequencies[0]:.3g}"]
+def _none_keeps(scene: Scene, tolerance: float, tried: list[Measured]) -> SolverError:
+    def worst(one: Measured) -> float:
+        return float(np.nanmax([one.shape, *one.frequencies[: scene.fidelity.frequencies]]))
+
+    closest = min((one for one in tried if math.isfinite(one.shape)), key=worst, default=None)
+    if closest is None:
+        violated = ["no choice has the equilibria of the exact rod within the bending ranges on the list"]
+    else:
+        moving = scene.time is not None and not math.isnan(closest.frequencies[0])
+        frequency = f", first frequency {closest.frequencies[0]:.3g}" if moving else ""
+        violated = [f"{closest.choice}: shape {closest.shape:.3g} of the length{frequency}"]
+    fixed = [name for name in ("family", "elements", "accuracy") if getattr(scene.fidelity, name) is not None]
+    free = f", or leave fidelity.{' and '.join(fixed)} open" if fixed else ""
     return SolverError(
         f"no choice of fidelity keeps the tolerance of {tolerance:g}",
         status="tolerance not reached",
         violated=violated,
-        advice="raise fidelity.tolerance, or fix family and elements",
+        advice=f"raise fidelity.tolerance{free}",
         result=closest,
     )

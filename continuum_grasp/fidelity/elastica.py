@@ -116,8 +116,9 @@ def solve_elastica(
     """The equilibrium of an inextensible, unshearable elastic rod under a scene's loads at time zero.
 
     Own weight, point masses, dead and following forces, couples, the moment of tip or tendons (with friction: the
-    capstan law along the bent backbone) and a piecewise rest curvature are taken without approximation; the balance of
-    moments is solved by collocation of high order on panels that are refined until two meshes agree.
+    capstan law along the bent backbone, rounded off where it is straight) and a piecewise rest curvature are taken
+    without further approximation; the balance of moments is solved by collocation of high order on panels that are
+    refined until two meshes agree.
 
     Without a guess the equilibrium is followed from the unloaded shape while all loads grow together. Given a guess,
     the equilibrium near it is sought: the minimum of the energy below it, or with ``stable=False``, or where loads have

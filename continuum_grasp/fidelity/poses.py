@@ -10,7 +10,8 @@ from continuum_grasp.simulation.signals import interpolate
 
 __all__ = ["Pose", "poses"]
 
-_MOST = 8
+_EVENLY = 7
+"""Instants that are taken beside time zero and those at which a load or an input is greatest or least."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Pose:
 
 
 def poses(scene: Scene) -> list[Pose]:
-    """The pose at time zero, up to seven more at sampled instants, and the held initial pose.
+    """The pose at time zero, those at which loads and inputs are greatest and least, some between, and the held one.
 
     Parameters
     ----------
@@ -46,10 +47,21 @@ def poses(scene: Scene) -> list[Pose]:
     sampled = [value for value in _values(scene) if isinstance(value, Samples | VectorSamples)]
     end = scene.time.duration if scene.time is not None else float("inf")
     instants = sorted({t for value in sampled for t in value.times if 0.0 < t <= end})
-    stride = max(1, -(-len(instants) // (_MOST - 1)))
-    found = [Pose(f"t = {t:g} s", _frozen(scene, t, held=False)) for t in (0.0, *instants[::stride])]
+    chosen = set(instants[:: max(1, -(-len(instants) // _EVENLY))])
+    for value in sampled:
+        chosen |= {t for t in _extremes(value) if 0.0 < t <= end}
+    found = [Pose(f"t = {t:g} s", _frozen(scene, t, held=False)) for t in (0.0, *sorted(chosen))]
     if scene.initial.held_by:
         found.append(Pose("held", _frozen(scene, 0.0, held=True), rests=False))
+    return found
+
+
+def _extremes(value: Samples | VectorSamples) -> set[float]:
+    """Instants at which an entry of a sampled value is greatest or least."""
+    rows = [entry if isinstance(entry, tuple) else (entry,) for entry in value.values]
+    found = set()
+    for column in zip(*rows, strict=True):
+        found |= {value.times[column.index(max(column))], value.times[column.index(min(column))]}
     return found
 
 

@@ -12,12 +12,12 @@ import casadi as ca
 from continuum_grasp import __version__
 from continuum_grasp.core.cache import private_folder
 from continuum_grasp.fidelity.choose import choose_fidelity
-from continuum_grasp.scene.simulate import Fidelity, Scene
+from continuum_grasp.scene.simulate import Fidelity, Initial, Scene, Timing
 
 __all__ = ["resolve_fidelity"]
 
 
-def resolve_fidelity(scene: Scene) -> tuple[Scene, str]:
+def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, str]:
     """The scene with what its tolerance asks for, and what was chosen and why.
 
     What was chosen is kept in the user's cache folder, by the content of the scene and of this package.
@@ -25,6 +25,8 @@ def resolve_fidelity(scene: Scene) -> tuple[Scene, str]:
     Parameters
     ----------
     scene : Scene
+    vibrates : bool
+        Whether modes are asked for: the first two frequencies must keep the tolerance, whether the scene moves or not.
 
     Returns
     -------
@@ -40,19 +42,28 @@ def resolve_fidelity(scene: Scene) -> tuple[Scene, str]:
     """
     if scene.fidelity.tolerance is None:
         return scene, ""
-    key = _key(scene)
+    asked = _swinging(scene) if vibrates else scene
+    key = _key(asked)
     file = private_folder("choices") / f"{key}.json"
     known = _read(file, key)
     if known is None:
         from continuum_grasp.results import replacing
 
-        chosen = choose_fidelity(scene)
+        chosen = choose_fidelity(asked)
         known = {"key": key, "fidelity": chosen.scene.fidelity.model_dump(mode="json"), "note": str(chosen)}
         with replacing(file) as temporary:
             temporary.touch(mode=0o600)
             temporary.write_text(json.dumps(known))
     fidelity = Fidelity.model_validate(known["fidelity"])
     return scene.model_copy(update={"fidelity": fidelity}), str(known["note"])
+
+
+def _swinging(scene: Scene) -> Scene:
+    """The scene as one whose modes matter, about its equilibrium where it does not move."""
+    changed: dict[str, Any] = {"fidelity": scene.fidelity.model_copy(update={"frequencies": 2})}
+    if scene.time is None:
+        changed |= {"initial": Initial(pose="equilibrium"), "time": Timing(duration=1.0, step=0.01)}
+    return scene.model_copy(update=changed)
 
 
 def _read(file: Path, key: str) -> dict[str, Any] | None:

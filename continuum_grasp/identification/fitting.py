@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from time import perf_counter
@@ -30,7 +31,8 @@ __all__ = ["identify"]
 Array = NDArray[np.float64]
 Measurements = str | PathLike[str] | Data | Sequence[str | PathLike[str] | Data]
 
-_CORRELATED = 0.5
+_SIGNIFICANT = 2.5
+"""Correlation of successive residuals, in standard deviations of that of noise, from which it is reported."""
 _SERIES = 30
 _APART = 8.0
 _LITTLE = 0.6
@@ -75,26 +77,28 @@ def identify(
         If the search does not converge, or the model has no shape or motion at the start.
     """
     started = perf_counter()
-    scene = _resolved(scene_of(scene))
+    scene, note = _resolved(scene_of(scene))
     chosen = parameters if parameters is not None else getattr(scene, "estimate", ())
     used_loss = loss if loss is not None else getattr(scene, "loss", "squares")
     if used_loss not in ("squares", "huber"):
         raise InputError(f"expected squares or huber, got {used_loss!r}", key="loss")
     unknowns = read_unknowns(scene, chosen)
-    blocks = [_block(_resolved(one.scene or scene), one, unknowns) for one in _measurements(scene, data)]
+    blocks = [_block(_resolved(one.scene or scene)[0], one, unknowns) for one in _measurements(scene, data)]
     problem = Problem(blocks, unknowns, used_loss)
     solution = problem.solve(progress or (lambda share: None))
-    return _fit(scene, problem, solution, perf_counter() - started)
+    fit = _fit(scene, problem, solution, perf_counter() - started)
+    return replace(fit, statistics={**fit.statistics, "fidelity": note}) if note else fit
 
 
-def _resolved(scene: Scene) -> Scene:
-    """The scene with a model in place of a tolerance."""
+def _resolved(scene: Scene) -> tuple[Scene, str]:
+    """The scene with a model in place of a tolerance, and what was chosen and why."""
     if scene.fidelity.tolerance is None:
-        return scene
+        return scene, ""
     from continuum_grasp.fidelity.resolve import resolve_fidelity
 
     plain = Scene(**{name: getattr(scene, name) for name in Scene.model_fields})
-    return scene.model_copy(update={"fidelity": resolve_fidelity(plain)[0].fidelity})
+    resolved, note = resolve_fidelity(plain)
+    return scene.model_copy(update={"fidelity": resolved.fidelity}), note
 
 
 def _measurements(scene: Scene, data: Measurements) -> list[Data]:
@@ -227,9 +231,10 @@ def _series(problem: Problem, weighted: Array) -> list[str]:
             continue
         before, after = own[:-count] - own.mean(), own[count:] - own.mean()
         share = float(before @ after) / max(float(before @ before), 1e-300)
-        if share > _CORRELATED:
+        if share > _SIGNIFICANT / np.sqrt(own.size):
             found.append(
                 f"residuals of {block.name} hang together in time (correlation {share:.2f} from one instant to the "
-                "next): the model misses something, and the intervals are too narrow"
+                "next): the model misses something, and the intervals are too narrow; more elements show whether it is "
+                "the family's own error"
             )
     return found

@@ -54,6 +54,9 @@ def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
         raise InputError("a configuration that reads files says how: data: [{kind: ...}]", key="data")
     paths = [located(path) for path in paths]
     files = list(_files(paths, scene.data))
+    for file in files:
+        if sum(file.resolve() == other.resolve() for other in files) > 1:
+            raise InputError("this file is given twice: its measurements would count twice", file=str(file))
     used: set[Path] = set()
     found: list[Data] = []
     for k, one in enumerate(scene.data):
