@@ -13,11 +13,12 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.errors import ContinuumGraspError, InputError
 from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBlock
 from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPath
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.identification.inference import infer
+from continuum_grasp.identification.model_error import model_error_warnings, refined
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.read import read_data
@@ -83,11 +84,32 @@ def identify(
     if used_loss not in ("squares", "huber"):
         raise InputError(f"expected squares or huber, got {used_loss!r}", key="loss")
     unknowns = read_unknowns(scene, chosen)
-    blocks = [_block(_resolved(one.scene or scene)[0], one, unknowns) for one in _measurements(scene, data)]
+    given = [(one, _resolved(one.scene or scene)[0]) for one in _measurements(scene, data)]
+    blocks = [_block(own, one, unknowns) for one, own in given]
     problem = Problem(blocks, unknowns, used_loss)
     solution = problem.solve(progress or (lambda share: None))
     fit = _fit(scene, problem, solution, perf_counter() - started)
+    fit = replace(fit, warnings=(*fit.warnings, *_model_error(fit, given, unknowns, solution)))
     return replace(fit, statistics={**fit.statistics, "fidelity": note}) if note else fit
+
+
+def _model_error(
+    fit: Fit, given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], solution: Solution
+) -> tuple[str, ...]:
+    """What a model with twice the elements says of the estimates."""
+    finer = []
+    for one, scene in given:
+        fine = refined(scene)
+        if fine is None:
+            return ()
+        try:
+            finer.append(_block(fine, one, unknowns).predict(solution.values)[0])
+        except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
+            return ()
+    fitted, sigma = fit.fitted, fit.sigma
+    weighted = [(part / sigma)[fitted] for part in (solution.predictions, np.concatenate(finer))]
+    jacobian = (solution.jacobian / sigma[:, None])[fitted]
+    return model_error_warnings(fit.names, fit.deviations, jacobian, *weighted)
 
 
 def _resolved(scene: Scene) -> tuple[Scene, str]:
