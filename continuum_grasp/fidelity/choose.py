@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.fidelity.choice import ACCURACIES, FAMILIES, Choice, choices
+from continuum_grasp.fidelity.choice import ACCURACIES, COUNTS, FAMILIES, Choice, choices
 from continuum_grasp.fidelity.measure import Measured, measure
 from continuum_grasp.fidelity.truth import Truth, find_truth
 from continuum_grasp.model import FingerModel
@@ -107,9 +107,9 @@ def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None 
     search = _Search(scene, truth, asked)
     for family in allowed_families(scene):
         search.through(family)
-    if search.best is None:  # what was passed over as hopeless is measured too before that is said
+    if search.best is None:  # the most elements are measured before that is said, also where they were passed over
         for family in allowed_families(scene):
-            search.through(family, skipping=False)
+            search.through(family, only_most=True)
     if search.best is None:
         raise _none_keeps(scene, asked, search.tried)
     return Chosen(search.best, asked, tuple(search.tried), truth, perf_counter() - began)
@@ -144,22 +144,23 @@ class _Search:
         self.best: Measured | None = None
         self.tried: list[Measured] = []
 
-    def through(self, family: Family, *, skipping: bool = True) -> None:
+    def through(self, family: Family, *, only_most: bool = False) -> None:
         """Try the choices of a family, from few to many elements, until they cost more than the best.
 
-        Those that cannot do by the order of convergence are skipped where that is wanted.
+        Those that cannot do by the order of convergence are skipped, unless only the most elements are asked for.
         """
         accuracies = allowed_accuracies(self._scene, self._tolerance)
         stiffness = {False: 0.0, True: 0.0}
         hopeless = {False: 0.0, True: 0.0}
         closed: set[bool] = set()
-        for coarse in choices(self._scene, self._truth, family, accuracies[0]):
+        counts = COUNTS[-1:] if only_most else COUNTS
+        for coarse in choices(self._scene, self._truth, family, accuracies[0], counts=counts):
             if coarse.aligned in closed:
                 continue
             if self._dearer(coarse, stiffness[coarse.aligned]):
                 closed.add(coarse.aligned)
                 continue
-            if skipping and hopeless[coarse.aligned] > coarse.elements:
+            if hopeless[coarse.aligned] > coarse.elements:
                 continue
             probe = self._measured(coarse.with_accuracy(min(_PROBE, 0.1 * self._tolerance, accuracies[-1])))
             if math.isfinite(probe.radius):

@@ -18,7 +18,7 @@ __all__ = ["TruePose", "Truth", "find_truth"]
 
 Array = NDArray[np.float64]
 
-STATIONS = 41
+STATIONS = 101
 """Places along the finger, base and tip among them, at which shapes are compared."""
 _LARGEST_BEND = 3.0 * np.pi
 """A pose that turns the tip further is left out: a load that lasts for a moment does not bend the finger so far."""
