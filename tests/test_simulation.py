@@ -587,6 +587,18 @@ def test_the_default_family_can_have_the_initial_pose(keys, family):
     assert motion.tip[0] == pytest.approx(circle(curvature) if curvature else [0.0, 0.6], abs=1e-6)
 
 
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_model_of_other_elements_starts_in_its_own_equilibrium(family):
+    """A model need not have the elements that its scene says."""
+    scene = nitinol("arc", 2, tip_mass=0.02, initial={"pose": "equilibrium"})
+    model = FingerModel(scene, family=family, elements=3)
+    x0 = initial_state(scene, model)
+    assert x0.shape == (model.nx,)
+    rate = np.array(model.forward_dynamics(x0, np.zeros(model.nu), np.zeros(model.nw), model.p_nominal)).ravel()
+    falling = np.array(model.forward_dynamics(0 * x0, np.zeros(model.nu), np.zeros(model.nw), model.p_nominal)).ravel()
+    assert np.abs(rate).max() < 1e-8 * np.abs(falling).max()
+
+
 def test_a_held_moment_is_in_the_initial_shape():
     held = {"pose": "equilibrium", "held_by": [{"kind": "moment", "at": 0.6, "moment": MOMENT}]}
     motion = simulate(nitinol(None, None, duration=0.01, gravity=FREE, angle=UPRIGHT, initial=held))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.structure import tip_is_thrown
 from continuum_grasp.scene.simulate import Scene
@@ -43,14 +42,9 @@ def initial_state(scene: Scene, model: FingerModel) -> Array:
     initial, n = scene.initial, model.n
     q, qd = np.zeros(n), np.zeros(n)
     if initial.q is not None:
+        model.structure.check_initial(initial)
         q = np.array(initial.q, dtype=float)
         qd = np.zeros(n) if initial.qd is None else np.array(initial.qd, dtype=float)
-        for name, value in (("q", q), ("qd", qd)):
-            if value.shape != (n,):
-                raise InputError(
-                    f"{name} has {value.size} entries, the {model.family} model has {n}: {', '.join(model.q_names)}",
-                    key=f"initial.{name}",
-                )
     elif initial.pose == "equilibrium":
         q = equilibrium(_as_modelled(scene, model), extra_loads=initial.held_by).q
     elif initial.pose == "rest":
@@ -74,5 +68,6 @@ def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:
 
 
 def _as_modelled(scene: Scene, model: FingerModel) -> Scene:
-    """The scene with the family that the model resolved."""
-    return scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"family": model.family})})
+    """The scene with the elements of the model."""
+    made = {"family": model.family, "elements": model.lengths, "accuracy": model.structure.accuracy}
+    return scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update=made)})
