@@ -322,7 +322,7 @@ def _warn(why: str) -> None:
     if why not in _Warned.reasons:
         _Warned.reasons.add(why)
         warnings.warn(
-            f"{why}: running on CasADi's virtual machine, which gives the same numbers 20 to 100 times slower",
+            f"{why}: running on CasADi's virtual machine, which gives the same numbers 20 to 50 times slower",
             RuntimeWarning,
             stacklevel=4,
         )
