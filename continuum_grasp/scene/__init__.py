@@ -20,13 +20,15 @@ _ROOMS = {
         "Tendons",
     ),
     "continuum_grasp.scene.grasp": (
-        "Circle",
+        "Disturbances",
+        "FingerContacts",
         "GraspContacts",
+        "GraspFinger",
         "GraspScene",
         "GraspSolver",
         "NoGravity",
+        "ObjectiveWeights",
         "OutOfPlaneGravity",
-        "Palm",
         "PlanarGravity",
     ),
     "continuum_grasp.scene.loads": (
@@ -37,6 +39,17 @@ _ROOMS = {
         "Samples",
         "VectorSamples",
     ),
+    "continuum_grasp.scene.objects": (
+        "Box",
+        "Circle",
+        "Ellipse",
+        "Freedom",
+        "Polygon",
+        "RoundedPolygon",
+        "Superellipse",
+        "Union",
+    ),
+    "continuum_grasp.scene.supports": ("Line", "Palm", "Point", "VGroove"),
     "continuum_grasp.scene.simulate": ("Fidelity", "Initial", "Scene", "Timing"),
 }
 __all__ = [name for names in _ROOMS.values() for name in names]
@@ -49,13 +62,15 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.finger import PointMass as PointMass
     from continuum_grasp.scene.finger import Rod as Rod
     from continuum_grasp.scene.finger import Tendons as Tendons
-    from continuum_grasp.scene.grasp import Circle as Circle
+    from continuum_grasp.scene.grasp import Disturbances as Disturbances
+    from continuum_grasp.scene.grasp import FingerContacts as FingerContacts
     from continuum_grasp.scene.grasp import GraspContacts as GraspContacts
+    from continuum_grasp.scene.grasp import GraspFinger as GraspFinger
     from continuum_grasp.scene.grasp import GraspScene as GraspScene
     from continuum_grasp.scene.grasp import GraspSolver as GraspSolver
     from continuum_grasp.scene.grasp import NoGravity as NoGravity
+    from continuum_grasp.scene.grasp import ObjectiveWeights as ObjectiveWeights
     from continuum_grasp.scene.grasp import OutOfPlaneGravity as OutOfPlaneGravity
-    from continuum_grasp.scene.grasp import Palm as Palm
     from continuum_grasp.scene.grasp import PlanarGravity as PlanarGravity
     from continuum_grasp.scene.loads import Actuation as Actuation
     from continuum_grasp.scene.loads import ForceLoad as ForceLoad
@@ -63,9 +78,21 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.loads import MomentLoad as MomentLoad
     from continuum_grasp.scene.loads import Samples as Samples
     from continuum_grasp.scene.loads import VectorSamples as VectorSamples
+    from continuum_grasp.scene.objects import Box as Box
+    from continuum_grasp.scene.objects import Circle as Circle
+    from continuum_grasp.scene.objects import Ellipse as Ellipse
+    from continuum_grasp.scene.objects import Freedom as Freedom
+    from continuum_grasp.scene.objects import Polygon as Polygon
+    from continuum_grasp.scene.objects import RoundedPolygon as RoundedPolygon
+    from continuum_grasp.scene.objects import Superellipse as Superellipse
+    from continuum_grasp.scene.objects import Union as Union
     from continuum_grasp.scene.simulate import Fidelity as Fidelity
     from continuum_grasp.scene.simulate import Initial as Initial
     from continuum_grasp.scene.simulate import Scene as Scene
     from continuum_grasp.scene.simulate import Timing as Timing
+    from continuum_grasp.scene.supports import Line as Line
+    from continuum_grasp.scene.supports import Palm as Palm
+    from continuum_grasp.scene.supports import Point as Point
+    from continuum_grasp.scene.supports import VGroove as VGroove
 
 __getattr__, __dir__ = lazy_names(__name__, _ROOMS)

@@ -1,107 +1,120 @@
-"""An object, a finger and a palm: what the grasp optimiser needs."""
+"""Fingers, an object and its supports: what the grasp optimiser needs."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from continuum_grasp.scene.finger import Finger, PiecewiseCurvature
+from continuum_grasp.scene.objects import Freedom, GraspObject
 from continuum_grasp.scene.simulate import Fidelity
+from continuum_grasp.scene.supports import Peg, Support, Switch, Wall
 from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2
 
 __all__ = [
-    "Circle",
+    "Disturbances",
+    "FingerContacts",
+    "FingerSetup",
     "GraspContacts",
+    "GraspFinger",
     "GraspGravity",
-    "GraspObject",
     "GraspScene",
     "GraspSolver",
     "NoGravity",
+    "ObjectiveWeights",
     "OutOfPlaneGravity",
-    "Palm",
     "PlanarGravity",
 ]
 
-Switch = Literal["on", "off"]
-
 _ONE_TURN = 6.3
 """Bending range up to which clothoid elements can be made [rad]."""
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
+TOUCHING = 1e-6
+"""Gap, as a part of the object's size, up to which an object at rest lies against a support."""
+
+Middles = Switch | Annotated[tuple[Switch, ...], Field(strict=False, min_length=1, max_length=4)]
+Counts = Annotated[int, Field(ge=1)] | Annotated[tuple[int, ...], Field(strict=False, min_length=1, max_length=4)]
+Range = Annotated[tuple[Length, Length], Field(strict=False)]
 
 
-class Circle(Value):
-    """A disc in the plane of the finger, for example a mug seen along its axis."""
+class FingerContacts(Value):
+    """Where one finger touches the object; what is not given is as in ``contacts``."""
 
-    shape: Literal["circle"]
-    diameter: Extent
-    """Outer diameter [m]."""
-    mass: NonNegative
-    """Mass [kg]; the centre of mass is the centre."""
-    position: Vector2
-    """World position of the centre [m]."""
-
-    @property
-    def radius(self) -> float:
-        """Half the diameter [m]."""
-        return 0.5 * self.diameter
-
-
-GraspObject = Circle
-"""What can be grasped; grows into a union discriminated by ``shape``."""
-
-
-class Palm(Value):
-    """A fixed half plane that supports the object."""
-
-    point: Vector2
-    """A world point on its surface [m]."""
-    normal_angle: Real
-    """World angle of the surface normal, which points away from the palm's material [rad]; 0 is +x."""
     friction: NonNegative | None = None
-    """Friction coefficient between palm and object [1]; None: ``contacts.friction``."""
-
-    @property
-    def normal(self) -> tuple[float, float]:
-        """Unit normal, away from the palm's material."""
-        return math.cos(self.normal_angle), math.sin(self.normal_angle)
-
-    def height(self, point: Vector2) -> float:
-        """Distance of a world point from the surface [m], positive outside the palm's material."""
-        nx, ny = self.normal
-        return nx * (point[0] - self.point[0]) + ny * (point[1] - self.point[1])
+    """Coulomb friction coefficient between this finger and the object [1]."""
+    normal_force_max: Positive | None = None
+    """Greatest normal force at any one contact of this finger [N]."""
+    middle: Middles | None = None
+    """As in ``contacts``."""
+    middle_after: Counts | None = None
+    """As in ``contacts``."""
+    middle_range: Range | None = None
+    """As in ``contacts``."""
+    tip: Switch | None = None
+    """As in ``contacts``."""
 
 
 class GraspContacts(Value):
-    """Where the finger touches the object, and what the touching surfaces bear."""
+    """Where fingers touch the object, and what the touching surfaces bear."""
 
     friction: NonNegative
-    """Coulomb friction coefficient between finger and object [1]."""
+    """Coulomb friction coefficient between fingers and object [1]."""
     normal_force_max: Positive
-    """Greatest normal force at any one contact [N]. With no such limit a wedged object needs no friction at
-    all."""
-    middle: Switch = "on"
-    """on: the finger touches the object, tangent to it, at a joint of two elements, whose position is
-    found."""
-    middle_after: Annotated[int, Field(ge=1)] | None = None
-    """Number of elements between base and middle contact; None: half of them."""
-    middle_range: Annotated[tuple[Length, Length], Field(strict=False)] | None = None
-    """Positions along the finger between which the middle contact is sought [m]; None: 5 % to 95 % of the
+    """Greatest normal force at any one contact, supports included [N]. With no such limit a wedged object needs no
+    friction at all."""
+    middle: Middles = "on"
+    """on: the finger touches the object, tangent to it, at a joint of two elements, whose position is found; auto:
+    where that is better; a list: several such contacts, from base to tip."""
+    middle_after: Counts | None = None
+    """Number of elements between base and middle contact, or a list of these; None: spread evenly."""
+    middle_range: Range | None = None
+    """Positions along the finger between which middle contacts are sought [m]; None: 5 % to 95 % of the
     length."""
     tip: Switch = "on"
-    """on: the rounded end of the finger touches the object."""
+    """on: the rounded end of the finger touches the object; auto: where that is better."""
 
     @model_validator(mode="after")
-    def _some(self) -> GraspContacts:
-        if self.middle == "off" and self.tip == "off":
-            raise ValueError("at least one of middle and tip must be on")
+    def _ordered(self) -> GraspContacts:
         if self.middle_range is not None and self.middle_range[0] >= self.middle_range[1]:
             raise ValueError(f"middle_range must increase, got {list(self.middle_range)}")
         return self
 
 
+class GraspFinger(Finger):
+    """A finger with what is its own in a grasp."""
+
+    contacts: FingerContacts = FingerContacts()
+    """Where this finger touches, where it differs from the scene's ``contacts``."""
+    fidelity: Fidelity | None = None
+    """How finely this finger is modelled; None: as the scene says."""
+    tendons_used: Literal["both", "left", "right"] = "both"
+    """Which tendons there are: both (antagonists), only that on the finger's left (-X side, tendon 1), or only that
+    on its right (tendon 2)."""
+    base_free: Freedom | None = None
+    """Bounds within which the base's pose may be chosen; None: it is fixed."""
+
+    @model_validator(mode="after")
+    def _base_within_bounds(self) -> GraspFinger:
+        if self.base_free is not None:
+            self.base_free.check(*self.base.position, self.base.angle)
+        return self
+
+
+def _as_grasp_finger(value: Any) -> Any:
+    if isinstance(value, Finger) and not isinstance(value, GraspFinger):
+        return GraspFinger.model_construct(**{name: getattr(value, name) for name in Finger.model_fields})
+    return value
+
+
+AnyFinger = Annotated[GraspFinger, BeforeValidator(_as_grasp_finger)]
+
+
 class PlanarGravity(Value):
-    """Gravity in the plane of the finger; the finger's own weight acts too."""
+    """Gravity in the plane of the fingers; the fingers' own weight acts too."""
 
     mode: Literal["planar"]
     vector: Vector2
@@ -111,7 +124,7 @@ class PlanarGravity(Value):
 class OutOfPlaneGravity(Value):
     """Gravity perpendicular to the plane: the object's weight is carried by friction.
 
-    The finger is taken to be stiff out of its plane; its own weight does not bend it.
+    The fingers are taken to be stiff out of their plane; their own weight does not bend them.
     """
 
     mode: Literal["out_of_plane"]
@@ -130,12 +143,54 @@ class NoGravity(Value):
 
 GraspGravity = Annotated[PlanarGravity | OutOfPlaneGravity | NoGravity, Field(discriminator="mode")]
 
+Aim = Literal["least_tension", "least_normal_force", "greatest_disturbance", "greatest_friction_margin"]
+
+
+class ObjectiveWeights(Value):
+    """A weighted sum; every term is divided by what it could be at most, so that the weights compare."""
+
+    least_tension: NonNegative = 0.0
+    """Weight of the sum of all tensions, per sum of the greatest tensions [1]."""
+    least_normal_force: NonNegative = 0.0
+    """Weight of the greatest normal force, per ``contacts.normal_force_max`` [1]."""
+    greatest_disturbance: NonNegative = 0.0
+    """Weight of the resisted disturbance, as a multiple of the wrenches given in ``disturbances`` [1]."""
+    greatest_friction_margin: NonNegative = 0.0
+    """Weight of the least friction margin [1]."""
+
+    @model_validator(mode="after")
+    def _some(self) -> ObjectiveWeights:
+        if not any(getattr(self, name) for name in type(self).model_fields):
+            raise ValueError("at least one weight must be positive")
+        return self
+
+
+class Disturbances(Value):
+    """Wrenches that the grasp should resist, one at a time, on top of the weight."""
+
+    wrenches: (
+        Annotated[
+            tuple[Annotated[tuple[Real, Real, Real], Field(strict=False)], ...],
+            Field(strict=False, min_length=1, max_length=24),
+        ]
+        | None
+    ) = None
+    """World force x, y [N] and moment about the centre of mass [N m]; None: forces of 1 N to both sides along both
+    axes, and moments of 1 N times ``torque_scale`` both ways."""
+    torque_scale: Extent | None = None
+    """Length that turns a force into the moment that counts as much [m]; None: the greatest distance of the object's
+    boundary from its centre of mass."""
+    tendons: Literal["retensioned", "locked"] = "retensioned"
+    """retensioned: the tensions are chosen anew for each disturbance, within their limits; locked: the drives hold
+    their position, so that a taut tendon keeps its length and its tension reacts."""
+
 
 class GraspSolver(Value):
     """Options of the search."""
 
-    seeds: Annotated[int, Field(ge=1, le=1000)] = 4
-    """Number of starts of different shape, from a geometric scan and, beyond what that gives, at random."""
+    seeds: Annotated[int, Field(ge=1, le=1000)] = 6
+    """Most starts per set of contacts, of different shape, from a geometric scan and, beyond what that gives, at
+    random; fewer are used where they lead to the same grasp."""
     random_seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the random starts; equal seeds give equal results."""
     time_limit: Positive = 60.0
@@ -144,105 +199,271 @@ class GraspSolver(Value):
     """Iterations of one solver run."""
     tolerance: Annotated[float, Field(ge=1e-15, le=1e-4)] = 1e-9
     """Relative tolerance of the solver, on optimality and constraints."""
-    penetration_tolerance: Annotated[float, Field(ge=1e-12, le=1e-3)] = 1e-6
-    """Allowed penetration of the backbone's samples into object and palm, as a part of the finger's length.
+    penetration_tolerance: Annotated[float, Field(ge=1e-12, le=1e-4)] = 1e-6
+    """Allowed penetration of the backbone's samples into object and supports, as a part of the finger's length.
     Never zero: a finger that wraps the object would then leave the feasible set without an interior."""
-    samples: Annotated[int, Field(ge=8, le=400)] = 32
-    """Points along the finger, shared by the elements, at which penetration is excluded; doubled where too
-    few."""
+
+
+@dataclass(frozen=True)
+class FingerSetup:
+    """One finger of a scene with everything resolved.
+
+    Attributes
+    ----------
+    name : str
+    finger : GraspFinger
+    middles : tuple of {"on", "off", "auto"}
+        Middle contacts from base to tip.
+    tip : {"on", "off", "auto"}
+    before : tuple of int
+        Per middle contact, the number of elements between it and the base.
+    elements : int
+    family : {"arc", "clothoid", "matched_clothoid"}
+    bending_range : float
+        Greatest bend of an element [rad].
+    accuracy : float or None
+        Relative accuracy of the model's evaluation.
+    middle_bounds : (float, float)
+        Least and greatest position of middle contacts along the finger [m].
+    friction : float
+    normal_force_max : float
+        [N]
+    """
+
+    name: str
+    finger: GraspFinger
+    middles: tuple[Switch, ...]
+    tip: Switch
+    before: tuple[int, ...]
+    elements: int
+    family: str
+    bending_range: float
+    accuracy: float | None
+    middle_bounds: tuple[float, float]
+    friction: float
+    normal_force_max: float
+
+    @property
+    def middle_names(self) -> tuple[str, ...]:
+        """Names of the middle contacts: ``<finger>.middle``, or ``<finger>.middle_1`` and so on."""
+        if len(self.middles) == 1:
+            return (f"{self.name}.middle",)
+        return tuple(f"{self.name}.middle_{k + 1}" for k in range(len(self.middles)))
+
+    @property
+    def tip_name(self) -> str:
+        """Name of the tip contact."""
+        return f"{self.name}.tip"
 
 
 class GraspScene(Value):
-    """A finger that holds an object against a palm."""
+    """Fingers that hold an object, alone or against supports."""
 
     schema_version: Literal[1]
     name: str | None = None
-    finger: Finger
+    finger: AnyFinger | None = None
+    """The finger, where there is one; it is called ``finger`` in the result."""
+    fingers: Annotated[dict[str, AnyFinger], Field(min_length=1, max_length=4)] | None = None
+    """One to four fingers by name, in place of ``finger``."""
     object: GraspObject
-    palm: Palm | None = None
-    """None: the finger alone holds the object."""
+    supports: Annotated[dict[str, Support], Field(max_length=8)] = {}
+    """Fixed walls, points and grooves by name; empty: the fingers alone hold the object."""
     contacts: GraspContacts
     gravity: GraspGravity
     fidelity: Fidelity = Fidelity()
-    objective: Literal["least_tension"] = "least_tension"
-    """least_tension: least sum of the two tendon tensions."""
+    objective: Aim | ObjectiveWeights = "least_tension"
+    """least_tension: least sum of all tendon tensions; least_normal_force: the greatest normal force is as small as
+    can be; greatest_disturbance: the ``disturbances`` may grow by the greatest factor; greatest_friction_margin: the
+    contacts are as far from slipping as can be; or weights of these."""
+    disturbances: Disturbances = Disturbances()
     solver: GraspSolver = GraspSolver()
 
     @property
-    def palm_touches(self) -> bool:
-        """Whether the object lies against the palm (within 1e-6 of its diameter)."""
-        if self.palm is None:
-            return False
-        gap = self.palm.height(self.object.position) - self.object.radius
-        return abs(gap) <= 1e-6 * self.object.diameter
+    def named_fingers(self) -> dict[str, GraspFinger]:
+        """The fingers by name."""
+        if self.fingers is not None:
+            return dict(self.fingers)
+        return {} if self.finger is None else {"finger": self.finger}
 
     @property
-    def palm_friction(self) -> float:
-        """Friction coefficient between palm and object [1]."""
-        given = None if self.palm is None else self.palm.friction
-        return self.contacts.friction if given is None else given
+    def setups(self) -> tuple[FingerSetup, ...]:
+        """The fingers with everything resolved."""
+        return tuple(self._setup(name, finger) for name, finger in self.named_fingers.items())
 
     @property
-    def element_count(self) -> int:
-        """Number of elements of the finger; two where the scene says nothing."""
-        elements = self.fidelity.elements
-        return elements if isinstance(elements, int) else 2
+    def walls(self) -> tuple[Wall, ...]:
+        """All straight supports."""
+        return tuple(wall for name, support in self.supports.items() for wall in support.walls(name))
 
     @property
-    def bending_range(self) -> float:
-        """Greatest bend of one element [rad]; 4 pi shared by all, but 2 pi / 3 at least, by default."""
-        return self.fidelity.bending_range or max(4 * math.pi / self.element_count, 2 * math.pi / 3)
+    def pegs(self) -> tuple[Peg, ...]:
+        """All point supports."""
+        return tuple(peg for name, support in self.supports.items() for peg in support.pegs(name))
 
     @property
-    def elements_before_middle(self) -> int:
-        """Number of elements between base and middle contact."""
-        return self.contacts.middle_after or self.element_count // 2
+    def weights(self) -> ObjectiveWeights:
+        """The objective as weights."""
+        return (
+            self.objective
+            if isinstance(self.objective, ObjectiveWeights)
+            else ObjectiveWeights(**{self.objective: 1.0})
+        )
 
     @property
-    def middle_bounds(self) -> tuple[float, float]:
-        """Least and greatest position of the middle contact along the finger [m]."""
-        length = self.finger.rod.length
-        return self.contacts.middle_range or (0.05 * length, 0.95 * length)
+    def torque_scale(self) -> float:
+        """Length that turns a force into a moment that counts as much [m]."""
+        return self.disturbances.torque_scale or self.object.size
+
+    @property
+    def wrenches(self) -> tuple[tuple[float, float, float], ...]:
+        """The disturbances: world force x, y [N], moment about the centre of mass [N m]."""
+        if self.disturbances.wrenches is not None:
+            return self.disturbances.wrenches
+        m = self.torque_scale
+        return ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, m), (0.0, 0.0, -m))
+
+    @property
+    def weight(self) -> float:
+        """Weight of the object, in or out of the plane [N]."""
+        if isinstance(self.gravity, PlanarGravity):
+            return self.object.mass * math.hypot(*self.gravity.vector)
+        return self.object.mass * self.gravity.magnitude if isinstance(self.gravity, OutOfPlaneGravity) else 0.0
+
+    def friction(self, contact: str) -> float:
+        """Friction coefficient of a contact by its name [1]."""
+        for setup in self.setups:
+            if contact.startswith(setup.name + "."):
+                return setup.friction
+        for thing in (*self.walls, *self.pegs):
+            if (contact == thing.name or contact.startswith(thing.name + ".")) and thing.friction is not None:
+                return thing.friction
+        return self.contacts.friction
+
+    def normal_force_max(self, contact: str) -> float:
+        """Greatest normal force of a contact by its name [N]."""
+        for setup in self.setups:
+            if contact.startswith(setup.name + "."):
+                return setup.normal_force_max
+        return self.contacts.normal_force_max
+
+    def gap(self, wall: Wall) -> float:
+        """Distance of the object, where it starts, from a wall's plane [m]."""
+        x, y, turn = self.object.pose
+        reach = max(p.support(wall.normal_angle + math.pi - turn) for p in self.object.parts)
+        return wall.height((x, y)) - reach
+
+    def _setup(self, name: str, finger: GraspFinger) -> FingerSetup:
+        own, shared = finger.contacts, self.contacts
+        fidelity = finger.fidelity or self.fidelity
+        middle = shared.middle if own.middle is None else own.middle
+        middles = (middle,) if isinstance(middle, str) else middle
+        elements = fidelity.elements
+        count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))
+        after = shared.middle_after if own.middle_after is None else own.middle_after
+        if after is None:
+            after = tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles)))
+        family = fidelity.family
+        if family is None:
+            rubs = finger.tendons is not None and finger.tendons.friction > 0.0
+            family = "clothoid" if rubs else "matched_clothoid"
+        length = finger.rod.length
+        return FingerSetup(
+            name=name,
+            finger=finger,
+            middles=middles,
+            tip=shared.tip if own.tip is None else own.tip,
+            before=(after,) if isinstance(after, int) else after,
+            elements=count,
+            family=family,
+            bending_range=fidelity.bending_range or max(4 * math.pi / count, 2 * math.pi / 3),
+            accuracy=fidelity.accuracy,
+            middle_bounds=own.middle_range or shared.middle_range or (0.05 * length, 0.95 * length),
+            friction=shared.friction if own.friction is None else own.friction,
+            normal_force_max=shared.normal_force_max if own.normal_force_max is None else own.normal_force_max,
+        )
+
+    # -- sense -----------------------------------------------------------------------------------------------
 
     @model_validator(mode="after")
     def _sense(self) -> GraspScene:
-        if self.finger.tendons is None:
-            raise ValueError("finger.tendons is needed: the tendon tension is what is sought")
-        length, thickness = self.finger.rod.length, self.finger.thickness_radius
-        for name in ("tolerance", "frequencies"):
-            if getattr(self.fidelity, name) != getattr(Fidelity(), name):
-                raise ValueError(
-                    f"fidelity.{name} is not for grasps: give elements; the certificate tells the model's error"
-                )
-        if isinstance(self.fidelity.elements, tuple):
-            raise ValueError("fidelity.elements must be a number here: the lengths of the elements are sought")
-        if self.element_count < 2:
-            raise ValueError("fidelity.elements must be at least 2, one on each side of the middle contact")
-        if self.elements_before_middle >= self.element_count:
+        if (self.finger is None) == (self.fingers is None):
+            raise ValueError("give exactly one of finger and fingers")
+        for name in (*self.named_fingers, *self.supports):
+            if not _NAME.fullmatch(name):
+                raise ValueError(f"{name!r:.40} is no name: expected letters, digits and _, beginning with a letter")
+        twice = set(self.named_fingers) & set(self.supports)
+        if twice:
+            raise ValueError(f"a finger and a support share the name {twice.pop()!r}")
+        for setup in self.setups:
+            where = "finger" if self.fingers is None else f"fingers.{setup.name}"
+            self._check_finger(setup, where)
+        self._check_supports()
+        return self
+
+    def _check_finger(self, setup: FingerSetup, where: str) -> None:
+        finger, length = setup.finger, setup.finger.rod.length
+        fidelity = finger.fidelity or self.fidelity
+        if finger.tendons is None:
+            raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
+        if finger.tendons_used != "both" and finger.tendons.min_tension > 0.0:
             raise ValueError(
-                f"contacts.middle_after = {self.elements_before_middle} leaves no element between middle "
-                f"contact and tip; the finger has {self.element_count} elements"
+                f"{where}.tendons.min_tension keeps the antagonist taut; with tendons_used: {finger.tendons_used} "
+                "there is none: set it to 0"
             )
-        if self.fidelity.family == "matched_clothoid" and self.finger.tendons.friction > 0.0:
-            raise ValueError("fidelity.family: matched_clothoid cannot carry tendon friction; use clothoid or arc")
-        if self.fidelity.family != "arc" and self.bending_range > _ONE_TURN:
+        if isinstance(fidelity.elements, tuple):
+            raise ValueError("fidelity.elements must be a number here: the lengths of the elements are sought")
+        if fidelity.frequencies != Fidelity().frequencies:
+            raise ValueError("fidelity.frequencies is not for grasps, which do not move")
+        if all(m == "off" for m in setup.middles) and setup.tip == "off":
+            raise ValueError(f"{where}: at least one of middle and tip must be on or auto")
+        if len(setup.before) != len(setup.middles):
             raise ValueError(
-                f"fidelity.bending_range = {self.bending_range} rad is more than a clothoid element can follow (one "
+                f"{where}: middle_after must have one entry per middle contact ({len(setup.middles)}), got "
+                f"{list(setup.before)}"
+            )
+        marks = (0, *setup.before, setup.elements)
+        if any(b <= a for a, b in zip(marks, marks[1:], strict=False)):
+            raise ValueError(
+                f"{where}: middle contacts after {', '.join(map(str, setup.before))} of {setup.elements} elements "
+                "leave no element between two of them, or before base or tip; take more fidelity.elements or other "
+                "contacts.middle_after"
+            )
+        if setup.family == "matched_clothoid" and finger.tendons.friction > 0.0:
+            raise ValueError("fidelity.family: matched_clothoid cannot carry tendon friction; use clothoid or arc")
+        if setup.family != "arc" and setup.bending_range > _ONE_TURN:
+            raise ValueError(
+                f"fidelity.bending_range = {setup.bending_range} rad is more than a clothoid element can follow (one "
                 "turn): take more elements, or family: arc"
             )
-        if isinstance(self.finger.rest_curvature, PiecewiseCurvature):
+        if isinstance(finger.rest_curvature, PiecewiseCurvature):
             raise ValueError(
-                "finger.rest_curvature must be one number here: the lengths of the elements are sought, and the "
+                f"{where}.rest_curvature must be one number here: the lengths of the elements are sought, and the "
                 "curvature of each could not follow"
             )
-        if self.middle_bounds[1] >= length:
-            raise ValueError(f"contacts.middle_range ends at {self.middle_bounds[1]} m; the finger is {length} m long")
-        base = self.finger.base.position
-        gap = math.dist(base, self.object.position) - self.object.radius - thickness
-        if gap < 0:
-            raise ValueError(f"finger.base lies {-gap:.4g} m inside the object (half thickness of the finger included)")
-        if self.palm is not None:
-            height = self.palm.height(self.object.position) - self.object.radius
-            if height < -1e-6 * self.object.diameter:
-                raise ValueError(f"the object lies {-height:.4g} m deep in the palm")
-        return self
+        low, high = setup.middle_bounds
+        if low >= high:
+            raise ValueError(f"contacts.middle_range must increase, got {[low, high]}")
+        if high >= length:
+            raise ValueError(f"contacts.middle_range ends at {high} m; {where} is {length} m long")
+        gap = self.object.distance(finger.base.position) - finger.thickness_radius
+        if gap < 0 and self.object.free is None and finger.base_free is None:
+            raise ValueError(
+                f"{where}.base lies {-gap:.4g} m inside the object (half thickness of the finger included)"
+            )
+
+    def _check_supports(self) -> None:
+        if self.object.free is not None:
+            return
+        size = self.object.size
+        for wall in self.walls:
+            gap = self.gap(wall)
+            if gap < -TOUCHING * size and math.isinf(wall.half_length):
+                raise ValueError(f"the object lies {-gap:.4g} m deep in supports.{wall.name}")
+            if wall.touch == "on" and abs(gap) > TOUCHING * size:
+                raise ValueError(f"supports.{wall.name} should touch the object, which is {gap:.4g} m away and fixed")
+        for peg in self.pegs:
+            gap = self.object.distance(peg.position) - peg.radius
+            if gap < -TOUCHING * size:
+                raise ValueError(f"supports.{peg.name} lies {-gap:.4g} m deep in the object")
+            if peg.touch == "on" and gap > TOUCHING * size:
+                raise ValueError(f"supports.{peg.name} should touch the object, which is {gap:.4g} m away and fixed")

@@ -152,7 +152,7 @@ def _put_in_fingers(document: Document, main: Path) -> None:
     data = document.value
     many = data.get("fingers")
     paths: list[KeyPath] = [("finger",)] if "finger" in data else []
-    paths += [("fingers", k) for k in range(len(many))] if isinstance(many, list) else []
+    paths += [("fingers", name) for name in many if isinstance(name, str)] if isinstance(many, dict) else []
     if "extends" in data:
         paths.append(())
     for path in paths:

@@ -50,20 +50,26 @@ def json_schema(kind: str) -> _Node:
         schema["required"] = ["schema_version"]
         schema["anyOf"] = [{"required": ["rod"]}, {"required": ["extends"]}]
     else:
-        changes = _changes("Finger", definitions)
+        own = "GraspFinger" if kind == "grasp" else "Finger"
+        changes = _changes(own, definitions)
         definitions[changes]["properties"] = {
             "extends": {"type": "string", "description": "Path of a finger file, relative to this file."},
             **definitions[changes]["properties"],
         }
         definitions[changes]["required"] = ["extends"]
-        schema["properties"]["finger"] = {
+        finger = {
             "description": "The finger itself, the path of a finger file, or changes to one (extends).",
             "anyOf": [
                 {"type": "string", "description": "Path of a finger file, relative to this file."},
-                {"$ref": "#/$defs/Finger"},
+                {"$ref": f"#/$defs/{own}"},
                 {"$ref": f"#/$defs/{changes}"},
             ],
         }
+        schema["properties"]["finger"] = finger
+        if kind == "grasp":
+            many = schema["properties"]["fingers"]
+            many.pop("anyOf"), many.pop("default", None)
+            many |= {"type": "object", "minProperties": 1, "maxProperties": 4, "additionalProperties": finger}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,

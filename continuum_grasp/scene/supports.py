@@ -1,0 +1,170 @@
+"""What else holds an object: fixed walls, points, edges and grooves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
+
+__all__ = ["Line", "Palm", "Peg", "Point", "Support", "Switch", "VGroove", "Wall"]
+
+Switch = Literal["on", "off", "auto"]
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A straight, fixed surface.
+
+    Attributes
+    ----------
+    name : str
+    point : (float, float)
+        A world point on it [m].
+    normal_angle : float
+        World angle of its normal, out of the material [rad].
+    half_length : float
+        It reaches this far from ``point`` to both sides [m]; infinite for a half plane.
+    friction : float or None
+    touch : {"on", "off", "auto"}
+    """
+
+    name: str
+    point: tuple[float, float]
+    normal_angle: float
+    half_length: float
+    friction: float | None
+    touch: Switch
+
+    @property
+    def normal(self) -> tuple[float, float]:
+        """Unit normal, out of the material."""
+        return math.cos(self.normal_angle), math.sin(self.normal_angle)
+
+    def height(self, point: tuple[float, float]) -> float:
+        """Distance of a world point from the surface [m], positive outside the material."""
+        nx, ny = self.normal
+        return nx * (point[0] - self.point[0]) + ny * (point[1] - self.point[1])
+
+
+@dataclass(frozen=True)
+class Peg:
+    """A fixed, round support.
+
+    Attributes
+    ----------
+    name : str
+    position : (float, float)
+        World position of its centre [m].
+    radius : float
+        [m]; zero for a point.
+    friction : float or None
+    touch : {"on", "off", "auto"}
+    """
+
+    name: str
+    position: tuple[float, float]
+    radius: float
+    friction: float | None
+    touch: Switch
+
+
+class _Support(Value):
+    friction: NonNegative | None = None
+    """Friction coefficient between it and the object [1]; None: ``contacts.friction``."""
+    touch: Switch = "auto"
+    """Whether the object touches it; auto: where it lies against it, or, where its pose is free, whichever is
+    better."""
+
+
+class Palm(_Support):
+    """A fixed half plane."""
+
+    type: Literal["palm"] = "palm"
+    point: Vector2
+    """A world point on its surface [m]."""
+    normal_angle: Real
+    """World angle of the surface normal, which points away from the material [rad]; 0 is +x."""
+
+    def walls(self, name: str) -> tuple[Wall, ...]:
+        """Its surface."""
+        return (Wall(name, self.point, self.normal_angle, math.inf, self.friction, self.touch),)
+
+    def pegs(self, name: str) -> tuple[Peg, ...]:
+        """None."""
+        return ()
+
+
+class Line(_Support):
+    """A fixed straight edge of finite length; the object may lie on its left, walking from start to end."""
+
+    type: Literal["line"]
+    start: Vector2
+    """World position of its start [m]."""
+    end: Vector2
+    """World position of its end [m]."""
+
+    def walls(self, name: str) -> tuple[Wall, ...]:
+        """Its surface."""
+        (x0, y0), (x1, y1) = self.start, self.end
+        angle = math.atan2(x1 - x0, y0 - y1)
+        half = 0.5 * math.dist(self.start, self.end)
+        return (Wall(name, (0.5 * (x0 + x1), 0.5 * (y0 + y1)), angle, half, self.friction, self.touch),)
+
+    def pegs(self, name: str) -> tuple[Peg, ...]:
+        """None."""
+        return ()
+
+    @model_validator(mode="after")
+    def _extended(self) -> Line:
+        if math.dist(self.start, self.end) < 1e-9:
+            raise ValueError("start and end are the same point")
+        return self
+
+
+class Point(_Support):
+    """A fixed point or round peg."""
+
+    type: Literal["point"]
+    position: Vector2
+    """World position of its centre [m]."""
+    radius: NonNegative = 0.0
+    """Radius [m]."""
+
+    def walls(self, name: str) -> tuple[Wall, ...]:
+        """None."""
+        return ()
+
+    def pegs(self, name: str) -> tuple[Peg, ...]:
+        """Itself."""
+        return (Peg(name, self.position, self.radius, self.friction, self.touch),)
+
+
+class VGroove(_Support):
+    """Two fixed half planes that meet in a line."""
+
+    type: Literal["v_groove"]
+    apex: Vector2
+    """World position of the line where they meet [m]."""
+    opening_angle: Annotated[float, Field(ge=1e-3, le=3.14)]
+    """Angle between the two walls [rad]."""
+    axis_angle: Real
+    """World angle of the direction in which it opens [rad]."""
+
+    def walls(self, name: str) -> tuple[Wall, ...]:
+        """The wall on the left and that on the right of the axis, seen from the apex."""
+        half = 0.5 * self.opening_angle
+        left, right = self.axis_angle + half - 0.5 * math.pi, self.axis_angle - half + 0.5 * math.pi
+        sides = ((f"{name}.left", left), (f"{name}.right", right))
+        return tuple(Wall(n, self.apex, a, math.inf, self.friction, self.touch) for n, a in sides)
+
+    def pegs(self, name: str) -> tuple[Peg, ...]:
+        """None."""
+        return ()
+
+
+Support = Annotated[Palm | Line | Point | VGroove, Field(discriminator="type")]
+"""What else holds the object."""
