@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 _ROOMS = {
     "certificate": ("Certificate", "Check", "certify"),
-    "result": ("Contact", "GraspResult", "Reason", "Status"),
+    "result": ("Contact", "FingerPosture", "GraspResult", "Reason", "Status"),
     "solve": ("optimize_grasp",),
 }
 _NAMES = {name: room for room, names in _ROOMS.items() for name in names}
@@ -15,6 +15,7 @@ __all__ = [
     "Certificate",
     "Check",
     "Contact",
+    "FingerPosture",
     "GraspResult",
     "Reason",
     "Status",
@@ -24,7 +25,7 @@ __all__ = [
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate import Certificate, Check, certify
-    from continuum_grasp.grasp.result import Contact, GraspResult, Reason, Status
+    from continuum_grasp.grasp.result import Contact, FingerPosture, GraspResult, Reason, Status
     from continuum_grasp.grasp.solve import optimize_grasp
 
 

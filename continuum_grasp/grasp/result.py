@@ -19,7 +19,7 @@ from continuum_grasp.scene.grasp import GraspScene
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Contact", "GraspResult", "Reason", "Status"]
+__all__ = ["Contact", "FingerPosture", "GraspResult", "Reason", "Status"]
 
 Array = NDArray[Any]
 
@@ -38,13 +38,47 @@ class Status(StrEnum):
 
 
 @dataclass(frozen=True)
+class FingerPosture:
+    """One finger of a grasp.
+
+    Attributes
+    ----------
+    name : str
+    family : str
+        ``arc``, ``clothoid`` or ``matched_clothoid``.
+    q : ndarray, shape (n,)
+        Bending coordinates: bends of the elements [rad] (arc) or nodal curvatures [1/m].
+    lengths : ndarray, shape (N,)
+        Element lengths [m].
+    tip_curvature : float
+        [1/m]
+    tensions : ndarray, shape (2,)
+        Of the tendon on the finger's left (-X side), which bends it positively, and of that on its right [N].
+    base : ndarray, shape (3,)
+        World x, y [m] and angle [rad].
+    backbone : ndarray, shape (K, 4)
+        Position along it [m], world x, y [m], angle of the section's X axis [rad].
+    """
+
+    name: str
+    family: str
+    q: Array
+    lengths: Array
+    tip_curvature: float
+    tensions: Array
+    base: Array
+    backbone: Array
+
+
+@dataclass(frozen=True)
 class Contact:
     """A contact of the object.
 
     Attributes
     ----------
     name : str
-        ``middle``, ``tip`` or ``palm``.
+        ``<finger>.middle`` (``<finger>.middle_1`` and so on where there are several), ``<finger>.tip``, or the name of
+        a support (``<support>.1`` and ``<support>.2`` where a flat face lies on it).
     position : ndarray, shape (2,)
         On the object's surface, world [m].
     normal : ndarray, shape (2,)
@@ -57,6 +91,10 @@ class Contact:
         Friction force out of the plane, on the object [N].
     friction_margin : float
         1 - sqrt(f^2 + lift^2) / (friction coefficient * N).
+    station : float
+        Position along the finger [m]; NaN for supports.
+    part : int
+        Index of the object's convex part.
     """
 
     name: str
@@ -66,6 +104,8 @@ class Contact:
     friction_force: float
     lift: float
     friction_margin: float
+    station: float
+    part: int
 
     @property
     def force(self) -> Array:
@@ -113,10 +153,11 @@ class GraspResult:
     message : str
         One sentence on how it ended.
     arrays : dict of str to ndarray
-        The numbers, as stored in a run folder: ``family``, ``q``, ``lengths``, ``tip_curvature``,
-        ``tensions``, ``contact_names``, ``contact_positions``, ``contact_normals``, ``contact_forces`` (N, f,
-        lift) and ``backbone`` (s, x, y, angle). Where there is no grasp: the point that comes closest, or
-        empty.
+        The numbers, as stored in a run folder. Per finger F: ``F.family``, ``F.q``, ``F.lengths``,
+        ``F.tip_curvature``, ``F.tensions``, ``F.base`` and ``F.backbone`` (see `FingerPosture`); ``object.pose``;
+        per contact: ``contact_names``, ``contact_positions``, ``contact_normals``, ``contact_forces`` (N, f, lift),
+        ``contact_stations``, ``contact_parts`` (see `Contact`). Where there is no grasp: the point that comes
+        closest, or empty.
     certificate : Certificate, optional
         Independent verification of these numbers.
     violated : tuple of str
@@ -151,7 +192,8 @@ class GraspResult:
             return ()
         found, error = [], self.certificate.model_error
         if not error.small:
-            other = " or take fidelity.family: matched_clothoid" if self.arrays["family"] == "arc" else ""
+            arcs = any(finger.family == "arc" for finger in self.fingers.values())
+            other = " or take fidelity.family: matched_clothoid" if arcs else ""
             found.append(f"{error}: raise fidelity.elements{other}")
         if not self.certificate.stability.stable:
             found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
@@ -160,43 +202,44 @@ class GraspResult:
         return tuple(found)
 
     @property
-    def q(self) -> Array:
-        """Bending coordinates of the family."""
-        return self.arrays["q"]
+    def fingers(self) -> dict[str, FingerPosture]:
+        """The fingers by name; empty where there are no numbers."""
+        data = self.arrays
+        return {
+            name: FingerPosture(
+                name,
+                str(data[f"{name}.family"]),
+                data[f"{name}.q"],
+                data[f"{name}.lengths"],
+                float(data[f"{name}.tip_curvature"]),
+                data[f"{name}.tensions"],
+                data[f"{name}.base"],
+                data[f"{name}.backbone"],
+            )
+            for name in (self.scene.named_fingers if data else ())
+        }
 
     @property
-    def lengths(self) -> Array:
-        """Element lengths (N,) [m]."""
-        return self.arrays["lengths"]
+    def object_pose(self) -> Array:
+        """World x, y [m] and angle [rad] of the object (3,)."""
+        return self.arrays["object.pose"]
 
     @property
-    def middle_position(self) -> float:
-        """Position of the middle contact along the finger [m]."""
-        return float(self.lengths[: self.scene.elements_before_middle].sum())
-
-    @property
-    def tensions(self) -> Array:
-        """Tensions of the two tendons (2,) [N]."""
-        return self.arrays["tensions"]
-
-    @property
-    def backbone(self) -> Array:
-        """Bent backbone (K, 4): position along it [m], world x, y [m], angle of the section's X axis
-        [rad].
-        """
-        return self.arrays["backbone"]
+    def tension(self) -> float:
+        """Sum of all tensions [N]."""
+        return float(sum(finger.tensions.sum() for finger in self.fingers.values()))
 
     @property
     def contacts(self) -> tuple[Contact, ...]:
         """The contacts with their forces."""
-        found = []
-        for k, name in enumerate(self.arrays.get("contact_names", ())):
-            n, f, lift = (float(v) for v in self.arrays["contact_forces"][k])
-            coefficient = self.scene.palm_friction if name == "palm" else self.scene.contacts.friction
-            most = coefficient * n
+        found, data = [], self.arrays
+        for k, name in enumerate(data.get("contact_names", ())):
+            n, f, lift = (float(v) for v in data["contact_forces"][k])
+            most = self.scene.friction(str(name)) * n
             margin = 1.0 - float(np.hypot(f, lift)) / most if most > 0 else 0.0
-            position, normal = self.arrays["contact_positions"][k], self.arrays["contact_normals"][k]
-            found.append(Contact(str(name), position, normal, n, f, lift, margin))
+            place = data["contact_positions"][k], data["contact_normals"][k]
+            more = float(data["contact_stations"][k]), int(data["contact_parts"][k])
+            found.append(Contact(str(name), *place, n, f, lift, margin, *more))
         return tuple(found)
 
     def contact(self, name: str) -> Contact:
