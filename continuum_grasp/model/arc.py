@@ -18,6 +18,9 @@ from continuum_grasp.model.stumpff import stumpff
 
 __all__ = ["Arc"]
 
+WAYPOINTS = 8
+"""Parts of an arc between which its waypoints lie."""
+
 
 class Arc(Link):
     """A circular arc.
@@ -70,6 +73,10 @@ class Arc(Link):
             arms=(part.end.arms[0].scaled(fraction),),
             angles=(fraction,),
         )
+
+    @property
+    def waypoints(self) -> tuple[tuple[float, Vec], ...]:
+        return tuple((k / WAYPOINTS, self.section(k / WAYPOINTS).position) for k in range(1, WAYPOINTS))
 
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
         if isinstance(fraction, float) and fraction == 1.0:

@@ -129,6 +129,11 @@ class Clothoid(Link):
             return self.end
         return self._section(fraction, self._nodes_up_to(fraction))
 
+    @property
+    def waypoints(self) -> tuple[tuple[float, Vec], ...]:
+        rows, tangents = self._rule.running, self._whole.tangents
+        return tuple((float(u), _weigh(row, tangents, self._length)) for u, row in zip(self._rule.nodes, rows, strict=True))
+
     def _section(self, fraction: Scalar, nodes: _Nodes) -> Section:
         reach = times(fraction, self._length)
         weights, tangents = self._rule.weights, nodes.tangents

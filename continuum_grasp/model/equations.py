@@ -13,7 +13,7 @@ from functools import cached_property
 import casadi as ca
 
 from continuum_grasp.model.actuation import Drive, friction_factors
-from continuum_grasp.model.chain import Chain, Force, Moment
+from continuum_grasp.model.chain import Chain, Force, Moment, Place
 from continuum_grasp.model.family import Rod
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.ldl import solve_ldl
@@ -174,6 +174,24 @@ class Equations:
             for a, arm, angle in zip(local, section.arms, section.angles, strict=True):
                 arms[a] = arms[a] + turn.apply(arm) + beyond.scaled(angle)
         return [self.turn.apply(arm.perp()) for arm in arms[: self._made.n]]
+
+    @cached_property
+    def joints(self) -> list[tuple[Vec, Scalar]]:
+        """World position [m] and angle [rad] of the end section of each element."""
+        angle, found = self._par["base_angle"], []
+        for k, bend in enumerate(self.bends):
+            angle = plus(angle, bend)
+            found.append((self.to_world(self.chain.position(Place(k))), angle))
+        return found
+
+    @cached_property
+    def waypoints(self) -> list[Vec]:
+        """World positions [m] at the fractions of the elements where they cost least, from base to tip."""
+        start, found = ZERO, []
+        for link, turn, span in zip(self.chain.links, self.chain.rotations, self.chain.spans, strict=False):
+            found += [self.to_world(start + turn.apply(at)) for _, at in link.link.waypoints]
+            start = start + span
+        return found
 
     # -- forces --------------------------------------------------------------------------------------------------
 

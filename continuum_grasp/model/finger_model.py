@@ -91,6 +91,8 @@ class FingerModel:
     jacobian              q, u, s, p               J (2, n) [m/q], world
     jacobian_rate         q, qd, u, s, p           Jd (2, n) [m/(q s)], world
     tip                   q, u, p                  r (2) [m], world
+    joints                q, u, p                  r (2, N) [m], world, angle (N) [rad], of the elements' end sections
+    waypoints             q, u, p                  r (2, K) [m], world, at ``waypoint_fractions`` of the elements
     energy                x, u, p                  kinetic, potential [J]
     bending               q, u, p                  bend of each element [rad]
     range_use             q, u, p                  use of the declared bending range, per element [1]
@@ -244,6 +246,23 @@ class FingerModel:
         return self._function("tip", "q u p", r=self._equations.tip_position)
 
     @cached_property
+    def joints(self) -> ca.Function:
+        """World position [m] and angle [rad] of the elements' end sections."""
+        places = self._equations.joints
+        r = ca.horzcat(*[at.column() for at, _ in places])
+        return self._function("joints", "q u p", r=r, angle=[angle for _, angle in places])
+
+    @property
+    def waypoint_fractions(self) -> tuple[tuple[float, ...], ...]:
+        """Per element, the fractions of its length where ``waypoints`` are."""
+        return tuple(tuple(at for at, _ in link.link.waypoints) for link in self._equations.chain.links)
+
+    @cached_property
+    def waypoints(self) -> ca.Function:
+        """World positions inside the elements, where they cost least [m]."""
+        return self._function("waypoints", "q u p", r=ca.horzcat(*[at.column() for at in self._equations.waypoints]))
+
+    @cached_property
     def energy(self) -> ca.Function:
         """Kinetic and potential energy [J]."""
         eq = self._equations
@@ -295,7 +314,7 @@ FUNCTIONS = tuple(
 """Names of a model's functions."""
 
 MATRICES = frozenset(
-    ("mass_matrix.M", "statics.K", "jacobian.J", "jacobian_rate.Jd", "linearization.A", "linearization.B")
+    ("mass_matrix.M", "statics.K", "jacobian.J", "jacobian_rate.Jd", "joints.r", "waypoints.r", "linearization.A", "linearization.B")
 )
 """Outputs that are matrices, whatever their size; all others are vectors."""
 

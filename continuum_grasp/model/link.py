@@ -75,6 +75,11 @@ class Link(ABC):
     def section(self, fraction: Scalar) -> Section:
         """The section at a fraction of the length, 0 at the start and 1 at the end."""
 
+    @property
+    @abstractmethod
+    def waypoints(self) -> tuple[tuple[float, Vec], ...]:
+        """Fractions of the length inside the link, and the positions there; where these cost least."""
+
     @abstractmethod
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
         """Reversed velocity-product acceleration of a section.

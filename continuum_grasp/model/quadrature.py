@@ -27,6 +27,8 @@ class Collocation:
     """(m + 1,) from 0 to the first node, between the nodes, and from the last node to 1; symmetric to the last bit."""
     offsets: NDArray[np.float64]
     """(m + 1,) steps times the distance of their middles from 1/2; antisymmetric to the last bit."""
+    running: NDArray[np.float64]
+    """(m, m): int_0^{u_k} f du = sum_j running[k, j] f(u_j)."""
     kernel: NDArray[np.float64]
     """(m, m) symmetric: int_0^1 F G du = f' kernel g, with F, G the running integrals of the interpolated f, g."""
 
@@ -54,6 +56,7 @@ def collocation(count: int) -> Collocation:
         weights * (1.0 - nodes),
         0.5 * (steps + steps[::-1]),
         0.5 * (offsets - offsets[::-1]),
+        np.polynomial.legendre.legvander(x, count) @ running,
         0.5 * (kernel + kernel.T),
     )
 
