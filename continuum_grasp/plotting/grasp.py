@@ -1,263 +1,141 @@
-"""A grasp: object, palm, bent finger with its thickness, contacts, friction cones and forces to scale."""
+"""A grasp: object, supports, bent fingers with their thickness, contacts, friction cones and forces to scale."""
 
 from __future__ import annotations
 
-import math
 import os
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.plotting.axes import BLUE, GREEN, GREY, INK, ORANGE, new_axes
-from continuum_grasp.scene.grasp import OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.plotting.axes import INK, new_figure, quiet
+from continuum_grasp.plotting.grasp_contacts import draw_contacts, draw_scale, draw_weight, weight_words
+from continuum_grasp.plotting.grasp_fingers import draw_fingers
+from continuum_grasp.plotting.grasp_labels import Label, place_labels
+from continuum_grasp.plotting.grasp_object import draw_object, draw_supports
+from continuum_grasp.plotting.grasp_panel import ROW, panel_rows, write_panel
+from continuum_grasp.plotting.grasp_polygon import plot_resistance, resistance_extremes
+from continuum_grasp.plotting.grasp_view import MM, GraspView
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-    from continuum_grasp.grasp.result import Contact, GraspResult
+    from continuum_grasp.grasp.result import GraspResult
 
 __all__ = ["plot_grasp", "save_grasp_plot"]
 
 Array = NDArray[Any]
 
-_MM = 1e3
-_PALM_DEPTH = 9.0  # mm
-_LABEL = (24.0, 4.2)  # mm: width, height of a line
-_FINGER, _FINGER_EDGE = "#C9DCEA", "#4F7892"
-_OBJECT, _OBJECT_EDGE = "#F3E9D6", "#A58A55"
-_COLORS = {"middle": BLUE, "tip": GREEN, "palm": ORANGE}
+_ROOM = (6.2, 5.4)
+"""Greatest width and height of the drawing [inch]."""
+_LEFT, _BELOW, _ABOVE, _BETWEEN, _PANEL, _POLYGON = 0.65, 0.55, 0.62, 0.3, 2.9, 2.05
 
 
-def plot_grasp(result: GraspResult, *, ax: Axes | None = None, tendons: bool = True) -> Axes:
-    """Draw a grasp in the plane of the finger, in millimetres.
+def plot_grasp(
+    result: GraspResult, *, ax: Axes | None = None, tendons: bool = True, resisted: ArrayLike | None = None
+) -> Axes:
+    """Draw a grasp in the plane of the fingers, in millimetres.
 
     Parameters
     ----------
     result : GraspResult
-        Any result with a shape; where there is no verified grasp the closest point is drawn, and the title
-        says so.
+        Where there is no verified grasp the closest point is drawn, and where there is none the scene as it starts;
+        the title says so.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
+        Where to draw; None: axes in a new figure, with the numbers beside them.
     tendons : bool, optional
-        Draw the two tendons.
+        Draw the tendons.
+    resisted : array_like, shape (D, 2), optional
+        Greatest resisted force in each of D directions around the circle [N], drawn beside the numbers.
 
     Returns
     -------
     matplotlib.axes.Axes
-        Arrows are the forces that the object bears; the light wedges are the friction cones. Numbers beside a
-        contact are normal and friction force and, where weight acts out of the plane, the share of it that is
-        carried there.
+        Arrows are the forces that the object bears, and its weight; the light wedges are the friction cones.
     """
-    ax = new_axes(ax, 7.0, 5.8)
-    if "backbone" in result.arrays:
-        _draw_palm(ax, result)
-        _draw_object(ax, result)
-        _draw_finger(ax, result, tendons)
-        scale = _force_scale(result)
-        for contact in result.contacts:
-            _draw_contact(ax, result, contact, scale)
-        _draw_weight(ax, result, scale)
-        _draw_scale(ax, result, scale)
+    view = GraspView(result)
+    alone = ax is None
+    if ax is None:
+        ax = _sheet(view, resisted)
+    low, high = view.box
     ax.set_aspect("equal", adjustable="box")
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
     ax.set_xlabel("x [mm]", color=INK)
     ax.set_ylabel("y [mm]", color=INK)
-    ax.set_title(_title(result), fontsize=10, color=INK, loc="left")
+    ax.set_title(_title(result), fontsize=10, color=INK if result.solved else "#A03000", loc="left")
+    bodies = draw_object(ax, view)
+    areas = [*draw_supports(ax, view), *draw_fingers(ax, view, tendons)]
+    cones, arrows = draw_contacts(ax, view)
+    areas += [*cones, *draw_scale(ax, view)]
+    place_labels(ax, _labels(view, forces=not alone), areas, [*arrows, *draw_weight(ax, view)], bodies)
     return ax
 
 
-def save_grasp_plot(result: GraspResult, path: str | os.PathLike[str]) -> Axes:
-    """Draw a grasp into a picture file, whose suffix is the format; returns the axes."""
+def save_grasp_plot(result: GraspResult, path: str | os.PathLike[str], *, resisted: ArrayLike | None = None) -> Axes:
+    """Draw a grasp into a picture file, whose suffix is the format; returns the axes.
+
+    ``resisted`` is as in `plot_grasp`.
+    """
     from continuum_grasp.plotting.pictures import save_picture
 
-    ax = plot_grasp(result)
+    ax = plot_grasp(result, resisted=resisted)
     save_picture(ax, path)
     return ax
 
 
+def _sheet(view: GraspView, resisted: ArrayLike | None) -> Axes:
+    """Axes in a new figure, which holds what stands beside them too."""
+    low, high = view.box
+    size = (high - low) * min(np.array(_ROOM) / (high - low))
+    rows = panel_rows(view)
+    polygon = bool(rows) and resisted is not None and resistance_extremes(resisted)[1] > 0
+    text = ROW * len(rows)
+    tall = max(size[1], text + (_POLYGON + 1.0 if polygon else 0.0))
+    beside = _BETWEEN + _PANEL if rows else 0.0
+    width, height = _LEFT + size[0] + beside + 0.15, _BELOW + tall + _ABOVE
+    figure = new_figure(float(width), float(height))
+    figure.set_layout_engine("none")
+    ax = quiet(_at(figure, _LEFT, height - _ABOVE - size[1], size[0], size[1]))
+    ax.set_anchor("NW")
+    right = _LEFT + size[0] + _BETWEEN
+    if rows:
+        write_panel(_at(figure, right, height - _ABOVE - text, _PANEL, text), rows)
+    if polygon and resisted is not None:
+        forces = quiet(_at(figure, right + 0.55, height - _ABOVE - text - 0.6 - _POLYGON, _POLYGON, _POLYGON))
+        plot_resistance(resisted, ax=forces)
+        least, greatest = resistance_extremes(resisted)
+        words = f"resisted force: {least:.2g} N in any direction,\nup to {greatest:.2g} N in the best"
+        forces.set_title(words, fontsize=8, color=INK, loc="left", x=-0.26)
+    return ax
+
+
+def _at(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Axes at a place of a figure, all in inches."""
+    wide, high = figure.get_size_inches()
+    return figure.add_axes((left / wide, bottom / high, width / wide, height / high))
+
+
 def _title(result: GraspResult) -> str:
     name = result.scene.name or "grasp"
-    if not result.solved:
-        return f"{name}\nnot a grasp ({result.status.value}): the closest point found"
-    first, second = result.tensions
-    return f"{name}\ntendon tensions {first:.3g} N and {second:.3g} N, {result.status.value}, verified"
+    if result.solved:
+        return f"{name}\n{result.status.value}, verified"
+    what = "the closest point found" if result.arrays else "the scene as it starts"
+    return f"{name}\nno grasp ({result.status.value}): {what}"
 
 
-def _force_scale(result: GraspResult) -> float:
-    """Drawn length per force [mm/N]: the greatest force is two thirds of the radius long."""
-    greatest = max((float(np.hypot(*c.force)) for c in result.contacts), default=0.0)
-    return 0.66 * result.scene.object.radius * _MM / greatest if greatest > 0 else 0.0
-
-
-def _box(result: GraspResult) -> tuple[Array, Array]:
-    """Corners of what must be seen, labels included [mm]."""
-    scene = result.scene
-    centre, radius = np.asarray(scene.object.position), scene.object.radius
-    half = scene.finger.thickness_radius
-    body = np.concatenate([result.backbone[:, 1:3], result.backbone[:1, 1:3]])
-    low = np.minimum(body.min(axis=0) - half, centre - radius) * _MM
-    high = np.maximum(body.max(axis=0) + half, centre + radius) * _MM
-    for contact in result.contacts:
-        at, across, up = _label_place(result, contact)
-        size = np.array([_LABEL[0], _LABEL[1] * len(_label_lines(result, contact))])
-        share = np.array(
-            [
-                {"left": 0.0, "center": 0.5, "right": 1.0}[across],
-                {"bottom": 0.0, "center": 0.5, "top": 1.0}[up],
-            ]
-        )
-        low, high = np.minimum(low, at - share * size), np.maximum(high, at + (1 - share) * size)
-    return low - [5.0, 13.0], high + 5.0  # below: room for the scale of forces
-
-
-def _label_place(result: GraspResult, contact: Contact) -> tuple[Array, str, str]:
-    """Where a contact's label stands [mm], and its alignment across and up."""
-    away = contact.normal
-    gap = _PALM_DEPTH + 2.0 if contact.name == "palm" else _MM * 2 * result.scene.finger.thickness_radius + 3.0
-    across = "left" if away[0] > 0.35 else "right" if away[0] < -0.35 else "center"
-    up = "bottom" if away[1] > 0.35 else "top" if away[1] < -0.35 else "center"
-    return _MM * contact.position + gap * away, across, up
-
-
-def _label_lines(result: GraspResult, contact: Contact) -> list[str]:
-    lines = [contact.name, f"N {contact.normal_force:.2f} N", f"f {abs(contact.friction_force):.2f} N"]
-    if isinstance(result.scene.gravity, OutOfPlaneGravity):
-        lines.append(f"lift {contact.lift:.2f} N")
-    return lines
-
-
-def _draw_palm(ax: Axes, result: GraspResult) -> None:
-    from matplotlib.patches import Polygon
-
-    low, high = _box(result)
-    palm = result.scene.palm
-    if palm is not None:
-        normal = np.asarray(palm.normal)
-        along = np.array([-normal[1], normal[0]])
-        point = np.asarray(palm.point) * _MM
-        corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])])
-        reach = (corners - point) @ along
-        face = point + np.outer([reach.min(), reach.max()], along)
-        block = np.concatenate([face, face[::-1] - _PALM_DEPTH * normal])
-        ax.add_patch(Polygon(block, facecolor="#E3E3E3", edgecolor="#9A9A9A", hatch="////", linewidth=0.0, zorder=1))
-        ax.plot(*face.T, color=INK, linewidth=1.4, zorder=1)
-        low, high = np.minimum(low, block.min(axis=0)), np.maximum(high, block.max(axis=0))
-    ax.set_xlim(low[0], high[0])
-    ax.set_ylim(low[1], high[1])
-
-
-def _draw_object(ax: Axes, result: GraspResult) -> None:
-    from matplotlib.patches import Circle
-
-    thing = result.scene.object
-    centre = (_MM * thing.position[0], _MM * thing.position[1])
-    ax.add_patch(Circle(centre, _MM * thing.radius, facecolor=_OBJECT, edgecolor=_OBJECT_EDGE, linewidth=1.6, zorder=2))
-
-
-def _draw_finger(ax: Axes, result: GraspResult, tendons: bool) -> None:
-    from matplotlib.patches import Polygon
-
-    finger = result.scene.finger
-    line, angle = _MM * result.backbone[:, 1:3], result.backbone[:, 3]
-    across = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    half = _MM * finger.thickness_radius
-    round_ = np.linspace(0.0, math.pi, 25)
-    cap = line[-1] + half * np.stack([np.cos(angle[-1] + round_), np.sin(angle[-1] + round_)], axis=1)
-    outline = np.concatenate([line + half * across, cap, (line - half * across)[::-1]])
-    ax.add_patch(
-        Polygon(outline, facecolor=_FINGER, edgecolor=_FINGER_EDGE, linewidth=1.1, joinstyle="round", zorder=3)
-    )
-    if tendons and finger.tendons is not None and finger.tendons.offset < finger.thickness_radius:
-        for side in (-1.0, 1.0):
-            path = line + side * _MM * finger.tendons.offset * across
-            ax.plot(*path.T, color=_FINGER_EDGE, linewidth=0.7, linestyle=(0, (4, 2)), zorder=3.2)
-    ax.plot(*line.T, color=_FINGER_EDGE, linewidth=1.6, zorder=3.3)
-    starts = np.concatenate([[0.0], np.cumsum(result.lengths)])
-    for s in starts[1:-1]:
-        at = np.array([np.interp(s, result.backbone[:, 0], line[:, k]) for k in (0, 1)])
-        ax.plot(*at, "o", markersize=4.0, color="white", markeredgecolor=_FINGER_EDGE, zorder=3.4)
-
-
-def _draw_contact(ax: Axes, result: GraspResult, contact: Contact, scale: float) -> None:
-    from matplotlib.patches import Polygon
-
-    color = _COLORS[contact.name]
-    at, inward = _MM * contact.position, -contact.normal
-    scene = result.scene
-    coefficient = scene.palm_friction if contact.name == "palm" else scene.contacts.friction
-    reach = 0.78 * _MM * scene.object.radius
-    spread = np.linspace(-1.0, 1.0, 21) * math.atan(coefficient)
-    turned = np.stack(
-        [
-            np.cos(spread) * inward[0] - np.sin(spread) * inward[1],
-            np.sin(spread) * inward[0] + np.cos(spread) * inward[1],
-        ],
-        axis=1,
-    )
-    wedge = np.concatenate([[at], at + reach * turned])
-    ax.add_patch(Polygon(wedge, facecolor=color, alpha=0.13, linewidth=0.0, zorder=2.5))
-    for edge in (wedge[1], wedge[-1]):
-        ax.plot(*np.transpose([at, edge]), color=color, alpha=0.45, linewidth=0.7, zorder=2.5)
-    force = -scale * contact.force
-    _arrow(ax, at, at + force, color)
-    ax.plot(*at, "o", markersize=4.5, color=color, markeredgecolor="white", markeredgewidth=0.8, zorder=6)
-    _label_contact(ax, result, contact, color)
-
-
-def _label_contact(ax: Axes, result: GraspResult, contact: Contact, color: str) -> None:
-    at, across, up = _label_place(result, contact)
-    text = "\n".join(_label_lines(result, contact))
-    ax.text(at[0], at[1], text, color=color, fontsize=8, ha=across, va=up, linespacing=1.25, zorder=7)
-
-
-def _draw_weight(ax: Axes, result: GraspResult, scale: float) -> None:
-    scene = result.scene
-    centre = _MM * np.asarray(scene.object.position)
-    mass = scene.object.mass
-    if isinstance(scene.gravity, PlanarGravity):
-        weight = mass * np.asarray(scene.gravity.vector)
-        _arrow(ax, centre, centre + scale * weight, INK)
-        text = f"weight {float(np.hypot(*weight)):.2f} N"
-    elif isinstance(scene.gravity, OutOfPlaneGravity):
-        ax.plot(*centre, "o", markersize=9, markerfacecolor="white", markeredgecolor=INK, zorder=5)
-        ax.plot(*centre, "x", markersize=5.5, color=INK, zorder=5.1)
-        text = f"weight {mass * scene.gravity.magnitude:.2f} N\ninto the picture"
-    else:
-        text = "no weight"
-    ax.plot(*centre, "+" if not isinstance(scene.gravity, OutOfPlaneGravity) else "", color=INK, zorder=5)
-    ax.annotate(
-        text,
-        (centre[0], centre[1]),
-        xytext=(8, 4),
-        textcoords="offset points",
-        fontsize=8,
-        color=INK,
-        va="bottom",
-        zorder=7,
-    )
-
-
-def _draw_scale(ax: Axes, result: GraspResult, scale: float) -> None:
-    """An arrow of a round force in the lower right corner."""
-    if scale <= 0:
-        return
-    greatest = max(float(np.hypot(*c.force)) for c in result.contacts)
-    decade = 10.0 ** math.floor(math.log10(greatest))
-    size = max(k * decade for k in (0.5, 1.0, 2.0, 5.0) if k * decade <= greatest)
-    right, bottom = ax.get_xlim()[1] - 4.0, ax.get_ylim()[0] + 4.0
-    _arrow(ax, np.array([right - size * scale, bottom]), np.array([right, bottom]), GREY)
-    ax.text(
-        right - 0.5 * size * scale,
-        bottom + 1.6,
-        f"{size:g} N",
-        fontsize=8,
-        color=GREY,
-        ha="center",
-        va="bottom",
-    )
-
-
-def _arrow(ax: Axes, start: Array, end: Array, color: str) -> None:
-    shape = {"arrowstyle": "-|>,head_length=0.55,head_width=0.25", "color": color, "linewidth": 2.1}
-    ends = {"shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", (end[0], end[1]), (start[0], start[1]), arrowprops={**shape, **ends}, zorder=5)
+def _labels(view: GraspView, forces: bool) -> list[Label]:
+    """Of contacts and weight; with the forces where they do not stand beside the picture."""
+    found = []
+    for contact in view.contacts:
+        numbers = f"\n{contact.normal_force:.2f} N, friction {abs(contact.friction_force):.2f} N" if forces else ""
+        found.append(Label(contact.name + numbers, view.color(contact.name), MM * contact.position, contact.normal))
+    words = weight_words(view)
+    if words:
+        found.append(Label(words, INK, view.center_of_mass, np.zeros(2), on_body=True))
+    if not view.found:
+        for name in view.fingers:
+            base = view.backbones[name][0, 1:3]
+            found.append(Label(name, view.color(name), base, np.zeros(2)))
+    return found

@@ -1,0 +1,200 @@
+"""Labels beside what they name, clear of the drawing and of each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.text import Text
+
+__all__ = ["Label", "place_labels"]
+
+Array = NDArray[Any]
+
+_CELL = 2.0
+"""Side of a cell of the map of what is taken [points]."""
+_PAD = 2.5
+"""Kept free around a label [points]."""
+_TURNS = np.linspace(0.0, math.tau, 32, endpoint=False)
+_NEAR, _FAR, _STEP = 7.0, 170.0, 7.0
+"""Distances of a label from what it names that are tried [points]."""
+
+
+@dataclass(frozen=True)
+class Label:
+    """A text, what it names, and on which side of it it would best stand.
+
+    Attributes
+    ----------
+    text : str
+    color : str
+    at : ndarray, shape (2,)
+        What it names, in data coordinates.
+    away : ndarray, shape (2,)
+        Direction in which to look first; zeros where there is none.
+    on_body : bool
+        Whether it may stand on ``bodies``, though not on their outlines.
+    """
+
+    text: str
+    color: str
+    at: Array
+    away: Array
+    on_body: bool = False
+
+
+def place_labels(
+    ax: Axes,
+    labels: Sequence[Label],
+    areas: Sequence[Array],
+    lines: Sequence[Array],
+    bodies: Sequence[Array] = (),
+    size: float = 8.0,
+) -> list[Text]:
+    """Write labels where nothing else is drawn, with a thin line to what they name where that is not near.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        With its final limits.
+    labels : sequence of Label
+    areas, lines : sequence of ndarray, shape (points, 2)
+        Filled outlines and lines that are drawn, in data coordinates.
+    bodies : sequence of ndarray, shape (points, 2), optional
+        Filled outlines on which some labels may stand.
+    size : float, optional
+        Of the font [points].
+
+    Returns
+    -------
+    list of matplotlib.text.Text
+        In the order of the labels.
+    """
+    ax.figure.draw_without_rendering()  # type: ignore[union-attr]
+    sheet = _Sheet(ax, areas, lines, bodies)
+    return [sheet.write(label, size) for label in labels]
+
+
+class _Sheet:
+    """The axes as a map of cells, in points from their lower left corner."""
+
+    def __init__(self, ax: Axes, areas: Sequence[Array], lines: Sequence[Array], bodies: Sequence[Array]) -> None:
+        self.ax = ax
+        self.points_per_pixel = 72.0 / ax.figure.dpi
+        self.corner = np.array([ax.bbox.x0, ax.bbox.y0])
+        self.size = np.array([ax.bbox.width, ax.bbox.height]) * self.points_per_pixel
+        shape = np.maximum(1, np.ceil(self.size / _CELL).astype(int))
+        self.taken = np.zeros(shape, dtype=bool)
+        self.texts = np.zeros(shape, dtype=bool)
+        self.bodies = np.zeros(shape, dtype=bool)
+        for body in bodies:
+            self.bodies |= self._inside(self.to_points(body))
+        for area in areas:
+            self.taken |= self._inside(self.to_points(area))
+        for line in [*lines, *(np.concatenate([a, a[:1]]) for a in (*areas, *bodies))]:
+            self._trace(self.to_points(line))
+
+    def to_points(self, data: Array) -> Array:
+        """Data coordinates as points on the sheet."""
+        pixels = np.asarray(self.ax.transData.transform(data))
+        return np.asarray((pixels - self.corner) * self.points_per_pixel)
+
+    def write(self, label: Label, size: float) -> Text:
+        """Place one label and take its room."""
+        text = self.ax.text(0, 0, label.text, color=label.color, fontsize=size, ha="center", va="center", zorder=8)
+        text.set_multialignment("center")
+        text.set_linespacing(1.15)
+        shown = text.get_window_extent()
+        half = 0.5 * np.array([shown.width, shown.height]) * self.points_per_pixel + _PAD
+        at = self.to_points(label.at)
+        taken = self.taken if label.on_body else self.taken | self.bodies
+        center = self._best(taken, at, half, self._direction(label))
+        data = self.ax.transData.inverted().transform(center / self.points_per_pixel + self.corner)
+        text.set_position((float(data[0]), float(data[1])))
+        low, high = self._cells(center - half), self._cells(center + half)
+        self.texts[low[0] : high[0] + 1, low[1] : high[1] + 1] = True
+        end = np.clip(at, center - half, center + half)
+        if float(np.hypot(*(end - at))) > 1.6 * _NEAR:
+            tail = self.ax.transData.inverted().transform(end / self.points_per_pixel + self.corner)
+            path = np.array([label.at, tail])
+            self.ax.plot(*path.T, color=label.color, linewidth=0.7, alpha=0.8, zorder=5.5, scalex=False, scaley=False)
+            self._trace(np.array([at, end]))
+        return text
+
+    def _direction(self, label: Label) -> float | None:
+        if not np.any(label.away):
+            return None
+        way = self.to_points(label.at + label.away) - self.to_points(label.at)
+        return math.atan2(way[1], way[0])
+
+    def _best(self, taken: Array, at: Array, half: Array, wanted: float | None) -> Array:
+        """Centre of the box that costs least [points]."""
+        full, words = _sums(taken), _sums(self.texts)
+        best, least = at, math.inf
+        for turn in _TURNS:
+            way = np.array([math.cos(turn), math.sin(turn)])
+            edge = min(half[0] / max(abs(way[0]), 1e-9), half[1] / max(abs(way[1]), 1e-9))
+            aside = 0.0 if wanted is None else 1.0 - math.cos(turn - wanted)
+            for distance in np.arange(_NEAR, _FAR, _STEP):
+                cost = distance + 9.0 * aside
+                if cost >= least:
+                    break
+                center = at + (distance + edge) * way
+                low, high = center - half, center + half
+                if (low < 0).any() or (high > self.size).any():
+                    break
+                drawn, written = self._share(full, low, high), self._share(words, low, high)
+                cost += 400.0 * drawn + 2000.0 * written + (250.0 if drawn + written > 0 else 0.0)
+                cost += 60.0 * self._crossed(at, np.clip(at, low, high))
+                if cost < least:
+                    best, least = center, cost
+        return best
+
+    def _crossed(self, start: Array, end: Array) -> float:
+        """Texts that a line to the label would cross, counted in cells up to a few."""
+        count = max(2, int(np.hypot(*(end - start)) / _CELL))
+        cells = self._cells(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start))
+        return float(min(4, self.texts[cells[:, 0], cells[:, 1]].sum()))
+
+    def _share(self, sums: Array, low: Array, high: Array) -> float:
+        a, b = self._cells(low), self._cells(high) + 1
+        inside = sums[b[0], b[1]] - sums[a[0], b[1]] - sums[b[0], a[1]] + sums[a[0], a[1]]
+        return float(inside) / max(1, int(np.prod(b - a)))
+
+    def _cells(self, points: Array) -> Array:
+        return np.asarray(np.clip((points / _CELL).astype(int), 0, np.array(self.taken.shape) - 1))
+
+    def _trace(self, line: Array) -> None:
+        for start, end in pairwise(line):
+            count = max(2, int(np.hypot(*(end - start)) / _CELL * 2))
+            points = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
+            inside = ((points >= 0) & (points <= self.size)).all(axis=1)
+            cells = self._cells(points[inside])
+            for dx in (-1, 0, 1):
+                for dy in (-1, 0, 1):
+                    wide = np.clip(cells + np.array([dx, dy]), 0, np.array(self.taken.shape) - 1)
+                    self.taken[wide[:, 0], wide[:, 1]] = True
+
+    def _inside(self, outline: Array) -> Array:
+        """Cells whose centres lie inside an outline."""
+        from matplotlib.path import Path
+
+        nx, ny = self.taken.shape
+        x, y = np.meshgrid((np.arange(nx) + 0.5) * _CELL, (np.arange(ny) + 0.5) * _CELL, indexing="ij")
+        centers = np.column_stack([x.ravel(), y.ravel()])
+        return Path(outline).contains_points(centers).reshape(nx, ny)
+
+
+def _sums(taken: Array) -> Array:
+    """Cells taken below and left of each corner."""
+    total = np.zeros(np.array(taken.shape) + 1, dtype=int)
+    total[1:, 1:] = taken.cumsum(axis=0).cumsum(axis=1)
+    return total

@@ -1,0 +1,53 @@
+"""Numbers beside the picture of a grasp: forces at the contacts, tensions, what is resisted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from continuum_grasp.plotting.axes import GREY, INK
+from continuum_grasp.plotting.grasp_view import GraspView
+from continuum_grasp.scene.grasp import OutOfPlaneGravity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["ROW", "panel_rows", "write_panel"]
+
+ROW = 0.17
+"""Height of a row [inch]."""
+_SIZE = 8.0
+_Cell = tuple[str, str]
+_Row = tuple[_Cell, ...]
+
+
+def panel_rows(view: GraspView) -> list[_Row]:
+    """Rows of (text, colour); the first of a row stands on the left, the others to the right; none without numbers."""
+    if not view.found:
+        return []
+    lifted = isinstance(view.result.scene.gravity, OutOfPlaneGravity)
+    heads = ["normal", "friction", *(["lift"] if lifted else []), "margin"]
+    rows: list[_Row] = [(("contact [N]", GREY), *((word, GREY) for word in heads))]
+    for c in view.contacts:
+        words = [f"{c.normal_force:.2f}", f"{abs(c.friction_force):.2f}", *([f"{c.lift:.2f}"] if lifted else [])]
+        margin = f"{max(c.friction_margin, 0.0) if c.friction_margin > -5e-4 else c.friction_margin:.0%}"
+        rows.append(((c.name, view.color(c.name)), *((word, INK) for word in (*words, margin))))
+    rows += [(("", INK),), (("tendons [N]", GREY), ("left", GREY), ("right", GREY), ("of", GREY))]
+    for name, finger in view.result.fingers.items():
+        tendons = view.fingers[name].tendons
+        most = "" if tendons is None else f"{tendons.max_tension:g}"
+        left, right = finger.tensions
+        rows.append(((name, view.color(name)), (f"{left:.2f}", INK), (f"{right:.2f}", INK), (most, INK)))
+    return rows
+
+
+def write_panel(ax: Axes, rows: list[_Row]) -> None:
+    """Write rows into axes that are as high as they need."""
+    ax.set_axis_off()
+    ax.set_xlim(0.0, 1.0)
+    ax.set_ylim(len(rows), 0.0)
+    columns = max(len(row) for row in rows) - 1
+    for k, row in enumerate(rows):
+        ax.text(0.0, k + 0.5, row[0][0], color=row[0][1], fontsize=_SIZE, va="center")
+        for j, (text, color) in enumerate(row[1:]):
+            right = 1.0 - 0.175 * (columns - 1 - j)
+            ax.text(right, k + 0.5, text, color=color, fontsize=_SIZE, ha="right", va="center")
