@@ -14,7 +14,8 @@ from continuum_grasp.scene.yaml_loader import read_yaml
 
 ROOT = Path(__file__).parents[1]
 CONFIGS = sorted((ROOT / "configs").glob("*/*.yaml"))
-FOLDER_OF = {"finger": "fingers", "simulate": "simulate", "identify": "identify", "grasp": "grasp"}
+ANYTHING: dict[str, object] = {}
+FOLDER_OF = {"finger": "fingers", "simulate": "simulate", "identify": "identify", "grasp": "grasp", "sweep": "sweep"}
 
 
 def test_there_are_configurations():
@@ -48,16 +49,19 @@ def test_schema_allows_every_key_of_the_configuration(path):
 def check(data, node, definitions):
     """What an editor checks: keys known, required keys there, nested mappings and lists likewise."""
     branches = node.get("anyOf") or node.get("oneOf")
+    if not node:
+        return
     if "$ref" in node:
         check(data, definitions[node["$ref"].rpartition("/")[2]], definitions)
     elif branches and "properties" not in node:
         assert any(fits(data, branch, definitions) for branch in branches), data
     elif isinstance(data, dict):
         assert node.get("type") == "object"
-        assert set(data) <= set(node["properties"])
+        known, other = node.get("properties", {}), node.get("additionalProperties", False)
+        assert other is not False or set(data) <= set(known)
         assert set(node.get("required", [])) <= set(data)
         for key, value in data.items():
-            check(value, node["properties"][key], definitions)
+            check(value, known[key] if key in known else ANYTHING if other is True else other, definitions)
     elif isinstance(data, list):
         assert node.get("type") == "array"
         for k, value in enumerate(data):

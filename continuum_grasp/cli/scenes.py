@@ -78,6 +78,7 @@ def _other_kind(config: Path, wanted: str, loaded: object) -> InputError:
         "Scene": "a scene without an object",
         "IdentifyScene": "an identification",
         "GraspScene": "a grasp",
+        "Sweep": "a sweep",
         "Finger": "a finger alone",
     }
     return InputError(f"expected {wanted}, got {got[type(loaded).__name__]}", file=str(config))

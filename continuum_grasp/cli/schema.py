@@ -15,7 +15,7 @@ __all__ = ["schema"]
 def schema(
     kind: Annotated[
         str | None,
-        typer.Argument(metavar="[simulate|identify|grasp|finger]", help="Print this schema.", show_default=False),
+        typer.Argument(metavar="[simulate|identify|grasp|sweep|finger]", help="Print this schema.", show_default=False),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Write all schemas into this folder.")
@@ -23,7 +23,7 @@ def schema(
 ) -> None:
     """JSON Schema of the configurations, for editors."""
     if (kind is None) == (out is None):
-        raise InputError("expected either one of simulate, identify, grasp, finger, or --out DIR")
+        raise InputError("expected either one of simulate, identify, grasp, sweep, finger, or --out DIR")
     from continuum_grasp.scene.schema import schema_text, write_schemas
 
     if kind is not None:

@@ -27,7 +27,13 @@ def validate(
     from continuum_grasp.errors import InputError
 
     output = Output(as_json, quiet)
-    kinds = {"Scene": "simulate", "IdentifyScene": "identify", "GraspScene": "grasp", "Finger": "finger"}
+    kinds = {
+        "Scene": "simulate",
+        "IdentifyScene": "identify",
+        "GraspScene": "grasp",
+        "Sweep": "sweep",
+        "Finger": "finger",
+    }
     checked: list[dict[str, Any]] = []
     for file in files:
         try:
@@ -58,9 +64,10 @@ def _checked(file: Path, changes: Iterable[str]) -> Loaded:
     from continuum_grasp.scene.grasp import GraspScene
     from continuum_grasp.scene.load import load_placed
     from continuum_grasp.scene.simulate import Scene
+    from continuum_grasp.scene.sweep import Sweep
 
     loaded, document = load_placed(file, changes)
-    if not isinstance(loaded, GraspScene):
+    if not isinstance(loaded, GraspScene | Sweep):
         given = loaded
         if isinstance(given, Scene):  # which model a tolerance needs is not asked here
             given = given.model_copy(update={"fidelity": given.fidelity.model_copy(update={"tolerance": None})})

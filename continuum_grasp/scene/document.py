@@ -8,7 +8,7 @@ from typing import Any
 
 from continuum_grasp.errors import InputError
 
-__all__ = ["Document", "KeyPath", "Place", "dotted", "undotted"]
+__all__ = ["Change", "Document", "KeyPath", "Place", "dotted", "undotted"]
 
 KeyPath = tuple[str | int, ...]
 
@@ -105,3 +105,7 @@ def undotted(text: str) -> KeyPath:
 
 def _printable(key: str) -> str:
     return key if key and key.isprintable() and len(key) <= 60 else repr(key[:60])
+
+
+Change = tuple[KeyPath, Document]
+"""What is put where."""

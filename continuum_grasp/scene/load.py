@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Document, KeyPath
+from continuum_grasp.scene.document import Change, Document, KeyPath
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.overrides import Overrides, apply_override, read_overrides
 from continuum_grasp.scene.simulate import Scene
@@ -17,10 +19,11 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
 
     from continuum_grasp.scene.grasp import GraspScene
+    from continuum_grasp.scene.sweep import Sweep
 
-    Loaded: TypeAlias = Scene | GraspScene | Finger
+    Loaded: TypeAlias = Scene | GraspScene | Finger | Sweep
 
-__all__ = ["kind_of", "load", "load_placed", "model_of", "scene_of"]
+__all__ = ["assembled", "changed", "kind_of", "load", "load_placed", "model_of", "scene_of", "validated"]
 
 _VERSION = 1
 
@@ -31,8 +34,8 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
     Parameters
     ----------
     path : path-like
-        A YAML file: a scene for simulation, one with parameters to ``estimate``, a grasp (it has an ``object``) or a
-        finger (it has a ``rod``).
+        A YAML file: a scene for simulation, one with parameters to ``estimate``, a grasp (it has an ``object``), a
+        sweep (it names a ``scene``) or a finger (it has a ``rod``).
         Where it says ``finger: other.yaml`` or ``finger: {extends: other.yaml, ...}``, that file is read,
         relative to the file that names it; keys given beside ``extends`` replace those of the other file,
         mappings key by key.
@@ -42,7 +45,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
 
     Returns
     -------
-    Scene, IdentifyScene, GraspScene or Finger
+    Scene, IdentifyScene, GraspScene, Sweep or Finger
         By the content of the file; frozen, all values in SI units.
 
     Raises
@@ -61,16 +64,32 @@ def load_placed(path: str | Path, overrides: Overrides = ()) -> tuple[Loaded, Do
     InputError
         As `load`.
     """
+    document = assembled(path, read_overrides(overrides))
+    kind = kind_of(document.value)
+    if kind == "finger":
+        _take_version(document)
+    loaded = validated(document, model_of(kind))
+    if kind == "sweep":
+        from continuum_grasp.scene.variation import variation_of
+
+        variation_of(loaded, document, path)  # type: ignore[arg-type]
+    return loaded, document
+
+
+def validated(document: Document, model: type[BaseModel]) -> Loaded:
+    """What a document says, checked.
+
+    Raises
+    ------
+    InputError
+        With file, line, column and key of everything that is wrong.
+    """
     from pydantic import ValidationError
 
     from continuum_grasp.scene.problems import explain, raise_problems
 
-    document = _assemble(path, overrides)
-    model = model_of(kind_of(document.value))
-    if model is Finger:
-        _take_version(document)
     try:
-        return model.model_validate(document.value), document  # type: ignore[return-value]
+        return model.model_validate(document.value)  # type: ignore[return-value]
     except ValidationError as error:
         raise_problems(explain(error, model, document.value), document)
         raise
@@ -90,14 +109,16 @@ def scene_of(given: Scene | str | os.PathLike[str]) -> Scene:
         raise InputError(f"expected a Scene or the path of its file, got {given!r:.80}")
     loaded = load(Path(given))
     if not isinstance(loaded, Scene):
-        got = "a grasp" if type(loaded).__name__ == "GraspScene" else "a finger alone"
+        got = {"GraspScene": "a grasp", "Sweep": "a sweep"}.get(type(loaded).__name__, "a finger alone")
         raise InputError(f"expected a scene (finger, gravity, ...), got {got}", file=os.fspath(given))
     return loaded
 
 
 def kind_of(data: Any) -> str:
-    """``grasp``, ``identify``, ``simulate`` or ``finger``: what kind of configuration the data is."""
+    """``grasp``, ``sweep``, ``identify``, ``simulate`` or ``finger``: what kind of configuration the data is."""
     if isinstance(data, dict):
+        if "scene" in data or "vary" in data or "sample" in data:
+            return "sweep"
         if "object" in data:
             return "grasp"
         if "estimate" in data:
@@ -127,25 +148,53 @@ def model_of(kind: str) -> type[BaseModel]:
         from continuum_grasp.scene.identify import IdentifyScene
 
         return IdentifyScene
-    raise InputError(f"no such kind of configuration: expected simulate, identify, grasp or finger, got {kind!r}")
+    if kind == "sweep":
+        from continuum_grasp.scene.sweep import Sweep
+
+        return Sweep
+    raise InputError(
+        f"no such kind of configuration: expected simulate, identify, grasp, sweep or finger, got {kind!r}"
+    )
 
 
-def _assemble(path: str | Path, overrides: Overrides) -> Document:
-    """The data of the file, with overrides applied and fingers from other files put in."""
+def assembled(path: str | Path, changes: Iterable[Change]) -> Document:
+    """The data of a file, with changes applied and fingers from other files put in.
+
+    Raises
+    ------
+    InputError
+        Where a file cannot be read, or a change has no place in it.
+    """
     document = read_yaml(path)
     if not isinstance(document.value, dict):
         place = document.places[()]
         got = "an empty file" if document.value is None else "no keys"
         raise place.error(f"expected a mapping of keys to values, got {got}")
-    main = Path(path)
-    for where, new in read_overrides(overrides):
+    _apply(document, changes, Path(path))
+    if "schema_version" in document.value:
+        _check_version(document)
+    return document
+
+
+def changed(document: Document, changes: Iterable[Change], path: str | Path) -> Document:
+    """A copy of an assembled document with changes applied; ``path`` is its file.
+
+    Raises
+    ------
+    InputError
+        As `assembled`.
+    """
+    result = Document(copy.deepcopy(document.value), dict(document.places))
+    _apply(result, changes, Path(path))
+    return result
+
+
+def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
+    for where, new in changes:
         if len(where) > 1:
             _put_in_fingers(document, main)
         apply_override(document, where, new)
     _put_in_fingers(document, main)
-    if "schema_version" in document.value:
-        _check_version(document)
-    return document
 
 
 def _put_in_fingers(document: Document, main: Path) -> None:

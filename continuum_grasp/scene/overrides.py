@@ -7,16 +7,16 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Document, KeyPath, Place, dotted
+from continuum_grasp.scene.document import Change, Document, KeyPath, Place, dotted
 from continuum_grasp.scene.yaml_loader import parse_yaml
 
-__all__ = ["Overrides", "apply_override", "read_overrides"]
+__all__ = ["Overrides", "apply_override", "path_of", "placed", "read_overrides"]
 
 Overrides = Iterable[str] | Mapping[str, Any]
 _PART = re.compile(r"([^.\[\]\s]+)|\[(\d+)\]")
 
 
-def read_overrides(overrides: Overrides) -> list[tuple[KeyPath, Document]]:
+def read_overrides(overrides: Overrides) -> list[Change]:
     """Read overrides, given as ``"key.path=value"`` texts or as a mapping from key path to value.
 
     Values in texts are read as YAML; entries of lists are ``masses[0]`` or ``masses.0``.
@@ -28,7 +28,7 @@ def read_overrides(overrides: Overrides) -> list[tuple[KeyPath, Document]]:
     """
     if isinstance(overrides, Mapping):
         named = ((_word(key), value) for key, value in overrides.items())
-        return [(_path(key, key), _placed(value, Place(f"override {key}"))) for key, value in named]
+        return [(path_of(key, key), placed(value, Place(f"override {key}"))) for key, value in named]
     if isinstance(overrides, str) or not isinstance(overrides, Iterable):
         raise InputError(f"overrides: expected a list of key.path=value texts, or a mapping, got {overrides!r:.60}")
     return [_read(_word(text)) for text in overrides]
@@ -45,15 +45,22 @@ def _read(text: str) -> tuple[KeyPath, Document]:
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise InputError("expected key.path=value", file=name)
-    path = _path(key.strip(), name)
+    path = path_of(key.strip(), name)
     try:
         document = parse_yaml(value, name)
     except InputError as error:
         raise InputError(error.message, file=name, key=dotted(path)) from None
-    return path, _placed(document.value, Place(name))
+    return path, placed(document.value, Place(name))
 
 
-def _path(key: str, name: str) -> KeyPath:
+def path_of(key: str, name: str) -> KeyPath:
+    """The path that a text such as ``finger.masses[0].mass`` means; ``name`` says in errors where it stands.
+
+    Raises
+    ------
+    InputError
+        Where it is no such text.
+    """
     parts: list[str | int] = []
     for word, index in _PART.findall(key):
         parts.append(int(index or word) if (index or word).isdecimal() else word)
@@ -62,17 +69,17 @@ def _path(key: str, name: str) -> KeyPath:
     return tuple(parts)
 
 
-def _placed(value: Any, place: Place) -> Document:
-    """A document all of whose entries come from the same place."""
+def placed(value: Any, place: Place) -> Document:
+    """A value as a document all of whose entries come from the same place."""
     document = Document(None, {(): place})
     if isinstance(value, Mapping):
         document.value = {}
         for key, child in value.items():
-            document.put((key,), _placed(child, place))
+            document.put((key,), placed(child, place))
     elif isinstance(value, list | tuple):
         document.value = [None] * len(value)
         for k, child in enumerate(value):
-            document.put((k,), _placed(child, place))
+            document.put((k,), placed(child, place))
     else:
         document.value = value
     return document

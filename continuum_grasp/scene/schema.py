@@ -11,7 +11,7 @@ from continuum_grasp.scene.load import model_of
 
 __all__ = ["KINDS", "json_schema", "schema_text", "write_schemas"]
 
-KINDS = ("simulate", "identify", "grasp", "finger")
+KINDS = ("simulate", "identify", "grasp", "sweep", "finger")
 
 _Node = dict[str, Any]
 _SUFFIX = "Changes"
@@ -23,7 +23,7 @@ def json_schema(kind: str) -> _Node:
     Parameters
     ----------
     kind : str
-        ``simulate``, ``identify``, ``grasp`` or ``finger``.
+        ``simulate``, ``identify``, ``grasp``, ``sweep`` or ``finger``.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def json_schema(kind: str) -> _Node:
         }
         schema["required"] = ["schema_version"]
         schema["anyOf"] = [{"required": ["rod"]}, {"required": ["extends"]}]
-    else:
+    elif kind != "sweep":
         own = "GraspFinger" if kind == "grasp" else "Finger"
         changes = _changes(own, definitions)
         definitions[changes]["properties"] = {

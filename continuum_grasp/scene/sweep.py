@@ -1,0 +1,215 @@
+"""Sweeps: one grasp scene with some of its keys varied."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from continuum_grasp.scene.value import Positive, Real, Value
+
+__all__ = ["QUANTITIES", "Draw", "Follow", "Front", "Grid", "Map", "Sample", "Sweep"]
+
+MOST_SCENES = 10_000_000
+
+QUANTITIES = {
+    "tension_sum": "N",
+    "tension_max": "N",
+    "normal_force_max": "N",
+    "friction_margin": "",
+    "contacts": "",
+    "iterations": "",
+    "seconds": "s",
+    "reason_limit": "",
+    "reason_needed": "",
+}
+"""What the table says of every grasp besides status, reason and message, and the unit."""
+
+Values = Annotated[tuple[Any, ...], Field(strict=False, min_length=1, max_length=100_000)]
+Key = Annotated[str, Field(min_length=1)]
+_RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
+Pair = Annotated[tuple[Real, Real], Field(strict=False)]
+
+
+class Grid(Value):
+    """Values of one key, each of which is tried with all values of the other keys."""
+
+    values: Values | None = None
+    """The values themselves: numbers, words, lists, mappings, or paths of finger files relative to this file."""
+    first: Annotated[Real | None, Field(alias="from")] = None
+    """First of evenly spaced values, in the unit of the key."""
+    to: Real | None = None
+    """Last of evenly spaced values, in the unit of the key."""
+    count: Annotated[int, Field(ge=2, le=100_000)] | None = None
+    """Number of evenly spaced values, both ends included."""
+    spacing: Literal["linear", "log"] = "linear"
+    """log: equal ratios instead of equal differences."""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Grid:
+        ends = (self.first, self.to, self.count)
+        if (self.values is None) == all(end is None for end in ends):
+            raise ValueError("give either values, or from, to and count")
+        if self.values is not None:
+            if any(end is not None for end in ends) or self.spacing != "linear":
+                raise ValueError("values stand alone, without from, to, count and spacing")
+            return self
+        if any(end is None for end in ends):
+            raise ValueError("from, to and count belong together")
+        if self.first == self.to:
+            raise ValueError(f"to is the same as from: {self.to}")
+        if self.spacing == "log" and not (self.first or 0.0) * (self.to or 0.0) > 0.0:
+            raise ValueError("spacing: log needs from and to of one sign, neither of them 0")
+        return self
+
+    @property
+    def listed(self) -> tuple[Any, ...]:
+        """The values; those that are computed are rounded to 12 digits, and whole numbers where all are."""
+        if self.values is not None:
+            return self.values
+        low, high, count = self.first or 0.0, self.to or 0.0, self.count or 2
+        shares = (k / (count - 1) for k in range(count))
+        if self.spacing == "log":
+            found = [low * (high / low) ** share for share in shares]
+        else:
+            found = [low + (high - low) * share for share in shares]
+        rounded = [float(f"{value:.12g}") for value in found]
+        return tuple(map(int, rounded)) if all(value.is_integer() for value in rounded) else tuple(rounded)
+
+
+class Draw(Value):
+    """How one key is drawn at random."""
+
+    uniform: Pair | None = None
+    """Least and greatest value."""
+    log_uniform: Pair | None = None
+    """Least and greatest value, both positive; equal ratios are equally likely."""
+    normal: Annotated[tuple[Real, Positive], Field(strict=False)] | None = None
+    """Mean and standard deviation."""
+    choice: Values | None = None
+    """Values that are equally likely."""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Draw:
+        if sum(getattr(self, name) is not None for name in type(self).model_fields) != 1:
+            raise ValueError("give exactly one of uniform, log_uniform, normal and choice")
+        for name, pair in (("uniform", self.uniform), ("log_uniform", self.log_uniform)):
+            if pair is not None and pair[0] >= pair[1]:
+                raise ValueError(f"{name} must increase, got {list(pair)}")
+        if self.log_uniform is not None and self.log_uniform[0] <= 0.0:
+            raise ValueError(f"log_uniform needs positive numbers, got {list(self.log_uniform)}")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """Which of the four it is."""
+        return next(name for name in type(self).model_fields if getattr(self, name) is not None)
+
+
+class Sample(Value):
+    """Scenes drawn at random; with a grid, every point of the grid is tried with all of them."""
+
+    count: Annotated[int, Field(ge=1, le=MOST_SCENES)]
+    """Number of draws."""
+    keys: Annotated[dict[Key, Draw], Field(min_length=1, max_length=40)]
+    """Key paths in the scene, and how each is drawn."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Equal seeds give equal scenes; a greater count begins with the scenes of the smaller one."""
+    method: Literal["random", "halton"] = "random"
+    """random: independent draws; halton: a shifted Halton sequence, which fills the space more evenly."""
+
+
+class Follow(Value):
+    """A key that is no choice of its own, but follows one that is varied."""
+
+    key: Key
+    """The varied key, which must have numbers."""
+    times: Real = 1.0
+    """Factor."""
+    plus: Real = 0.0
+    """Summand, in the unit of the key that follows."""
+
+
+class Map(Value):
+    """A picture: one quantity over two keys."""
+
+    x: Key
+    """Column of the table across."""
+    y: Key
+    """Column of the table upwards."""
+    color: Key
+    """Column of the table that is shown in colour."""
+    reduce: Literal["median", "mean", "least", "greatest"] = "median"
+    """What is shown where several grasps share a place, as they do where more than these two keys are varied."""
+
+
+class Front(Value):
+    """A picture: two quantities against each other, and the grasps that no other beats in both."""
+
+    x: Key
+    """Column of the table across."""
+    y: Key
+    """Column of the table upwards."""
+    x_best: Literal["least", "greatest"] = "least"
+    """Which x is better."""
+    y_best: Literal["least", "greatest"] = "least"
+    """Which y is better."""
+    color: Key | None = None
+    """Column of the table that is shown in colour."""
+
+
+class Sweep(Value):
+    """A grasp scene with some of its keys varied: a grid, random draws, or both."""
+
+    schema_version: Literal[1]
+    name: str | None = None
+    scene: str
+    """Path of the grasp scene that is varied, relative to this file."""
+    set: dict[Key, Any] = Field(default_factory=dict)
+    """Key paths in the scene with values that differ from its file in all runs."""
+    vary: dict[Key, Grid] = Field(default_factory=dict, max_length=40)
+    """Key paths in the scene with their values; all combinations are tried, the last key changing fastest."""
+    sample: Sample | None = None
+    follow: dict[Key, Follow] = Field(default_factory=dict)
+    """Key paths in the scene that follow a varied key: times its value, plus a number."""
+    record: Annotated[tuple[str, ...], Field(strict=False, max_length=40)] = ()
+    """More columns of the table: numbers of the result, such as ``quality.epsilon`` or ``statistics.starts``."""
+    maps: tuple[Map, ...] = Field(default=(), strict=False)
+    """Pictures of one quantity over two keys."""
+    pareto: tuple[Front, ...] = Field(default=(), strict=False)
+    """Pictures of two quantities against each other."""
+
+    @model_validator(mode="after")
+    def _sense(self) -> Sweep:
+        if not self.vary and self.sample is None:
+            raise ValueError("give vary, sample, or both")
+        drawn = {} if self.sample is None else self.sample.keys
+        keys = [*self.vary, *drawn]
+        for key in {*keys, *self.follow}:
+            if [*keys, *self.follow].count(key) > 1:
+                raise ValueError(f"{key!r} is given twice among vary, sample and follow")
+        for key, follow in self.follow.items():
+            if follow.key not in keys:
+                raise ValueError(f"follow: {key!r} follows {follow.key!r}, which is not varied")
+        for k, name in enumerate(self.record):
+            if not _RECORDED.fullmatch(name):
+                raise ValueError(
+                    f"record[{k}]: expected quality., certificate. or statistics. and a name, got {name!r}"
+                )
+        if self.count > MOST_SCENES:
+            raise ValueError(f"{self.count} scenes are more than the {MOST_SCENES} that are possible")
+        return self
+
+    @property
+    def count(self) -> int:
+        """Number of scenes."""
+        total = 1 if self.sample is None else self.sample.count
+        for grid in self.vary.values():
+            total *= len(grid.values) if grid.values is not None else grid.count or 1
+        return total
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns of numbers that every run fills, besides the keys."""
+        return (*QUANTITIES, *self.record)
