@@ -1,0 +1,273 @@
+"""All shapes of a finger of two elements that touch a fixed convex object as asked.
+
+With a middle contact: the contact's place u on the grown outline fixes point and tangent of the joint. A circular arc
+from the base meets both at single places only; a clothoid (curvature linear along it) at every place, in one or more
+ways. The second element has one number left, which the tip's gap fixes. So arcs give single shapes and clothoids curves
+of shapes over u, and a scan finds all of either.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.grasp_oracle.numbers import Hand, Numbers
+from benchmarks.grasp_oracle.outline import Outline
+from benchmarks.grasp_oracle.rod import NODES, WEIGHTS, trace, walk
+from benchmarks.grasp_oracle.roots import refine
+
+Array = NDArray[Any]
+MOST = 2.0 * math.pi
+"""Greatest bend of an element, of either end's curvature times its length [rad]."""
+ROOM = 1e-7
+"""Depth that counts as none, as a part of the finger's length: that of the roots themselves."""
+
+
+@dataclass(frozen=True)
+class Posture:
+    """A shape of the finger.
+
+    Attributes
+    ----------
+    u : float
+        Place of the middle contact on the grown outline [turns], or the first curvature times the length where there
+        is none.
+    side : int
+        +1: the section's x axis is the object's outward normal at the middle contact; -1: its opposite.
+    ends : ndarray (2, 2)
+        Curvatures [1/m].
+    lengths : ndarray (2,)
+        [m]
+    """
+
+    u: float
+    side: int
+    ends: Array
+    lengths: Array
+
+
+class Fingers:
+    """Shapes of one finger about the object."""
+
+    def __init__(self, numbers: Numbers, hand: Hand) -> None:
+        self.numbers, self.hand = numbers, hand
+        self.outline: Outline = numbers.outline(hand.thickness)
+        self.base = np.array(hand.base)
+
+    # -- scans -----------------------------------------------------------------------------------------------
+
+    def arcs(self, count: int = 1440) -> list[Posture]:
+        """Every shape of two arcs that touches with middle and tip, or with the middle alone."""
+        found = []
+        u = np.linspace(0.0, 1.0, count + 1)
+        for side in (1, -1):
+            for turn in (0, 1, -1):
+                gap, _, bend = self._arc_gap(u, side, turn)
+                sign = (np.sign(gap[:-1]) != np.sign(gap[1:])) & (np.abs(gap[:-1] - gap[1:]) < 0.5)
+                sign &= np.abs(bend[:-1] - bend[1:]) < 0.5
+                if not sign.any():
+                    continue
+                # bound to locals: the loop goes on
+                root = refine(lambda v, s=side, t=turn: self._arc_gap(v, s, t)[0], u[:-1][sign], u[1:][sign])
+                _, chord, bend = self._arc_gap(root, side, turn)
+                half = 0.5 * bend
+                length = chord * np.where(np.abs(half) < 1e-9, 1.0, half / np.where(half == 0, 1, np.sin(half)))
+                for place, l1, b in zip(root, length, bend, strict=True):
+                    if self.hand.bounds[0] <= l1 <= self.hand.bounds[1] and abs(b) <= MOST:
+                        k = b / l1
+                        found += self._ended(float(place), side, np.array([k, k]), float(l1), bends=True)
+        return found
+
+    def clothoids(self, count: int = 180) -> list[Posture]:
+        """Shapes of two clothoids that touch with middle and tip, for many places of the middle contact."""
+        u = np.arange(count) / count
+        found = []
+        for side in (1, -1):
+            for place, first, length in self._first(u, side):
+                found += self._ended(place, side, first, length, bends=False)
+        return found
+
+    def free_arcs(self, count: int = 400) -> list[Posture]:
+        """Shapes of two arcs of given lengths that touch with the tip alone, for many first curvatures."""
+        lengths = self._fixed_lengths()
+        found = []
+        for k in np.linspace(-MOST, MOST, count) / lengths[0]:
+            found += self._ended(k * lengths[0], 1, np.array([k, k]), float(lengths[0]), bends=True)
+        return found
+
+    # -- one shape from a near one ----------------------------------------------------------------------------
+
+    def near(self, like: Posture, u: float) -> Posture | None:
+        """The shape at another place of the middle contact on the same curve of shapes."""
+        hand = self.hand
+        if not hand.middle:
+            l1 = float(like.lengths[0])
+            ends = np.array([u / l1, u / l1])
+            return self._finish(u, like.side, ends, l1, float(like.ends[1, 1]), bends=True)
+        point, normal = self.outline.at(np.array(u))
+        chord = point - self.base
+        angle = self._heading(normal, like.side)
+        bend = float(like.ends[0].mean() * like.lengths[0])
+        bend += math.remainder(angle - hand.angle - bend, 2.0 * math.pi)
+        turn = self._solve(lambda a: self._aim(a, bend, chord), float(like.ends[0, 0] * like.lengths[0]), 1e-6)
+        if turn is None:
+            return None
+        along = self._unit_walk(np.array(turn), np.array(bend))
+        l1 = float(np.linalg.norm(chord) / np.linalg.norm(along))
+        if not hand.bounds[0] <= l1 <= hand.bounds[1] or along @ chord < 0:
+            return None
+        ends = np.array([turn, 2.0 * bend - turn]) / l1
+        if np.abs(ends).max() * l1 > MOST:
+            return None
+        return self._finish(u, like.side, ends, l1, float(like.ends[1, 1]), bends=False)
+
+    def depth(self, postures: list[Posture], count: int = 100) -> Array:
+        """Deepest that each shape goes into the object or a wall [m]; negative: it keeps clear."""
+        into, walls = self.depths(postures, count)
+        return np.maximum(into, walls.max(axis=1, initial=-np.inf))
+
+    def depths(self, postures: list[Posture], count: int = 100) -> tuple[Array, Array]:
+        """Deepest into the object (n,) and into each wall (n, W) [m]."""
+        ends, lengths = np.stack([p.ends for p in postures]), np.stack([p.lengths for p in postures])
+        points, _ = trace(self.base, self.hand.angle, ends, lengths, count)
+        flat = points.reshape(len(postures), -1, 2)
+        centre = np.array(self.numbers.com)
+        close = np.linalg.norm(flat - centre, axis=-1) < self.numbers.size + self.hand.thickness
+        into = np.full(close.shape, -np.inf)
+        if close.any():
+            into[close] = -self.outline.gap(flat[close])
+        walls = [
+            (self.allowed(point, normal) - (flat - np.array(point)) @ np.array(normal)).max(axis=1)
+            for point, normal in self.numbers.walls
+        ]
+        return into.max(axis=1), np.stack(walls, axis=1) if walls else np.empty((len(postures), 0))
+
+    def allowed(self, point: Any, normal: Any) -> float:
+        """Least height of the backbone over a wall [m]: half the thickness, or the base's where that is lower."""
+        height = float((self.base - np.array(point)) @ np.array(normal))
+        return min(self.hand.thickness, height)
+
+    # -- pieces ----------------------------------------------------------------------------------------------
+
+    def _fixed_lengths(self) -> Array:
+        hand = self.hand
+        first = hand.length * hand.before / hand.count
+        return np.array([first, hand.length - first])
+
+    def _heading(self, normal: Array, side: int) -> Any:
+        return np.arctan2(side * normal[..., 1], side * normal[..., 0])
+
+    def _arc_gap(self, u: Array, side: int, turn: int) -> tuple[Array, Array, Array]:
+        """What is missing for an arc from the base to a place of the outline: angle; chord; bend."""
+        point, normal = self.outline.at(u)
+        chord = point - self.base
+        bend = _wrap(self._heading(normal, side) - self.hand.angle) + 2.0 * math.pi * turn
+        # a chord leans by half the bend; the tangent of an angle is its x axis turned by 90 degrees
+        lean = np.arctan2(-chord[..., 0], chord[..., 1])
+        return _wrap(lean - self.hand.angle - 0.5 * bend), np.linalg.norm(chord, axis=-1), bend
+
+    def _unit_walk(self, turn: Array, bend: Array) -> Array:
+        phi = self.hand.angle + turn[..., None] * NODES + (bend - turn)[..., None] * NODES**2
+        return np.stack([-(np.sin(phi) @ WEIGHTS), np.cos(phi) @ WEIGHTS], axis=-1)
+
+    def _aim(self, turn: Any, bend: Any, chord: Array) -> Any:
+        """Sine-like measure of how far a clothoid with first curvature ``turn`` per length misses the chord."""
+        along = self._unit_walk(np.asarray(turn), np.asarray(bend))
+        across = along[..., 0] * chord[..., 1] - along[..., 1] * chord[..., 0]
+        return across / np.linalg.norm(chord, axis=-1)
+
+    def _first(self, u: Array, side: int) -> list[tuple[float, Array, float]]:
+        """First elements: place, curvatures at both ends, length."""
+        point, normal = self.outline.at(u)
+        chord = point - self.base
+        distance = np.linalg.norm(chord, axis=-1)
+        small = _wrap(self._heading(normal, side) - self.hand.angle)
+        found = []
+        grid = np.linspace(-MOST, MOST, 121)
+        for whole in (0.0, -2.0 * math.pi, 2.0 * math.pi):
+            bend = small + whole
+            some = (np.abs(bend) <= 1.6 * math.pi) & (distance <= self.hand.bounds[1])
+            if not some.any():
+                continue
+            where, b, c = u[some], bend[some], chord[some]
+            miss = self._aim(grid[None, :], b[:, None], c[:, None, :])
+            row, column = np.nonzero(np.sign(miss[:, :-1]) != np.sign(miss[:, 1:]))
+            if not len(row):
+                continue
+            turn = refine(
+                lambda a, b=b[row], c=c[row]: self._aim(a, b, c), grid[column], grid[column + 1], tolerance=1e-14
+            )
+            along = self._unit_walk(turn, b[row])
+            length = distance[some][row] / np.linalg.norm(along, axis=-1)
+            right = (along * c[row]).sum(-1) > 0.0
+            right &= (length >= self.hand.bounds[0]) & (length <= self.hand.bounds[1])
+            right &= np.abs(2.0 * b[row] - turn) <= MOST
+            for k in np.nonzero(right)[0]:
+                ends = np.array([turn[k], 2.0 * b[row][k] - turn[k]]) / length[k]
+                found.append((float(where[row[k]]), ends, float(length[k])))
+        return found
+
+    def _ended(self, u: float, side: int, first: Array, l1: float, bends: bool) -> list[Posture]:
+        """All second elements whose tip touches."""
+        hand = self.hand
+        l2 = hand.length - l1
+        joint = self.base + walk(hand.angle, first[0], first[1], l1)
+        angle = hand.angle + 0.5 * (first[0] + first[1]) * l1
+        lengths = np.array([l1, l2])
+        if not hand.tip:
+            return [Posture(u, side, np.array([first, [first[1], first[1]]]), lengths)]
+        if np.linalg.norm(joint - np.array(self.numbers.com)) > self.numbers.size + hand.thickness + l2:
+            return []
+        grid = np.linspace(-MOST, MOST, 141) / l2
+        gap = self._tip_gap(grid, joint, angle, first[1], l2, bends)
+        k = np.nonzero(np.sign(gap[:-1]) != np.sign(gap[1:]))[0]
+        if not len(k):
+            return []
+        ends = refine(
+            lambda v: self._tip_gap(v, joint, angle, first[1], l2, bends), grid[k], grid[k + 1], tolerance=1e-13
+        )
+        return [Posture(u, side, np.array([first, [e if bends else first[1], e]]), lengths) for e in ends]
+
+    def _tip_gap(self, end: Array, joint: Array, angle: float, start: float, length: float, bends: bool) -> Array:
+        begin = end if bends else np.full_like(end, start)
+        return np.asarray(self.outline.gap(joint + walk(angle, begin, end, length)))
+
+    def _finish(self, u: float, side: int, first: Array, l1: float, guess: float, bends: bool) -> Posture | None:
+        hand = self.hand
+        l2 = hand.length - l1
+        joint = self.base + walk(hand.angle, first[0], first[1], l1)
+        angle = hand.angle + 0.5 * (first[0] + first[1]) * l1
+
+        def gap(end: float) -> float:
+            return float(self._tip_gap(np.array([end]), joint, angle, first[1], l2, bends)[0])
+
+        end = self._solve(gap, guess, 1e-6 / l2) if hand.tip else float(first[1])
+        if end is None or abs(end) * l2 > MOST:
+            return None
+        return Posture(u, side, np.array([first, [end if bends else first[1], end]]), np.array([l1, l2]))
+
+    @staticmethod
+    def _solve(f: Any, start: float, step: float) -> float | None:
+        """A root near a start, by secants."""
+        x0, x1 = start, start + step
+        f0, f1 = float(f(x0)), float(f(x1))
+        for _ in range(30):
+            if f1 == f0:
+                return x1 if abs(f1) < 1e-12 else None
+            x2 = x1 - f1 * (x1 - x0) / (f1 - f0)
+            if abs(x2 - start) > 2e5 * step:
+                return None
+            x0, f0, x1 = x1, f1, x2
+            f1 = float(f(x1))
+            if abs(x1 - x0) < 1e-8 * step or f1 == 0.0:
+                return x1
+        return x1 if abs(f1) < 1e-12 else None
+
+
+def _wrap(angle: Array) -> Array:
+    """Into (-pi, pi]."""
+    return np.asarray((np.asarray(angle) + math.pi) % (2.0 * math.pi) - math.pi)

@@ -1,0 +1,312 @@
+"""Best grasp of one finger over all shapes that touch as asked, and what a grasp takes at least."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.grasp_oracle.forces import Balance, Forces
+from benchmarks.grasp_oracle.geometry import ROOM, Fingers, Posture
+from benchmarks.grasp_oracle.numbers import Numbers
+
+Array = NDArray[Any]
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+REFINED = 4
+"""Starts of the refinement."""
+
+
+@dataclass(frozen=True)
+class Best:
+    """The best found.
+
+    Attributes
+    ----------
+    value : float
+        Of what was aimed at.
+    posture : Posture
+    x : ndarray
+        Tensions and contact forces [N].
+    """
+
+    value: float
+    posture: Posture
+    x: Array
+
+
+class Search:
+    """All shapes of one finger, scanned once.
+
+    Parameters
+    ----------
+    numbers : Numbers
+    count : int
+        Places of the scan.
+    """
+
+    def __init__(self, numbers: Numbers, count: int = 180) -> None:
+        self.numbers = numbers
+        (self.hand,) = numbers.hands
+        self.fingers = Fingers(numbers, self.hand)
+        self.isolated = self.hand.family == "arc" and self.hand.middle
+        self.count = count
+        if self.isolated:
+            self.postures = self.fingers.arcs()
+            self.step = 0.0
+        elif self.hand.middle:
+            self.postures = self.fingers.clothoids(count)
+            self.step = 1.0 / count
+        elif self.hand.family == "arc":
+            self.postures = self.fingers.free_arcs(2 * count)
+            self.step = 4.0 * math.pi / (2 * count - 1)
+        else:
+            raise ValueError("clothoids that touch with the tip alone have shapes of two parameters")
+        self.depths = self.fingers.depth(self.postures) if self.postures else np.empty(0)
+        self._balances: dict[int, tuple[Posture, Balance]] = {}
+
+    # -- measures of a shape -----------------------------------------------------------------------------------
+
+    def strain(self, posture: Posture) -> float:
+        """Greatest bending strain of a shape [1], or its curvature times the length where the rod has no radius."""
+        return float(np.abs(posture.ends).max()) * (self.hand.radius or self.hand.length)
+
+    def bend(self, posture: Posture) -> float:
+        """Greatest bend of an element [rad]."""
+        return float(np.abs(posture.ends.mean(axis=1) * posture.lengths).max())
+
+    def allowed(self, posture: Posture, limits: Any) -> bool:
+        """Whether a shape keeps strain and range."""
+        return self.bend(posture) <= limits.bend and (
+            math.isinf(limits.strain) or self.strain(posture) <= limits.strain
+        )
+
+    # -- aims ------------------------------------------------------------------------------------------------
+
+    def best(self, aim: str = "sum", numbers: Numbers | None = None, most_depth: float | None = None) -> Best | None:
+        """Least of an aim of `Forces.least` over all shapes; None where no shape has forces that hold.
+
+        Parameters
+        ----------
+        aim : str
+        numbers : Numbers, optional
+            The same scene with other limits.
+        most_depth : float, optional
+            Depth that counts as none [m].
+        """
+        numbers = numbers or self.numbers
+        forces = Forces(numbers)
+        sign = -1.0 if aim == "mass" else 1.0
+        room = ROOM * self.hand.length if most_depth is None else most_depth
+
+        def value(posture: Posture, exact: bool = True) -> tuple[float, Array] | None:
+            found = forces.least(self._balance(posture), aim, exact)
+            return None if found is None else (sign * found[0], found[1])
+
+        good = [
+            p
+            for p, deep in zip(self.postures, self.depths, strict=True)
+            if deep <= room and self.allowed(p, numbers.limits)
+        ]
+        return self._over(good, value, numbers, room, sign)
+
+    def least_measure(self, measure: Callable[[Posture], float], numbers: Numbers, into: str = "") -> Best | None:
+        """Least of a measure of the shape alone (strain, bend, depth) over all shapes that have forces that hold.
+
+        Parameters
+        ----------
+        measure : callable
+        numbers : Numbers
+            Its limits bound forces and the other measures.
+        into : str
+            "depth": the measure is the depth, which then is not bounded.
+        """
+        forces = Forces(numbers)
+
+        def value(posture: Posture, exact: bool = True) -> tuple[float, Array] | None:
+            found = forces.least(self._balance(posture), "sum", exact)
+            return None if found is None else (measure(posture), found[1])
+
+        room = math.inf if into == "depth" else ROOM * self.hand.length
+        good = [
+            p
+            for p, deep in zip(self.postures, self.depths, strict=True)
+            if deep <= room and self.allowed(p, numbers.limits)
+        ]
+        return self._over(good, value, numbers, room, 1.0)
+
+    def least_friction(self, numbers: Numbers, low: float = 0.0) -> float:
+        """Least friction coefficient with which any shape has forces that hold; infinite without one."""
+        good = [
+            p
+            for p, deep in zip(self.postures, self.depths, strict=True)
+            if deep <= ROOM * self.hand.length and self.allowed(p, numbers.limits)
+        ]
+        needed, held = math.inf, None
+        for posture in good:
+            if math.isinf(needed) or self._holds(posture, numbers.limited(friction=needed * (1.0 - 1e-6))):
+                found = self._friction(posture, numbers, low, needed)
+                if found < needed:
+                    needed, held = found, posture
+        if held is None or self.isolated:
+            return needed
+
+        def value(u: float) -> float:
+            near = self.fingers.near(held, u)
+            if near is None or self.fingers.depth([near])[0] > ROOM * self.hand.length:
+                return math.inf
+            if not self.allowed(near, numbers.limits):
+                return math.inf
+            return self._friction(near, numbers, low, 1.5 * needed)
+
+        return min(needed, _golden(value, held.u - self.step, held.u + self.step, 22)[1])
+
+    def _friction(self, posture: Posture, numbers: Numbers, low: float, high: float) -> float:
+        """Least coefficient of one shape, by halving."""
+        top = min(high, 16.0)
+        if not self._holds(posture, numbers.limited(friction=top)):
+            return math.inf
+        for _ in range(26):
+            middle = 0.5 * (low + top)
+            low, top = (low, middle) if self._holds(posture, numbers.limited(friction=middle)) else (middle, top)
+            if top - low < 1e-6 * top:
+                break
+        return top
+
+    def _holds(self, posture: Posture, numbers: Numbers) -> bool:
+        return Forces(numbers).least(self._balance(posture)) is not None
+
+    def _balance(self, posture: Posture) -> Balance:
+        key = id(posture)
+        if key not in self._balances:  # the shape is kept too, so that its id stays its own
+            self._balances[key] = (posture, Balance(self.numbers, [posture]))
+        return self._balances[key][1]
+
+    # -- along the curves of shapes ----------------------------------------------------------------------------
+
+    def _over(self, good: list[Posture], value: Any, numbers: Numbers, room: float, sign: float) -> Best | None:
+        if self._too_many():
+            return self._at_crossings(good, value, numbers, room, sign)
+        found = []
+        for posture in good:
+            got = value(posture, exact=self.isolated)
+            if got is not None:
+                found.append((got[0], posture, got[1]))
+        if not found:
+            return None
+        found.sort(key=lambda f: f[0])
+        if self.isolated:
+            return Best(sign * found[0][0], found[0][1], found[0][2])
+        results = []
+        for _, start, _ in self._apart(found):
+            results += self._refined(start, value, numbers, room)
+        if not results:
+            return None
+        best = min(results, key=lambda r: r[0])
+        return Best(sign * best[0], best[1], best[2])
+
+    def _apart(self, found: list[Any]) -> list[Any]:
+        """The best, each the best of its neighbourhood."""
+        chosen: list[Any] = []
+        for item in found:
+            p = item[1]
+            near = (abs(q.u - p.u) < 4.5 * self.step and q.side == p.side and _alike(p, q) for _, q, _ in chosen)
+            if not any(near):
+                chosen.append(item)
+            if len(chosen) == REFINED:
+                break
+        return chosen
+
+    def _refined(self, start: Posture, value: Any, numbers: Numbers, room: float) -> list[Any]:
+        results = []
+
+        def at(u: float) -> float:
+            posture = start if u == start.u else self.fingers.near(start, u)
+            if posture is None or self.fingers.depth([posture])[0] > room or not self.allowed(posture, numbers.limits):
+                return math.inf
+            got = value(posture)
+            if got is None:
+                return math.inf
+            results.append((got[0], posture, got[1]))
+            return float(got[0])
+
+        at(start.u)
+        _golden(at, start.u - self.step, start.u + self.step, 30)
+        return results
+
+    def _too_many(self) -> bool:
+        """Whether the forces have more equations than unknowns, so that single shapes of the curve are left."""
+        contacts = int(self.hand.middle) + int(self.hand.tip) + len(self.numbers.rests)
+        equations = 3 + {"arc": 2, "clothoid": 3, "matched_clothoid": 3}[self.hand.family]
+        return 1 + 2 * contacts < equations
+
+    def _excess(self, posture: Posture) -> tuple[float, int]:
+        """Signed measure of how far the equations contradict each other; which one is best left out."""
+        balance = self._balance(posture)
+        planar = [k for k in range(len(balance.rows)) if np.abs(np.delete(balance.rows[k], _lifts(balance))).max() > 0]
+        columns = [0] + [balance.first + 3 * c + j for c in range(len(balance.touches)) for j in (0, 1)]
+        right = balance.right + self.numbers.limits.mass * balance.weight
+        square = np.column_stack([balance.rows[np.ix_(planar, columns)], right[planar] / self.numbers.scale])
+        left = np.linalg.svd(square[:, :-1])[0][:, -1]
+        return float(np.linalg.det(square)), planar[int(np.argmax(np.abs(left)))]
+
+    def _at_crossings(self, good: list[Posture], value: Any, numbers: Numbers, room: float, sign: float) -> Best | None:
+        found = []
+        forces = Forces(numbers)
+        for posture in good:
+            ahead = self.fingers.near(posture, posture.u + self.step)
+            if ahead is None:
+                continue
+            low, high = self._excess(posture)[0], self._excess(ahead)[0]
+            if (low > 0) == (high > 0):
+                continue
+            a, b, last = posture.u, ahead.u, posture
+            for _ in range(60):
+                middle = 0.5 * (a + b)
+                between = self.fingers.near(last, middle)
+                if between is None:
+                    break
+                last = between
+                a, b = (middle, b) if (self._excess(between)[0] > 0) == (low > 0) else (a, middle)
+            if self.fingers.depth([last])[0] > room or not self.allowed(last, numbers.limits):
+                continue
+            got = forces.least(self._balance(last), "sum", drop=(self._excess(last)[1],))
+            if got is not None:
+                found.append((sign * got[0], last, got[1]))
+        if not found:
+            return None
+        best = min(found, key=lambda f: f[0])
+        return Best(sign * best[0], best[1], best[2])
+
+
+def _alike(p: Posture, q: Posture) -> bool:
+    return bool(np.abs(q.ends - p.ends).max() * p.lengths.sum() < 2.0)
+
+
+def _lifts(balance: Balance) -> list[int]:
+    return [balance.first + 3 * c + 2 for c in range(len(balance.touches))]
+
+
+def _golden(f: Callable[[float], float], low: float, high: float, steps: int) -> tuple[float, float]:
+    """Place and value of the least of a function with one valley, infinite values being hills."""
+    a, b = low, high
+    c, d = b - GOLDEN * (b - a), a + GOLDEN * (b - a)
+    fc, fd = f(c), f(d)
+    middle = f(0.5 * (a + b))
+    best = (0.5 * (a + b), middle)
+    for _ in range(steps):
+        if fc < fd or (math.isinf(fc) and math.isinf(fd) and best[0] < 0.5 * (a + b)):
+            b, d, fd = d, c, fc
+            c = b - GOLDEN * (b - a)
+            fc = f(c)
+        else:
+            a, c, fc = c, d, fd
+            d = a + GOLDEN * (b - a)
+            fd = f(d)
+        for place, value in ((c, fc), (d, fd)):
+            if value < best[1]:
+                best = (place, value)
+    return best
