@@ -61,7 +61,7 @@ def check(data, node, definitions):
         assert other is not False or set(data) <= set(known)
         assert set(node.get("required", [])) <= set(data)
         for key, value in data.items():
-            check(value, known[key] if key in known else ANYTHING if other is True else other, definitions)
+            check(value, known.get(key, ANYTHING if other is True else other), definitions)
     elif isinstance(data, list):
         assert node.get("type") == "array"
         for k, value in enumerate(data):

@@ -194,9 +194,7 @@ class Sweep(Value):
                 raise ValueError(f"follow: {key!r} follows {follow.key!r}, which is not varied")
         for k, name in enumerate(self.record):
             if not _RECORDED.fullmatch(name):
-                raise ValueError(
-                    f"record[{k}]: expected quality., certificate. or statistics. and a name, got {name!r}"
-                )
+                raise ValueError(f"record[{k}] must be quality., certificate. or statistics. and a name, got {name!r}")
         if self.count > MOST_SCENES:
             raise ValueError(f"{self.count} scenes are more than the {MOST_SCENES} that are possible")
         return self
