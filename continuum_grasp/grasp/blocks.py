@@ -1,8 +1,8 @@
-"""Named variables and constraints of an optimisation problem: scale, bounds, the YAML key behind them."""
+"""Named unknowns and constraints of an optimisation problem, and the YAML key behind each."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,32 +17,20 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Variable:
-    """Some unknowns.
+    """Some unknowns, in units of the problem.
 
     Attributes
     ----------
     name : str
     symbol : casadi.SX
-        Scaled unknowns, a column.
-    scale : float
-        Physical value = scale * symbol.
-    lower, upper : ndarray
-        Bounds of the scaled unknowns.
+        A column.
     start : int
         Position of the first entry among all unknowns.
     """
 
     name: str
     symbol: ca.SX
-    scale: float
-    lower: Array
-    upper: Array
     start: int
-
-    @property
-    def physical(self) -> ca.SX:
-        """The unknowns in SI units."""
-        return self.scale * self.symbol
 
     @property
     def stop(self) -> int:
@@ -52,20 +40,18 @@ class Variable:
 
 @dataclass(frozen=True)
 class Block:
-    """Some constraints.
+    """Some constraints, in units of the problem.
 
     Attributes
     ----------
     name : str
         What must hold, in words.
     expression : casadi.SX
-        Scaled expressions, a column.
-    lower, upper : ndarray
-        Bounds of the scaled expressions.
-    scale : float
-        Physical amount = scale * expression.
+        A column.
+    lower, upper : float
+        Bounds of every entry.
     unit : str
-        Of the physical amount.
+        Of the physical amount: ``m``, ``N``, ``N m``, ``rad``, ``1/m`` or ``1``.
     key : str
         The YAML key that sets it.
     start : int
@@ -74,9 +60,8 @@ class Block:
 
     name: str
     expression: ca.SX
-    lower: Array
-    upper: Array
-    scale: float
+    lower: float
+    upper: float
     unit: str
     key: str
     start: int
@@ -84,7 +69,7 @@ class Block:
     @property
     def stop(self) -> int:
         """Position behind the last entry."""
-        return self.start + self.lower.size
+        return self.start + int(self.expression.numel())
 
 
 @dataclass(frozen=True)
@@ -98,7 +83,7 @@ class Violation:
     amount : float
         In ``unit``.
     scaled : float
-        In the problem's own scale, where constraints compare.
+        In the problem's own units, where constraints compare.
     """
 
     name: str
@@ -112,7 +97,7 @@ class Violation:
 
 
 class BlockList:
-    """Collects variables and constraints and keeps their places."""
+    """Collects unknowns and constraints and keeps their places."""
 
     def __init__(self) -> None:
         self.variables: dict[str, Variable] = {}
@@ -120,68 +105,54 @@ class BlockList:
         self._unknowns = 0
         self._constraints = 0
 
-    def unknown(
-        self,
-        name: str,
-        size: int,
-        scale: float,
-        lower: float | Sequence[float] = -np.inf,
-        upper: float | Sequence[float] = np.inf,
-    ) -> ca.SX:
-        """Add unknowns with physical bounds; returns them in SI units."""
-        low = np.broadcast_to(np.asarray(lower, dtype=float), (size,)) / scale
-        high = np.broadcast_to(np.asarray(upper, dtype=float), (size,)) / scale
-        variable = Variable(name, ca.SX.sym(name, size), scale, low, high, self._unknowns)
+    def unknown(self, name: str, size: int = 1) -> ca.SX:
+        """Add unknowns."""
+        variable = Variable(name, ca.SX.sym(name, size), self._unknowns)
         self.variables[name] = variable
         self._unknowns += size
-        return variable.physical
+        return variable.symbol
 
     def require(
-        self,
-        name: str,
-        expression: ca.SX,
-        scale: float,
-        unit: str,
-        key: str,
-        *,
-        lower: float = 0.0,
-        upper: float = 0.0,
+        self, name: str, expression: ca.SX, unit: str, key: str, *, lower: float = 0.0, upper: float = 0.0
     ) -> None:
-        """Add constraints ``lower <= expression <= upper``, all in SI units."""
+        """Add constraints ``lower <= expression <= upper``."""
         column = ca.vec(ca.SX(expression))
-        size = int(column.numel())
-        low, high = np.full(size, lower / scale), np.full(size, upper / scale)
-        self.blocks.append(Block(name, column / scale, low, high, scale, unit, key, self._constraints))
-        self._constraints += size
+        if column.numel():
+            self.blocks.append(Block(name, column, lower, upper, unit, key, self._constraints))
+            self._constraints += int(column.numel())
 
     @property
     def x(self) -> ca.SX:
-        """All scaled unknowns."""
+        """All unknowns."""
         return ca.vertcat(*(v.symbol for v in self.variables.values()))
 
     @property
     def g(self) -> ca.SX:
-        """All scaled constraint expressions."""
+        """All constraint expressions."""
         return ca.vertcat(*(b.expression for b in self.blocks))
 
     @property
-    def x_bounds(self) -> tuple[Array, Array]:
-        """Bounds of the scaled unknowns."""
-        variables = self.variables.values()
-        return np.concatenate([v.lower for v in variables]), np.concatenate([v.upper for v in variables])
-
-    @property
     def g_bounds(self) -> tuple[Array, Array]:
-        """Bounds of the scaled constraint expressions."""
-        return np.concatenate([b.lower for b in self.blocks]), np.concatenate([b.upper for b in self.blocks])
+        """Bounds of the constraint expressions."""
+        sizes = [b.stop - b.start for b in self.blocks]
+        return np.repeat([b.lower for b in self.blocks], sizes), np.repeat([b.upper for b in self.blocks], sizes)
 
-    def violations(self, g: Array, tolerance: float) -> list[Violation]:
-        """The constraints that a point breaks by more than ``tolerance`` (scaled), worst first."""
+    def pack(self, values: Mapping[str, Any], default: float) -> Array:
+        """A column for all unknowns from values by name."""
+        out = np.full(self._unknowns, default)
+        for name, variable in self.variables.items():
+            if name in values:
+                out[variable.start : variable.stop] = values[name]
+        return out
+
+    def violations(self, g: Array, tolerance: float, units: Mapping[str, float]) -> list[Violation]:
+        """The constraints that a point breaks by more than ``tolerance``, worst first."""
         found = []
         for block in self.blocks:
             part = g[block.start : block.stop]
             off = np.maximum(np.maximum(block.lower - part, part - block.upper), 0.0)
             worst = float(off.max(initial=0.0)) if np.isfinite(part).all() else float("inf")
             if worst > tolerance:
-                found.append(Violation(block.name, worst * block.scale, block.unit, block.key, worst))
+                amount = worst * units.get(block.unit, 1.0)
+                found.append(Violation(block.name, amount, block.unit, block.key, worst))
         return sorted(found, key=lambda v: -v.scaled)

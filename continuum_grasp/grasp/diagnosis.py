@@ -3,99 +3,114 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate import certify
-from continuum_grasp.grasp.ipopt import GraspSolverRun
-from continuum_grasp.grasp.points import starting_point
 from continuum_grasp.grasp.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.result import Reason
-from continuum_grasp.grasp.seeds import Seed
-from continuum_grasp.scene.grasp import GraspScene, NoGravity, OutOfPlaneGravity
+from continuum_grasp.grasp.search import Search
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene, OutOfPlaneGravity
+from continuum_grasp.scene.objects import Freedom
 
-__all__ = ["FoundReason", "find_reasons", "out_of_reach"]
+__all__ = ["find_reasons", "out_of_reach"]
 
-STARTS = 2
+STARTS = 3
 """Starts per limit."""
 SHORT = 1e-3
 """By what part of it an amount must stay short of the most that makes sense."""
 
 
-@dataclass(frozen=True)
-class FoundReason:
-    """A reason, and the point that the solver found with that limit relaxed.
-
-    Attributes
-    ----------
-    reason : Reason
-    x : ndarray
-        Scaled unknowns.
-    """
-
-    reason: Reason
-    x: NDArray[Any]
-
-
 def out_of_reach(scene: GraspScene) -> Reason | None:
     """The exact test of distance: no shape at all can touch."""
-    length = scene.finger.rod.length
-    reach = length if scene.contacts.middle == "off" else scene.middle_bounds[1]
-    reach += scene.object.radius + scene.finger.thickness_radius
-    distance = math.dist(scene.finger.base.position, scene.object.position)
-    if distance <= reach:
+    worst: tuple[float, float, float] | None = None
+    for setup in scene.setups:
+        needed = "on" in (*setup.middles, setup.tip) or len(scene.setups) == 1
+        distance, reach = _distance(scene, setup), _reach(setup)
+        if needed and distance > reach and (worst is None or distance - reach > worst[0]):
+            worst = distance - reach, distance, reach
+    if worst is None:
         return None
-    text = f"the object is out of reach: its centre is {distance:.4g} m from the base, {reach:.4g} m can be reached"
-    repair = f"bring object and base nearer to each other, by {distance - reach:.4g} m at least"
+    missing, distance, reach = worst
+    text = f"the object is out of reach: it is {distance:.4g} m from the base, {reach:.4g} m can be reached"
+    repair = f"bring object and base nearer to each other, by {missing:.4g} m at least"
     return Reason("reach", "object.position", "m", distance, reach, text, repair)
 
 
-def find_reasons(scene: GraspScene, solver: GraspSolverRun, seeds: list[Seed], until: float) -> list[FoundReason]:
+def _reach(setup: FingerSetup) -> float:
+    """How far from its base a finger can touch at most [m]."""
+    length = setup.finger.rod.length
+    middle = setup.middle_bounds[1] if "on" in setup.middles else length
+    return min(middle, length) + setup.finger.thickness_radius
+
+
+def _distance(scene: GraspScene, setup: FingerSetup) -> float:
+    """Least distance between a base and the object's surface [m]; a lower bound where a pose is free."""
+    x, y = setup.finger.base.position
+    thing = scene.object
+    if thing.free is None and setup.finger.base_free is None:
+        return thing.distance((x, y))
+    c, s = math.cos(thing.angle), math.sin(thing.angle)
+    com = thing.position[0] + c * thing.com[0] - s * thing.com[1], thing.position[1] + s * thing.com[0] + c * thing.com[1]
+    turns = thing.free is not None and thing.free.angle is not None
+    away = math.dist((x, y), com) - thing.size if turns else thing.distance((x, y))
+    slack = math.dist(com, thing.position) if turns else 0.0
+    return away - slack - _shift(thing.free, thing.position) - _shift(setup.finger.base_free, (x, y))
+
+
+def _shift(free: Freedom | None, at: tuple[float, float]) -> float:
+    """How far a pose may move at most [m]."""
+    if free is None:
+        return 0.0
+    spans = [max(b[1] - v, v - b[0]) if b else 0.0 for b, v in zip((free.x, free.y), at, strict=True)]
+    return math.hypot(*spans)
+
+
+def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
     """The limits each of which, given way to alone, makes a grasp that the certificate confirms.
 
     Parameters
     ----------
     scene : GraspScene
-    solver : GraspSolverRun
-    seeds : list of Seed
-        Starts; the first two are used.
-    until : float
-        ``time.monotonic()`` at which to stop.
+    search : Search
+        A search without success; its starts are used, and grasps that turn up after all are added to it.
 
     Returns
     -------
-    list of FoundReason
+    list of Reason
         Sorted by how small a part of the limit is missing.
     """
     found = []
+    order = np.argsort([t.attempt.badness for t in search.tried], kind="stable")
+    starts = [search.tried[k].attempt.start for k in order[:STARTS]]
     for relaxation in _sensible(scene):
-        amount, point = math.inf, np.empty(0)
-        for seed in seeds[:STARTS]:
-            if time.monotonic() > until:
+        amount = math.inf
+        for start in starts:
+            if search.late:
                 break
-            variable = solver.problem.parts.variables[f"relaxed {relaxation.name}"]
-            x0 = starting_point(solver.problem, seed)
-            x0[variable.start : variable.stop] = relaxation.start(scene) / variable.scale
-            attempt = solver.run(seed.label, x0, until, {relaxation.name: relaxation.most})
-            if attempt.violations:
+            solver = search.solver(start)
+            attempt = solver.run(
+                scene,
+                start,
+                search.until,
+                relaxed={relaxation.name: relaxation.most},
+                given={relaxation.name: relaxation.start(scene)},
+            )
+            if attempt.violations or not np.isfinite(attempt.x).all():
                 continue
-            given = float(np.linalg.norm(attempt.x[variable.start : variable.stop])) * variable.scale
+            given = solver.given(scene, attempt.x, relaxation)
             if given < min(amount, relaxation.most * (1.0 - SHORT)):
-                relaxed = relaxation.relaxed(scene, given)
-                certificate = certify(relaxed, solver.reader.arrays(attempt.x))
-                if all(c.name == relaxation.excuses for c in certificate.failed):
-                    amount, point = given, attempt.x
+                arrays = solver.reader.arrays(scene, attempt.x, attempt.numbers)
+                certificate = certify(relaxation.relaxed(scene, given), arrays)
+                if all(relaxation.excuses and c.name.startswith(relaxation.excuses) for c in certificate.failed):
+                    amount = given
+                    search.attempt(attempt.start, features=attempt.features, x0=attempt.x)
         if math.isfinite(amount):
             limit, needed = relaxation.limit(scene), relaxation.value(scene, amount)
             text, repair = relaxation.sentence(scene, amount), relaxation.advice(scene, amount)
-            reason = Reason(relaxation.name, relaxation.key, relaxation.unit, limit, needed, text, repair)
-            found.append(FoundReason(reason, point))
-    return sorted(found, key=lambda f: _share(scene, f.reason))
+            found.append(Reason(relaxation.name, relaxation.key, relaxation.unit, limit, needed, text, repair))
+    return sorted(found, key=lambda reason: _share(scene, reason))
 
 
 def _share(scene: GraspScene, reason: Reason) -> float:
@@ -106,13 +121,13 @@ def _share(scene: GraspScene, reason: Reason) -> float:
 
 def _sensible(scene: GraspScene) -> Iterator[Relaxation]:
     for relaxation in RELAXATIONS:
-        if relaxation.name == "mass" and (isinstance(scene.gravity, NoGravity) or scene.object.mass == 0):
+        if relaxation.name == "mass" and scene.weight == 0.0:
             continue
         if relaxation.name == "tilt balance" and not _balances_tilt(scene):
             continue
-        if relaxation.name == "room at the palm" and scene.palm is None:
+        if relaxation.name == "room at the supports" and not scene.supports:
             continue
-        if relaxation.name == "strain" and scene.finger.strain_limit is None:
+        if relaxation.name == "strain" and all(f.strain_limit is None for f in scene.named_fingers.values()):
             continue
         yield relaxation
 

@@ -1,4 +1,4 @@
-"""IPOPT on a grasp problem: one solver, many starts, a common deadline."""
+"""IPOPT on a grasp problem: one solver for all scenes of a make, many starts, a common deadline."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -15,18 +16,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.blocks import Violation
-from continuum_grasp.grasp.points import PointReader
+from continuum_grasp.grasp.make import ProblemMake
+from continuum_grasp.grasp.points import PointReader, starting_point
 from continuum_grasp.grasp.problem import GraspProblem
-from continuum_grasp.grasp.relaxations import RELAXATIONS
+from continuum_grasp.grasp.relaxations import RELAXATIONS, Relaxation
+from continuum_grasp.grasp.starts import Start
+from continuum_grasp.grasp.surface import Feature
+from continuum_grasp.grasp.values import Units, contact_features, problem_bounds, problem_values
+from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["Attempt", "GraspSolverRun"]
+__all__ = ["Attempt", "GraspSolverRun", "solver_for"]
 
 Array = NDArray[Any]
 
 CONSTRAINT_TOLERANCE = 1e-7
 """Scaled violation below which a constraint counts as kept when violations are listed."""
 EFFORT_WHEN_RELAXED = 1e-4
-"""Weight of the tension beside the amount of a relaxed limit."""
+"""Weight of what is sought beside the amount of a relaxed limit."""
+ROUNDS = 8
+"""How often the obstacles near the fingers are renewed."""
+STALE = 1e-6
+"""Penetration, and change of an active clearance, above which they are (problem's units)."""
 
 
 @dataclass(frozen=True)
@@ -35,24 +45,29 @@ class Attempt:
 
     Attributes
     ----------
-    start : str
-        Label of the seed.
+    start : Start
+    features : dict of str to Feature
+        Where each contact sits.
     outcome : str
         The solver's own return status.
     iterations : int
     seconds : float
     x : ndarray
-        Scaled unknowns where it stopped.
+        Unknowns where it stopped.
+    numbers : ndarray
+        Run-time numbers of the problem there.
     objective : float
     violations : list of Violation
         Constraints that are broken there, worst first.
     """
 
-    start: str
+    start: Start
+    features: dict[str, Feature]
     outcome: str
     iterations: int
     seconds: float
     x: Array
+    numbers: Array
     objective: float
     violations: list[Violation]
 
@@ -75,14 +90,14 @@ class Attempt:
 class _Stop(ca.Callback):
     """Stops the solver once the time is over or Ctrl-C was pressed."""
 
-    def __init__(self, unknowns: int, constraints: int, weights: int) -> None:
+    def __init__(self, unknowns: int, constraints: int, numbers: int) -> None:
         ca.Callback.__init__(self)
         self._sizes = {
             "x": unknowns,
             "g": constraints,
             "lam_x": unknowns,
             "lam_g": constraints,
-            "lam_p": weights,
+            "lam_p": numbers,
         }
         self.until = float("inf")
         self.interrupted = False
@@ -127,80 +142,184 @@ class _Stop(ca.Callback):
 
 
 class GraspSolverRun:
-    """IPOPT prepared for one problem.
+    """IPOPT prepared for all scenes of one make.
 
     Parameters
     ----------
+    make : ProblemMake
+
+    Attributes
+    ----------
     problem : GraspProblem
+    reader : PointReader
+    build_seconds : float
     """
 
-    def __init__(self, problem: GraspProblem) -> None:
-        self.problem = problem
-        self.reader = PointReader(problem)
-        parts, wanted = problem.parts, problem.scene.solver
-        x, g = parts.x, parts.g
-        self._stop = _Stop(x.numel(), g.numel(), problem.weights.numel())
-        options: dict[str, Any] = {
-            "print_time": False,
-            "error_on_fail": False,
-            "iteration_callback": self._stop,
-            "ipopt.print_level": 0,
-            "ipopt.sb": "yes",
-            "ipopt.mu_strategy": "monotone",
-            "ipopt.tol": wanted.tolerance,
-            "ipopt.constr_viol_tol": min(1e-9, wanted.tolerance),
-            "ipopt.acceptable_tol": 100 * wanted.tolerance,
-            "ipopt.bound_relax_factor": 0.0,
-            "ipopt.max_iter": wanted.max_iterations,
-        }
-        nlp = {"x": x, "f": problem.objective, "g": g, "p": problem.weights}
-        self._solver = ca.nlpsol("grasp", "ipopt", nlp, options)
+    def __init__(self, make: ProblemMake) -> None:
+        began = time.perf_counter()
+        self.problem = GraspProblem(make)
+        self.reader = PointReader(self.problem)
+        self._solvers: dict[tuple[Any, ...], tuple[ca.Function, _Stop]] = {}
+        self.build_seconds = time.perf_counter() - began
 
-    def run(self, start: str, x0: Array, until: float, relaxed: Mapping[str, float] | None = None) -> Attempt:
-        """Solve from a start.
+    def prepare(self, scene: GraspScene) -> None:
+        """Build IPOPT for the options of a scene, unless that was done."""
+        self._solver(scene)
+
+    def _solver(self, scene: GraspScene) -> tuple[ca.Function, _Stop]:
+        wanted, parts = scene.solver, self.problem.parts
+        key = (wanted.tolerance, wanted.max_iterations)
+        if key not in self._solvers:
+            began = time.perf_counter()
+            x, g, p = parts.x, parts.g, self.problem.numbers.symbol
+            stop = _Stop(x.numel(), g.numel(), p.numel())
+            options: dict[str, Any] = {
+                "print_time": False,
+                "error_on_fail": False,
+                "calc_lam_p": False,
+                "iteration_callback": stop,
+                "ipopt.print_level": 0,
+                "ipopt.sb": "yes",
+                "ipopt.mu_strategy": "monotone",
+                "ipopt.tol": wanted.tolerance,
+                "ipopt.constr_viol_tol": min(1e-9, wanted.tolerance),
+                "ipopt.acceptable_tol": 100 * wanted.tolerance,
+                "ipopt.bound_relax_factor": 0.0,
+                "ipopt.max_iter": wanted.max_iterations,
+            }
+            nlp = {"x": x, "f": self.problem.objective, "g": g, "p": p}
+            self._solvers[key] = ca.nlpsol("grasp", "ipopt", nlp, options), stop
+            self.build_seconds += time.perf_counter() - began
+        return self._solvers[key]
+
+    def run(
+        self,
+        scene: GraspScene,
+        start: Start,
+        until: float,
+        *,
+        relaxed: Mapping[str, float] | None = None,
+        given: Mapping[str, float] | None = None,
+        features: dict[str, Feature] | None = None,
+        x0: Array | None = None,
+    ) -> Attempt:
+        """Solve from a start, renewing the obstacles near the fingers until they hold.
 
         Parameters
         ----------
-        start : str
-            Label of the start.
-        x0 : ndarray
-            Scaled unknowns to start from.
+        scene : GraspScene
+        start : Start
         until : float
             ``time.monotonic()`` at which to stop.
         relaxed : mapping, optional
             Names of limits that may give way and by how much at most (SI); the amount they give is minimised
             then.
+        given : mapping, optional
+            Amounts to begin with (SI).
+        features : dict, optional
+            Where the contacts sit; by default where the start has them.
+        x0 : ndarray, optional
+            Unknowns to begin with; by default those of the start.
 
         Raises
         ------
         KeyboardInterrupt
             Ctrl-C was pressed meanwhile; this start has no result then.
         """
-        parts = self.problem.parts
-        low, high = parts.x_bounds
-        weights = np.zeros(1 + len(RELAXATIONS))
-        weights[0] = EFFORT_WHEN_RELAXED if relaxed else 1.0
-        for k, relaxation in enumerate(RELAXATIONS):
-            if relaxed and relaxation.name in relaxed:
-                variable = parts.variables[f"relaxed {relaxation.name}"]
-                most = relaxed[relaxation.name] / variable.scale
-                high[variable.start : variable.stop] = most
-                if relaxation.size > 1:
-                    low[variable.start : variable.stop] = -most
-                weights[1 + k] = 1.0
-        g_low, g_high = parts.g_bounds
-        self._stop.until = until
-        began = time.perf_counter()
-        with self._stop.on_interrupt():
-            found = self._solver(x0=x0, lbx=low, ubx=high, lbg=g_low, ubg=g_high, p=weights)
-        seconds = time.perf_counter() - began
-        stats = self._solver.stats()
+        problem, units = self.problem, Units.of(scene)
+        features = features or contact_features(scene, start.contacts)
+        values = problem_values(problem, scene, start, features)
+        low, high = problem_bounds(problem, scene, features)
+        x = starting_point(problem, scene, start, features) if x0 is None else x0
+        if relaxed:
+            values["effort weight"] = EFFORT_WHEN_RELAXED
+            self._relax(values, low, high, x, relaxed, given or {}, units)
+        x = np.clip(x, low, high)
+        solver, stop = self._solver(scene)
+        stop.until = until
+        g_low, g_high = problem.parts.g_bounds
+        began, iterations, outcome = time.perf_counter(), 0, ""
+        obstacles, _ = self.reader.obstacles(scene, x, np.zeros(problem.numbers.symbol.numel()))
+        numbers = problem.numbers.pack({**values, **obstacles})
+        obstacles, _ = self.reader.obstacles(scene, x, numbers)
+        for _ in range(ROUNDS):
+            numbers = problem.numbers.pack({**values, **obstacles})
+            with stop.on_interrupt():
+                found = solver(x0=x, lbx=low, ubx=high, lbg=g_low, ubg=g_high, p=numbers)
+            stats = solver.stats()
+            x, g = np.array(found["x"]).ravel(), np.array(found["g"]).ravel()
+            outcome, iterations = str(stats["return_status"]), iterations + int(stats["iter_count"])
+            if outcome != "Solve_Succeeded" or not np.isfinite(x).all():
+                break
+            obstacles, deepest = self.reader.obstacles(scene, x, numbers)
+            renewed = problem.numbers.pack({**values, **obstacles})
+            if not self._stale(x, g, np.array(found["lam_g"]).ravel(), renewed, deepest, relaxed):
+                break
         return Attempt(
-            start=start,
-            outcome=str(stats["return_status"]),
-            iterations=int(stats["iter_count"]),
-            seconds=seconds,
-            x=np.array(found["x"]).ravel(),
-            objective=float(found["f"]),
-            violations=parts.violations(np.array(found["g"]).ravel(), CONSTRAINT_TOLERANCE),
+            start,
+            features,
+            outcome,
+            iterations,
+            time.perf_counter() - began,
+            x,
+            numbers,
+            float(found["f"]),
+            problem.parts.violations(g, CONSTRAINT_TOLERANCE, units.amounts),
         )
+
+    def given(self, scene: GraspScene, x: Array, relaxation: Relaxation) -> float:
+        """By how much a limit gives way at a point (SI, or as a part of the limit)."""
+        variable = self.problem.parts.variables[f"relaxed {relaxation.name}"]
+        amount = float(np.linalg.norm(x[variable.start : variable.stop]))
+        return amount * _amount_unit(relaxation, Units.of(scene))
+
+    def _stale(
+        self, x: Array, g: Array, force: Array, renewed: Array, deepest: float, relaxed: Mapping[str, float] | None
+    ) -> bool:
+        """Whether the obstacles that a solution was found with are not those near it."""
+        now = np.array(self._constraints(x, renewed)).ravel()
+        pressed = np.abs(force) > 1e-7
+        changed = float(np.abs(now - g)[pressed].max(initial=0.0))
+        low, high = self.problem.parts.g_bounds
+        broken = float(np.maximum(low - now, now - high).max(initial=0.0))
+        return max(changed, broken) > STALE
+
+    @property
+    def _constraints(self) -> ca.Function:
+        if not hasattr(self, "_g"):
+            parts = self.problem.parts
+            self._g = ca.Function("g", [parts.x, self.problem.numbers.symbol], [parts.g])
+        return self._g
+
+    def _relax(
+        self,
+        values: dict[str, Any],
+        low: Array,
+        high: Array,
+        x: Array,
+        relaxed: Mapping[str, float],
+        given: Mapping[str, float],
+        units: Units,
+    ) -> None:
+        weights = np.zeros(len(RELAXATIONS))
+        for k, relaxation in enumerate(RELAXATIONS):
+            if relaxation.name in relaxed:
+                variable = self.problem.parts.variables[f"relaxed {relaxation.name}"]
+                scale = _amount_unit(relaxation, units)
+                at = slice(variable.start, variable.stop)
+                high[at] = relaxed[relaxation.name] / scale
+                if relaxation.size > 1:
+                    low[at] = -high[at]
+                x[at] = given.get(relaxation.name, 0.0) / scale
+                weights[k] = 1.0
+        values["relaxation weights"] = weights
+
+
+def _amount_unit(relaxation: Relaxation, units: Units) -> float:
+    return units.amounts.get(relaxation.unit, 1.0) if relaxation.additive else 1.0
+
+
+@lru_cache(maxsize=24)
+def solver_for(make: ProblemMake) -> GraspSolverRun:
+    """The solver of a make; built once in a process."""
+    return GraspSolverRun(make)

@@ -1,103 +1,124 @@
-"""The inequalities of a grasp: friction cones, clearance of object and palm, limits of finger and model."""
+"""The inequalities of a grasp: friction cones, clearance, limits of fingers and models."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import casadi as ca
-import numpy as np
 
-from continuum_grasp.scene.grasp import OutOfPlaneGravity
+from continuum_grasp.grasp.clearance import SIZE, distance_to
+from continuum_grasp.grasp.unit_finger import rotation
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.problem import GraspProblem
+    from continuum_grasp.grasp.problem import FingerState, GraspProblem
 
-__all__ = ["add_limits"]
-
-APEX = 1e-3
-"""Rounding of the apex of the spatial friction cones (scaled force); the rounded cone lies inside the true
-one."""
+__all__ = ["add_limits", "guarded"]
 
 
 def add_limits(problem: GraspProblem) -> None:
     """Add the inequalities to a problem whose unknowns and contacts are there."""
     _bound_contacts(problem)
-    _keep_clear(problem)
-    _keep_limits(problem)
+    for finger in problem.fingers:
+        _keep_clear(problem, finger)
+        _keep_limits(problem, finger)
+    if problem.make.free:
+        _keep_object_clear(problem)
+
+
+def guarded(finger: FingerState) -> list[tuple[int, float]]:
+    """Element and fraction of it of the places along a finger that are kept clear: waypoints, and joints that do not
+    touch.
+    """
+    make = finger.make
+    touching = {n - 1 for n, on in zip(make.before, make.touching, strict=True) if on}
+    touching |= {make.elements - 1} if make.tip else set()
+    return finger.unit.waypoint_shares + [(k, 1.0) for k in range(make.elements) if k not in touching]
 
 
 def _bound_contacts(problem: GraspProblem) -> None:
-    most = problem.scene.contacts.normal_force_max + problem.give["normal force"]
-    spatial = isinstance(problem.scene.gravity, OutOfPlaneGravity)
+    require, number = problem.parts.require, problem.numbers
     for contact in problem.contacts:
-        n, f, lift = contact.force[0], contact.force[1], contact.force[2]
-        key = "palm.friction" if contact.name == "palm" else "contacts.friction"
-        if spatial:
-            cone = contact.friction * n - ca.sqrt(f**2 + lift**2 + (APEX * problem.force_scale) ** 2)
+        name, (n, f, lift) = contact.make.name, ca.vertsplit(contact.force)
+        friction = number(f"{name}.friction") + problem.give["friction"]
+        if "greatest_friction_margin" in problem.make.aims:
+            friction *= 1.0 - problem.parts.variables["friction margin"].symbol
+        if problem.make.gravity == "out_of_plane":
+            cone = (friction * n) ** 2 - f**2 - lift**2
         else:
-            cone = ca.vertcat(contact.friction * n - f, contact.friction * n + f)
-        problem.parts.require(f"friction cone, {contact.name}", cone, problem.force_scale, "N", key, upper=np.inf)
-        problem.parts.require(
-            f"normal force, {contact.name}",
-            n - most,
-            problem.force_scale,
-            "N",
-            "contacts.normal_force_max",
-            lower=-np.inf,
-        )
+            cone = ca.vertcat(friction * n - f, friction * n + f)
+        key = f"contacts.friction ({name})"
+        require(f"friction cone, {name}", cone, "N", key, upper=ca.inf)
+        most = number(f"{name}.normal_force_max") + problem.give["normal force"]
+        require(f"normal force, {name}", most - n, "N", "contacts.normal_force_max", upper=ca.inf)
 
 
-def _keep_clear(problem: GraspProblem) -> None:
-    scene, tolerance = problem.scene, problem.scene.solver.penetration_tolerance
-    reach = scene.object.radius + problem.finger.thickness_radius
-    centre = ca.DM(scene.object.position)
-    starts = ca.vertcat(0, ca.cumsum(problem.lengths))
-    touching = [False] * problem.count  # at their far ends
-    touching[problem.before - 1], touching[-1] = problem.middle_on, problem.tip_on
-    clear, height = [], []
-    base_height = 0.0 if scene.palm is None else min(0.0, scene.palm.height(problem.finger.base.position))
-    for k in range(problem.count):
-        for j in range(1, problem.samples + 1):
-            s = starts[k] + problem.lengths[k] * (j / problem.samples)
-            point = problem.position(s)
-            if not (j == problem.samples and touching[k]):
-                clear.append(ca.norm_2(point - centre) - reach + problem.give["room at the object"])
-            if scene.palm is not None:
-                off = ca.dot(ca.DM(scene.palm.normal), point - ca.DM(scene.palm.point))
-                needed = problem.finger.thickness_radius if k >= problem.before else base_height
-                height.append(off - needed + problem.give["room at the palm"])
-    problem.parts.require(
-        "penetration into the object",
-        ca.vertcat(*clear),
-        problem.length,
-        "m",
-        "object",
-        lower=-tolerance * problem.length,
-        upper=np.inf,
-    )
+def _keep_clear(problem: GraspProblem, finger: FingerState) -> None:
+    make, number, require = finger.make, finger.unit.number, problem.parts.require
+    places = guarded(finger)
+    inner = len(finger.unit.waypoint_shares)
+    points = finger.world(finger.unit.model.waypoints(finger.q, finger.u, finger.p))
+    points = ca.horzcat(points, *(finger.ends[:, k] for k, _ in places[inner:]))
+    tolerance, half = problem.numbers("tolerance"), problem.thickness(finger)
+    back = rotation(-problem.pose[2])
+    room = []
+    for j in range(len(places)):
+        local = back @ (points[:, j] - problem.pose[:2])
+        for part in range(problem.make.parts):
+            obstacle = number(f"obstacle_{part}_{j}", SIZE)
+            room.append(distance_to(local, obstacle) - half + problem.give["room at the object"] + tolerance)
+    require(f"penetration into the object, {make.name}", ca.vertcat(*room), "m", "object", upper=ca.inf)
+    supports = problem.make.planes + problem.make.lines + problem.make.pegs
+    room = []
+    for k in range(supports):
+        for j in range(len(places)):
+            off = distance_to(points[:, j], number(f"support_{k}_{j}", SIZE))
+            room.append(off - number(f"needed_{k}_{j}") + problem.give["room at the supports"] + tolerance)
+    require(f"penetration into a support, {make.name}", ca.vertcat(*room), "m", "supports", upper=ca.inf)
+
+
+def _keep_limits(problem: GraspProblem, finger: FingerState) -> None:
+    require, give, number = problem.parts.require, problem.give, finger.unit.number
+    name = finger.make.name
+    over = finger.pulls - number("pull_max") - give["tension"] * number("pull_per_force")
+    require(f"tendon tension, {name}", over, "1", f"{name}.tendons.max_tension", lower=-ca.inf)
+    bends = finger.unit.model.bending(finger.q, finger.u, finger.p)
+    most = number("bending_range") + give["bending range"]
+    room = ca.vertcat(most - bends, most + bends)
+    require(f"bending range, {name}", room, "rad", "fidelity.bending_range", upper=ca.inf)
+    if finger.make.strained:
+        curvature = finger.unit.curvatures(finger.q, finger.u, finger.p)
+        most = number("curvature_limit") * (1.0 + give["strain"])
+        room = ca.vertcat(most - curvature, most + curvature)
+        require(f"bending strain, {name}", room, "1", f"{name}.strain_limit", upper=ca.inf)
+    on = [joint for joint, touches in zip(finger.joints, finger.make.touching, strict=True) if touches]
+    if len(on) > 1:
+        gaps = ca.vertcat(*(b - a for a, b in zip(on, on[1:], strict=False))) - 0.02
+        require(f"order of the middle contacts, {name}", gaps, "1", "contacts.middle", upper=ca.inf)
+
+
+def _keep_object_clear(problem: GraspProblem) -> None:
+    number, make, tolerance = problem.numbers, problem.make, problem.numbers("tolerance")
+    turn = rotation(problem.pose[2])
+    height = []
+    for k in range(make.planes):
+        normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
+        for part in range(make.parts):
+            shape = number(f"part_{part}", 6 if make.smooth_parts[part] else 2 * make.corners[part] + 1)
+            if make.smooth_parts[part]:  # support function, opposite to the plane's normal
+                a, b, power, angle = shape[0], shape[1], shape[2], shape[5]
+                local = rotation(-problem.pose[2] - angle) @ normal
+                dual = power / (power - 1.0)
+                square = (ca.vertcat(a, b) * local) ** 2 + 1e-14
+                reach = ca.sum1(square ** (0.5 * dual)) ** (1.0 / dual)
+                height.append(ca.dot(normal, problem.pose[:2] + turn @ shape[3:5] - at) - reach)
+            else:
+                for c in range(make.corners[part]):
+                    corner = problem.pose[:2] + turn @ shape[2 * c : 2 * c + 2]
+                    height.append(ca.dot(normal, corner - at) - shape[-1])
+    for k in range(make.pegs):
+        local = rotation(-problem.pose[2]) @ (number(f"peg_{k}.position", 2) - problem.pose[:2])
+        for part in range(make.parts):
+            height.append(distance_to(local, number(f"peg_{k}.obstacle_{part}", SIZE)) - number(f"peg_{k}.radius"))
     if height:
-        problem.parts.require(
-            "penetration into the palm",
-            ca.vertcat(*height),
-            problem.length,
-            "m",
-            "palm",
-            lower=-tolerance * problem.length,
-            upper=np.inf,
-        )
-
-
-def _keep_limits(problem: GraspProblem) -> None:
-    require, give = problem.parts.require, problem.give
-    tension_scale = problem.moment_scale / problem.tendons.offset
-    over = problem.tensions - problem.tendons.max_tension - give["tension"]
-    require("tendon tension", over, tension_scale, "N", "finger.tendons.max_tension", lower=-np.inf)
-    bends = problem.model.bending(problem.q, problem.u, problem.lengths)
-    most = problem.scene.bending_range + give["bending range"]
-    over = ca.vertcat(bends - most, -bends - most)
-    require("bending range", over, 1.0, "rad", "fidelity.bending_range", lower=-np.inf)
-    limit = problem.finger.curvature_limit
-    if np.isfinite(limit):
-        curvature = problem.curvatures
-        over = ca.vertcat(curvature - limit - give["strain"], -curvature - limit - give["strain"])
-        require("bending strain", over, 1.0 / problem.length, "1/m", "finger.strain_limit", lower=-np.inf)
+        room = ca.vertcat(*height) + tolerance
+        problem.parts.require("object in a support", room, "m", "supports", upper=ca.inf)

@@ -1,283 +1,264 @@
 """The grasp as a nonlinear programme: unknowns, named constraints, objective.
 
-Scales: lengths by L, forces by E I / L^2, moments by E I / L, angles as they are. The finger's mechanics are
-those of `continuum_grasp.model.FingerModel`; element lengths are its run-time parameters, so that the middle
-contact, which is always a joint of two elements, can move along the finger.
+Units of the problem: length of the longest finger, greatest E I / L^2 of the fingers as force, radians. Each finger's
+mechanics are those of `continuum_grasp.model.FingerModel` in units of its own; element lengths are run-time parameters,
+so that middle contacts, which are joints of two elements, can move along the finger. With surface point p, outward
+normal n and half thickness h:
 
-With c the object's centre, rho its radius plus half the finger's thickness h, and n(a) = (cos a, sin a):
-
-    middle    r(s_m) = c + rho n,  n across the finger there (tangency)
-    tip       r(L) = c + rho n(a),  a free
+    middle    r(s) = p + h n,  n across the finger there (tangency)
+    tip       r(L) = p + h n
     finger    inverse dynamics at rest = 0, contact forces N n + f t and couples -h f included
-    object    weight - sum (N n + f t) = 0, moments about c, lift out of the plane
+    object    weight - sum (N n + f t) = 0, moments about the centre of mass, lift out of the plane
+
+All numbers of the scene are run-time arguments: two scenes of one make share one solver.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
-from numpy.typing import NDArray
 
 from continuum_grasp.grasp.blocks import BlockList
 from continuum_grasp.grasp.limits import add_limits
+from continuum_grasp.grasp.make import ContactMake, ProblemMake
+from continuum_grasp.grasp.numbers import Numbers
+from continuum_grasp.grasp.objective import add_objective
 from continuum_grasp.grasp.relaxations import RELAXATIONS
-from continuum_grasp.grasp.seeds import bending_side
-from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.finger import Finger, Tendons
-from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity, PlanarGravity
-from continuum_grasp.scene.loads import MomentLoad
+from continuum_grasp.grasp.surface import SurfacePoint
+from continuum_grasp.grasp.unit_finger import FingerMake, UnitFinger, rotation
 
-__all__ = ["GraspProblem"]
-
-Array = NDArray[Any]
-
-REGULARISATION = 1e-6
-"""Weight of the squared contact forces (scaled) beside the tension, so that they are unique."""
-TINY = 1e-6
-"""Rounding of the norm of what gives way in several components (scaled)."""
-MODEL_ACCURACY = 1e-10
-"""Relative accuracy of the model's quadrature where the scene says nothing; far below the certificate's
-limits."""
+__all__ = ["FingerState", "GraspProblem", "TouchState"]
 
 
 @dataclass(frozen=True)
-class _Contact:
-    name: str
+class FingerState:
+    """A finger's unknowns and what follows from them, as expressions.
+
+    Attributes
+    ----------
+    make : FingerMake
+    unit : UnitFinger
+    q : casadi.SX
+        Bending coordinates of the unit finger.
+    joints : list of casadi.SX
+        Positions of the middle contacts, as parts of the length.
+    pulls : casadi.SX
+        (2,) tensions times offset, in E I / L of the finger.
+    base : casadi.SX
+        (3,) x, y and angle in the world.
+    u, p : casadi.SX
+        Input and run-time argument of the unit finger's model.
+    ends : casadi.SX
+        (2, N) world positions of the elements' ends.
+    angles : casadi.SX
+        (N,) world angles there.
+    """
+
+    make: FingerMake
+    unit: UnitFinger
+    q: ca.SX
+    joints: list[ca.SX]
+    pulls: ca.SX
+    base: ca.SX
+    u: ca.SX
+    p: ca.SX
+    ends: ca.SX
+    angles: ca.SX
+
+    def world(self, points: ca.SX) -> ca.SX:
+        """World positions (2, K) of points of the unit finger."""
+        turned = self.unit.number("length") * rotation(self.base[2]) @ points
+        return turned + ca.repmat(self.base[:2], 1, points.shape[1])
+
+    def end_of(self, contact: ContactMake) -> int:
+        """Index of the element at whose end a contact sits."""
+        return self.make.elements - 1 if contact.joint < 0 else self.make.before[contact.joint] - 1
+
+
+@dataclass(frozen=True)
+class TouchState:
+    """A contact's unknowns and what follows from them, as expressions in the world.
+
+    Attributes
+    ----------
+    make : ContactMake
+    point, normal : casadi.SX
+        (2,) surface point and outward normal of the object.
+    local : SurfacePoint
+        The same in the object's frame.
+    force : casadi.SX
+        (3,) N, f, lift.
+    """
+
+    make: ContactMake
+    point: ca.SX
     normal: ca.SX
+    local: SurfacePoint
     force: ca.SX
-    """(N, f, lift) [N]."""
-    friction: ca.SX
 
     @property
     def across(self) -> ca.SX:
+        """The normal turned by +90 degrees."""
         return ca.vertcat(-self.normal[1], self.normal[0])
 
     @property
     def world(self) -> ca.SX:
-        """Force on what touches the object [N]."""
+        """Force on what touches the object."""
         return self.force[0] * self.normal + self.force[1] * self.across
 
 
 class GraspProblem:
-    """Variables, constraint blocks and objective of a grasp.
+    """Unknowns, constraint blocks and objective of a grasp.
 
     Parameters
     ----------
-    scene : GraspScene
-    samples : int, optional
-        Points along the finger at which penetration is excluded; the scene's where not given.
+    make : ProblemMake
 
     Attributes
     ----------
-    scene : GraspScene
-    model : FingerModel
+    make : ProblemMake
     parts : BlockList
         Unknowns and constraints.
+    numbers : Numbers
+        Run-time numbers.
+    fingers : list of FingerState
+    contacts : list of TouchState
+    pose : casadi.SX
+        (3,) of the object.
+    give : dict of str to casadi.SX
+        By how much each limit that can be relaxed gives way.
     objective : casadi.SX
-        Scaled objective.
-    weights : casadi.SX
-        Its run-time weights: of the tension term, then of each relaxation's amount.
     """
 
-    def __init__(self, scene: GraspScene, samples: int | None = None) -> None:
-        self.scene = scene
-        self.finger = scene.finger
-        self.length = self.finger.rod.length
-        self.moment_scale = self.finger.rod.stiffness / self.length
-        self.force_scale = self.moment_scale / self.length
-        self.count = scene.element_count
-        self.samples = max(3, -(-(samples or scene.solver.samples) // self.count))
-        self.before = scene.elements_before_middle
-        self.middle_on = scene.contacts.middle == "on"
-        self.tip_on = scene.contacts.tip == "on"
-        self.model = self._make_model()
-        self.parts = BlockList()
-        self._unknowns()
-        self._contacts()
-        self._balance_finger()
+    def __init__(self, make: ProblemMake) -> None:
+        self.make = make
+        self.parts, self.numbers = BlockList(), Numbers()
+        self.give = {r.name: self.parts.unknown(f"relaxed {r.name}", r.size) for r in RELAXATIONS}
+        self.pose = self.parts.unknown("object pose", 3) if make.free else self.numbers("object pose", 3)
+        if "greatest_friction_margin" in make.aims:
+            self.parts.unknown("friction margin")
+        self._forces = {c.name: self._force(c) for c in make.contacts}
+        self.fingers = [self._finger(finger) for finger in make.fingers]
+        self.contacts = [self._touch(contact) for contact in make.contacts]
+        for contact in self.contacts:
+            self._close(contact)
+        for k, finger in enumerate(self.fingers):
+            missing = finger_balance(finger, [c for c in self.contacts if c.make.finger == k])
+            scale = finger.unit.number("force share") * finger.unit.number("length")
+            self.parts.require(f"finger equilibrium, {finger.make.name}", scale * missing, "N m", finger.make.name)
         self._balance_object()
         add_limits(self)
-        self._set_objective()
+        self.objective = add_objective(self)
 
-    @property
-    def tendons(self) -> Tendons:
-        """The finger's tendons."""
-        if self.finger.tendons is None:  # the scene's own validation excludes it
-            raise ValueError("finger.tendons is needed")
-        return self.finger.tendons
+    # -- unknowns --------------------------------------------------------------------------------------------
 
-    # -- pieces ----------------------------------------------------------------------------------------------
+    def _force(self, contact: ContactMake) -> ca.SX:
+        force = self.parts.unknown(f"force, {contact.name}", 3 if self.make.gravity == "out_of_plane" else 2)
+        return force if force.numel() == 3 else ca.vertcat(force, 0.0)
 
-    def _make_model(self) -> FingerModel:
-        scene, fidelity = self.scene, self.scene.fidelity
-        planar = isinstance(scene.gravity, PlanarGravity)
-        gravity = scene.gravity.vector if isinstance(scene.gravity, PlanarGravity) else (0.0, 0.0)
-        lengths = self.element_lengths(0.5 * self.length)
-        at = sum(lengths[: self.before])
-        return FingerModel(
-            _at_rest(self.finger, planar),
-            contacts=(at,),
-            gravity=gravity,
-            family=fidelity.family,
-            elements=lengths,
-            bending_range=scene.bending_range,
-            accuracy=fidelity.accuracy or MODEL_ACCURACY,
-            parameters=("element_lengths",),
-            loads=(MomentLoad(at=at, moment=0.0), MomentLoad(at=self.length, moment=0.0)),
-            tip_force=True,
-        )
+    def _finger(self, make: FingerMake) -> FingerState:
+        unit, add = UnitFinger(make, self.numbers), self.parts.unknown
+        q = add(f"{make.name}.q", unit.model.n)
+        joints = [
+            add(f"{make.name}.joint_{k}") if on else unit.number(f"joint_{k}") for k, on in enumerate(make.touching)
+        ]
+        pulls = add(f"{make.name}.pulls", 2)
+        base = add(f"{make.name}.base", 3) if make.free else unit.number("base", 3)
+        tip = next((self._forces[c.name] for c in self.make.contacts if self._on_tip(c, make)), ca.SX.zeros(3))
+        couple = -unit.number("thickness") * tip[1] / unit.number("force share") if make.tip else ca.SX(0)
+        u = unit.input(pulls, couple)
+        p = unit.parameters(ca.vertcat(*unit.element_lengths(joints)), base[2])
+        ends, angles = unit.model.joints(q, u, p)
+        turned = unit.number("length") * rotation(base[2]) @ ends
+        return FingerState(make, unit, q, joints, pulls, base, u, p, turned + ca.repmat(base[:2], 1, ends.shape[1]), angles + base[2])
 
-    def element_lengths(self, middle: Any) -> tuple[Any, ...]:
-        """Element lengths for a position of the middle contact: equal on each side of it."""
-        behind = self.count - self.before
-        return (middle / self.before,) * self.before + ((self.length - middle) / behind,) * behind
+    def _on_tip(self, contact: ContactMake, finger: FingerMake) -> bool:
+        return contact.joint == -1 and self.make.fingers[contact.finger] == finger
 
-    @property
-    def q_scale(self) -> float:
-        """Scale of the bending coordinates."""
-        return 1.0 if self.model.family == "arc" else 1.0 / self.length
-
-    def _unknowns(self) -> None:
-        add, scene = self.parts.unknown, self.scene
-        tension_scale = self.moment_scale / self.tendons.offset
-        bounds = scene.middle_bounds if self.middle_on else (self.before / self.count * self.length,) * 2
-        self.q = add("bending", self.model.n, self.q_scale)
-        self.middle = add("middle contact position", 1, self.length, bounds[0], bounds[1])
-        self.tensions = add("tensions", 2, tension_scale, self.tendons.min_tension)
-        self.tip_angle = add("tip contact angle", 1 if self.tip_on else 0, 1.0)
-        self.names = [n for n, on in (("middle", self.middle_on), ("tip", self.tip_on)) if on]
-        if scene.palm_touches:
-            self.names.append("palm")
-        spatial = isinstance(scene.gravity, OutOfPlaneGravity)
-        for name in self.names:
-            add(f"normal force, {name}", 1, self.force_scale, 0.0)
-            add(f"friction force, {name}", 1, self.force_scale)
-            add(f"lift, {name}", 1 if spatial else 0, self.force_scale)
-        scales = {"tension": tension_scale, "normal force": self.force_scale, "strain": 1.0 / self.length}
-        scales |= {"room at the palm": self.length, "room at the object": self.length}
-        scales |= {"tilt balance": self.moment_scale}
-        self.give = {r.name: add(f"relaxed {r.name}", r.size, scales.get(r.name, 1.0), 0.0, 0.0) for r in RELAXATIONS}
-        self.lengths = ca.vertcat(*self.element_lengths(self.middle))
-
-    @cached_property
-    def _couples(self) -> dict[str, ca.SX]:
-        """Couples of the friction forces about the backbone [N m]."""
-        thickness = self.finger.thickness_radius
-        variables = self.parts.variables
-        return {
-            name: -thickness * variables[f"friction force, {name}"].physical if name in self.names else ca.SX(0)
-            for name in ("middle", "tip")
-        }
-
-    @cached_property
-    def u(self) -> ca.SX:
-        """The model's input: tensions and the couple on the tip."""
-        return ca.vertcat(self.tensions, self._couples["tip"])
-
-    def position(self, s: Any) -> ca.SX:
-        """World position of a section [m]."""
-        return self.model.position(self.q, self.u, s, self.lengths)
-
-    def _contacts(self) -> None:
-        scene, variables = self.scene, self.parts.variables
-        centre = ca.DM(scene.object.position)
-        reach = scene.object.radius + self.finger.thickness_radius
-        extra = self.give["friction"]
-        self.contacts: list[_Contact] = []
-        for name in self.names:
-            if name == "palm" and scene.palm is not None:
-                normal = -ca.SX(ca.DM(scene.palm.normal))
-            elif name == "tip":
-                normal = ca.vertcat(ca.cos(self.tip_angle), ca.sin(self.tip_angle))
-            else:
-                angle = self.model.orientation(self.q, self.u, self.middle, self.lengths)
-                normal = bending_side(scene) * ca.vertcat(ca.cos(angle), ca.sin(angle))
-            lift = variables[f"lift, {name}"]
-            force = ca.vertcat(
-                variables[f"normal force, {name}"].physical,
-                variables[f"friction force, {name}"].physical,
-                lift.physical if lift.symbol.numel() else ca.SX(0),
+    def _touch(self, contact: ContactMake) -> TouchState:
+        number = self.numbers
+        if contact.finger < 0 and not self.make.free:  # where it sits is known
+            local = SurfacePoint(
+                number(f"{contact.name}.point", 2), number(f"{contact.name}.normal", 2), ca.SX(0, 1)
             )
-            given = scene.palm_friction if name == "palm" else scene.contacts.friction
-            self.contacts.append(_Contact(name, normal, force, given + extra))
-            if name != "palm":
-                at = self.middle if name == "middle" else self.length
-                gap = self.position(at) - centre - reach * normal
-                self.parts.require(f"contact gap, {name}", gap, self.length, "m", f"contacts.{name}")
+        else:
+            place = self.parts.unknown(f"place, {contact.name}", 2)
+            shape = SurfacePoint.on_superellipse if contact.smooth else SurfacePoint.on_polygon
+            local = shape(place, number(f"{contact.name}.feature", 6 if contact.smooth else 5))
+        self.parts.require(f"contact on the surface, {contact.name}", local.on_surface, "1", "object")
+        turn = rotation(self.pose[2])
+        point = self.pose[:2] + turn @ local.point
+        return TouchState(contact, point, turn @ local.normal, local, self._forces[contact.name])
 
-    def _force(self, name: str) -> ca.SX:
-        return next((c.world for c in self.contacts if c.name == name), ca.SX.zeros(2))
+    # -- equations -------------------------------------------------------------------------------------------
 
-    def _balance_finger(self) -> None:
-        zero = ca.SX.zeros(self.model.n)
-        w = ca.vertcat(self._force("middle"), self._force("tip"), self._couples["middle"])
-        missing = self.model.inverse_dynamics(self.q, zero, zero, self.u, w, self.lengths)
-        if isinstance(self.scene.gravity, PlanarGravity):
-            for mass in self.finger.masses:
-                if not _on_tip(mass.at, self.length):
-                    arm = self.model.jacobian(self.q, self.u, mass.at, self.lengths)
-                    missing -= mass.mass * arm.T @ ca.DM(self.scene.gravity.vector)
-        scale = self.moment_scale / self.q_scale
-        unit = "N m" if self.model.family == "arc" else "N m2"
-        self.parts.require("finger equilibrium", missing, scale, unit, "finger")
+    def _close(self, contact: TouchState) -> None:
+        """The contact's gap is zero."""
+        make, require, key = contact.make, self.parts.require, f"contacts.{contact.make.name}"
+        if make.finger >= 0:
+            finger = self.fingers[make.finger]
+            end = finger.end_of(make)
+            gap = finger.ends[:, end] - contact.point - self.thickness(finger) * contact.normal
+            require(f"contact gap, {make.name}", gap, "m", key)
+            if make.joint >= 0:
+                along = ca.vertcat(-ca.sin(finger.angles[end]), ca.cos(finger.angles[end]))
+                require(f"contact tangency, {make.name}", ca.dot(along, contact.normal), "rad", key)
+        elif self.make.free:
+            key = f"supports.{make.name}"
+            if make.peg:
+                centre, radius = self.numbers(f"{make.name}.position", 2), self.numbers(f"{make.name}.radius")
+                require(f"contact gap, {make.name}", contact.point + radius * contact.normal - centre, "m", key)
+                return
+            normal, at = self.numbers(f"{make.name}.wall normal", 2), self.numbers(f"{make.name}.wall point", 2)
+            along = ca.vertcat(-normal[1], normal[0])
+            require(f"contact gap, {make.name}", ca.dot(normal, contact.point - at), "m", key)
+            require(f"contact normal, {make.name}", ca.dot(along, contact.normal), "rad", key)
+            if make.bounded:
+                off, half = ca.dot(along, contact.point - at), self.numbers(f"{make.name}.half length")
+                within = ca.vertcat(half - off, half + off)
+                require(f"contact within its support, {make.name}", within, "m", key, upper=ca.inf)
+
+    def thickness(self, finger: FingerState) -> ca.SX:
+        """Half thickness of a finger."""
+        return finger.unit.number("thickness") * finger.unit.number("length")
+
+    @property
+    def centre_of_mass(self) -> ca.SX:
+        """World position of the object's centre of mass (2,)."""
+        return self.pose[:2] + rotation(self.pose[2]) @ self.numbers("centre of mass", 2)
 
     def _balance_object(self) -> None:
-        scene, thing, require = self.scene, self.scene.object, self.parts.require
-        mass = thing.mass * (1.0 - self.give["mass"])
+        require, number = self.parts.require, self.numbers
         force, moment, lift, tilt = ca.SX.zeros(2), ca.SX(0), ca.SX(0), ca.SX.zeros(2)
         for contact in self.contacts:
-            force -= contact.world
-            moment -= thing.radius * contact.force[1]
+            arm, load = contact.point - self.centre_of_mass, contact.world
+            force -= load
+            moment -= arm[0] * load[1] - arm[1] * load[0]
             lift += contact.force[2]
-            tilt += contact.force[2] * contact.normal
-        if isinstance(scene.gravity, PlanarGravity):
-            force += mass * ca.DM(scene.gravity.vector)
-        require("object force balance", force, self.force_scale, "N", "object.mass")
-        require("object moment balance", moment, self.moment_scale, "N m", "object")
-        if isinstance(scene.gravity, OutOfPlaneGravity):
-            weight = mass * scene.gravity.magnitude
-            require("object lift balance", lift - weight, self.force_scale, "N", "object.mass")
-            if scene.gravity.tilt == "balance":
-                tilt -= self.give["tilt balance"] / thing.radius
-                require("object tilt balance", tilt, self.force_scale, "N", "gravity.tilt")
-
-    @cached_property
-    def curvatures(self) -> ca.SX:
-        """Curvature of each arc, or at each node of the clothoids [1/m]."""
-        if self.model.family == "arc":
-            return ca.SX(self.q / self.lengths)
-        if self.model.family == "clothoid":
-            return self.q
-        return ca.vertcat(self.q, self.tip_curvature)
-
-    @cached_property
-    def tip_curvature(self) -> ca.SX:
-        """Curvature that the moment balance imposes at the tip [1/m]."""
-        moment = (self.tensions[0] - self.tensions[1]) * self.tendons.offset + self._couples["tip"]
-        return moment / self.finger.rod.stiffness + self.finger.curvature_pieces[-1][2]
-
-    def _set_objective(self) -> None:
-        scaled = [self.parts.variables["tensions"].symbol[k] for k in range(2)]
-        force = ca.vertcat(*(c.force for c in self.contacts)) / self.force_scale
-        effort = sum(scaled) + REGULARISATION * ca.sumsqr(force)
-        self.weights = ca.SX.sym("weights", 1 + len(RELAXATIONS))
-        given = (self.parts.variables[f"relaxed {r.name}"].symbol for r in RELAXATIONS)
-        relaxed = ca.vertcat(*(z if z.numel() == 1 else ca.sqrt(ca.sumsqr(z) + TINY**2) for z in given))
-        self.objective = self.weights[0] * effort + ca.dot(self.weights[1:], relaxed)
+            tilt += contact.force[2] * arm
+        if self.make.gravity == "planar":
+            force += number("weight", 2) * (1.0 - self.give["mass"])
+        require("object force balance", force, "N", "object.mass")
+        require("object moment balance", moment / number("size"), "N", "object")
+        if self.make.gravity == "out_of_plane":
+            require("object lift balance", lift - number("weight") * (1.0 - self.give["mass"]), "N", "object.mass")
+            if self.make.tilt:
+                balance = (tilt - self.give["tilt balance"]) / number("size")
+                require("object tilt balance", balance, "N", "gravity.tilt")
 
 
-def _at_rest(finger: Finger, weighs: bool) -> Finger:
-    """The finger as statics need it: no drive dynamics, and only those masses that the model can keep in
-    place.
-    """
-    length = finger.rod.length
-    masses = tuple(m for m in finger.masses if _on_tip(m.at, length)) if weighs else ()
-    tendons = finger.tendons and finger.tendons.model_copy(update={"time_constant": None})
-    return finger.model_copy(update={"masses": masses, "tendons": tendons})
-
-
-def _on_tip(at: float, length: float) -> bool:
-    return abs(at - length) <= 1e-9 * length
+def finger_balance(finger: FingerState, contacts: list[TouchState]) -> ca.SX:
+    """Generalised force that a finger lacks for rest, in E I / L of it."""
+    unit = finger.unit
+    share, h = unit.number("force share"), unit.number("thickness")
+    back = rotation(-finger.base[2])
+    zero = ca.SX.zeros(2)
+    forces: dict[int, Any] = {c.make.joint: back @ c.world / share for c in contacts}
+    couples = {c.make.joint: -h * c.force[1] / share for c in contacts}
+    middles = range(len(finger.make.before))
+    w = [*(forces.get(k, zero) for k in middles), forces.get(-1, zero), *(couples.get(k, 0.0) for k in middles)]
+    rest = ca.SX.zeros(unit.model.n)
+    missing = unit.model.inverse_dynamics(finger.q, rest, rest, finger.u, ca.vertcat(*w), finger.p)
+    return missing - unit.hanging_masses(finger.q, finger.u, finger.p, finger.base[2])

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
-from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity
+from continuum_grasp.scene.grasp import GraspFinger, GraspScene, OutOfPlaneGravity
 from continuum_grasp.scene.value import Value
 
 __all__ = ["RELAXATIONS", "Relaxation"]
@@ -53,6 +54,8 @@ class Relaxation:
     size: int = 1
     measured: bool = False
     excuses: str = ""
+    additive: bool = True
+    """Whether the amount has the unit of the limit; False: it is a part of it."""
     repair: str = "{key} = {needed:.4g} {unit}"
 
     def value(self, scene: GraspScene, amount: float) -> float:
@@ -71,57 +74,79 @@ class Relaxation:
         return self.repair.format(key=self.key, needed=self.value(scene, amount), unit=unit).strip()
 
 
-def _with(value: Value, **changes: object) -> Value:
+V = TypeVar("V", bound=Value)
+
+
+def _with(value: V, **changes: object) -> V:
     return value.model_copy(update=changes)
 
 
+def _each_finger(scene: GraspScene, change: Callable[[GraspFinger], GraspFinger]) -> GraspScene:
+    if scene.fingers is not None:
+        return _with(scene, fingers={name: change(finger) for name, finger in scene.fingers.items()})
+    return scene if scene.finger is None else _with(scene, finger=change(scene.finger))
+
+
 def _tension(scene: GraspScene, amount: float) -> GraspScene:
-    tendons = scene.finger.tendons
-    if tendons is None:
-        return scene
-    stronger = _with(tendons, max_tension=tendons.max_tension + amount)
-    return _changed(scene, finger=_with(scene.finger, tendons=stronger))
+    def stronger(finger: GraspFinger) -> GraspFinger:
+        tendons = finger.tendons
+        if tendons is None:
+            return finger
+        return _with(finger, tendons=_with(tendons, max_tension=tendons.max_tension + amount))
 
-
-def _changed(scene: GraspScene, **changes: object) -> GraspScene:
-    return scene.model_copy(update=changes)
+    return _each_finger(scene, stronger)
 
 
 def _friction(scene: GraspScene, amount: float) -> GraspScene:
-    palm = None if scene.palm is None else _with(scene.palm, friction=scene.palm_friction + amount)
-    contacts = _with(scene.contacts, friction=scene.contacts.friction + amount)
-    return _changed(scene, contacts=contacts, palm=palm)
+    def rougher(value: V) -> V:
+        given = getattr(value, "friction", None)
+        return value if given is None else _with(value, friction=given + amount)
+
+    fingers = _each_finger(scene, lambda f: _with(f, contacts=rougher(f.contacts)))
+    supports = {name: rougher(support) for name, support in scene.supports.items()}
+    return _with(fingers, contacts=rougher(scene.contacts), supports=supports)
 
 
 def _normal(scene: GraspScene, amount: float) -> GraspScene:
-    most = scene.contacts.normal_force_max + amount
-    return _changed(scene, contacts=_with(scene.contacts, normal_force_max=most))
+    def stronger(value: V) -> V:
+        given = getattr(value, "normal_force_max", None)
+        return value if given is None else _with(value, normal_force_max=given + amount)
+
+    fingers = _each_finger(scene, lambda f: _with(f, contacts=stronger(f.contacts)))
+    return _with(fingers, contacts=stronger(scene.contacts))
 
 
 def _mass(scene: GraspScene, amount: float) -> GraspScene:
-    return _changed(scene, object=_with(scene.object, mass=scene.object.mass * (1.0 - amount)))
+    return _with(scene, object=_with(scene.object, mass=scene.object.mass * (1.0 - amount)))
 
 
 def _strain(scene: GraspScene, amount: float) -> GraspScene:
-    finger = scene.finger
-    if finger.strain_limit is None or finger.rod.diameter is None:
-        return scene
-    limit = finger.strain_limit + 0.5 * finger.rod.diameter * amount
-    return _changed(scene, finger=_with(finger, strain_limit=limit))
+    def tougher(finger: GraspFinger) -> GraspFinger:
+        limit = finger.strain_limit
+        return finger if limit is None else _with(finger, strain_limit=limit * (1.0 + amount))
+
+    return _each_finger(scene, tougher)
 
 
 def _bending(scene: GraspScene, amount: float) -> GraspScene:
-    return _changed(scene, fidelity=_with(scene.fidelity, bending_range=scene.bending_range + amount))
+    ranges = {setup.name: setup.bending_range + amount for setup in scene.setups}
+
+    def wider(name: str, finger: GraspFinger) -> GraspFinger:
+        return _with(finger, fidelity=_with(finger.fidelity or scene.fidelity, bending_range=ranges[name]))
+
+    if scene.fingers is None and scene.finger is not None:
+        return _with(scene, finger=wider("finger", scene.finger))
+    return _with(scene, fingers={name: wider(name, finger) for name, finger in scene.named_fingers.items()})
 
 
 def _tilt(scene: GraspScene, amount: float) -> GraspScene:
-    return _changed(scene, gravity=_with(scene.gravity, tilt="ignore"))
+    return _with(scene, gravity=_with(scene.gravity, tilt="ignore"))  # type: ignore[type-var]
 
 
 def _tilt_scale(scene: GraspScene) -> float:
     """Moment of the object's weight about its rim [N m]."""
     magnitude = scene.gravity.magnitude if isinstance(scene.gravity, OutOfPlaneGravity) else 0.0
-    return scene.object.mass * magnitude * scene.object.radius
+    return scene.object.mass * magnitude * scene.object.size
 
 
 def _unchanged(scene: GraspScene, amount: float) -> GraspScene:
@@ -129,7 +154,23 @@ def _unchanged(scene: GraspScene, amount: float) -> GraspScene:
 
 
 def _max_tension(scene: GraspScene) -> float:
-    return 0.0 if scene.finger.tendons is None else scene.finger.tendons.max_tension
+    return max((f.tendons.max_tension for f in scene.named_fingers.values() if f.tendons is not None), default=0.0)
+
+
+def _normal_max(scene: GraspScene) -> float:
+    return max([setup.normal_force_max for setup in scene.setups] + [scene.contacts.normal_force_max])
+
+
+def _least_friction(scene: GraspScene) -> float:
+    return min([setup.friction for setup in scene.setups] + [scene.contacts.friction])
+
+
+def _strain_limit(scene: GraspScene) -> float:
+    return min((f.strain_limit for f in scene.named_fingers.values() if f.strain_limit is not None), default=0.0)
+
+
+def _bending_range(scene: GraspScene) -> float:
+    return max(setup.bending_range for setup in scene.setups)
 
 
 RELAXATIONS = (
@@ -146,7 +187,7 @@ RELAXATIONS = (
         "friction",
         "contacts.friction",
         "1",
-        lambda s: s.contacts.friction,
+        _least_friction,
         _friction,
         "friction is too low: coefficient {limit:.4g}, {needed:.4g} needed",
         lambda s: 0.5,
@@ -156,10 +197,10 @@ RELAXATIONS = (
         "normal force",
         "contacts.normal_force_max",
         "N",
-        lambda s: s.contacts.normal_force_max,
+        _normal_max,
         _normal,
         "a contact must bear more: {limit:.4g} N allowed, {needed:.4g} N needed",
-        lambda s: s.contacts.normal_force_max,
+        _normal_max,
     ),
     Relaxation(
         "mass",
@@ -170,6 +211,7 @@ RELAXATIONS = (
         "the object is too heavy: {limit:.4g} kg, {needed:.4g} kg can be held",
         lambda s: 0.8,
         most=1.0,
+        additive=False,
     ),
     Relaxation(
         "tilt balance",
@@ -187,32 +229,33 @@ RELAXATIONS = (
         "strain",
         "finger.strain_limit",
         "1",
-        lambda s: s.finger.strain_limit or 0.0,
+        _strain_limit,
         _strain,
         "the rod must bend more: strain {limit:.4g} allowed, {needed:.4g} needed",
-        lambda s: s.finger.curvature_limit,
+        lambda s: 1.0,
+        additive=False,
     ),
     Relaxation(
         "bending range",
         "fidelity.bending_range",
         "rad",
-        lambda s: s.bending_range,
+        _bending_range,
         _bending,
         "an element must bend beyond the model's range: {limit:.4g} rad allowed, {needed:.4g} rad needed",
         lambda s: 1.0,
         most=3.0,
     ),
     Relaxation(
-        "room at the palm",
-        "palm",
+        "room at the supports",
+        "supports",
         "m",
         lambda s: 0.0,
         _unchanged,
-        "the palm is in the way: the finger would have to pass {needed:.2g} m deep through it",
-        lambda s: 0.5 * s.object.radius,
+        "a support is in the way: a finger would have to pass {needed:.2g} m deep through it",
+        lambda s: 0.5 * s.object.size,
         measured=True,
-        excuses="penetration into the palm",
-        repair="make room of {needed:.2g} m at the palm (a shorter finger, another base or palm)",
+        excuses="penetration into a support",
+        repair="make room of {needed:.2g} m at the support (a shorter finger, another base or support)",
     ),
     Relaxation(
         "room at the object",
@@ -220,10 +263,10 @@ RELAXATIONS = (
         "m",
         lambda s: 0.0,
         _unchanged,
-        "the finger cannot touch as wanted without passing {needed:.2g} m deep through the object",
-        lambda s: 0.25 * s.object.radius,
+        "a finger cannot touch as wanted without passing {needed:.2g} m deep through the object",
+        lambda s: 0.25 * s.object.size,
         measured=True,
         excuses="penetration into the object",
-        repair="place base or object so that the finger need not pass {needed:.2g} m deep through the object",
+        repair="place base or object so that no finger need pass {needed:.2g} m deep through the object",
     ),
 )

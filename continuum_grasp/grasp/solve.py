@@ -4,26 +4,16 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from continuum_grasp.errors import InputError, Interrupted, SolverError
-from continuum_grasp.grasp.certificate import Certificate, certify
 from continuum_grasp.grasp.diagnosis import find_reasons, out_of_reach
-from continuum_grasp.grasp.ipopt import Attempt, GraspSolverRun
-from continuum_grasp.grasp.points import starting_point
-from continuum_grasp.grasp.problem import GraspProblem
+from continuum_grasp.grasp.ipopt import Attempt
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
-from continuum_grasp.grasp.seeds import make_seeds
+from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["optimize_grasp"]
-
-REFINEMENTS = 2
-"""How often the points at which penetration is excluded may be doubled."""
 
 
 def optimize_grasp(scene: GraspScene | str | os.PathLike[str], *, raise_on_failure: bool = True) -> GraspResult:
@@ -52,7 +42,7 @@ def optimize_grasp(scene: GraspScene | str | os.PathLike[str], *, raise_on_failu
     """
     if not isinstance(scene, GraspScene):
         scene = _load(scene)
-    result = _Search(scene).result()
+    result = _Verdict(scene).result()
     if raise_on_failure and not result.solved:
         raise SolverError(
             result.message,
@@ -75,93 +65,50 @@ def _load(path: str | os.PathLike[str]) -> GraspScene:
     return scene
 
 
-@dataclass(frozen=True)
-class _Verified:
-    attempt: Attempt
-    arrays: dict[str, NDArray[Any]]
-    certificate: Certificate
-
-
-class _Search:
+class _Verdict:
     def __init__(self, scene: GraspScene) -> None:
         self.scene = scene
         self.began = time.monotonic()
-        self.until = self.began + scene.solver.time_limit
-        self.attempts: list[Attempt] = []
-        self.good: list[_Verified] = []
-        self.build_seconds = 0.0
+        self.search = Search(scene, self.began + scene.solver.time_limit)
         self.interrupted = False
 
     def result(self) -> GraspResult:
         """Search and judge; on Ctrl-C, judge what there is."""
         try:
-            return self._search()
+            return self._judged()
         except KeyboardInterrupt:
             self.interrupted = True
-            if not self.good:
-                tried = f"{len(self.attempts)} starts tried to the end"
+            if not self.search.good:
+                tried = f"{len(self.search.tried)} starts tried to the end"
                 raise Interrupted(f"interrupted before a grasp was found ({tried})") from None
             return self._solved()
 
-    def _search(self) -> GraspResult:
+    def _judged(self) -> GraspResult:
         far = out_of_reach(self.scene)
         if far is not None:
             return self._infeasible([far])
-        solver = self._solver(self.scene.solver.samples)
-        seeds = make_seeds(self.scene)
-        starts = [(seed.label, starting_point(solver.problem, seed)) for seed in seeds]
-        tried = self._run(solver, starts)
-        for round_ in range(1, REFINEMENTS + 1):
-            if self.good:
-                break
-            again = [v for v in tried if v.attempt.converged and _only_penetrates(v.certificate)]
-            if not again or time.monotonic() > self.until:
-                break
-            solver = self._solver(self.scene.solver.samples * 2**round_)
-            tried = self._run(solver, [(v.attempt.start, v.attempt.x) for v in again])
-        if self.good:
+        search = self.search
+        search.run()
+        if search.good:
             return self._solved()
-        closest = min(tried, key=lambda v: v.attempt.badness, default=None)
-        if closest is not None and any(v.attempt.infeasible for v in tried):
-            found = find_reasons(self.scene, solver, seeds, self.until)
-            self._run(solver, [(f"relaxed {f.reason.name}", f.x) for f in found])
-            if self.good:  # feasible after all, though no start saw it
-                return self._solved()
-            if found:
-                return self._infeasible([f.reason for f in found], closest)
+        closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
+        reasons = find_reasons(self.scene, search)
+        if search.good:  # feasible after all, though no start saw it
+            return self._solved()
+        if reasons:
+            return self._infeasible(reasons, closest)
         return self._unsolved(closest)
-
-    def _solver(self, samples: int) -> GraspSolverRun:
-        began = time.perf_counter()
-        solver = GraspSolverRun(GraspProblem(self.scene, samples))
-        self.build_seconds += time.perf_counter() - began
-        return solver
-
-    def _run(self, solver: GraspSolverRun, starts: list[tuple[str, NDArray[Any]]]) -> list[_Verified]:
-        tried: list[_Verified] = []
-        for label, x0 in starts:
-            if tried and time.monotonic() > self.until:
-                break
-            attempt = solver.run(label, x0, self.until)
-            self.attempts.append(attempt)
-            if np.isfinite(attempt.x).all():
-                arrays = solver.reader.arrays(attempt.x)
-                verified = _Verified(attempt, arrays, certify(self.scene, arrays))
-                tried.append(verified)
-                if verified.certificate.passed:
-                    self.good.append(verified)
-        return tried
 
     # -- verdicts --------------------------------------------------------------------------------------------
 
     def _solved(self) -> GraspResult:
-        best = min(self.good, key=lambda v: (round(v.attempt.objective, 9), not v.attempt.converged))
-        tension = float(best.arrays["tensions"].max())
-        if best.attempt.converged:
-            status, message = Status.OPTIMAL, f"held with a tension of {tension:.4g} N"
-        else:
-            status = Status.FEASIBLE
-            message = f"held with a tension of {tension:.4g} N; the solver stopped early ({best.attempt.outcome})"
+        best = self.search.best
+        if best is None:
+            raise InputError("no verified grasp to report")
+        words = f"held with {self._sought(best)}"
+        status, message = Status.OPTIMAL, words
+        if not best.attempt.converged:
+            status, message = Status.FEASIBLE, f"{words}; the solver stopped early ({best.attempt.outcome})"
         if self.interrupted:
             message += "; the search was interrupted, not all starts were tried"
         return GraspResult(
@@ -170,24 +117,29 @@ class _Search:
             message,
             best.arrays,
             best.certificate,
-            advice=self._palm_note(),
+            advice=self._support_note(),
             statistics=self._statistics(best.attempt),
         )
 
-    def _infeasible(self, reasons: list[Reason], closest: _Verified | None = None) -> GraspResult:
+    def _sought(self, best: Tried) -> str:
+        data = best.arrays
+        tensions = [float(t) for name in self.scene.named_fingers for t in data[f"{name}.tensions"]]
+        word = "a tension of" if len(tensions) == 2 else "tensions of at most"
+        return f"{word} {max(tensions):.4g} N"
+
+    def _infeasible(self, reasons: list[Reason], closest: Tried | None = None) -> GraspResult:
         advice = "Any one of these repairs it: " + "; ".join(reason.repair for reason in reasons) + "."
         return self._failed(Status.INFEASIBLE, reasons[0].text, closest, tuple(reasons), advice)
 
-    def _unsolved(self, closest: _Verified | None) -> GraspResult:
-        late = time.monotonic() > self.until
-        if late:
+    def _unsolved(self, closest: Tried | None) -> GraspResult:
+        if self.search.late:
             message, advice = "the time limit passed without a verified grasp", "Raise solver.time_limit."
         elif closest is not None and closest.attempt.converged:
             names = ", ".join(check.name for check in closest.certificate.failed)
             message = f"the solver converged, but the independent check rejects: {names}"
-            advice = "Raise solver.samples or fidelity.accuracy."
+            advice = "Raise fidelity.elements or fidelity.accuracy."
         else:
-            outcomes = ", ".join(sorted({a.outcome for a in self.attempts}))
+            outcomes = ", ".join(sorted({t.attempt.outcome for t in self.search.tried}))
             message = f"no start led to a grasp ({outcomes}), and no single limit explains it"
             advice = (
                 "Likely the geometry: move the base or the object, let the middle contact be elsewhere "
@@ -200,7 +152,7 @@ class _Search:
         self,
         status: Status,
         message: str,
-        closest: _Verified | None,
+        closest: Tried | None,
         reasons: tuple[Reason, ...],
         advice: str,
     ) -> GraspResult:
@@ -215,37 +167,40 @@ class _Search:
             certificate=None if closest is None else closest.certificate,
             violated=violated,
             reasons=reasons,
-            advice=" ".join(part for part in (advice, self._palm_note()) if part),
+            advice=" ".join(part for part in (advice, self._support_note()) if part),
             statistics=self._statistics(None if closest is None else closest.attempt),
         )
 
-    def _palm_note(self) -> str:
-        if self.scene.palm is not None and not self.scene.palm_touches:
-            gap = self.scene.palm.height(self.scene.object.position) - self.scene.object.radius
-            return f"The object is {gap:.4g} m away from the palm, which therefore carries nothing."
-        return ""
+    def _support_note(self) -> str:
+        if self.scene.object.free is not None:
+            return ""
+        away = [wall for wall in self.scene.walls if self.scene.gap(wall) > 1e-6 * self.scene.object.size]
+        notes = [
+            f"The object is {self.scene.gap(wall):.4g} m away from {wall.name}, which therefore carries nothing."
+            for wall in away
+        ]
+        return " ".join(notes)
 
     def _statistics(self, chosen: Attempt | None) -> dict[str, Any]:
+        attempts = [t.attempt for t in self.search.tried]
         return {
-            "build_seconds": self.build_seconds,
-            "solver_seconds": sum(a.seconds for a in self.attempts),
+            "build_seconds": self.search.build_seconds,
+            "start_seconds": self.search.start_seconds,
+            "solver_seconds": sum(a.seconds for a in attempts),
             "total_seconds": time.monotonic() - self.began,
             "interrupted": self.interrupted,
             "iterations": None if chosen is None else chosen.iterations,
-            "start": None if chosen is None else chosen.start,
+            "start": None if chosen is None else chosen.start.label,
             "attempts": [
                 {
-                    "start": a.start,
+                    "start": a.start.label,
+                    "contacts": sorted(a.start.contacts),
                     "outcome": a.outcome,
                     "iterations": a.iterations,
                     "seconds": a.seconds,
                     "objective": a.objective,
                     "greatest_violation": a.badness,
                 }
-                for a in self.attempts
+                for a in attempts
             ],
         }
-
-
-def _only_penetrates(certificate: Certificate) -> bool:
-    return all(check.name.startswith("penetration") for check in certificate.failed)

@@ -1,0 +1,180 @@
+"""The search: starts of every set of contacts, faces and corners next to those found, each answer verified."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.certificate import Certificate, certify
+from continuum_grasp.grasp.ipopt import Attempt, GraspSolverRun, solver_for
+from continuum_grasp.grasp.make import ProblemMake
+from continuum_grasp.grasp.modes import contact_modes
+from continuum_grasp.grasp.starts import Start, make_starts
+from continuum_grasp.grasp.surface import Feature, features
+from continuum_grasp.scene.grasp import GraspScene
+
+__all__ = ["Search", "Tried"]
+
+Array = NDArray[Any]
+
+SAME = 1e-6
+"""Relative difference up to which two objectives are the same grasp's."""
+AGREED = 2
+"""Starts that must lead to the same best grasp before the others are left out."""
+EDGE = 1e-7
+"""How near a contact must be to the end of its face or corner for the next one to be tried."""
+SLIDES = 12
+"""How often contacts may pass on to the next face or corner."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """An attempt, its physical numbers and what the verification says.
+
+    Attributes
+    ----------
+    attempt : Attempt
+    solver : GraspSolverRun
+    arrays : dict
+    certificate : Certificate
+    """
+
+    attempt: Attempt
+    solver: GraspSolverRun
+    arrays: dict[str, Array]
+    certificate: Certificate
+
+
+class Search:
+    """Finds and verifies grasps of a scene.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    until : float
+        ``time.monotonic()`` at which to stop.
+
+    Attributes
+    ----------
+    tried : list of Tried
+    good : list of Tried
+        Those that the certificate confirms.
+    starts : list of Start
+    build_seconds : float
+        Spent on building solvers.
+    """
+
+    def __init__(self, scene: GraspScene, until: float) -> None:
+        self.scene, self.until = scene, until
+        self.tried: list[Tried] = []
+        self.good: list[Tried] = []
+        self.starts: list[Start] = []
+        self.build_seconds = self.start_seconds = 0.0
+        self._rng = np.random.default_rng(scene.solver.random_seed)
+
+    @property
+    def best(self) -> Tried | None:
+        """The verified attempt with the least objective."""
+        return min(self.good, key=lambda t: (round(t.attempt.objective, 9), not t.attempt.converged), default=None)
+
+    @property
+    def late(self) -> bool:
+        """Whether the time is up."""
+        return time.monotonic() > self.until
+
+    def run(self) -> None:
+        """Try the starts of all modes, then let contacts pass on to the next faces and corners."""
+        for mode in contact_modes(self.scene):
+            agreed = 0
+            for start in self.starts_of(mode):
+                if self.tried and self.late:
+                    return
+                before = self.best
+                found = self.attempt(start)
+                if found is None or found not in self.good:
+                    continue
+                agreed = agreed + 1 if before is not None and not _better(found, before) else 1
+                agreed = 0 if before is not None and _worse(found, before) else agreed
+                if agreed >= AGREED:
+                    break
+        self.slide()
+
+    def starts_of(self, mode: frozenset[str]) -> list[Start]:
+        """The starts of a mode."""
+        began = time.perf_counter()
+        starts = make_starts(self.scene, mode, self.scene.solver.seeds, self._rng)
+        self.start_seconds += time.perf_counter() - began
+        self.starts += starts
+        return starts
+
+    def attempt(self, start: Start, **options: Any) -> Tried | None:
+        """Solve from a start and verify; None where there are no numbers to verify."""
+        solver = self.solver(start)
+        attempt = solver.run(self.scene, start, self.until, **options)
+        if not np.isfinite(attempt.x).all():
+            return None
+        arrays = solver.reader.arrays(self.scene, attempt.x, attempt.numbers)
+        found = Tried(attempt, solver, arrays, certify(self.scene, arrays))
+        self.tried.append(found)
+        if found.certificate.passed:
+            self.good.append(found)
+        return found
+
+    def solver(self, start: Start) -> GraspSolverRun:
+        """The solver for a start's contacts."""
+        began = time.perf_counter()
+        solver = solver_for(ProblemMake.of(self.scene, start.contacts))
+        solver.prepare(self.scene)
+        self.build_seconds += time.perf_counter() - began
+        return solver
+
+    def slide(self) -> None:
+        """From the best grasp, pass contacts on to the next face or corner as long as that helps."""
+        for _ in range(SLIDES):
+            best = self.best
+            if best is None or self.late:
+                return
+            for features_, x0 in _neighbours(self.scene, best):
+                found = self.attempt(replace(best.attempt.start, label="next face"), features=features_, x0=x0)
+                if found is not None and found in self.good and _better(found, best):
+                    break
+            else:
+                return
+
+
+def _better(a: Tried, b: Tried) -> bool:
+    return a.attempt.objective < b.attempt.objective - SAME * max(1.0, abs(b.attempt.objective))
+
+
+def _worse(a: Tried, b: Tried) -> bool:
+    return _better(b, a)
+
+
+def _neighbours(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feature], Array]]:
+    """Features and unknowns with one contact passed on to the face or corner that it is at the end of."""
+    attempt, parts = tried.attempt, scene.object.parts
+    for contact in tried.solver.problem.make.contacts:
+        variable = tried.solver.problem.parts.variables.get(f"place, {contact.name}")
+        if variable is None or contact.smooth or contact.finger < 0:
+            continue
+        part = parts[attempt.start.contacts[contact.name].part]
+        ring, now = features(part), attempt.features[contact.name]
+        if len(ring) < 2:
+            continue
+        at, index = attempt.x[variable.start : variable.stop], ring.index(now)
+        face = now.upper[0] > now.lower[0]
+        share = at[0] if face else (at[1] - now.lower[1]) / (now.upper[1] - now.lower[1])
+        for end, step in ((0.0, -1), (1.0, 1)):
+            if abs(share - end) < 1e-4 + EDGE:
+                new = ring[(index + step) % len(ring)]
+                x = attempt.x.copy()
+                if face:  # on to a corner
+                    x[variable.start : variable.stop] = 0.0, new.upper[1] if step < 0 else new.lower[1]
+                else:
+                    x[variable.start : variable.stop] = 1.0 if step < 0 else 0.0, new.lower[1]
+                yield {**attempt.features, contact.name: new}, x
