@@ -1,0 +1,331 @@
+"""Postures of one finger that touch an object where they should, by scans over curvatures and contact positions."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.scan_curves import guess_table, sample, stretch
+from continuum_grasp.grasp.scan_task import ALLOWED, FingerTask, Postures, join, violation
+from continuum_grasp.grasp.scan_touch import arc_tangent, tangent, touch
+from continuum_grasp.grasp.shapes import Shape
+
+__all__ = ["postures"]
+
+Array = NDArray[Any]
+
+_REACH, _GRID = 6.0, 29
+_TIP_REACH, _TIP_GRID = 8.0, 33
+_TILT, _OFF = 0.45, 0.25
+_POSITIONS = 14
+
+
+def postures(task: FingerTask, middles: tuple[bool, ...], tip: bool) -> Postures | None:
+    """All postures found with the middle contacts that are on and, if ``tip``, the tip touching.
+
+    Parameters
+    ----------
+    task : FingerTask
+    middles : tuple of bool
+        Which middle contacts are on, from the base.
+    tip : bool
+
+    Returns
+    -------
+    Postures or None
+        None where there is none, however much it penetrates.
+    """
+    if any(middles):
+        family = _first_joint(task, middles)
+        for k in range(middles.index(True) + 1, len(middles)):
+            if middles[k] and family is not None:
+                family = _next_joint(task, family, middles, k)
+        if family is None:
+            return None
+        family = _with_tip(task, family) if tip else _free_end(family)
+    else:
+        family = _tip_only(task) if tip else _untouched(task)
+    if family is None:
+        return None
+    joints = _all_joints(task, family.joints, middles)
+    return Postures(
+        family.knots,
+        family.curvatures,
+        joints,
+        family.parts,
+        family.points,
+        family.angles,
+        violation(task, family.knots, family.curvatures, joints),
+    )
+
+
+def _family(knots: Array, curvatures: Array, joints: Array, part: int, shape: Shape, walk: Array) -> Postures:
+    at = shape.walk(walk)
+    return Postures(
+        knots,
+        curvatures,
+        joints,
+        np.full((len(walk), 1), part),
+        at.point[:, None],
+        at.angle[:, None],
+        np.zeros(len(walk)),
+    )
+
+
+def _first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None:
+    """Curves from the base to the first contact, tangent there."""
+    grid, ends, turns, sane = guess_table(_REACH, _GRID)
+    first, last = (g[sane] for g in np.meshgrid(grid, grid, indexing="ij"))
+    ends, turns = ends[sane], turns[sane]
+    here, size = middles.index(True), len(middles)
+    low, high = task.bounds
+    room = (high - low) / 20.0
+    positions = np.linspace(low + room * here, high - room * (size - 1 - here), _POSITIONS)
+    groups = []
+    for part, shape in enumerate(task.shapes):
+        points = positions[:, None] * ends
+        near = np.abs(points - shape.centre) < shape.extent + task.half + _OFF * positions[:, None]
+        row, column = np.nonzero(near)
+        if not len(row):
+            continue
+        gap, walk = shape.nearest(points[row, column])
+        tilt = np.remainder(turns[column] - shape.walk(walk).angle + math.pi, math.tau) - math.pi
+        merit = ((gap - task.half) / (_OFF * positions[row])) ** 2 + (tilt / _TILT) ** 2
+        keep = _best_per_row(row, merit, 10)
+        row, column, walk = row[keep], column[keep], walk[keep]
+        if not len(row):
+            continue
+        ell = positions[row]
+        guess = np.stack([first[column], last[column]], axis=1) / ell[:, None]
+        start = (np.zeros(len(ell), complex), np.zeros(len(ell)))
+        bent, walk_there, good = tangent(shape, start, ell[:, None], guess, (0, 1), walk)
+        good &= np.abs(bent * ell[:, None]).max(axis=1) < 2.0 * _REACH
+        bent, walk_there, at = bent[good], walk_there[good], ell[good]
+        arc_at, arc_bent, arc_walk, arc_good = arc_tangent(shape, ell, guess.mean(axis=1), walk)
+        arc_good &= (arc_at >= low) & (arc_at <= high)
+        arcs = arc_bent[arc_good]
+        ell = np.concatenate([arc_at[arc_good], at])
+        bent = np.concatenate([np.stack([arcs, arcs], axis=1), bent])
+        walk = np.concatenate([arc_walk[arc_good], walk_there])
+        knots = np.stack([np.zeros_like(ell), ell], axis=1)
+        groups.append(_unique(_family(knots, bent, ell[:, None], part, shape, walk)))
+    return _clear(task, join(groups))
+
+
+def _next_joint(task: FingerTask, family: Postures, middles: tuple[bool, ...], here: int) -> Postures | None:
+    """Curves on from the last contact to one more, with a knot half-way."""
+    high = task.bounds[1]
+    last = family.knots[:, -1]
+    groups = []
+    point, angle = _ends(family)
+    for share in (0.15, 0.3, 0.45, 0.6, 0.8):
+        ell = share * (high - last)
+        room = ell > 0.03
+        if not room.any():
+            continue
+        rows = np.flatnonzero(room)
+        ell = ell[rows]
+        for part, shape in enumerate(task.shapes):
+            begin = family.curvatures[rows, -1]
+            for factor in (1.0, 0.5, 2.0):
+                curve = np.stack([begin, factor * begin, factor * begin], axis=1)
+                start = (point[rows], angle[rows])
+                lengths = np.stack([0.5 * ell, 0.5 * ell], axis=1)
+                end, _, _, _ = stretch(lengths, curve)
+                _, walk = shape.nearest(start[0] + np.exp(1j * start[1]) * end)
+                bent, walk, good = tangent(shape, start, lengths, curve, (1, 2), walk)
+                good &= np.abs(bent).max(axis=1) < 30.0
+                if not good.any():
+                    continue
+                kept = family.take(rows[good])
+                at = shape.walk(walk[good])
+                there = last[rows][good] + ell[good]
+                groups.append(
+                    Postures(
+                        np.concatenate([kept.knots, (there - 0.5 * ell[good])[:, None], there[:, None]], axis=1),
+                        np.concatenate([kept.curvatures, bent[good, 1:]], axis=1),
+                        np.concatenate([kept.joints, there[:, None]], axis=1),
+                        np.concatenate([kept.parts, np.full((len(there), 1), part)], axis=1),
+                        np.concatenate([kept.points, at.point[:, None]], axis=1),
+                        np.concatenate([kept.angles, at.angle[:, None]], axis=1),
+                        kept.violation,
+                    )
+                )
+    found = join(groups)
+    return None if found is None else _clear(task, _unique(found))
+
+
+def _with_tip(task: FingerTask, family: Postures) -> Postures | None:
+    """The postures on to the tip, which touches."""
+    point, angle = _ends(family)
+    rest = 1.0 - family.knots[:, -1]
+    count, tries = len(family), 33
+    begin = family.curvatures[:, -1]
+    grid = np.linspace(-8.0, 8.0, tries)[None, :] / rest[:, None]
+    grid = np.clip(grid, -25.0, 25.0)
+    pairs = np.stack([np.broadcast_to(begin[:, None], grid.shape), grid], axis=2).reshape(-1, 2)
+    end, turn, _, _ = stretch(np.repeat(rest, tries)[:, None], pairs)
+    tips = point[:, None] + np.exp(1j * angle)[:, None] * end.reshape(count, tries)
+    facing = angle[:, None] + turn.reshape(count, tries)
+    groups = []
+    for part, shape in enumerate(task.shapes):
+        gap = shape.distance(tips) - task.half
+        row, column = np.nonzero((gap[:, :-1] * gap[:, 1:] <= 0.0) & (gap[:, :-1] != gap[:, 1:]))
+        if not len(row):
+            continue
+        a, b = gap[row, column], gap[row, column + 1]
+        share = a / (a - b)
+        guess = grid[row, column] + share * (grid[row, column + 1] - grid[row, column])
+        near = tips[row, column] + share * (tips[row, column + 1] - tips[row, column])
+        _, walk = shape.nearest(near)
+        ahead = np.cos(shape.walk(walk).angle - facing[row, column] - 0.5 * math.pi) < 0.4
+        row, guess, walk = row[ahead], guess[ahead], walk[ahead]
+        curve = np.stack([begin[row], guess], axis=1)
+        bent, walk, good = touch(shape, (point[row], angle[row]), rest[row, None], curve, 1, walk)
+        good &= _front(shape, walk, angle[row], rest[row], bent)
+        kept = family.take(row[good])
+        groups.append(_ended(kept, bent[good, 1], part, shape, walk[good]))
+    found = join(groups)
+    return None if found is None else _unique(found)
+
+
+def _front(shape: Shape, walk: Array, angle: Array, ell: Array, bent: Array) -> Array:
+    """Whether the front half of the rounded tip touches."""
+    facing = angle + 0.5 * ell * (bent[:, 0] + bent[:, 1])
+    return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= 1e-9)
+
+
+def _ended(kept: Postures, bent: Array, part: int, shape: Shape, walk: Array) -> Postures:
+    at = shape.walk(walk)
+    count = len(kept)
+    return Postures(
+        np.concatenate([kept.knots, np.ones((count, 1))], axis=1),
+        np.concatenate([kept.curvatures, bent[:, None]], axis=1),
+        kept.joints,
+        np.concatenate([kept.parts, np.full((count, 1), part)], axis=1),
+        np.concatenate([kept.points, at.point[:, None]], axis=1),
+        np.concatenate([kept.angles, at.angle[:, None]], axis=1),
+        kept.violation,
+    )
+
+
+def _free_end(family: Postures) -> Postures:
+    """The postures on to a free tip: constant curvature, which no force bends."""
+    return Postures(
+        np.concatenate([family.knots, np.ones((len(family), 1))], axis=1),
+        np.concatenate([family.curvatures, family.curvatures[:, -1:]], axis=1),
+        family.joints,
+        family.parts,
+        family.points,
+        family.angles,
+        family.violation,
+    )
+
+
+def _tip_only(task: FingerTask) -> Postures | None:
+    """Curves from the base whose tip touches: a family of two parameters, cut along a grid both ways."""
+    grid, ends, turns, sane = guess_table(_TIP_REACH, _TIP_GRID)
+    groups = []
+    zero = np.zeros(1)
+    for part, shape in enumerate(task.shapes):
+        gap = shape.distance(ends) - task.half
+        _, walk = shape.nearest(np.array([1j]))
+        straight = np.abs(shape.walk(walk).point - 1j) < 1e-9
+        straight &= _front(shape, walk, zero, np.ones(1), np.zeros((1, 2)))
+        if straight.all():
+            groups.append(_tips(np.zeros((1, 2)), part, shape, walk))
+        for axis in (0, 1):
+            one, two = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
+            if axis == 1:
+                one, two = one[::-1], two[::-1]
+            a, b = gap[one], gap[two]
+            crossed = (a * b <= 0.0) & (a != b) & sane[one] & sane[two]
+            i, j = np.nonzero(crossed)
+            if not len(i):
+                continue
+            share = (a / np.where(crossed, a - b, 1.0))[i, j]
+            near = ends[one][i, j] + share * (ends[two][i, j] - ends[one][i, j])
+            _, walk = shape.nearest(near)
+            ahead = np.cos(shape.walk(walk).angle - turns[one][i, j] - 0.5 * math.pi) < 0.4
+            i, j, share, walk = i[ahead], j[ahead], share[ahead], walk[ahead]
+            step = grid[1] - grid[0]
+            curve = np.stack([grid[i], grid[j]], axis=1)
+            curve[:, axis] += share * step
+            count = len(i)
+            start = (np.zeros(count, complex), np.zeros(count))
+            bent, walk, good = touch(shape, start, np.ones((count, 1)), curve, axis, walk)
+            good &= _front(shape, walk, np.zeros(count), np.ones(count), bent)
+            groups.append(_tips(bent[good], part, shape, walk[good]))
+    found = join(groups)
+    return None if found is None else _unique(found)
+
+
+def _tips(bent: Array, part: int, shape: Shape, walk: Array) -> Postures:
+    count = len(walk)
+    knots = np.broadcast_to(np.array([0.0, 1.0]), (count, 2))
+    return _family(knots, bent, np.zeros((count, 0)), part, shape, walk)
+
+
+def _untouched(task: FingerTask) -> Postures:
+    """A finger that touches nothing: at rest."""
+    none = np.zeros((1, 0))
+    bent = np.full((1, 2), task.rest)
+    return Postures(np.array([[0.0, 1.0]]), bent, none, none.astype(int), none.astype(complex), none, np.zeros(1))
+
+
+def _all_joints(task: FingerTask, on: Array, middles: tuple[bool, ...]) -> Array:
+    """Positions of all middle contacts: those that are off spread evenly between those that are on."""
+    low, high = task.bounds
+    count, size = len(on), len(middles)
+    out = np.zeros((count, size))
+    places = [k for k in range(size) if middles[k]]
+    for column, k in enumerate(places):
+        out[:, k] = on[:, column]
+    marks = [-1, *places, size]
+    for a, b in pairwise(marks):
+        left = out[:, a] if a >= 0 else np.full(count, 0.0)
+        right = out[:, b] if b < size else np.ones(count)
+        for k in range(a + 1, b):
+            out[:, k] = np.clip(left + (right - left) * (k - a) / (b - a), low, high)
+    return out
+
+
+def _ends(family: Postures) -> tuple[Array, Array]:
+    """Where the curves end so far: point and angle."""
+    end, turn, _, _ = stretch(np.diff(family.knots, axis=1), family.curvatures)
+    return end, turn
+
+
+def _best_per_row(row: Array, merit: Array, most: int) -> Array:
+    """Indices of the ``most`` least merits below one of each row."""
+    order = np.lexsort((merit, row))
+    order = order[merit[order] < 1.0]
+    if not len(order):
+        return order
+    starts = np.searchsorted(row[order], row[order], side="left")
+    return order[np.arange(len(order)) - starts < most]
+
+
+def _unique(family: Postures) -> Postures:
+    """Each posture once."""
+    key = np.round(np.concatenate([family.knots, 0.1 * family.curvatures], axis=1), 5)
+    _, index = np.unique(key, axis=0, return_index=True)
+    return family.take(np.sort(index))
+
+
+def _clear(task: FingerTask, family: Postures | None) -> Postures | None:
+    """Those that keep clear of the object so far, or the least deep ones where none does."""
+    if family is None:
+        return None
+    share = np.linspace(0.0, 1.0, 33)
+    at = family.knots[:, -1:] * share
+    points, _ = sample(family.knots, family.curvatures, at)
+    depth = task.half - task.distance(points).min(axis=1)
+    good = depth <= ALLOWED
+    if good.any():
+        return family.take(np.flatnonzero(good))
+    return family.take(np.argsort(depth, kind="stable")[:4])

@@ -1,0 +1,165 @@
+"""Starting points for the search: postures that touch, from geometry alone (numpy only).
+
+For each pose of the object that is tried, the postures of every finger are found on their own, combined, and ranked by
+how nearly contact forces and tensions within their limits could balance them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts_candidates import Candidates, find_candidates
+from continuum_grasp.grasp.starts_force import Block, Loads, finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts_order import spread, spread_order
+from continuum_grasp.grasp.starts_poses import base_poses, object_poses
+from continuum_grasp.grasp.starts_random import fallback, shaken
+from continuum_grasp.grasp.starts_supports import support_contacts, touching_supports
+from continuum_grasp.grasp.starts_values import ContactStart, FingerStart, Start
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+
+__all__ = ["ContactStart", "FingerStart", "Start", "make_starts", "support_contacts", "touching_supports"]
+
+Array = NDArray[Any]
+Pose = tuple[float, float, float]
+
+_MOST = 160
+"""Combinations that are weighed per pose."""
+_PER_FINGER = {1: 160, 2: 14, 3: 7, 4: 5}
+"""Postures per finger that are combined, by number of fingers."""
+
+
+@dataclass(frozen=True)
+class _Ranked:
+    score: float
+    features: Array
+    pose: Pose
+    rows: tuple[tuple[FingerSetup, Candidates, int], ...]
+    near: bool
+
+
+def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.random.Generator) -> list[Start]:
+    """Starting points with given contacts.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    on : frozenset of str
+        Names of the contacts wanted: those of fingers, and walls and pegs.
+    count : int
+        How many starts.
+    rng : numpy.random.Generator
+        For poses and starts at random; an equal one gives equal starts.
+
+    Returns
+    -------
+    list of Start
+        ``count`` starts, the most promising first, then such that differ from those before. Their labels: "scan"
+        touches everywhere it should and keeps clear; "near" does so as nearly as was found; "random" is one of these,
+        changed at random.
+    """
+    setups = scene.setups
+    loads = loads_of(scene)
+    ranked: list[_Ranked] = []
+    for number, pose in enumerate(object_poses(scene, on, rng)):
+        ranked += _at_pose(scene, setups, on, loads, pose, number)
+    starts: list[Start] = []
+    if ranked:
+        order = spread_order(np.array([r.score for r in ranked]), np.stack([r.features for r in ranked]), count)
+        starts = [_as_start(scene, on, ranked[k]) for k in order]
+    if not starts:
+        starts = [fallback(scene, setups, on)]
+    return shaken(scene, setups, on, starts, count, rng)
+
+
+def _at_pose(
+    scene: GraspScene, setups: tuple[FingerSetup, ...], on: frozenset[str], loads: Loads, pose: Pose, number: int
+) -> list[_Ranked]:
+    touched = support_contacts(scene, pose, on)
+    supports = support_block(scene, loads, touched, pose)
+    found: list[Candidates] = []
+    blocks: list[Block] = []
+    for setup in setups:
+        middles = tuple(name in on for name in setup.middle_names)
+        candidates = find_candidates(scene, setup, base_poses(setup, number), pose, middles, setup.tip_name in on)
+        if candidates is None:
+            return []
+        candidates = candidates.take(_least_violation(candidates))
+        block = finger_block(scene, loads, setup, candidates, pose)
+        if len(setups) > 1 and len(candidates) > _PER_FINGER[len(setups)]:
+            keep = _alone(loads, candidates, block, _PER_FINGER[len(setups)])
+            candidates, block = candidates.take(keep), block.take(keep)
+        found.append(candidates)
+        blocks.append(block)
+    index = _combinations([len(c) for c in found])
+    left, effort = imbalance(loads, [*blocks, supports], [*index, np.zeros(len(index[0]), int)])
+    wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
+    score = left + 0.1 * effort + 5.0 * np.minimum(wrong, 1.0) + np.where(wrong > 0.0, 1.0, 0.0)
+    features = np.concatenate([c.features[i] for c, i in zip(found, index, strict=True)], axis=1)
+    place = np.array([pose[0] / scene.object.size, pose[1] / scene.object.size, pose[2]])
+    return [
+        _Ranked(
+            float(score[k]),
+            np.concatenate([features[k], place]),
+            pose,
+            tuple((s, c, int(i[k])) for s, c, i in zip(setups, found, index, strict=True)),
+            bool(wrong[k] > 0.0),
+        )
+        for k in range(len(score))
+    ]
+
+
+def _least_violation(candidates: Candidates) -> Array:
+    """Those with nothing in the way, or the few with the least."""
+    good = np.flatnonzero(candidates.violation <= 0.0)
+    return good if len(good) else np.argsort(candidates.violation, kind="stable")[:4]
+
+
+def _alone(loads: Loads, candidates: Candidates, block: Block, most: int) -> Array:
+    """Postures of one finger worth combining: those whose own balance is best, spread."""
+    own = Block(block.onto * 0.0, block.moments, block.needed, block.low, block.high)
+    free = Loads(loads.force, loads.length, 0j, 0.0, loads.gravity, False)
+    own = Block(own.onto[:, : free.rows], own.moments, own.needed, own.low, own.high)
+    left, effort = imbalance(free, [own], [np.arange(len(candidates))])
+    return np.array(spread(left + 0.1 * effort, candidates.features, most))
+
+
+def _combinations(sizes: list[int]) -> list[Array]:
+    """Indices of combinations, all of them or an even selection."""
+    total = int(np.prod(sizes))
+    if total <= _MOST:
+        chosen = np.arange(total)
+    else:
+        chosen = np.unique((np.arange(_MOST) * 0.6180339887498949 % 1.0 * total).astype(int))
+        diagonal = np.arange(min(sizes))
+        chosen = np.unique(np.concatenate([chosen, np.ravel_multi_index([diagonal] * len(sizes), sizes)]))
+    return list(np.unravel_index(chosen, sizes))
+
+
+def _as_start(scene: GraspScene, on: frozenset[str], ranked: _Ranked) -> Start:
+    fingers, contacts = {}, {}
+    for setup, candidates, row in ranked.rows:
+        length = setup.finger.rod.length
+        knots, bent = candidates.knots[row], candidates.curvatures[row]
+        kept = np.concatenate([[True], np.diff(knots) > 1e-9])
+        x, y, angle = (float(v) for v in candidates.bases[row])
+        fingers[setup.name] = FingerStart(
+            (x, y, angle),
+            tuple(float(s) * length for s in candidates.joints[row]),
+            (int(candidates.sides[row]),) * len(setup.middles),
+            tuple(float(s) * length for s in knots[kept]),
+            tuple(float(k) / length for k in bent[kept]),
+        )
+        names = [n for n in (*setup.middle_names, setup.tip_name) if n in on]
+        for column, name in enumerate(names):
+            point = complex(candidates.points[row, column])
+            contacts[name] = ContactStart(
+                int(candidates.parts[row, column]),
+                (point.real, point.imag),
+                float(np.remainder(candidates.angles[row, column] + np.pi, 2 * np.pi) - np.pi),
+            )
+    contacts.update(support_contacts(scene, ranked.pose, on))
+    return Start("near" if ranked.near else "scan", ranked.pose, fingers, contacts)

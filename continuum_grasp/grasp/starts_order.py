@@ -1,0 +1,41 @@
+"""The order of starts: the best first, then such that differ from those before."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["spread", "spread_order"]
+
+Array = NDArray[Any]
+
+_RANGE = 0.3
+
+
+def spread_order(score: Array, features: Array, count: int) -> list[int]:
+    """Indices of ``count`` of them, each the best under a penalty for being like one before.
+
+    Parameters
+    ----------
+    score : ndarray, (P,)
+        Less is better.
+    features : ndarray, (P, F)
+    count : int
+    """
+    order: list[int] = []
+    near = np.full(len(score), np.inf)
+    taken = np.zeros(len(score), bool)
+    for _ in range(min(count, len(score))):
+        likeness = np.exp(-((near / _RANGE) ** 2))
+        pick = int(np.argmin(np.where(taken, np.inf, score + 0.5 * likeness)))
+        order.append(pick)
+        taken[pick] = True
+        near = np.minimum(near, np.sqrt(((features - features[pick]) ** 2).sum(axis=1)))
+    return order
+
+
+def spread(score: Array, features: Array, count: int) -> list[int]:
+    """As :func:`spread_order`, for choosing without order."""
+    return sorted(spread_order(score, features, count))

@@ -1,0 +1,73 @@
+"""What a starting point of the search is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["ContactStart", "FingerStart", "Start"]
+
+
+@dataclass(frozen=True)
+class FingerStart:
+    """One finger of a start.
+
+    Attributes
+    ----------
+    base : (float, float, float)
+        World x, y [m] and angle [rad] of the base.
+    joints : tuple of float
+        Positions along the finger of all middle contacts, on or off, increasing [m].
+    sides : tuple of int
+        Per middle contact: the object's outward normal there is side * (cos, sin) of the section's angle; +1: the
+        object is on the finger's left (-X).
+    knots : tuple of float
+        Positions along the finger, from 0 to its length [m].
+    curvatures : tuple of float
+        At the knots, linear between them [1/m].
+    """
+
+    base: tuple[float, float, float]
+    joints: tuple[float, ...]
+    sides: tuple[int, ...]
+    knots: tuple[float, ...]
+    curvatures: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class ContactStart:
+    """One contact of a start.
+
+    Attributes
+    ----------
+    part : int
+        Index of the object's part that is touched.
+    point : (float, float)
+        On its surface, in the object's frame [m].
+    normal_angle : float
+        Of the outward normal, in the object's frame [rad].
+    """
+
+    part: int
+    point: tuple[float, float]
+    normal_angle: float
+
+
+@dataclass(frozen=True)
+class Start:
+    """One start.
+
+    Attributes
+    ----------
+    label : str
+        Where it comes from: "scan" (touches as it should), "near" (the closest there is) or "random".
+    object_pose : (float, float, float)
+        World x, y [m] and angle [rad] of the object.
+    fingers : dict of str to FingerStart
+    contacts : dict of str to ContactStart
+        All contacts that are on, those with supports included.
+    """
+
+    label: str
+    object_pose: tuple[float, float, float]
+    fingers: dict[str, FingerStart]
+    contacts: dict[str, ContactStart]
