@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from continuum_grasp.grasp.clearance import SIZE, distance_to
+from continuum_grasp.grasp.obstacles import SIZE, distance_to
 from continuum_grasp.grasp.unit_finger import rotation
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.clearance import nearest_obstacles
+from continuum_grasp.grasp.obstacles import nearest_obstacles
 from continuum_grasp.grasp.limits import guarded
 from continuum_grasp.grasp.problem import FingerState, GraspProblem
 from continuum_grasp.grasp.starts import FingerStart, Start

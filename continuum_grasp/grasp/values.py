@@ -119,7 +119,8 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, units: Units) -> Value
     offset = 1.0 if tendons is None else tendons.offset
     most = 0.0 if tendons is None else tendons.max_tension
     greatest = max(f.rod.stiffness / f.rod.length / (f.tendons.offset if f.tendons else 1.0) for f in scene.named_fingers.values())
-    alone = len(_aims(scene)) == 1
+    alone, used = len(_aims(scene)) == 1, finger.tendons_used
+    least = 0.0 if tendons is None else tendons.min_tension * offset / moment
     weighed = sum((f.tendons.max_tension if f.tendons else 0.0) for f in scene.named_fingers.values())
     return {
         f"{name}.length": length / units.length,
@@ -127,6 +128,8 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, units: Units) -> Value
         f"{name}.thickness": finger.thickness_radius / length,
         f"{name}.base": [c / units.length for c in finger.base.position] + [finger.base.angle],
         f"{name}.pull_max": most * offset / moment,
+        f"{name}.pull_min": [least, least],
+        f"{name}.pull_most": [most * offset / moment if used in ("both", side) else 0.0 for side in ("left", "right")],
         f"{name}.pull_per_force": units.force * offset / moment,
         f"{name}.tension weight": moment / offset / greatest if alone else scene.weights.least_tension * moment / offset / weighed,
     }
