@@ -1,68 +1,36 @@
 """Verification of a grasp by numpy alone, from its stored numbers; nothing is shared with the optimiser.
 
-The backbone is integrated anew from the curvature profile. The finger's equilibrium is tested by virtual
+The backbones are integrated anew from their curvature profiles. The fingers' equilibrium is tested by virtual
 work: the potential of bending, weight, tendons and contact forces must be stationary in the bending
 coordinates, its gradient taken by complex steps. Normals, contact points and gaps are recomputed, never taken
-from the result on trust.
+from the result on trust. Whether fingers overlap in the plane is no check, since they may lie at different
+heights; the certificate says by how much.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.check import EQUILIBRIUM, GAP, LIMIT, Check, worst
+from continuum_grasp.grasp.clearance import clearance_checks, overlap
+from continuum_grasp.grasp.contact_checks import contact_checks, mode_check
 from continuum_grasp.grasp.model_error import ModelError, model_error
-from continuum_grasp.grasp.recomputed import RecomputedGrasp, across
+from continuum_grasp.grasp.recomputed import RecomputedGrasp
+from continuum_grasp.grasp.recomputed_finger import RecomputedFinger, gravity_vector
 from continuum_grasp.grasp.stability import Stability, contact_stability
-from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.grasp.stored import misfits, not_finite
+from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity
+from continuum_grasp.scene.objects import Freedom
 
 __all__ = ["Certificate", "Check", "certify"]
 
 Array = NDArray[Any]
-
-EQUILIBRIUM = 1e-6
-"""Limit of moment and force residuals, as a part of the greatest moment or force in play."""
-GAP = 1e-6
-"""Limit of contact gaps, stored positions and slopes, as a part of the finger's length (slopes: rad)."""
-PENETRATION = 1e-4
-"""Limit of the dense backbone's penetration, as a part of the finger's length."""
-LIMIT = 1e-6
-"""By what part of it a limit may be exceeded."""
-
-WORDS = ("family", "contact_names")
-"""Stored arrays that hold no numbers."""
-
-
-@dataclass(frozen=True)
-class Check:
-    """One verified property.
-
-    Attributes
-    ----------
-    name : str
-        What is checked.
-    value, limit : float
-        What was found and the most that passes; both in ``unit``.
-    unit : str
-        ``1`` where the value is relative to ``relative_to``.
-    relative_to : str
-        What the value was divided by.
-    """
-
-    name: str
-    value: float
-    limit: float
-    unit: str = "1"
-    relative_to: str = ""
-
-    @property
-    def passed(self) -> bool:
-        """Whether the value is within the limit; NaN is not."""
-        return bool(self.value <= self.limit)
 
 
 @dataclass(frozen=True)
@@ -73,20 +41,16 @@ class Certificate:
     ----------
     checks : tuple of Check
         Every property that must hold.
-    friction_margin : float
-        Least of 1 - |friction force| / (friction coefficient * normal force) over the contacts; positive: no
-        contact is about to slip.
-    model_error : ModelError
-        What the curvature family leaves out. Not an error of the solution, and no check: it falls with the
-        number of elements.
-    stability : Stability
-        Second-order test.
+    friction_margins : dict of str to float
+        1 - |friction force| / (friction coefficient * normal force) of each contact that has friction; positive:
+        it is not about to slip; 0 where nothing presses.
+    grasp : RecomputedGrasp or None
+        What was recomputed; None where the stored numbers do not make a grasp.
     """
 
     checks: tuple[Check, ...]
-    friction_margin: float
-    model_error: ModelError
-    stability: Stability
+    friction_margins: dict[str, float] = field(default_factory=dict)
+    grasp: RecomputedGrasp | None = field(default=None, repr=False, compare=False)
 
     @property
     def passed(self) -> bool:
@@ -97,6 +61,31 @@ class Certificate:
     def failed(self) -> tuple[Check, ...]:
         """The checks that did not pass."""
         return tuple(check for check in self.checks if not check.passed)
+
+    @property
+    def friction_margin(self) -> float:
+        """Least of the friction margins; NaN where nothing is known."""
+        if self.grasp is None:
+            return float("nan")
+        return min(self.friction_margins.values(), default=0.0)
+
+    @cached_property
+    def stability(self) -> Stability:
+        """Second-order test; computed when first asked for."""
+        return Stability(False, float("nan"), 0) if self.grasp is None else contact_stability(self.grasp)
+
+    @cached_property
+    def model_error(self) -> ModelError:
+        """What the curvature family leaves out; computed when first asked for.
+
+        Not an error of the solution, and no check: it falls with the number of elements.
+        """
+        return ModelError({}, float("nan"), float("nan")) if self.grasp is None else model_error(self.grasp)
+
+    @cached_property
+    def overlap(self) -> float:
+        """Greatest overlap of the bodies of two fingers in the plane [m]; zero where none touch."""
+        return float("nan") if self.grasp is None else overlap(self.grasp.fingers)
 
     def __getitem__(self, name: str) -> Check:
         for check in self.checks:
@@ -112,149 +101,122 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
     ----------
     scene : GraspScene
     arrays : mapping
-        As `continuum_grasp.grasp.GraspResult.arrays` gives and a run folder stores: ``family``, ``q``,
-        ``lengths``, ``tip_curvature``, ``tensions``, ``contact_names``, ``contact_positions``,
-        ``contact_normals``, ``contact_forces`` (normal, friction, lift), ``backbone``.
+        As `continuum_grasp.grasp.GraspResult.arrays` gives and a run folder stores. For each finger F: ``F.family``,
+        ``F.q``, ``F.lengths``, ``F.tip_curvature``, ``F.tensions``, ``F.base``, ``F.backbone``; ``object.pose``; and
+        for the contacts ``contact_names``, ``contact_positions``, ``contact_normals``, ``contact_forces`` (normal,
+        friction, lift), ``contact_stations``, ``contact_parts``.
 
     Returns
     -------
     Certificate
     """
-    numbers = [np.asarray(value, dtype=float) for name, value in arrays.items() if name not in WORDS]
-    bad = sum(int((~np.isfinite(value)).sum()) for value in numbers)
-    finite = Check("numbers that are not finite", float(bad), 0.0)
-    if bad:
-        length = scene.finger.rod.length
-        unknown = Stability(False, float("nan"), 0)
-        return Certificate((finite,), float("nan"), ModelError({}, length, float("nan")), unknown)
-    return _Verification(scene, arrays).certificate(finite)
-
-
-class _Verification(RecomputedGrasp):
-    """The checks."""
-
-    def certificate(self, finite: Check) -> Certificate:
-        checks = (
-            finite,
-            *self.finger_checks(),
-            *self.object_checks(),
-            *self.contact_checks(),
-            *self.clearance_checks(),
-            *self.limit_checks(),
+    setups = scene.setups
+    with np.errstate(all="ignore"):
+        start = (
+            Check("numbers that are not finite", float(not_finite(arrays)), 0.0),
+            Check("stored arrays that are missing or do not fit", float(len(misfits(scene, setups, arrays))), 0.0),
         )
-        pairs = {name: (self.normals[name], self.world_forces[name]) for name in self.names}
-        stability = contact_stability(self.scene, self.rod, self.ends, pairs)
-        return Certificate(checks, self.friction_margin(), model_error(self), stability)
+        if not all(check.passed for check in start):
+            return Certificate(start)
+        lengths = tuple(_lengths(setup.name, setup.finger.rod.length, arrays) for setup in setups)
+        if not all(check.passed for check in lengths):
+            return Certificate((*start, *lengths))
+        grasp = RecomputedGrasp(scene, setups, arrays)
+        checks = [*start, mode_check(grasp), *lengths]
+        for finger in grasp.fingers:
+            checks += [*_equilibrium(finger), *_storage(finger), *_finger_limits(grasp, finger)]
+        checks += [*_object(grasp), *contact_checks(grasp), *clearance_checks(grasp)]
+        margins = {c.name: c.friction_margin for c in grasp.contacts if c.friction > 0.0}
+    return Certificate(tuple(checks), margins, grasp)
 
-    def finger_checks(self) -> Iterator[Check]:
-        step = 1e-30
-        worst = 0.0
-        stiffness = self.finger.rod.stiffness
-        bent = np.abs(self.rod.curvature(self.ends) - self.rod.rest).max()
-        scale = max(abs(self.tip_moment()), stiffness * bent)
-        for i in range(self.q.size):
-            q = self.q.astype(complex)
-            q[i] += 1j * step
-            slope = self.potential(q).imag / step
-            reach = np.abs(self.rod.edge_angle(self.curvature_ends(q)).imag).max() / step
-            worst = float(np.maximum(worst, abs(slope) / reach))
-        yield Check("finger equilibrium", worst / scale, EQUILIBRIUM, "1", f"{scale:.4g} N m")
-        if self.family == "matched_clothoid":
-            moment = self.tip_moment() + (self.couple("tip") if "tip" in self.names else 0.0)
-            gap = stiffness * (self.tip_curvature - self.rod.rest[-1]) - moment
-            yield Check("tip moment balance", abs(gap) / scale, EQUILIBRIUM, "1", f"{scale:.4g} N m")
-        yield Check("element lengths", abs(self.lengths.sum() / self.total - 1), LIMIT, "1", f"{self.total:.4g} m")
-        stored = self.stored_backbone
-        x = np.interp(stored[:, 0], self.rod.edges, self.points[:, 0])
-        y = np.interp(stored[:, 0], self.rod.edges, self.points[:, 1])
-        off = np.hypot(stored[:, 1] - x, stored[:, 2] - y).max()
-        yield Check("stored backbone", off / self.total, 1e-5, "1", f"{self.total:.4g} m")
 
-    def object_checks(self) -> Iterator[Check]:
-        thing, gravity = self.scene.object, self.scene.gravity
-        force, turn = np.zeros(2), 0.0
-        if isinstance(gravity, PlanarGravity):
-            force = thing.mass * np.asarray(gravity.vector)
-        for name, load in self.world_forces.items():
-            arm = thing.radius * self.normals[name]
-            force = force - load
-            turn -= arm[0] * load[1] - arm[1] * load[0]
-        scale = self.force_scale
-        yield Check("object force balance", float(np.abs(force).max()) / scale, EQUILIBRIUM, "1", f"{scale:.4g} N")
-        arm_scale = scale * thing.radius
-        yield Check("object moment balance", abs(turn) / arm_scale, EQUILIBRIUM, "1", f"{arm_scale:.4g} N m")
-        lift = self.forces[:, 2]
-        weight = thing.mass * gravity.magnitude if isinstance(gravity, OutOfPlaneGravity) else 0.0
-        yield Check("object lift balance", abs(lift.sum() - weight) / scale, EQUILIBRIUM, "1", f"{scale:.4g} N")
-        if isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance":
-            tilt = sum(f * self.normals[name] for f, name in zip(lift, self.names, strict=True))
-            yield Check("object tilt balance", float(np.abs(tilt).max()) / scale, EQUILIBRIUM, "1", f"{scale:.4g} N")
+def _lengths(name: str, total: float, arrays: Mapping[str, Any]) -> Check:
+    lengths = np.asarray(arrays[f"{name}.lengths"], dtype=float)
+    off = worst(abs(lengths.sum() / total - 1), *(1e-9 - lengths / total > 0.0))
+    return Check(f"element lengths, {name}", off, LIMIT, "1", f"{total:.4g} m")
 
-    def contact_checks(self) -> Iterator[Check]:
-        scale = self.force_scale
-        limit = self.scene.contacts.normal_force_max
-        for k, name in enumerate(self.names):
-            n, f, lift = self.forces[k]
-            over = float(np.hypot(f, lift) - self.friction(name) * n) / scale
-            yield Check(f"friction cone, {name}", over, LIMIT, "1", f"{scale:.4g} N")
-            yield Check(f"normal force, {name}", max(-n, n - limit) / limit, LIMIT, "1", f"{limit:.4g} N")
-            where = self.centre + self.scene.object.radius * self.normals[name]
-            off = [
-                (self.stored_positions[k] - where) / self.total,
-                self.stored_normals[k] - self.normals[name],
-            ]
-            yield Check(f"stored contact, {name}", float(np.abs(off).max()), GAP, "1", f"{self.total:.4g} m")
-        for name, edge in (("middle", self.middle_edge), ("tip", -1)):
-            if name in self.names:
-                offset = self.points[edge] - self.centre
-                gap = abs(float(np.linalg.norm(offset)) - self.reach) / self.total
-                yield Check(f"contact gap, {name}", gap, GAP, "1", f"{self.total:.4g} m")
-        if "middle" in self.names:
-            offset = self.points[self.middle_edge] - self.centre
-            slope = abs(float(across(self.normals["middle"]) @ offset)) / self.reach
-            yield Check("contact tangency, middle", slope, GAP, "rad")
-        if "palm" in self.names and self.scene.palm is not None:
-            gap = abs(self.scene.palm.height(self.scene.object.position) - self.scene.object.radius) / self.total
-            yield Check("contact gap, palm", gap, 2 * GAP, "1", f"{self.total:.4g} m")
 
-    def clearance_checks(self) -> Iterator[Check]:
-        distance = np.linalg.norm(self.points - self.centre, axis=1)
-        depth = float((self.reach - distance).max()) / self.total
-        yield Check("penetration into the object", depth, PENETRATION, "1", f"{self.total:.4g} m")
-        if self.scene.palm is not None:
-            height = (self.points - np.asarray(self.scene.palm.point)) @ np.asarray(self.scene.palm.normal)
-            needed = np.where(
-                np.arange(height.size) > self.middle_edge,
-                self.finger.thickness_radius,
-                min(0.0, float(height[0])),
-            )
-            yield Check(
-                "penetration into the palm",
-                float((needed - height).max()) / self.total,
-                PENETRATION,
-                "1",
-                f"{self.total:.4g} m",
-            )
+def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
+    force = float(np.max([0.0, *(np.hypot(*load.force) for load in finger.loads)]))
+    scale = finger.moment_scale(force)
+    reference = f"{scale:.4g} N m"
+    yield Check(f"finger equilibrium, {finger.name}", finger.imbalance() / scale, EQUILIBRIUM, "1", reference)
+    if finger.family == "matched_clothoid":
+        bent = finger.ends[-1, 1] - finger.rod.rest[-1]
+        gap = finger.stiffness * bent - finger.tip_moment - finger.tip_couple
+        yield Check(f"tip moment balance, {finger.name}", abs(gap) / scale, EQUILIBRIUM, "1", reference)
 
-    def limit_checks(self) -> Iterator[Check]:
-        tendons = self.finger.tendons
-        if tendons is not None:
-            most, least = tendons.max_tension, tendons.min_tension
-            over = max(float(self.tensions.max() - most), float(least - self.tensions.min())) / most
-            yield Check("tendon tension", over, LIMIT, "1", f"{most:.4g} N")
-        low, high = self.scene.middle_bounds
-        at = float(self.rod.joints[self.scene.elements_before_middle])
-        yield Check(
-            "middle contact position",
-            max(low - at, at - high) / self.total,
-            LIMIT,
-            "1",
-            f"{self.total:.4g} m",
-        )
-        kappa = float(np.abs(self.ends).max())
-        if np.isfinite(self.finger.curvature_limit):
-            most = self.finger.curvature_limit
-            yield Check("bending strain", kappa / most - 1, LIMIT, "1", f"{most:.4g} 1/m")
-        bends = np.abs(0.5 * self.lengths * self.ends.sum(axis=1)).max()
-        most = self.scene.bending_range
-        yield Check("bending range", float(bends) / most - 1, LIMIT, "1", f"{most:.4g} rad")
+
+def _storage(finger: RecomputedFinger) -> Iterator[Check]:
+    stored, length = finger.stored_backbone, finger.length
+    s = np.clip(stored[:, 0], 0.0, finger.rod.joints[-1])
+    points, angles = finger.rod.at(finger.ends, s)
+    off = worst(
+        float(np.abs(stored[:, 0] - s).max()) / length,
+        abs(stored[0, 0]) / length,
+        abs(stored[-1, 0] / length - 1.0),
+        -float(np.diff(stored[:, 0]).min()) / length,
+        float(np.abs(stored[:, 1:3] - points).max()) / length,
+        float(np.abs(stored[:, 3] - angles).max()),
+    )
+    yield Check(f"stored backbone, {finger.name}", off, GAP, "1", f"{length:.4g} m")
+    off = abs(finger.stored_tip_curvature - finger.ends[-1, 1]) * length
+    yield Check(f"stored tip curvature, {finger.name}", off, GAP, "1", f"{1 / length:.4g} 1/m")
+    base = finger.finger.base
+    off = _beyond((*base.position, base.angle), finger.finger.base_free, finger.base, length)
+    yield Check(f"base, {finger.name}", off, LIMIT, "1", f"{length:.4g} m")
+
+
+def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator[Check]:
+    tendons, setup, length = finger.finger.tendons, finger.setup, finger.length
+    if tendons is not None:
+        most, used = tendons.max_tension, finger.finger.tendons_used
+        over = [(t - most, tendons.min_tension - t) for t in finger.tensions]
+        if used != "both":
+            unused = 1 if used == "left" else 0
+            over[unused] = abs(finger.tensions[unused]), 0.0
+        value = worst(*(v for pair in over for v in pair)) / most
+        yield Check(f"tendon tension, {finger.name}", value, LIMIT, "1", f"{most:.4g} N")
+    low, high = setup.middle_bounds
+    for contact in grasp.of(finger):
+        if contact.kind == "middle":
+            at = finger.joint_position(contact.joint)
+            over_length = worst(low - at, at - high) / length
+            yield Check(f"position along the finger, {contact.name}", over_length, LIMIT, "1", f"{length:.4g} m")
+    if np.isfinite(most := finger.finger.curvature_limit):
+        kappa = float(np.abs(finger.ends).max())
+        yield Check(f"bending strain, {finger.name}", kappa / most - 1, LIMIT, "1", f"{most:.4g} 1/m")
+    bends = float(np.abs(0.5 * finger.lengths * finger.ends.sum(axis=1)).max())
+    most = setup.bending_range
+    yield Check(f"bending range, {finger.name}", bends / most - 1, LIMIT, "1", f"{most:.4g} rad")
+
+
+def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
+    thing, gravity, size = grasp.scene.object, grasp.scene.gravity, grasp.size
+    yield Check("object pose", _beyond(thing.pose, thing.free, grasp.pose, size), LIMIT, "1", f"{size:.4g} m")
+    scale = grasp.force_scale
+    force, turn, lift, tilt = thing.mass * gravity_vector(gravity), 0.0, 0.0, np.zeros(2)
+    for contact in grasp.contacts:
+        arm, load = contact.point - grasp.object.com, contact.force
+        force = force - load
+        turn -= float(arm[0] * load[1] - arm[1] * load[0])
+        lift += contact.lift
+        tilt = tilt + contact.lift * arm
+    reference = f"{scale:.4g} N"
+    yield Check("object force balance", float(np.abs(force).max()) / scale, EQUILIBRIUM, "1", reference)
+    yield Check("object moment balance", abs(turn) / (scale * size), EQUILIBRIUM, "1", f"{scale * size:.4g} N m")
+    weight = thing.mass * gravity.magnitude if isinstance(gravity, OutOfPlaneGravity) else 0.0
+    yield Check("object lift balance", abs(lift - weight) / scale, EQUILIBRIUM, "1", reference)
+    if isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance":
+        value = float(np.abs(tilt).max()) / (scale * size)
+        yield Check("object tilt balance", value, EQUILIBRIUM, "1", f"{scale * size:.4g} N m")
+
+
+def _beyond(start: tuple[float, float, float], free: Freedom | None, pose: Array, length: float) -> float:
+    """How far a pose lies outside its bounds, or from where it is fixed, as a part of a length and in radians."""
+    bounds = (None,) * 3 if free is None else (free.x, free.y, free.angle)
+    over = []
+    for value, own, bound, unit in zip(pose, start, bounds, (length, length, 1.0), strict=True):
+        low, high = (own, own) if bound is None else bound
+        over += [(low - value) / unit, (value - high) / unit]
+    return worst(*over)

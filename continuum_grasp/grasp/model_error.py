@@ -1,4 +1,4 @@
-"""How far the true rod would be from a grasp's shape: the same finger in many short cells, under the forces found.
+"""How far the true rods would be from a grasp's shape: the same fingers in many short cells, under the forces found.
 
 The angle phi at the ends of the cells is unknown. Under tensions, weight and contact forces that keep their
 world directions, with the cells' mean angles taken in their sines and cosines, the moments balance at each end:
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.dense_rod import DenseRod
 from continuum_grasp.grasp.recomputed import RecomputedGrasp
-from continuum_grasp.scene.grasp import PlanarGravity
+from continuum_grasp.grasp.recomputed_finger import RecomputedFinger
 
 __all__ = ["ModelError", "model_error"]
 
@@ -36,37 +36,41 @@ FAR = 0.2
 
 @dataclass(frozen=True)
 class ModelError:
-    """What the grasp's curvature family leaves out; it falls with the number of elements.
+    """What the fingers' curvature families leave out; it falls with the number of elements.
 
     Attributes
     ----------
     displacements : dict of str to float
-        How far the fine rod is from the grasp's shape at ``middle`` (where it touches) and ``tip`` [m]; empty
-        where no equilibrium of the fine rod was found near the grasp.
+        How far the fine rods are from the grasp's shape [m], at the contacts by name and at the tips as
+        ``<finger>.tip``; those of a finger are missing where no equilibrium of its fine rod was found near the
+        grasp.
     length : float
-        Of the finger [m].
+        Of the shortest finger [m].
     moment : float
-        Greatest difference between the bending moment of the grasp's shape and that of the forces beyond each
+        Greatest difference between the bending moment of a finger's shape and that of the forces beyond each
         section, as a part of the greatest moment.
+    lost : tuple of str
+        Fingers whose fine rods have no equilibrium near the grasp.
     """
 
     displacements: dict[str, float]
     length: float
     moment: float
+    lost: tuple[str, ...] = ()
 
     @property
     def found(self) -> bool:
-        """Whether the fine rod has an equilibrium near the grasp."""
-        return bool(self.displacements)
+        """Whether every fine rod has an equilibrium near the grasp."""
+        return bool(self.displacements) and not self.lost
 
     @property
     def greatest(self) -> float:
-        """Greatest displacement [m]; infinite where none was found."""
-        return max(self.displacements.values(), default=float("inf"))
+        """Greatest displacement [m]; infinite where one was not found."""
+        return max(self.displacements.values()) if self.found else float("inf")
 
     @property
     def limit(self) -> float:
-        """Greatest displacement that is passed over in silence: 0.5 % of the finger's length [m]."""
+        """Greatest displacement that is passed over in silence: 0.5 % of the shortest finger's length [m]."""
         return SMALL * self.length
 
     @property
@@ -76,13 +80,14 @@ class ModelError:
 
     def __str__(self) -> str:
         if not self.found:
-            return "a fine rod under these forces has no equilibrium near this shape"
-        parts = [f"{1e3 * off:.2g} mm at the {name}" for name, off in self.displacements.items()]
+            of = f" of {', '.join(self.lost)}" if self.lost else ""
+            return f"a fine rod{of} under these forces has no equilibrium near this shape"
+        parts = [f"{1e3 * off:.2g} mm at {name}" for name, off in self.displacements.items()]
         return f"a fine rod under these forces differs by {' and '.join(parts)}"
 
 
 def model_error(grasp: RecomputedGrasp) -> ModelError:
-    """Compare a grasp with the equilibrium of a fine rod under its forces.
+    """Compare the fingers of a grasp with the equilibria of fine rods under their forces.
 
     Parameters
     ----------
@@ -92,42 +97,46 @@ def model_error(grasp: RecomputedGrasp) -> ModelError:
     -------
     ModelError
     """
-    rod = _FineRod(grasp)
-    phi = rod.equilibrium()
-    off = np.empty(0) if phi is None else np.linalg.norm(rod.points(phi) - rod.points(rod.start), axis=1)
-    wanted = [name for name in rod.places if name == "tip" or name in grasp.names]
-    displacements = {name: float(off[rod.places[name]]) for name in wanted} if off.size else {}
-    return ModelError(displacements, grasp.total, rod.moment_left_out())
+    displacements: dict[str, float] = {}
+    lost, moment = [], 0.0
+    for finger in grasp.fingers:
+        rod = _FineRod(finger)
+        phi = rod.equilibrium()
+        moment = float(np.maximum(moment, rod.moment_left_out()))
+        if phi is None:
+            lost.append(finger.name)
+            continue
+        off = np.linalg.norm(rod.points(phi) - rod.points(rod.start), axis=1)
+        displacements |= {name: float(off[edge]) for name, edge in rod.places.items()}
+    return ModelError(displacements, min(f.length for f in grasp.fingers), moment, tuple(lost))
 
 
 class _FineRod:
     """The cells' stiffness and loads; the angles at their ends are unknown but for that at the base."""
 
-    def __init__(self, grasp: RecomputedGrasp) -> None:
-        finger = grasp.finger
-        rod = DenseRod(finger, grasp.lengths, 1 / CELLS)
+    def __init__(self, bent: RecomputedFinger) -> None:
+        finger = bent.finger
+        rod = DenseRod(finger, bent.lengths, 1 / CELLS, bent.base)
         self.h = np.diff(rod.edges)
         self.stiffness = finger.rod.stiffness / self.h
         rest = rod.rest.reshape(self.h.size, -1)
         self.rest_bend = self.h * rest[:, rest.shape[1] // 2]
-        self.pull = grasp.tip_moment()
+        self.pull = bent.tip_moment
         self.friction = 0.0 if finger.tendons is None else finger.tendons.friction
-        self.start = rod.edge_angle(grasp.ends)
-        self.places = {"middle": rod.edge_index(rod.joints[grasp.scene.elements_before_middle]), "tip": self.h.size}
+        self.start = rod.edge_angle(bent.ends)
+        joints = {load.name: load.joint for load in bent.loads} | {bent.setup.tip_name: bent.lengths.size}
+        self.places = {name: rod.edge_index(rod.joints[joint]) for name, joint in joints.items()}
         ends = np.zeros((self.h.size, 2))
         self.couple = np.zeros(self.h.size)
         """On the cells' far ends [N m]."""
-        for name, edge in self.places.items():
-            if name in grasp.names:
-                ends[edge - 1] += grasp.world_forces[name]
-                self.couple[edge - 1] += grasp.couple(name)
-        weight = np.zeros((self.h.size, 2))
-        if isinstance(grasp.scene.gravity, PlanarGravity):
-            g = np.asarray(grasp.scene.gravity.vector)
-            weight += finger.rod.mass_per_length * self.h[:, None] * g
-            for mass in finger.masses:
-                if (edge := rod.edge_index(mass.at)) > 0:
-                    ends[edge - 1] += mass.mass * g
+        for load in bent.loads:
+            edge = self.places[load.name]
+            ends[edge - 1] += load.force
+            self.couple[edge - 1] += load.couple
+        weight = finger.rod.mass_per_length * self.h[:, None] * bent.gravity
+        for mass in finger.masses:
+            if (edge := rod.edge_index(mass.at)) > 0:
+                ends[edge - 1] += mass.mass * bent.gravity
         self.beyond = np.cumsum((weight + ends)[::-1], axis=0)[::-1] - 0.5 * weight
         """Force beyond the cells' middles [N]."""
 

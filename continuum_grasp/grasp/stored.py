@@ -1,0 +1,83 @@
+"""Whether the stored numbers of a grasp are all there, of the right shapes, and finite."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+
+__all__ = ["misfits", "not_finite"]
+
+_WORDS = ("contact_names",)
+_GAPS = ("contact_stations",)
+"""NaN where there is none."""
+
+
+def not_finite(arrays: Mapping[str, Any]) -> int:
+    """How many of the numbers are NaN or infinite."""
+    count = 0
+    for name, value in arrays.items():
+        if name in _WORDS or name.endswith(".family"):
+            continue
+        values = _numbers(value)
+        if values is not None:
+            bad = np.isinf(values) if name in _GAPS else ~np.isfinite(values)
+            count += int(bad.sum())
+    return count
+
+
+def misfits(scene: GraspScene, setups: tuple[FingerSetup, ...], arrays: Mapping[str, Any]) -> list[str]:
+    """What is missing, misshapen or of another family than the scene's, by name."""
+    return [name for name, wrong in _examined(scene, setups, arrays) if wrong]
+
+
+def _examined(
+    scene: GraspScene, setups: tuple[FingerSetup, ...], arrays: Mapping[str, Any]
+) -> Iterator[tuple[str, bool]]:
+    for setup in setups:
+        n = setup.elements
+        coordinates = n + 1 if setup.family == "clothoid" else n
+        family = f"{setup.name}.family"
+        yield family, str(arrays.get(family)) != setup.family
+        own: dict[str, tuple[int, ...]] = {
+            "q": (coordinates,),
+            "lengths": (n,),
+            "tip_curvature": (),
+            "tensions": (2,),
+            "base": (3,),
+        }
+        for name, shape in own.items():
+            yield f"{setup.name}.{name}", _shape(arrays, f"{setup.name}.{name}") != shape
+        backbone = _shape(arrays, f"{setup.name}.backbone")
+        yield f"{setup.name}.backbone", backbone is None or len(backbone) != 2 or backbone[0] < 2 or backbone[1] != 4
+    yield "object.pose", _shape(arrays, "object.pose") != (3,)
+    names = np.asarray(arrays.get("contact_names", 0.0))
+    count = names.size
+    yield "contact_names", "contact_names" not in arrays or names.shape != (count,)
+    shared: dict[str, tuple[int, ...]] = {
+        "contact_positions": (count, 2),
+        "contact_normals": (count, 2),
+        "contact_forces": (count, 3),
+        "contact_stations": (count,),
+        "contact_parts": (count,),
+    }
+    for name, shape in shared.items():
+        yield name, _shape(arrays, name) != shape
+    parts = _numbers(arrays.get("contact_parts"))
+    known = np.arange(len(scene.object.parts))
+    yield "contact_parts", parts is None or not bool(np.isin(parts, known).all())
+
+
+def _numbers(value: Any) -> Any:
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return None
+
+
+def _shape(arrays: Mapping[str, Any], name: str) -> tuple[int, ...] | None:
+    values = _numbers(arrays[name]) if name in arrays else None
+    return None if values is None else tuple(values.shape)

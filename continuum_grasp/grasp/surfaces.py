@@ -1,0 +1,230 @@
+"""Distance and outward normal from the surfaces of an object, by numpy alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.scene.objects import GraspObject, Part
+
+__all__ = ["Nearest", "PlacedObject", "along_segment", "nearest", "segment_distance", "support_point"]
+
+Array = NDArray[Any]
+
+_FLAT = np.inf
+_SMALLEST = 1e-300
+_GRID = np.linspace(0.0, 0.5 * np.pi, 33)
+"""Polar angles at which a superellipse is first tried."""
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """What of a surface is nearest to some points.
+
+    Attributes
+    ----------
+    distance : ndarray, shape (n,)
+        Distance from the surface [m], negative inside.
+    point : ndarray, shape (n, 2)
+        The nearest point of the surface [m].
+    normal : ndarray, shape (n, 2)
+        Outward unit normal there.
+    radius : ndarray, shape (n,)
+        Radius of curvature of the surface there [m]: infinite on a flat face, zero at a sharp corner.
+    """
+
+    distance: Array
+    point: Array
+    normal: Array
+    radius: Array
+
+
+def nearest(part: Part, points: Array) -> Nearest:
+    """What of a part's surface is nearest to points, both in the object's frame.
+
+    Parameters
+    ----------
+    part : Part
+    points : ndarray, shape (n, 2)
+        [m]
+    """
+    points = np.asarray(points, dtype=float).reshape(-1, 2)
+    if part.vertices:
+        return _rounded_polygon(np.asarray(part.vertices, dtype=float), part.radius, points)
+    turn = _turn(part.angle)
+    centre = np.asarray(part.center)
+    found = _superellipse(part.semi_axes, part.exponent, (points - centre) @ turn)
+    return Nearest(found.distance, found.point @ turn.T + centre, found.normal @ turn.T, found.radius)
+
+
+def support_point(part: Part, direction: Array) -> Array:
+    """The point of a part that lies farthest in a direction (unit vector), both in the object's frame [m]."""
+    direction = np.asarray(direction, dtype=float)
+    if part.vertices:
+        core = np.asarray(part.vertices, dtype=float)
+        return np.asarray(core[np.argmax(core @ direction)] + part.radius * direction)
+    turn, axes = _turn(part.angle), np.asarray(part.semi_axes)
+    share = np.abs(axes * (direction @ turn))
+    share = share / share.max()
+    dual = part.exponent / (part.exponent - 1.0)
+    along = (share / (share**dual).sum() ** (1.0 / dual)) ** (dual - 1.0)
+    return np.asarray(part.center + turn @ (np.sign(direction @ turn) * axes * along))
+
+
+class PlacedObject:
+    """The parts of an object at a pose in the world.
+
+    Parameters
+    ----------
+    thing : GraspObject
+    pose : array_like, shape (3,)
+        World x, y [m] and angle [rad].
+    """
+
+    def __init__(self, thing: GraspObject, pose: Array) -> None:
+        self.parts = thing.parts
+        self.position = np.asarray(pose[:2], dtype=float)
+        self._turn = _turn(float(pose[2]))
+        self.com = self.position + self._turn @ np.asarray(thing.com)
+        """World position of the centre of mass [m]."""
+
+    def world(self, points: Array) -> Array:
+        """World positions of points of the object's frame [m]."""
+        return np.asarray(points @ self._turn.T + self.position)
+
+    def nearest(self, points: Array, part: int) -> Nearest:
+        """What of one part's surface is nearest to world points (n, 2)."""
+        found = nearest(self.parts[part], (points - self.position) @ self._turn)
+        return Nearest(found.distance, self.world(found.point), found.normal @ self._turn.T, found.radius)
+
+    def nearest_of(self, points: Array, parts: Sequence[int]) -> Nearest:
+        """The same where each point (n, 2) has a part of its own."""
+        index = np.asarray(parts, dtype=int)
+        distance, radius = np.empty(index.size), np.empty(index.size)
+        point, normal = np.empty((index.size, 2)), np.empty((index.size, 2))
+        for part in np.unique(index):
+            mine = index == part
+            found = self.nearest(points[mine], int(part))
+            distance[mine], radius[mine] = found.distance, found.radius
+            point[mine], normal[mine] = found.point, found.normal
+        return Nearest(distance, point, normal, radius)
+
+    def distances(self, points: Array) -> Array:
+        """Distance of world points from each part (parts, n) [m], negative inside."""
+        return np.stack([self.nearest(points, part).distance for part in range(len(self.parts))])
+
+    def distance(self, points: Array) -> Array:
+        """Distance of world points (n, 2) from the object (n,) [m], negative inside."""
+        return np.asarray(self.distances(points).min(axis=0))
+
+    def farthest(self, direction: Array) -> Array:
+        """World point of each part that lies farthest in a world direction (parts, 2) [m]."""
+        own = np.asarray(np.asarray(direction) @ self._turn)
+        return self.world(np.stack([support_point(part, own) for part in self.parts]))
+
+    def corners(self) -> tuple[Array, Array]:
+        """World positions (m, 2) of the corners of all cores and the radii (m,) of the parts round them [m]."""
+        cores = [(np.asarray(part.vertices, dtype=float), part.radius) for part in self.parts if len(part.vertices) > 1]
+        if not cores:
+            return np.zeros((0, 2)), np.zeros(0)
+        return (
+            self.world(np.concatenate([core for core, _ in cores])),
+            np.concatenate([np.full(len(core), radius) for core, radius in cores]),
+        )
+
+
+def segment_distance(points: Array, start: Array, end: Array) -> Array:
+    """Distances of points (..., 2) from segments between points that broadcast with them (...) [m]."""
+    span, off = end - start, points - start
+    share = (off * span).sum(axis=-1) / np.maximum((span * span).sum(axis=-1), _SMALLEST)
+    rest = off - np.clip(share, 0.0, 1.0)[..., None] * span
+    return np.asarray(np.hypot(rest[..., 0], rest[..., 1]))
+
+
+def along_segment(start: Array, end: Array, share: Array) -> Array:
+    """Points at shares (n,) of the way from start to end (n, 2) [m]."""
+    return np.asarray(start + share[:, None] * (end - start))
+
+
+def _turn(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def _rounded_polygon(core: Array, radius: float, points: Array) -> Nearest:
+    count = np.arange(len(points))
+    if len(core) == 1:
+        off = points - core
+        away = np.hypot(off[:, 0], off[:, 1])
+        normal = np.where(away[:, None] > 0.0, off / np.maximum(away, _SMALLEST)[:, None], np.array([1.0, 0.0]))
+        return Nearest(away - radius, core + radius * normal, normal, np.full(count.size, radius))
+    span = np.roll(core, -1, axis=0) - core
+    length = np.hypot(span[:, 0], span[:, 1])
+    along = span / length[:, None]
+    out = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    walked = points @ along.T - (core * along).sum(axis=1)
+    height = points @ out.T - (core * out).sum(axis=1)
+    beside = walked - np.clip(walked, 0.0, length)
+    inside = (height <= 0.0).all(axis=1) if len(core) > 2 else np.zeros(count.size, dtype=bool)
+    edge = np.where(inside, height.argmax(axis=1), np.hypot(height, beside).argmin(axis=1))
+    height, beside, walked = height[count, edge], beside[count, edge], walked[count, edge]
+    away = np.hypot(height, np.where(inside, 0.0, beside))
+    at_corner = ~inside & (beside != 0.0)
+    normal = np.where(~inside & (height < 0.0), -1.0, 1.0)[:, None] * out[edge]
+    foot = core[edge] + np.clip(walked, 0.0, length[edge])[:, None] * along[edge]
+    corner = (height[:, None] * out[edge] + beside[:, None] * along[edge]) / np.maximum(away, _SMALLEST)[:, None]
+    normal = np.where(at_corner[:, None], corner, normal)
+    distance = np.where(inside, -away, away) - radius
+    return Nearest(distance, foot + radius * normal, normal, np.where(at_corner, radius, _FLAT))
+
+
+def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nearest:
+    """In the superellipse's own frame; sought in the quadrant of each point, where its nearest point lies."""
+    scale = max(axes)
+    a, b = axes[0] / scale, axes[1] / scale
+    sign = np.where(points < 0.0, -1.0, 1.0)
+    x, y = np.abs(points / scale).T
+    grid = _curve(a, b, power, _GRID)[0]
+    k = ((x[:, None] - grid[0]) ** 2 + (y[:, None] - grid[1]) ** 2).argmin(axis=1)
+    low, high = _GRID[np.maximum(k - 1, 0)], _GRID[np.minimum(k + 1, _GRID.size - 1)]
+    angle = np.clip(_GRID[k], 1e-9, 0.5 * np.pi - 1e-9)
+    for _ in range(60):
+        (px, py), (nx, ny), (dpx, dpy), (dnx, dny) = _curve(a, b, power, angle)
+        # the way on is (-ny, nx): on along the curve where the point lies ahead
+        ahead = (y - py) * nx - (x - px) * ny
+        slope = (y - py) * dnx - (x - px) * dny - (dpy * nx - dpx * ny)
+        low, high = np.where(ahead > 0.0, angle, low), np.where(ahead < 0.0, angle, high)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            after = angle - ahead / slope
+        after = np.where((after >= low) & (after <= high), after, 0.5 * (low + high))
+        change, angle = np.abs(after - angle).max(initial=0.0), after
+        if change < 1e-13:
+            break
+    (px, py), (nx, ny), (dpx, dpy), (dnx, dny) = _curve(a, b, power, angle)
+    size = np.hypot(nx, ny)
+    nx, ny = nx / size, ny / size
+    distance = (x - px) * nx + (y - py) * ny
+    bend = np.abs(nx * dny - ny * dnx) / size
+    speed = np.hypot(dpx, dpy)
+    with np.errstate(divide="ignore"):
+        radius = np.where(bend > 0.0, speed / bend, _FLAT)
+    return Nearest(
+        scale * distance, scale * sign * np.stack([px, py], axis=1), sign * np.stack([nx, ny], axis=1), scale * radius
+    )
+
+
+def _curve(a: float, b: float, power: float, angle: Array) -> tuple[tuple[Array, Array], ...]:
+    """Points of a quadrant by polar angle, gradients there, and the derivatives of both by the angle."""
+    c, s = np.cos(angle), np.sin(angle)
+    c, s = np.maximum(c, 0.0), np.maximum(s, 0.0)
+    cb, sb = (c / a) ** (power - 2.0), (s / b) ** (power - 2.0)
+    nx, ny = cb * c / a**2, sb * s / b**2
+    g = nx * c + ny * s
+    r = g ** (-1.0 / power)
+    dr = -r / g * (ny * c - nx * s)
+    dnx, dny = -(power - 1.0) * cb * s / a**2, (power - 1.0) * sb * c / b**2
+    return (r * c, r * s), (nx, ny), (dr * c - r * s, dr * s + r * c), (dnx, dny)
