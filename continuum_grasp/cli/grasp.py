@@ -8,6 +8,7 @@ import typer
 
 from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set, Verbose
 from continuum_grasp.cli.output import Output, run_folder
+from continuum_grasp.errors import SolverError
 
 __all__ = ["grasp"]
 
@@ -20,11 +21,12 @@ def grasp(
         int | None,
         typer.Option("--seed", metavar="N", help="Seed of the random starts (default: as in the configuration)."),
     ] = None,
+    pictures: Annotated[bool, typer.Option(help="Draw a picture and write the HTML report.")] = True,
     as_json: Json = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Find how a finger holds an object: verified, saved, drawn."""
+    """Find how fingers hold an object, or why they cannot: verified, saved, drawn, reported."""
     from continuum_grasp.cli.scenes import grasp_scene
 
     output = Output(as_json, quiet, verbose)
@@ -35,21 +37,29 @@ def grasp(
     from continuum_grasp.grasp import optimize_grasp
 
     with output.busy("searching"):
-        result = optimize_grasp(scene)
-    result.save(folder)
-    picture = folder / "grasp.png"
-    result.plot(picture)
+        result = optimize_grasp(scene, raise_on_failure=False)
+    from continuum_grasp.grasp.report import save_result
+    from continuum_grasp.grasp.report_files import save_pictures
+
+    save_result(result, folder)
+    files = []
+    if pictures:
+        with output.busy("drawing"):
+            files = save_pictures(result, folder)
 
     statistics: dict[str, Any] = dict(result.statistics)
     output.warn(result.warnings)
     output.say(result.table())
     output.statistics(statistics)
-    output.say(f"saved in {folder}, drawn in {picture}")
+    output.say(f"saved in {folder}" + "".join(f", {path.name}" for path in files))
     output.result(
         status=result.status,
         folder=str(folder),
-        files=[str(picture)],
+        files=[str(folder / "result.yaml"), *(str(path) for path in files)],
         table=result.table(),
         warnings=list(result.warnings),
+        reasons=[{"name": r.name, "key": r.key, "limit": r.limit, "needed": r.needed} for r in result.reasons],
         statistics=statistics,
     )
+    if not result.solved:
+        raise SolverError(result.message, status=result.status.value, result=result)

@@ -1,30 +1,39 @@
-"""A grasp result as text and as meta data."""
+"""A grasp result as text, and its files."""
 
 from __future__ import annotations
 
+import os
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.grasp.certificate import Certificate
-from continuum_grasp.grasp.model_error import ModelError
+from continuum_grasp.grasp.shown import certificate_data, quality_rows, result_data
+from continuum_grasp.grasp.yaml_text import yaml_text
+from continuum_grasp.scene.grasp import OutOfPlaneGravity
 
 if TYPE_CHECKING:
+    from continuum_grasp.grasp.certificate import Certificate
+    from continuum_grasp.grasp.model_error import ModelError
     from continuum_grasp.grasp.result import GraspResult
 
-__all__ = ["result_meta", "result_text"]
+__all__ = ["result_meta", "result_text", "result_yaml", "save_result"]
+
+_HEAD = """\
+# How the object is held, or why it is not. World frame, SI units. Forces at contacts are those on what touches the
+# object: along its outward normal, and friction along the normal turned by +90 degrees; lift is on the object, out of
+# the plane. result.npz holds all numbers, meta.json the configuration and every check.
+"""
 
 
 def result_text(result: GraspResult) -> str:
     """The result as aligned text, for people."""
     lines = [f"{result.status.value}: {result.message}"]
     if result.solved:
-        lines += ["", *_grasp_lines(result), "", *_contact_lines(result)]
-    if result.certificate is not None and result.solved:
-        lines += ["", *_certificate_lines(result.certificate)]
-    if result.reasons:
-        lines += ["", "Why there is no grasp:", *(f"  {r.text} ({r.key})" for r in result.reasons)]
-    if result.violated:
-        lines += ["", "Broken constraints at the closest point:", *(f"  {text}" for text in result.violated)]
+        lines += ["", *_finger_lines(result), "", *_contact_lines(result)]
+        if result.certificate is not None:
+            lines += [*_quality_lines(result.certificate), "", *_certificate_lines(result.certificate)]
+    else:
+        lines += _why_lines(result)
     if result.advice:
         lines += ["", result.advice]
     return "\n".join(lines)
@@ -39,7 +48,7 @@ def result_meta(result: GraspResult) -> dict[str, Any]:
         "status": result.status.value,
         "message": result.message,
         "warnings": list(result.warnings),
-        "certificate": None if result.certificate is None else _certificate_data(result.certificate),
+        "certificate": None if result.certificate is None else certificate_data(result.certificate),
         "violated": list(result.violated),
         "reasons": [asdict(reason) for reason in result.reasons],
         "advice": result.advice,
@@ -47,31 +56,74 @@ def result_meta(result: GraspResult) -> dict[str, Any]:
     }
 
 
-def _grasp_lines(result: GraspResult) -> list[str]:
-    tendons = result.scene.finger.tendons
-    limit = "" if tendons is None else f" of {tendons.max_tension:g} N"
-    first, second = result.tensions
-    length = 1e3 * result.scene.finger.rod.length
-    bends = ", ".join(f"{1e3 * h:.1f}" for h in result.lengths)
-    return [
-        f"  tendon tensions   {first:8.3f} N, {second:.3f} N{limit}",
-        f"  middle contact at {1e3 * result.middle_position:8.2f} mm of {length:g} mm",
-        f"  element lengths   {bends} mm ({result.arrays['family']})",
-    ]
+def result_yaml(result: GraspResult) -> str:
+    """The result as YAML for people and other programs; SI units, which the names carry."""
+    return _HEAD + yaml_text(result_data(result))
+
+
+def save_result(result: GraspResult, folder: str | os.PathLike[str]) -> Path:
+    """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, each whole or not at all.
+
+    Raises
+    ------
+    OSError
+        The files cannot be written.
+    """
+    from continuum_grasp.results import replacing, write_run
+
+    target = Path(folder)
+    text = result_yaml(result)
+    (target / "result.yaml").unlink(missing_ok=True)  # never that of another run
+    write_run(target, dict(result.arrays), result_meta(result))
+    with replacing(target / "result.yaml") as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return target
+
+
+def _finger_lines(result: GraspResult) -> list[str]:
+    lines, width = [], max(len(name) for name in result.fingers)
+    if result.scene.object.free is not None:
+        x, y, angle = result.object_pose
+        lines.append(f"  object at ({1e3 * x:.2f}, {1e3 * y:.2f}) mm, turned by {angle:.4f} rad")
+    for name, posture in result.fingers.items():
+        finger = result.scene.named_fingers[name]
+        most = "" if finger.tendons is None else f" of {finger.tendons.max_tension:g} N"
+        left, right = posture.tensions
+        lines.append(f"  {name:<{width}}  tendons  left {left:.3f} N, right {right:.3f} N{most}")
+        pad = " " * (width + 4)
+        if finger.base_free is not None:
+            x, y, angle = posture.base
+            lines.append(f"{pad}base at ({1e3 * x:.2f}, {1e3 * y:.2f}) mm, angle {angle:.4f} rad")
+        middles = [c for c in result.contacts if c.name.startswith(f"{name}.middle")]
+        for contact in middles:
+            what = contact.name.removeprefix(f"{name}.").replace("_", " ").replace("middle", "middle contact")
+            lines.append(f"{pad}{what} at {1e3 * contact.station:.2f} mm of {1e3 * finger.rod.length:g} mm")
+        elements = ", ".join(f"{1e3 * h:.1f}" for h in posture.lengths)
+        lines.append(f"{pad}elements {elements} mm ({posture.family})")
+    return lines
 
 
 def _contact_lines(result: GraspResult) -> list[str]:
-    lines = [
-        "  contact      x [mm]    y [mm]  normal [N]  friction [N]  lift [N]  margin",
-    ]
+    lifted = isinstance(result.scene.gravity, OutOfPlaneGravity)
+    width = max(len("contact"), *(len(c.name) for c in result.contacts)) if result.contacts else 7
+    lift = f"{'lift [N]':>10}" if lifted else ""
+    lines = [f"  {'contact':<{width}}    x [mm]    y [mm]  normal [N]  friction [N]{lift}  margin"]
     for c in result.contacts:
         x, y = 1e3 * c.position
         margin = abs(c.friction_margin) if abs(c.friction_margin) < 5e-7 else c.friction_margin
+        lift = f"{c.lift:10.3f}" if lifted else ""
         lines.append(
-            f"  {c.name:<10}{x:9.2f} {y:9.2f} {c.normal_force:11.3f} {c.friction_force:13.3f}"
-            f" {c.lift:9.3f} {margin:7.1%}"
+            f"  {c.name:<{width}}{x:10.2f}{y:10.2f}{c.normal_force:12.3f}{c.friction_force:14.3f}{lift}{margin:8.1%}"
         )
     return lines
+
+
+def _quality_lines(certificate: Certificate) -> list[str]:
+    rows = quality_rows(certificate)
+    if not rows:
+        return []
+    first, second = (max(len(row[k]) for row in rows) for k in (0, 1))
+    return ["", "Quality", *(f"  {a:<{first}}  {b:>{second}}  {c}".rstrip() for a, b, c in rows)]
 
 
 def _certificate_lines(certificate: Certificate) -> list[str]:
@@ -101,12 +153,15 @@ def _model_error_lines(error: ModelError) -> list[str]:
     ]
 
 
-def _certificate_data(certificate: Certificate) -> dict[str, Any]:
-    error = certificate.model_error
-    return {
-        "passed": certificate.passed,
-        "checks": [{**asdict(check), "passed": check.passed} for check in certificate.checks],
-        "friction_margin": certificate.friction_margin,
-        "model_error": {**asdict(error), "found": error.found, "small": error.small, "limit": error.limit},
-        "stability": asdict(certificate.stability),
-    }
+def _why_lines(result: GraspResult) -> list[str]:
+    lines = []
+    if result.reasons:
+        lines += ["", "Why there is no grasp; any one of these repairs it:"]
+        for r in result.reasons:
+            unit = "" if r.unit in ("", "1") else f" {r.unit}"
+            lines += [f"  {r.text}", f"    {r.key}: {r.limit:.4g}{unit} -> {r.needed:.4g}{unit}; {r.repair}"]
+    if result.violated:
+        lines += ["", "Broken constraints at the closest point:", *(f"  {text}" for text in result.violated)]
+    if result.arrays:
+        lines += ["", "The closest point, which is no grasp:", *_finger_lines(result), "", *_contact_lines(result)]
+    return lines

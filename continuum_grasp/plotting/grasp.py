@@ -13,7 +13,7 @@ from continuum_grasp.plotting.grasp_contacts import draw_contacts, draw_scale, d
 from continuum_grasp.plotting.grasp_fingers import draw_fingers
 from continuum_grasp.plotting.grasp_labels import Label, place_labels
 from continuum_grasp.plotting.grasp_object import draw_object, draw_supports
-from continuum_grasp.plotting.grasp_panel import ROW, panel_rows, write_panel
+from continuum_grasp.plotting.grasp_panel import ROW, Row, panel_rows, write_panel
 from continuum_grasp.plotting.grasp_polygon import plot_resistance, resistance_extremes
 from continuum_grasp.plotting.grasp_view import MM, GraspView
 
@@ -29,11 +29,18 @@ Array = NDArray[Any]
 
 _ROOM = (6.2, 5.4)
 """Greatest width and height of the drawing [inch]."""
+_NARROW = (4.6, 5.0)
+"""The same where it stands alone, as on a small screen."""
 _LEFT, _BELOW, _ABOVE, _BETWEEN, _PANEL, _POLYGON = 0.65, 0.55, 0.62, 0.3, 2.9, 2.05
 
 
 def plot_grasp(
-    result: GraspResult, *, ax: Axes | None = None, tendons: bool = True, resisted: ArrayLike | None = None
+    result: GraspResult,
+    *,
+    ax: Axes | None = None,
+    tendons: bool = True,
+    numbers: bool = True,
+    resisted: ArrayLike | None = None,
 ) -> Axes:
     """Draw a grasp in the plane of the fingers, in millimetres.
 
@@ -43,11 +50,13 @@ def plot_grasp(
         Where there is no verified grasp the closest point is drawn, and where there is none the scene as it starts;
         the title says so.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure, with the numbers beside them.
+        Where to draw; None: axes in a new figure.
     tendons : bool, optional
         Draw the tendons.
+    numbers : bool, optional
+        Write the forces: beside the drawing in a new figure, in the labels in axes that are given.
     resisted : array_like, shape (D, 2), optional
-        Greatest resisted force in each of D directions around the circle [N], drawn beside the numbers.
+        Greatest resisted force in each of D directions around the circle [N], drawn below the numbers.
 
     Returns
     -------
@@ -57,7 +66,7 @@ def plot_grasp(
     view = GraspView(result)
     alone = ax is None
     if ax is None:
-        ax = _sheet(view, resisted)
+        ax = _sheet(view, panel_rows(view) if numbers else [], resisted)
     low, high = view.box
     ax.set_aspect("equal", adjustable="box")
     ax.set_xlim(low[0], high[0])
@@ -69,7 +78,7 @@ def plot_grasp(
     areas = [*draw_supports(ax, view), *draw_fingers(ax, view, tendons)]
     cones, arrows = draw_contacts(ax, view)
     areas += [*cones, *draw_scale(ax, view)]
-    place_labels(ax, _labels(view, forces=not alone), areas, [*arrows, *draw_weight(ax, view)], bodies)
+    place_labels(ax, _labels(view, forces=numbers and not alone), areas, [*arrows, *draw_weight(ax, view)], bodies)
     return ax
 
 
@@ -85,11 +94,10 @@ def save_grasp_plot(result: GraspResult, path: str | os.PathLike[str], *, resist
     return ax
 
 
-def _sheet(view: GraspView, resisted: ArrayLike | None) -> Axes:
+def _sheet(view: GraspView, rows: list[Row], resisted: ArrayLike | None) -> Axes:
     """Axes in a new figure, which holds what stands beside them too."""
     low, high = view.box
-    size = (high - low) * min(np.array(_ROOM) / (high - low))
-    rows = panel_rows(view)
+    size = (high - low) * min(np.array(_ROOM if rows else _NARROW) / (high - low))
     polygon = bool(rows) and resisted is not None and resistance_extremes(resisted)[1] > 0
     text = ROW * len(rows)
     tall = max(size[1], text + (_POLYGON + 1.0 if polygon else 0.0))

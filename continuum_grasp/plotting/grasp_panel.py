@@ -11,22 +11,22 @@ from continuum_grasp.scene.grasp import OutOfPlaneGravity
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["ROW", "panel_rows", "write_panel"]
+__all__ = ["ROW", "Row", "panel_rows", "write_panel"]
 
 ROW = 0.17
 """Height of a row [inch]."""
 _SIZE = 8.0
 _Cell = tuple[str, str]
-_Row = tuple[_Cell, ...]
+Row = tuple[_Cell, ...]
 
 
-def panel_rows(view: GraspView) -> list[_Row]:
+def panel_rows(view: GraspView) -> list[Row]:
     """Rows of (text, colour); the first of a row stands on the left, the others to the right; none without numbers."""
     if not view.found:
         return []
     lifted = isinstance(view.result.scene.gravity, OutOfPlaneGravity)
     heads = ["normal", "friction", *(["lift"] if lifted else []), "margin"]
-    rows: list[_Row] = [(("contact [N]", GREY), *((word, GREY) for word in heads))]
+    rows: list[Row] = [(("contact [N]", GREY), *((word, GREY) for word in heads))]
     for c in view.contacts:
         words = [f"{c.normal_force:.2f}", f"{abs(c.friction_force):.2f}", *([f"{c.lift:.2f}"] if lifted else [])]
         margin = f"{max(c.friction_margin, 0.0) if c.friction_margin > -5e-4 else c.friction_margin:.0%}"
@@ -40,7 +40,7 @@ def panel_rows(view: GraspView) -> list[_Row]:
     return rows
 
 
-def write_panel(ax: Axes, rows: list[_Row]) -> None:
+def write_panel(ax: Axes, rows: list[Row]) -> None:
     """Write rows into axes that are as high as they need."""
     ax.set_axis_off()
     ax.set_xlim(0.0, 1.0)
