@@ -1,0 +1,174 @@
+"""Random grasp scenes in a natural range of sizes; whether there is a grasp is not known beforehand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.scene.grasp import GraspScene
+
+__all__ = ["one_finger", "two_fingers"]
+
+G = 9.81
+
+
+@dataclass(frozen=True)
+class _View:
+    """A turn and a mirror that place a scene anywhere."""
+
+    turn: float
+    flip: float
+    """-1: mirrored at the x axis before it is turned."""
+
+    def point(self, x: float, y: float) -> tuple[float, float]:
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        y = self.flip * y
+        return c * x - s * y, s * x + c * y
+
+    def angle(self, angle: float) -> float:
+        return math.remainder(self.turn + self.flip * angle, 2.0 * math.pi)
+
+
+def one_finger(seed: int) -> GraspScene:
+    """One finger of two elements, a convex object, and mostly a palm."""
+    random = np.random.default_rng([1, seed])
+    view = _View(random.uniform(-math.pi, math.pi), random.choice([-1.0, 1.0]))
+    length = 10 ** random.uniform(-1.0, -0.4)
+    contacts = random.choice(["all", "no palm", "no middle"], p=[0.8, 0.04, 0.16])
+    family = random.choice(["arc", "matched_clothoid", "clothoid"], p=[0.3, 0.6, 0.1])
+    if contacts == "no middle":
+        family = "arc"
+    size = length * random.uniform(0.12, 0.3)
+    thing, reach, extent = _object(random, size, aligned=random.random() < 0.5)
+    finger = _finger(random, length, size, sign=view.flip)
+    half = finger["half_thickness"]
+    base = (half * random.uniform(1.0, 1.5) + random.choice([0.0, 1.0]) * random.uniform(0.0, 0.8) * reach,)
+    base += (-(extent + half + length * random.uniform(0.005, 0.3)),)
+    finger["base"] = {
+        "position": view.point(*base),
+        "angle": math.remainder(view.angle(random.uniform(-0.6, 0.6)) - 0.5 * math.pi, 2.0 * math.pi),
+    }
+    thing["position"] = view.point(reach, 0.0)
+    thing["angle"] = view.angle(thing.get("angle", 0.0))
+    supports = {"palm": {"type": "palm", "point": view.point(0.0, 0.0), "normal_angle": view.angle(0.0)}}
+    return _scene(random, finger, thing, size, supports if contacts != "no palm" else {}, contacts, family)
+
+
+def two_fingers(seed: int) -> GraspScene:
+    """Two fingers of two matched clothoids that pinch a convex object with their tips."""
+    random = np.random.default_rng([2, seed])
+    view = _View(random.uniform(-math.pi, math.pi), random.choice([-1.0, 1.0]))
+    length = 10 ** random.uniform(-1.0, -0.4)
+    size = length * random.uniform(0.1, 0.3)
+    thing, reach, extent = _object(random, size, aligned=random.random() < 0.7)
+    ahead = length * random.uniform(0.55, 0.85)
+    fingers = {}
+    model = _finger(random, length, size, sign=view.flip)
+    for name, side in (("upper", 1.0), ("lower", -1.0)):
+        finger = dict(model) if random.random() < 0.5 else _finger(random, length, size, sign=view.flip)
+        finger["rest_curvature"] = 0.0
+        finger["tendons"] = dict(finger["tendons"]) | {"min_tension": 0.0}
+        finger["tendons_used"] = "both"
+        finger.pop("strain_limit", None)
+        apart = max(extent + finger["half_thickness"] * 1.2, 0.0) + length * random.uniform(0.0, 0.25)
+        finger["base"] = {
+            "position": view.point(0.0, side * apart),
+            "angle": math.remainder(view.angle(random.uniform(-0.3, 0.3)) - 0.5 * math.pi, 2.0 * math.pi),
+        }
+        fingers[name] = finger
+    thing["position"] = view.point(ahead, length * random.uniform(-0.03, 0.03))
+    thing["angle"] = view.angle(thing.get("angle", 0.0))
+    return _scene(random, fingers, thing, size, {}, "no middle", "matched_clothoid")
+
+
+def _object(random: np.random.Generator, size: float, aligned: bool) -> tuple[dict[str, Any], float, float]:
+    """An object, how far it reaches towards -x, and towards -y, with its angle in the scene's own frame."""
+    shape = random.choice(["circle", "ellipse", "superellipse", "box"])
+    ratio = random.uniform(0.55, 1.0)
+    wide, high = (size, ratio * size) if random.random() < 0.5 else (ratio * size, size)
+    angle = random.choice([0.0, 0.5 * math.pi]) if aligned else random.uniform(-math.pi, math.pi)
+    thing: dict[str, Any] = {"shape": str(shape), "angle": float(angle)}
+    if shape == "circle":
+        return {"shape": "circle", "diameter": 2.0 * size}, size, size
+    thing |= {"width": 2.0 * wide, "height": 2.0 * high}
+    power = 2.0
+    if shape == "superellipse":
+        power = thing["exponent"] = random.uniform(2.0, 4.0)
+    c, s = abs(math.cos(angle)), abs(math.sin(angle))
+    if shape == "box":
+        corner = thing["corner_radius"] = random.choice([0.0, 0.0, random.uniform(0.05, 0.4) * min(wide, high)])
+        w, h = wide - corner, high - corner
+        return thing, c * w + s * h + corner, s * w + c * h + corner
+    dual = power / (power - 1.0)
+    return (
+        thing,
+        ((c * wide) ** dual + (s * high) ** dual) ** (1.0 / dual),
+        ((s * wide) ** dual + (c * high) ** dual) ** (1.0 / dual),
+    )
+
+
+def _finger(random: np.random.Generator, length: float, size: float, sign: float) -> dict[str, Any]:
+    """A finger whose bending by half a turn about the object takes 3 to 40 N."""
+    half = length * random.uniform(0.015, 0.045)
+    offset = half * random.uniform(0.5, 0.95)
+    pull = 10 ** random.uniform(0.5, 1.6)
+    stiffness = pull * offset * length / 3.0
+    weight = stiffness / length**2 * 10 ** random.uniform(-2.5, -0.3)
+    finger: dict[str, Any] = {
+        "rod": {"length": length, "linear_density": weight / (G * length), "bending_stiffness": stiffness},
+        "half_thickness": half,
+        "tendons": {"offset": offset, "max_tension": pull * random.uniform(1.5, 8.0)},
+    }
+    if random.random() < 0.3:
+        finger["masses"] = [{"at": length, "mass": 0.3 * random.random() * weight / G}]
+    if random.random() < 0.3:
+        finger["rest_curvature"] = sign * random.uniform(-0.5, 1.5) / length
+    if random.random() < 0.3:
+        finger["rod"]["diameter"] = half * random.uniform(0.1, 0.4)
+        finger["strain_limit"] = 0.5 * finger["rod"]["diameter"] * random.uniform(1.2, 4.0) / size
+    if random.random() < 0.3:
+        finger["tendons"]["min_tension"] = random.uniform(0.0, 0.2) * pull
+    elif random.random() < 0.5:
+        finger["tendons_used"] = "left" if sign > 0 else "right"
+    return finger
+
+
+def _scene(
+    random: np.random.Generator,
+    fingers: dict[str, Any],
+    thing: dict[str, Any],
+    size: float,
+    supports: dict[str, Any],
+    contacts: str,
+    family: str,
+) -> GraspScene:
+    some = fingers if "rod" in fingers else next(iter(fingers.values()))
+    grip = some["tendons"]["max_tension"] * some["tendons"]["offset"] / size
+    thing["mass"] = grip / G * 10 ** random.uniform(-1.7, 0.3)
+    mode = random.choice(["planar", "out_of_plane", "none"], p=[0.4, 0.45, 0.15])
+    gravity: dict[str, Any] = {"mode": str(mode)}
+    if mode == "planar":
+        down = random.uniform(-math.pi, math.pi)
+        gravity["vector"] = (G * math.cos(down), G * math.sin(down))
+    elif mode == "out_of_plane":
+        balanced = contacts == "all" and random.random() < 0.7
+        gravity |= {"magnitude": G, "tilt": "balance" if balanced else "ignore"}
+    return GraspScene.model_validate(
+        {
+            "schema_version": 1,
+            ("finger" if "rod" in fingers else "fingers"): fingers,
+            "object": thing,
+            "supports": supports,
+            "contacts": {
+                "friction": random.uniform(0.25, 1.2),
+                "normal_force_max": random.uniform(10.0, 40.0) * max(thing["mass"] * G, grip),
+                "middle": "off" if contacts == "no middle" else "on",
+                "tip": "on",
+            },
+            "gravity": gravity,
+            "fidelity": {"family": family, "elements": 2, "bending_range": 2.0 * math.pi},
+        }
+    )
