@@ -39,6 +39,7 @@ _ROOMS = {
     "continuum_grasp.scene.load": ("load",),
     "continuum_grasp.fidelity.choose": ("choose_fidelity",),
     "continuum_grasp.fidelity.report": ("accuracy",),
+    "continuum_grasp.sweeps": ("sweep", "sweep_table"),
     "continuum_grasp.verbs": ("equilibrium", "modes", "simulate"),
 }
 __all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)]
@@ -73,6 +74,8 @@ if TYPE_CHECKING:
     from continuum_grasp.scene import Timing as Timing
     from continuum_grasp.scene import VectorSamples as VectorSamples
     from continuum_grasp.scene.load import load as load
+    from continuum_grasp.sweeps import sweep as sweep
+    from continuum_grasp.sweeps import sweep_table as sweep_table
     from continuum_grasp.verbs import equilibrium as equilibrium
     from continuum_grasp.verbs import modes as modes
     from continuum_grasp.verbs import simulate as simulate

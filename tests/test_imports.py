@@ -22,6 +22,7 @@ ALLOWED = {
     "fidelity": {"fidelity", "simulation", "core", "model", "scene", "results", "plotting"},
     "verbs": {"fidelity", "simulation", "model", "scene"},
     "identification": {"identification", "fidelity", "simulation", "core", "model", "scene", "results", "plotting"},
+    "sweeps": {"sweeps", "grasp", "scene", "results", "plotting"},
     "results": {"results", "scene"},
     "plotting": {"plotting", "results", "scene"},
 }
@@ -32,6 +33,7 @@ OUTSIDE = {
     "core": {"matplotlib", "typer", "rich", "yaml"},
     "simulation": {"matplotlib", "typer", "rich", "yaml"},
     "grasp": {"matplotlib", "typer", "rich", "yaml"},
+    "sweeps": {"casadi", "matplotlib", "typer", "rich", "yaml"},
     "results": {"casadi", "matplotlib", "typer", "rich"},
     "plotting": {"casadi", "typer", "rich", "yaml"},
 }

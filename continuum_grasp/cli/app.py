@@ -17,6 +17,7 @@ from continuum_grasp.cli.identify import identify
 from continuum_grasp.cli.modes import modes
 from continuum_grasp.cli.schema import schema
 from continuum_grasp.cli.simulate import simulate
+from continuum_grasp.cli.sweep import sweep
 from continuum_grasp.cli.validate import validate
 from continuum_grasp.errors import ContinuumGraspError, InputError
 
@@ -72,7 +73,7 @@ def _root(
     pass
 
 
-for _verb in (simulate, grasp, modes, accuracy, identify, codegen, schema, validate, doctor):
+for _verb in (simulate, grasp, sweep, modes, accuracy, identify, codegen, schema, validate, doctor):
     app.command()(_verb)
 
 

@@ -1,0 +1,153 @@
+"""``continuum-grasp sweep``."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, Verbose
+from continuum_grasp.cli.output import Output, run_folder
+
+if TYPE_CHECKING:
+    from continuum_grasp.sweeps import Progress, SweepTable
+
+__all__ = ["sweep"]
+
+_LINE_SECONDS = 10.0
+
+
+def sweep(
+    config: Config,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder of the sweep (default: runs/NAME-OF-CONFIG); one that was stopped goes on.",
+        ),
+    ] = None,
+    changes: Set = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", metavar="N", min=1, max=4096, help="Processes on this machine (default: all cores)."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="tcp://HOST:PORT", help="Work on a Dask cluster (extra: cluster)."),
+    ] = None,
+    keep: Annotated[
+        str, typer.Option("--keep", metavar="all|failed|none", help="Of which runs to keep the files.")
+    ] = "all",
+    plot_only: Annotated[
+        bool, typer.Option("--plot-only", help="Compute nothing: draw what the table holds by now.")
+    ] = False,
+    pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw maps and Pareto pictures.")] = True,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Find the grasps of many scenes: a grid or random draws of any keys; goes on where it was stopped."""
+    from continuum_grasp.errors import InputError
+
+    output = Output(as_json, quiet, verbose)
+    if keep not in ("all", "failed", "none"):
+        raise InputError(f"expected all, failed or none, got {keep!r}", key="--keep")
+    folder = run_folder(out, config)
+    if plot_only:
+        table = _stored(config, folder, changes or [])
+    else:
+        from continuum_grasp.sweeps import sweep as run
+
+        with _shown(output) as report:
+            table = run(
+                config,
+                folder=folder,
+                workers=workers,
+                scheduler=scheduler,
+                keep=keep,  # type: ignore[arg-type]
+                progress=report,
+                overrides=changes or [],
+            )
+    files: list[Path] = []
+    if pictures or plot_only:
+        with output.busy("drawing"):
+            files = table.plot(folder)
+    _report(table, files, output)
+
+
+def _stored(config: Path, folder: Path, changes: list[str]) -> SweepTable:
+    """The table as it is, with the pictures that the configuration asks for now."""
+    from dataclasses import replace
+
+    from continuum_grasp.sweeps import sweep_table
+    from continuum_grasp.sweeps.read import plan_of
+
+    return replace(sweep_table(folder), pictures=plan_of(config, changes).pictures)
+
+
+def _report(table: SweepTable, files: list[Path], output: Output) -> None:
+    statistics = dict(table.statistics)
+    output.warn(statistics.pop("notes", ()))
+    if len(table) and not table.solved.any():
+        output.warn([f"no scene has a grasp; the first row says: {table['message'][0]}"])
+    output.pairs(
+        {
+            "scenes": f"{len(table)} of {table.total}",
+            "status": ", ".join(f"{count} {name}" for name, count in table.counts.items()) or "none",
+            "without a grasp": ", ".join(f"{count} {name}" for name, count in table.failures.items()) or "none",
+            "saved in": f"{table.folder}",
+            "pictures": ", ".join(file.name for file in files) or "none",
+        }
+    )
+    output.statistics(statistics)
+    output.result(
+        folder=str(table.folder),
+        table=str(table.folder / "table.jsonl"),
+        files=[str(file) for file in files],
+        scenes=table.total,
+        rows=len(table),
+        status=table.counts,
+        failures=table.failures,
+        statistics=statistics,
+    )
+
+
+@contextmanager
+def _shown(output: Output) -> Iterator[Callable[[Progress], None] | None]:
+    """Progress on the error stream: a bar on a terminal, otherwise a line now and then."""
+    if output.quiet:
+        yield None
+    elif sys.stderr.isatty():
+        with _bar() as report:
+            yield report
+    else:
+        told = [time.monotonic()]
+
+        def line(progress: Progress) -> None:
+            if time.monotonic() - told[0] > _LINE_SECONDS:
+                told[0] = time.monotonic()
+                typer.echo(progress.text, err=True)
+
+        yield line
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[Progress], None]]:
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bars
+
+    columns: tuple[Any, ...] = (BarColumn(), TextColumn("{task.description}"))
+    with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
+        task = bars.add_task("starting workers", total=None)
+
+        def report(progress: Progress) -> None:
+            bars.update(task, total=progress.total, completed=progress.done, description=progress.text)
+
+        yield report

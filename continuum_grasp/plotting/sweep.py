@@ -1,0 +1,203 @@
+"""Maps and Pareto pictures of sweeps."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.plotting.axes import BLUE, GREY, INK, ORANGE, head, new_figure, quiet, time_map
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+
+__all__ = ["DrawableFront", "DrawableMap", "plot_front", "plot_map"]
+
+_HATCHES = ("////", "....", "xxxx", "\\\\\\\\", "oooo", "++++", "----")
+_MARKERS = ("x", "+", "v", "s", "^", "d", "1")
+_SHADES = ("#BFBFBF", "#D9D9D9", "#CFC4B8", "#C3CBD3", "#D8C8D0", "#C9D3C3", "#E0DCC8")
+
+
+class DrawableMap(Protocol):
+    """A quantity over two columns: on a grid (color of shape (ny, nx)), or point by point (all of shape (n,))."""
+
+    @property
+    def x(self) -> NDArray[Any]: ...
+    @property
+    def y(self) -> NDArray[Any]: ...
+    @property
+    def color(self) -> NDArray[np.float64]: ...
+    @property
+    def kind(self) -> NDArray[np.str_]: ...
+    @property
+    def labels(self) -> tuple[str, str, str]: ...
+
+
+class DrawableFront(Protocol):
+    """Two quantities, and which points no other beats."""
+
+    @property
+    def x(self) -> NDArray[np.float64]: ...
+    @property
+    def y(self) -> NDArray[np.float64]: ...
+    @property
+    def color(self) -> NDArray[np.float64] | None: ...
+    @property
+    def best(self) -> NDArray[np.int64]: ...
+    @property
+    def labels(self) -> tuple[str, str, str]: ...
+    @property
+    def best_words(self) -> str: ...
+
+
+def plot_map(drawn: DrawableMap, *, ax: Axes | None = None) -> Axes:
+    """Draw a quantity over two columns in colour; places without a grasp are hatched, or crossed, by reason.
+
+    Parameters
+    ----------
+    drawn : GridMap or ScatterMap
+        Of `continuum_grasp.sweeps.maps`.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; new axes where not given.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    if ax is None:
+        ax = quiet(new_figure(6.6, 4.9).add_subplot())
+    ax.grid(False)
+    kinds = [str(kind) for kind in dict.fromkeys(drawn.kind[drawn.kind != ""].tolist())]
+    draw = _draw_grid if drawn.color.ndim == 2 else _draw_points
+    shown = draw(ax, drawn, kinds)
+    if np.isfinite(drawn.color).any():
+        _color_bar(ax, shown, drawn.labels[2])
+    ax.set_xlabel(drawn.labels[0], color=INK)
+    ax.set_ylabel(drawn.labels[1], color=INK)
+    head(ax, None if kinds else drawn.labels[2], len(kinds), columns=2)
+    return ax
+
+
+def plot_front(drawn: DrawableFront, *, ax: Axes | None = None) -> Axes:
+    """Draw two quantities against each other, and the front of what no other beats in both.
+
+    Parameters
+    ----------
+    drawn : Front
+        Of `continuum_grasp.sweeps.maps`.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; new axes where not given.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    if ax is None:
+        ax = quiet(new_figure(6.6, 4.9).add_subplot())
+    size = 18.0 if len(drawn.x) < 2000 else 5.0
+    if drawn.color is None:
+        ax.scatter(drawn.x, drawn.y, s=size, color=BLUE, alpha=0.45, linewidths=0.0, label="grasps")
+    else:
+        shown = ax.scatter(drawn.x, drawn.y, s=size, c=drawn.color, cmap=time_map(), linewidths=0.0, label="grasps")
+        _color_bar(ax, shown, drawn.labels[2])
+    ax.plot(drawn.x[drawn.best], drawn.y[drawn.best], color=ORANGE, linewidth=1.2, alpha=0.8, zorder=3)
+    ax.plot(
+        drawn.x[drawn.best],
+        drawn.y[drawn.best],
+        linestyle="none",
+        marker="o",
+        markersize=7.5,
+        markerfacecolor="none",
+        markeredgecolor=ORANGE,
+        markeredgewidth=1.6,
+        zorder=4,
+        label=f"front: {len(drawn.best)} of {len(drawn.x)}; {drawn.best_words}",
+    )
+    ax.set_xlabel(drawn.labels[0], color=INK)
+    ax.set_ylabel(drawn.labels[1], color=INK)
+    head(ax, None, 2, columns=2)
+    return ax
+
+
+def _draw_grid(ax: Axes, drawn: DrawableMap, kinds: list[str]) -> ScalarMappable:
+    x, y = _edges(drawn.x), _edges(drawn.y)
+    shown = ax.pcolormesh(x, y, np.ma.masked_invalid(drawn.color), cmap=time_map())
+    for k, kind in enumerate(kinds):
+        here = np.ma.masked_where(drawn.kind != kind, np.ones(drawn.kind.shape))
+        ax.pcolor(
+            x,
+            y,
+            here,
+            cmap=_one_color(_SHADES[k % len(_SHADES)]),
+            hatch=_HATCHES[k % len(_HATCHES)],
+            edgecolor=GREY,
+            linewidth=0.0,
+        )
+        _patch(ax, _SHADES[k % len(_SHADES)], _HATCHES[k % len(_HATCHES)], f"{kind}: {int((drawn.kind == kind).sum())}")
+    for set_scale, set_ticks, values in (
+        (ax.set_xscale, ax.set_xticks, drawn.x),
+        (ax.set_yscale, ax.set_yticks, drawn.y),
+    ):
+        if values.dtype.kind not in "iuf":
+            set_ticks(range(len(values)), [str(value) for value in values])
+        elif _is_log(values):
+            set_scale("log")
+    return shown
+
+
+def _draw_points(ax: Axes, drawn: DrawableMap, kinds: list[str]) -> ScalarMappable:
+    size = 26.0 if len(drawn.x) < 2000 else 6.0
+    for k, kind in enumerate(kinds):
+        here = drawn.kind == kind
+        ax.scatter(
+            drawn.x[here],
+            drawn.y[here],
+            s=0.7 * size,
+            marker=_MARKERS[k % len(_MARKERS)],
+            color=GREY,
+            linewidths=1.0,
+            label=f"{kind}: {int(here.sum())}",
+        )
+    there = np.isfinite(drawn.color)
+    return ax.scatter(drawn.x[there], drawn.y[there], s=size, c=drawn.color[there], cmap=time_map(), linewidths=0.0)
+
+
+def _color_bar(ax: Axes, shown: ScalarMappable, label: str) -> None:
+    bar = ax.figure.colorbar(shown, ax=ax, pad=0.03)
+    bar.set_label(label, color=INK)
+    bar.ax.tick_params(colors=INK, labelsize=9)
+    bar.outline.set_visible(False)
+
+
+def _patch(ax: Axes, color: str, hatch: str, label: str) -> None:
+    """An entry of the legend."""
+    ax.fill([], [], facecolor=color, edgecolor=GREY, hatch=hatch, linewidth=0.0, label=label)
+
+
+def _one_color(color: str) -> Any:
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap([color])
+
+
+def _edges(values: NDArray[Any]) -> NDArray[Any]:
+    """Borders of cells around the values; words lie at 0, 1, 2, ..."""
+    if values.dtype.kind not in "iuf":
+        return np.arange(len(values) + 1) - 0.5
+    middle = np.log(values) if _is_log(values) else values.astype(float)
+    if len(middle) == 1:
+        wide = 0.05 * abs(float(middle[0])) or 0.5
+        return np.array([middle[0] - wide, middle[0] + wide])
+    between = 0.5 * (middle[1:] + middle[:-1])
+    edges = np.concatenate([[2 * middle[0] - between[0]], between, [2 * middle[-1] - between[-1]]])
+    return np.asarray(np.exp(edges) if _is_log(values) else edges)
+
+
+def _is_log(values: NDArray[Any]) -> bool:
+    """Whether numbers are spaced by ratios rather than by differences."""
+    if len(values) < 3 or values[0] <= 0:
+        return False
+    steps, ratios = np.diff(values), np.diff(np.log(values))
+    return bool(np.ptp(ratios) / ratios.mean() < 0.1 * np.ptp(steps) / steps.mean())

@@ -1,0 +1,61 @@
+"""A Dask cluster as the crew of a sweep."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.sweeps.crew import ExecutorCrew
+
+__all__ = ["dask_crew"]
+
+_PATIENCE = 10.0
+_ASK_AGAIN = 2.0
+
+
+@contextmanager
+def dask_crew(address: str, patience: float = _PATIENCE) -> Iterator[ExecutorCrew]:
+    """The workers of a running Dask scheduler.
+
+    Parameters
+    ----------
+    address : str
+        Such as ``tcp://127.0.0.1:8786``.
+    patience : float
+        How long to wait for an answer [s].
+
+    Raises
+    ------
+    InputError
+        Dask is not installed, or no scheduler answers.
+    """
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError:
+        raise InputError(
+            "a Dask cluster needs the extra 'cluster': pip install 'continuum-grasp[cluster]'", key="scheduler"
+        ) from None
+    try:
+        client: Any = distributed.Client(address, timeout=patience, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:  # TimeoutError is an OSError
+        raise InputError(f"no Dask scheduler answers at {address!r}: {error}", key="scheduler") from None
+    try:
+        yield ExecutorCrew(client.get_executor(pure=False), _Count(client))
+    finally:
+        client.close()
+
+
+class _Count:
+    """How many worker processes there are, asked every two seconds."""
+
+    def __init__(self, client: Any) -> None:
+        self._client, self._count, self._asked = client, 0, -_ASK_AGAIN
+
+    def __call__(self) -> int:
+        if time.monotonic() - self._asked > _ASK_AGAIN:
+            self._count, self._asked = len(self._client.nthreads()), time.monotonic()
+        return self._count

@@ -1,0 +1,222 @@
+"""What the pictures of a sweep show, worked out from its table."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from continuum_grasp.sweeps.table import SweepTable
+
+__all__ = ["Front", "GridMap", "ScatterMap", "draw_pictures", "front_of", "map_of", "pareto"]
+
+_WORDS = {
+    "tension_sum": "sum of all tensions",
+    "tension_max": "greatest tension",
+    "normal_force_max": "greatest normal force",
+    "friction_margin": "least friction margin",
+    "contacts": "number of contacts",
+    "iterations": "iterations of the solver",
+    "seconds": "time",
+}
+_REDUCE: dict[str, Callable[[NDArray[np.float64]], Any]] = {
+    "median": np.median,
+    "mean": np.mean,
+    "least": np.min,
+    "greatest": np.max,
+}
+
+
+@dataclass(frozen=True)
+class GridMap:
+    """A quantity over two keys of a grid.
+
+    Attributes
+    ----------
+    x, y : ndarray, shape (nx,), (ny,)
+        Values of the keys in the order of the picture, numbers or words.
+    color : ndarray, shape (ny, nx)
+        The quantity; NaN where there is no grasp.
+    kind : ndarray of str, shape (ny, nx)
+        Why there is none; empty where there is one, or no row yet.
+    labels : (str, str, str)
+        Of x, y and colour, with units.
+    """
+
+    x: NDArray[Any]
+    y: NDArray[Any]
+    color: NDArray[np.float64]
+    kind: NDArray[np.str_]
+    labels: tuple[str, str, str]
+
+
+@dataclass(frozen=True)
+class ScatterMap:
+    """A quantity over two columns that lie anywhere; all arrays of shape (rows,), as in `GridMap`."""
+
+    x: NDArray[Any]
+    y: NDArray[Any]
+    color: NDArray[np.float64]
+    kind: NDArray[np.str_]
+    labels: tuple[str, str, str]
+
+
+@dataclass(frozen=True)
+class Front:
+    """Two quantities of all grasps, and those that no other beats in both.
+
+    Attributes
+    ----------
+    x, y : ndarray, shape (rows,)
+    color : ndarray, shape (rows,), or None
+    best : ndarray of int, shape (n,)
+        Positions of the front in x and y, with increasing x.
+    labels : (str, str, str)
+        Of x, y and colour, with units.
+    best_words : str
+        Which way is better.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    color: NDArray[np.float64] | None
+    best: NDArray[np.int64]
+    labels: tuple[str, str, str]
+    best_words: str
+
+
+def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median") -> GridMap | ScatterMap:
+    """A map of a quantity: over the grid where both keys belong to it, else point by point.
+
+    Parameters
+    ----------
+    table : SweepTable
+    x, y, color : str
+        Columns.
+    reduce : {"median", "mean", "least", "greatest"}
+        What a place of the grid shows where several grasps share it.
+
+    Raises
+    ------
+    InputError
+        There is no such column.
+    """
+    labels = _label(table, x), _label(table, y), _label(table, color)
+    shown = np.where(table.solved, _numbers(table[color]), np.nan)
+    kinds = np.where(table.solved, "", table.kinds)
+    if not {x, y} <= set(table.grid_keys):
+        return ScatterMap(table[x], table[y], shown, kinds, labels)
+    xs, column = _places(table[x])
+    ys, row = _places(table[y])
+    color_at = np.full((len(ys), len(xs)), np.nan)
+    kind_at = np.full(color_at.shape, "", dtype=object)
+    order = np.lexsort((column, row))
+    cells = row[order] * len(xs) + column[order]
+    starts = np.flatnonzero(np.diff(cells, prepend=-1))
+    for rows in np.split(order, starts[1:]) if len(order) else ():
+        place = row[rows[0]], column[rows[0]]
+        there = shown[rows][np.isfinite(shown[rows])]
+        if len(there):
+            color_at[place] = _REDUCE[reduce](there)
+        else:
+            names, counts = np.unique(kinds[rows], return_counts=True)
+            kind_at[place] = names[np.argmax(counts)]
+    return GridMap(xs, ys, color_at, kind_at.astype(str), labels)
+
+
+def front_of(
+    table: SweepTable, x: str, y: str, x_best: str = "least", y_best: str = "least", color: str | None = None
+) -> Front:
+    """Two quantities of all grasps, and the Pareto front.
+
+    Raises
+    ------
+    InputError
+        There is no such column.
+    """
+    solved = table.solved
+    xs, ys = _numbers(table[x])[solved], _numbers(table[y])[solved]
+    shades = None if color is None else _numbers(table[color])[solved]
+    good = np.isfinite(xs) & np.isfinite(ys)
+    xs, ys = xs[good], ys[good]
+    best = pareto(xs, ys, x_best == "greatest", y_best == "greatest")
+    labels = _label(table, x), _label(table, y), "" if color is None else _label(table, color)
+    return Front(xs, ys, None if shades is None else shades[good], best, labels, f"{x_best} x and {y_best} y are best")
+
+
+def pareto(
+    x: NDArray[np.float64], y: NDArray[np.float64], x_greatest: bool = False, y_greatest: bool = False
+) -> NDArray[np.int64]:
+    """Positions of the points that no other point beats: none is as good in both and better in one.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+    x_greatest, y_greatest : bool
+        Whether greater is better.
+
+    Returns
+    -------
+    ndarray of int, shape (m,)
+        With increasing x; of equal points the first.
+    """
+    a, b = (-x if x_greatest else x), (-y if y_greatest else y)
+    found, least = [], np.inf
+    for k in np.lexsort((np.arange(len(a)), b, a)):
+        if b[k] < least:
+            found.append(k)
+            least = b[k]
+    return np.array(found[::-1] if x_greatest else found, dtype=np.int64)
+
+
+def draw_pictures(table: SweepTable, pictures: Mapping[str, Sequence[Mapping[str, Any]]], folder: Path) -> list[Path]:
+    """Draw the ``maps`` and the ``pareto`` pictures that a configuration asks for into a folder.
+
+    Returns
+    -------
+    list of pathlib.Path
+
+    Raises
+    ------
+    InputError
+        There is no column of a name.
+    """
+    from continuum_grasp.plotting import save_picture
+    from continuum_grasp.plotting.sweep import plot_front, plot_map
+
+    files = []
+    for k, spec in enumerate(pictures.get("maps", ())):
+        name = f"map_{k + 1}_{_file_name(spec['color'])}.png"
+        files.append(save_picture(plot_map(map_of(table, **spec)), folder / name))
+    for k, spec in enumerate(pictures.get("pareto", ())):
+        name = f"pareto_{k + 1}_{_file_name(spec['x'])}_{_file_name(spec['y'])}.png"
+        files.append(save_picture(plot_front(front_of(table, **spec)), folder / name))
+    return files
+
+
+def _places(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int64]]:
+    """Distinct values, numbers in their order and words as they come, and which each row has."""
+    distinct, first, place = np.unique(values, return_index=True, return_inverse=True)
+    if values.dtype.kind in "iuf":
+        return distinct, place.astype(np.int64)
+    order = np.argsort(first)
+    return distinct[order], np.argsort(order)[place]
+
+
+def _numbers(values: NDArray[Any]) -> NDArray[np.float64]:
+    return values.astype(float) if values.dtype.kind in "iuf" else np.full(len(values), np.nan)
+
+
+def _label(table: SweepTable, name: str) -> str:
+    unit = table.units.get(name, "")
+    return f"{_WORDS.get(name, name)} [{unit}]" if unit else _WORDS.get(name, name)
+
+
+def _file_name(column: str) -> str:
+    return re.sub(r"[^A-Za-z0-9]+", "_", column).strip("_")

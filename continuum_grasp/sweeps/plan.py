@@ -1,0 +1,205 @@
+"""Which scenes a sweep consists of: the same for the same configuration, in the same order, wherever it runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.scene.document import KeyPath
+from continuum_grasp.scene.sweep import QUANTITIES, Sweep
+from continuum_grasp.scene.variation import Axis, Random, Tie, Variation
+
+__all__ = ["Plan", "Point", "differences", "keys_of"]
+
+FORMAT_VERSION = 1
+_BLOCK = 4096
+_PRIMES = [n for n in range(2, 180) if all(n % k for k in range(2, n))]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One scene of a sweep: its number, what is put where in the scene, and what the table calls that."""
+
+    index: int
+    values: tuple[Any, ...]
+    labels: tuple[Any, ...]
+
+
+class Plan:
+    """The scenes of a sweep, one by one.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    variation : Variation
+        The same, resolved.
+
+    Attributes
+    ----------
+    keys : tuple of str
+        The varied keys: of the grid, drawn, and following.
+    paths : tuple of tuple
+        Where they lie in the scene.
+    columns : tuple of str
+        Names of the numbers that every run gives.
+    units : dict of str to str
+        Of keys and columns, where known.
+    """
+
+    def __init__(self, sweep: Sweep, variation: Variation) -> None:
+        self.sweep, self.variation = sweep, variation
+        things: list[Axis | Random | Tie] = [*variation.axes, *variation.draws, *variation.ties]
+        self.keys: tuple[str, ...] = tuple(thing.key for thing in things)
+        self.paths: tuple[KeyPath, ...] = tuple(thing.path for thing in things)
+        self.columns = sweep.columns
+        self.units = {**QUANTITIES, **{thing.key: thing.unit for thing in things}}
+        self._counts = [len(axis.values) for axis in variation.axes]
+        self._sources = [self.keys.index(tie.source) for tie in variation.ties]
+        self._drawn: tuple[int, NDArray[np.float64]] | None = None
+        self._shift = np.random.default_rng(self._seed).random(len(variation.draws))
+
+    def __len__(self) -> int:
+        return self.sweep.count
+
+    def __iter__(self) -> Iterator[Point]:
+        return map(self.point, range(len(self)))
+
+    def point(self, index: int) -> Point:
+        """The scene of a number: draws change fastest, then the last key of the grid."""
+        place, draw = divmod(index, 1 if self.sweep.sample is None else self.sweep.sample.count)
+        values: list[Any] = []
+        labels: list[Any] = []
+        for axis, k in zip(self.variation.axes, self._places(place), strict=True):
+            values.append(axis.values[k])
+            labels.append(axis.labels[k])
+        if self.variation.draws:
+            for one, share in zip(self.variation.draws, self._shares(draw), strict=True):
+                value, label = _value(one, float(share))
+                values.append(value)
+                labels.append(label)
+        for tie, source in zip(self.variation.ties, self._sources, strict=True):
+            values.append(float(f"{tie.times * values[source] + tie.plus:.15g}"))
+            labels.append(values[-1])
+        return Point(index, tuple(values), tuple(labels))
+
+    def as_json(self) -> dict[str, Any]:
+        """What decides which scenes there are and what their rows hold, as plain data."""
+        from continuum_grasp.results.plain import plain
+
+        sample = self.sweep.sample
+        found: dict[str, Any] = plain(
+            {
+                "format_version": FORMAT_VERSION,
+                "scenes": len(self),
+                "scene": self.variation.base,
+                "vary": {axis.key: list(axis.values) for axis in self.variation.axes},
+                "sample": None
+                if sample is None
+                else {
+                    "count": sample.count,
+                    "seed": sample.seed,
+                    "method": sample.method,
+                    "keys": {
+                        draw.key: {draw.kind: list(draw.values) if draw.kind == "choice" else draw.numbers}
+                        for draw in self.variation.draws
+                    },
+                },
+                "follow": {
+                    tie.key: {"key": tie.source, "times": tie.times, "plus": tie.plus} for tie in self.variation.ties
+                },
+                "record": list(self.sweep.record),
+            }
+        )
+        return found
+
+    @property
+    def pictures(self) -> dict[str, Any]:
+        """The pictures that the configuration asks for, as plain data."""
+        return {name: [one.model_dump() for one in getattr(self.sweep, name)] for name in ("maps", "pareto")}
+
+    def _places(self, place: int) -> list[int]:
+        found = []
+        for count in reversed(self._counts):
+            place, k = divmod(place, count)
+            found.append(k)
+        return found[::-1]
+
+    @property
+    def _seed(self) -> int:
+        return 0 if self.sweep.sample is None else self.sweep.sample.seed
+
+    def _shares(self, draw: int) -> NDArray[np.float64]:
+        """Numbers between 0 and 1, one per drawn key."""
+        count = len(self.variation.draws)
+        if self.sweep.sample is not None and self.sweep.sample.method == "halton":
+            inverse = [_radical_inverse(draw + 1, prime) for prime in _PRIMES[:count]]
+            return np.asarray((np.array(inverse) + self._shift) % 1.0)
+        block, row = divmod(draw, _BLOCK)
+        if self._drawn is None or self._drawn[0] != block:
+            self._drawn = block, np.random.default_rng([self._seed, block]).random((_BLOCK, count))
+        return np.asarray(self._drawn[1][row])
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any], most: int = 6) -> list[str]:
+    """What differs between two plans, in words, key by key."""
+    a, b = _leaves(old), _leaves(new)
+    found = []
+    for key in [*a, *(key for key in b if key not in a)]:
+        if key not in b:
+            found.append(f"{key}: {_short(a[key])} there, not given here")
+        elif key not in a:
+            found.append(f"{key}: not given there, {_short(b[key])} here")
+        elif a[key] != b[key]:
+            found.append(f"{key}: {_short(a[key])} there, {_short(b[key])} here")
+    return found[:most] + ([f"and {len(found) - most} more"] if len(found) > most else [])
+
+
+def _value(draw: Random, share: float) -> tuple[Any, Any]:
+    low, high = draw.numbers
+    if draw.kind == "choice":
+        k = min(int(share * len(draw.values)), len(draw.values) - 1)
+        return draw.values[k], draw.labels[k]
+    if draw.kind == "uniform":
+        value = low + (high - low) * share
+    elif draw.kind == "log_uniform":
+        value = math.exp(math.log(low) + (math.log(high) - math.log(low)) * share)
+    else:
+        value = NormalDist(low, high).inv_cdf(min(max(share, 1e-15), 1.0 - 1e-15))
+    return value, value
+
+
+def _radical_inverse(number: int, base: int) -> float:
+    found, scale = 0.0, 1.0 / base
+    while number:
+        number, digit = divmod(number, base)
+        found += digit * scale
+        scale /= base
+    return found
+
+
+def _leaves(data: Any, key: str = "") -> dict[str, Any]:
+    if isinstance(data, Mapping) and data:
+        found: dict[str, Any] = {}
+        for name, child in data.items():
+            found |= _leaves(child, f"{key}.{name}" if key else name)
+        return found
+    return {key: data}
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, list) and len(value) > 6:
+        return f"{len(value)} values from {value[0]} to {value[-1]}"
+    text = str(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def keys_of(plan: Mapping[str, Any]) -> list[str]:
+    """The varied keys of a stored plan."""
+    sample = plan["sample"]
+    return [*plan["vary"], *(sample["keys"] if sample else ()), *plan["follow"]]

@@ -1,0 +1,69 @@
+"""The numbers that the table gives of a grasp."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.sweeps.lines import number
+
+__all__ = ["SOLVED", "quantities"]
+
+SOLVED = ("optimal", "feasible")
+"""Statuses that mean a verified grasp."""
+
+
+def quantities(result: Any, record: Sequence[str], seconds: float) -> dict[str, Any]:
+    """Numbers of a result by column; None where there is no grasp to have them.
+
+    Parameters
+    ----------
+    result : GraspResult
+    record : sequence of str
+        Further columns, such as ``quality.epsilon``.
+    seconds : float
+        What it took [s].
+
+    Raises
+    ------
+    InputError
+        A grasp has no number of a name in ``record``.
+    """
+    solved = str(result.status) in SOLVED
+    reason = result.reasons[0] if result.reasons else None
+    found: dict[str, Any] = dict.fromkeys(("tension_sum", "tension_max", "normal_force_max", "friction_margin"))
+    contacts = result.contacts if solved else ()
+    if solved:
+        tensions = [float(t) for finger in result.fingers.values() for t in finger.tensions]
+        found |= {"tension_sum": sum(tensions), "tension_max": max(tensions, default=None)}
+        found["normal_force_max"] = max((c.normal_force for c in contacts), default=None)
+        found["friction_margin"] = min((c.friction_margin for c in contacts), default=None)
+    found["contacts"] = len(contacts) if solved else None
+    found["iterations"] = result.statistics.get("iterations")
+    found["seconds"] = float(f"{seconds:.6g}")
+    found["reason_limit"] = None if reason is None else reason.limit
+    found["reason_needed"] = None if reason is None else reason.needed
+    for name in record:
+        found[name] = _recorded(result, name, solved)
+    return {name: number(value) for name, value in found.items()}
+
+
+def _recorded(result: Any, name: str, solved: bool) -> Any:
+    root, *parts = name.split(".")
+    value = result.certificate if root in ("quality", "certificate") else result.statistics
+    if root == "quality":
+        parts = ["quality", *parts]
+    for part in parts:
+        if value is None:
+            return None
+        known = part in value if isinstance(value, Mapping) else hasattr(value, part)
+        if not known:
+            if not solved:
+                return None
+            there = value if isinstance(value, Mapping) else [n for n in dir(value) if not n.startswith("_")]
+            raise InputError(f"a grasp has no number of this name; {part!r} is none of {', '.join(there)}", key=name)
+        value = value[part] if isinstance(value, Mapping) else getattr(value, part)
+    if value is None or isinstance(value, str | int | float) or getattr(value, "ndim", 1) == 0:
+        return value
+    raise InputError(f"not one number, but {type(value).__name__}", key=name)

@@ -1,0 +1,254 @@
+"""The sweep itself: gives out scenes, takes rows, writes them down, and goes on where it was stopped."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import Any
+
+from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted, SolverError
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.overrides import Overrides
+from continuum_grasp.sweeps.crew import Crew, ExecutorCrew, LocalCrew, checked_count, cores
+from continuum_grasp.sweeps.export import write_csv
+from continuum_grasp.sweeps.folder import TABLE, TableFile, lines_of, locked, store_plan, write_run_files
+from continuum_grasp.sweeps.plan import Plan, Point
+from continuum_grasp.sweeps.progress import Pace, Progress
+from continuum_grasp.sweeps.read import plan_of
+from continuum_grasp.sweeps.table import SweepTable, sweep_table
+from continuum_grasp.sweeps.worker import Job, Keep, Outcome, row_of_crash, run_chunk, solve
+
+__all__ = ["sweep"]
+
+_CHUNK_SECONDS = 0.5
+_MOST_IN_A_CHUNK = 64
+_REPORT_SECONDS = 0.2
+_TRIES = 2
+
+
+def sweep(
+    config: str | os.PathLike[str] | Mapping[str, Any],
+    *,
+    folder: str | os.PathLike[str] | None = None,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    scheduler: str | None = None,
+    keep: Keep = "all",
+    evaluate: Callable[[GraspScene], Any] | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    overrides: Overrides = (),
+) -> SweepTable:
+    """Find the grasps of many scenes: a grid or random draws of any keys of one scene.
+
+    Every scene gives one row of the table ``table.jsonl`` in the folder, also where there is no grasp, where the scene
+    makes no sense, and where it took its worker with it. A sweep that was stopped, in whatever way, goes on where it
+    was when it is called again with the same configuration and folder.
+
+    Parameters
+    ----------
+    config : path-like or mapping
+        A sweep's YAML file, or the same as a mapping; paths in a mapping are relative to the working directory.
+    folder : path-like, optional
+        Where the table and the runs go; ``runs/`` and the name of the file where not given.
+    workers : int, optional
+        Processes on this machine; all cores where not given. With an executor: how many of its workers to count on.
+    executor : concurrent.futures.Executor, optional
+        Does the work in place of processes on this machine; it is not shut down.
+    scheduler : str, optional
+        Address of a Dask scheduler, such as ``tcp://127.0.0.1:8786``, in place of an executor.
+    keep : {"all", "failed", "none"}, optional
+        Of which runs to keep the files, in ``runs/``.
+    evaluate : callable, optional
+        From a `GraspScene` to a `GraspResult`, importable by name; `optimize_grasp` where not given.
+    progress : callable, optional
+        Takes a `Progress` now and then.
+    overrides : iterable of str, or mapping, optional
+        Changes to the configuration, as in `load`.
+
+    Returns
+    -------
+    SweepTable
+        All rows, in the order of the scenes.
+
+    Raises
+    ------
+    InputError
+        The configuration is wrong; the folder holds another sweep, or one that is running; no scheduler answers.
+    SolverError
+        The workers are gone, or cannot do the work.
+    Interrupted
+        Ctrl-C; what was computed is in the table.
+    """
+    if keep not in ("all", "failed", "none"):
+        raise InputError(f"expected all, failed or none, got {keep!r}", key="keep")
+    if sum(given is not None for given in (executor, scheduler)) > 1:
+        raise InputError("give an executor or the address of a scheduler, not both", key="executor")
+    count = None if workers is None else checked_count(workers)
+    plan = plan_of(config, overrides)
+    target = _folder(config, folder)
+    with locked(target):
+        notes = store_plan(target, plan)
+        job = Job(plan.variation.base, plan.keys, plan.paths, plan.sweep.record, keep, evaluate or solve)
+        run = _Run(plan, job, target, progress)
+        if run.done < len(plan):
+            with _crew(executor, scheduler, count) as crew:
+                run.go(crew)
+        write_csv(target)
+    return sweep_table(target, statistics={**run.statistics, "notes": notes})
+
+
+class _Run:
+    def __init__(self, plan: Plan, job: Job, folder: Path, progress: Callable[[Progress], None] | None) -> None:
+        self.plan, self.job, self.folder, self.tell = plan, job, folder, progress
+        self.there = bytearray(len(plan))
+        self.counts: Counter[str] = Counter()
+        self.file = TableFile(folder / TABLE)
+        for _, _, row in lines_of(folder / TABLE):
+            index = row.get("index")
+            if isinstance(index, int) and 0 <= index < len(plan) and not self.there[index]:
+                self.there[index] = 1
+                self.counts[row["status"]] += 1
+        self.done = self.before = sum(self.there)
+        self.pace = Pace(len(plan), self.done)
+        self.flying: dict[Future[list[Outcome]], list[Point]] = {}
+        self.again: deque[Point] = deque()
+        self.tries: Counter[int] = Counter()
+        self.fresh = (index for index in range(len(plan)) if not self.there[index])
+        self.each: float | None = None
+        self.busy = 0.0
+        self.began = self.told = time.monotonic()
+
+    def go(self, crew: Crew) -> None:
+        """Work until every scene has its row.
+
+        Raises
+        ------
+        SolverError
+            The workers are gone, or cannot do the work.
+        Interrupted
+            Ctrl-C.
+        """
+        finished = False
+        try:
+            while self._fill(crew):
+                for future in wait(self.flying, timeout=1.0, return_when=FIRST_COMPLETED).done:
+                    self._take(crew, future)
+                self._report()
+            finished = True
+        except KeyboardInterrupt:
+            left = f"interrupted: {self.done} of {len(self.plan)} scenes are in {self.folder / TABLE}"
+            raise Interrupted(f"{left}; the same command goes on from there") from None
+        finally:
+            crew.close(not finished)
+            self.file.close()
+            self._report(last=True)
+
+    @property
+    def statistics(self) -> dict[str, Any]:
+        """Times of this call."""
+        seconds = time.monotonic() - self.began
+        return {"new": self.done - self.before, "seconds": seconds, "evaluation_seconds": self.busy}
+
+    def _fill(self, crew: Crew) -> bool:
+        """Give out chunks while somebody takes them; whether anything is out."""
+        while len(self.flying) < crew.most:
+            points = self._next(crew.workers)
+            if not points:
+                break
+            self.flying[crew.submit(run_chunk, self.job, points)] = points
+        return bool(self.flying)
+
+    def _next(self, workers: int) -> list[Point]:
+        """The next chunk: suspects one by one, then about half a second of scenes, fewer towards the end."""
+        if self.again:
+            return [self.again.popleft()]
+        size = 1
+        if self.each is not None:
+            left = len(self.plan) - self.done
+            size = int(min(_CHUNK_SECONDS / max(self.each, 1e-4), left / (3 * workers), _MOST_IN_A_CHUNK))
+        return [self.plan.point(index) for _, index in zip(range(max(1, size)), self.fresh, strict=False)]
+
+    def _take(self, crew: Crew, future: Future[list[Outcome]]) -> None:
+        points = self.flying.pop(future)
+        try:
+            outcomes = future.result()
+        except ContinuumGraspError:
+            raise
+        except CancelledError as error:
+            raise self._stopped("the scheduler is gone") from error
+        except Exception as error:
+            if not crew.lost(future):
+                raise self._stopped(f"a worker cannot do the work: {type(error).__name__}: {error}") from error
+            self._suspect(points)
+            return
+        self._write(outcomes)
+        seconds = sum(outcome.seconds for outcome in outcomes)
+        mean = seconds / len(outcomes)
+        self.each = mean if self.each is None else 0.5 * (self.each + mean)
+        self.busy += seconds
+
+    def _suspect(self, points: Sequence[Point]) -> None:
+        """Scenes that were with a worker when it died: each is tried again alone, and given up if that kills it too."""
+        for point in points:
+            self.tries[point.index] += 1
+            if self.tries[point.index] < _TRIES:
+                self.again.append(point)
+            else:
+                self._write([row_of_crash(self.job, point, "its worker process died, also with this scene alone")])
+
+    def _write(self, outcomes: Sequence[Outcome]) -> None:
+        lines = []
+        for outcome in outcomes:
+            if self.there[outcome.index]:
+                continue
+            if outcome.files:
+                write_run_files(self.folder, outcome.index, outcome.files)
+            lines.append(outcome.line)
+            self.there[outcome.index] = 1
+            self.counts[outcome.status] += 1
+            self.done += 1
+        self.file.append(b"".join(lines))
+
+    def _report(self, last: bool = False) -> None:
+        if self.tell is not None and (last or time.monotonic() - self.told > _REPORT_SECONDS):
+            self.tell(self.pace.progress(self.done, self.counts))
+            self.told = time.monotonic()
+
+    def _stopped(self, what: str) -> SolverError:
+        return SolverError(
+            what,
+            status="stopped",
+            advice=f"{self.done} of {len(self.plan)} scenes are in {self.folder}; the same command goes on from there.",
+        )
+
+
+def _folder(config: str | os.PathLike[str] | Mapping[str, Any], folder: str | os.PathLike[str] | None) -> Path:
+    if folder is None:
+        if isinstance(config, Mapping):
+            raise InputError("a sweep that is given as a mapping needs a folder", key="folder")
+        return Path("runs") / Path(config).stem
+    if Path(folder).exists() and not Path(folder).is_dir():
+        raise InputError("expected a folder, got a file", file=os.fspath(folder))
+    return Path(folder)
+
+
+def _crew(executor: Executor | None, scheduler: str | None, count: int | None) -> AbstractContextManager[Crew]:
+    if scheduler is not None:
+        from continuum_grasp.sweeps.cluster import dask_crew
+
+        return dask_crew(scheduler)
+    return _own_crew(executor, count)
+
+
+@contextmanager
+def _own_crew(executor: Executor | None, count: int | None) -> Iterator[Crew]:
+    if executor is None:
+        yield LocalCrew(count or cores())
+    else:
+        known = count or getattr(executor, "_max_workers", None) or cores()
+        yield ExecutorCrew(executor, lambda: known)

@@ -1,0 +1,179 @@
+"""Reading the table of a sweep."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.problems import nearest
+from continuum_grasp.sweeps.folder import TABLE, lines_of, read_plan, run_path
+from continuum_grasp.sweeps.plan import keys_of
+from continuum_grasp.sweeps.quantities import SOLVED
+
+__all__ = ["SweepTable", "sweep_table"]
+
+_WORDS = ("scene", "status", "reason", "message")
+
+
+@dataclass(frozen=True)
+class SweepTable:
+    """The rows of a sweep, in the order of its scenes.
+
+    Attributes
+    ----------
+    folder : pathlib.Path
+        Where it lies.
+    total : int
+        Number of scenes of the sweep; there are fewer rows while it is not finished.
+    keys : tuple of str
+        The varied keys.
+    columns : mapping of str to ndarray, shape (rows,)
+        ``index``, the keys, ``status``, ``reason``, ``message``, ``scene`` (hash of the scene's content) and the
+        numbers of the grasps; numbers that a row does not have are NaN. Keys whose values are not all numbers hold
+        words.
+    grid_keys : tuple of str
+        Keys with a few values each: those of the grid, and those that follow them.
+    units : mapping of str to str
+        Of keys and numbers, where known.
+    pictures : mapping
+        The ``maps`` and ``pareto`` pictures that the configuration asks for.
+    statistics : mapping
+        Times of the call that made it.
+    """
+
+    folder: Path
+    total: int
+    keys: tuple[str, ...]
+    columns: Mapping[str, NDArray[Any]]
+    grid_keys: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    pictures: Mapping[str, Any] = field(default_factory=dict)
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.columns["index"])
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """A column.
+
+        Raises
+        ------
+        InputError
+            There is no such column.
+        """
+        if name not in self.columns:
+            raise InputError(f"no such column: {name!r}{nearest(name, self.columns)}")
+        return self.columns[name]
+
+    @property
+    def finished(self) -> bool:
+        """Whether every scene has its row."""
+        return len(self) == self.total
+
+    @property
+    def solved(self) -> NDArray[np.bool_]:
+        """Rows with a verified grasp, shape (rows,)."""
+        return np.isin(self["status"], SOLVED)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Rows by status, the most frequent first."""
+        return dict(Counter(self["status"].tolist()).most_common())
+
+    @property
+    def failures(self) -> dict[str, int]:
+        """Rows without a grasp by reason, or by status where there is none; the most frequent first."""
+        return dict(Counter(self.kinds[~self.solved].tolist()).most_common())
+
+    @property
+    def kinds(self) -> NDArray[np.str_]:
+        """Of every row its reason, or its status where it has none, shape (rows,)."""
+        return np.asarray(np.where(self["reason"] == "", self["status"], self["reason"]))
+
+    def run_folder(self, index: int) -> Path:
+        """The folder of a run, by the number of its scene."""
+        return run_path(self.folder, index)
+
+    def plot(self, folder: str | os.PathLike[str] | None = None) -> list[Path]:
+        """Draw the maps and Pareto pictures that the configuration asks for.
+
+        Parameters
+        ----------
+        folder : path-like, optional
+            Where the files go; the sweep's own folder where not given.
+
+        Returns
+        -------
+        list of pathlib.Path
+
+        Raises
+        ------
+        OSError
+            A file cannot be written.
+        """
+        from continuum_grasp.sweeps.maps import draw_pictures
+
+        return draw_pictures(self, self.pictures, self.folder if folder is None else Path(folder))
+
+
+def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any] | None = None) -> SweepTable:
+    """Read the table of a sweep, also while it grows.
+
+    Parameters
+    ----------
+    folder : path-like
+        The sweep's folder.
+
+    Returns
+    -------
+    SweepTable
+
+    Raises
+    ------
+    InputError
+        There is no sweep in the folder.
+    """
+    target = Path(folder)
+    plan = read_plan(target)
+    keys, numbers = keys_of(plan), list(plan["columns"])
+    found: dict[str, list[Any]] = {name: [] for name in ("index", *_WORDS, *keys, *numbers)}
+    seen = bytearray(int(plan["scenes"]))
+    for _, _, row in lines_of(target / TABLE):
+        index = row["index"]
+        if not 0 <= index < len(seen) or seen[index]:
+            continue
+        seen[index] = 1
+        found["index"].append(index)
+        for name in _WORDS:
+            found[name].append(row[name])
+        for name in keys:
+            found[name].append(row["values"][name])
+        for name in numbers:
+            found[name].append(row.get(name))
+    order = np.argsort(np.array(found["index"], dtype=int), kind="stable")
+    columns = {name: _column(values, name in _WORDS)[order] for name, values in found.items()}
+    units = {key: unit for key, unit in plan.get("units", {}).items() if unit}
+    follow = (key for key, tie in plan["follow"].items() if tie["key"] in plan["vary"])
+    grid = (*plan["vary"], *follow)
+    pictures = plan.get("pictures", {})
+    return SweepTable(target, len(seen), tuple(keys), columns, grid, units, pictures, statistics or {})
+
+
+def _column(values: list[Any], words: bool) -> NDArray[Any]:
+    if words or any(isinstance(value, str | bool) for value in values):
+        return np.array([_word(value) for value in values], dtype=str)
+    if values and all(isinstance(value, int) for value in values):
+        return np.array(values, dtype=int)
+    return np.array([np.nan if value is None else value for value in values], dtype=float)
+
+
+def _word(value: Any) -> str:
+    return "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
