@@ -101,7 +101,7 @@ def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
                 continue
             given = solver.given(scene, attempt.x, relaxation)
             if given < min(amount, relaxation.most * (1.0 - SHORT)):
-                arrays = solver.reader.arrays(scene, attempt.x, attempt.numbers)
+                arrays = solver.reader.arrays(scene, attempt.start, attempt.x, attempt.numbers)
                 certificate = certify(relaxation.relaxed(scene, given), arrays)
                 if all(relaxation.excuses and c.name.startswith(relaxation.excuses) for c in certificate.failed):
                     amount = given

@@ -143,7 +143,7 @@ class PointReader:
                 found[f"peg_{i}.obstacle_{k}"] = scaled_obstacles(part, local, units.length)[0][0]
         return found
 
-    def arrays(self, scene: GraspScene, x: Array, numbers: Array) -> dict[str, Array]:
+    def arrays(self, scene: GraspScene, start: Start, x: Array, numbers: Array) -> dict[str, Array]:
         """The physical numbers of a point; see `continuum_grasp.grasp.GraspResult`."""
         units, make = Units.of(scene), self._problem.make
         pose, points, normals, forces, stations, *rest = (np.array(v) for v in self._values(x, numbers))
@@ -171,6 +171,7 @@ class PointReader:
             "contact_normals": normals.T,
             "contact_forces": forces.T * units.force,
             "contact_stations": stations.ravel() * scale,
+            "contact_parts": np.array([start.contacts[contact.name].part for contact in make.contacts], dtype=int),
         }
 
 
