@@ -33,7 +33,7 @@ def resisted_forces(result: GraspResult, directions: int = DIRECTIONS) -> NDArra
     """
     if not result.solved:
         return None
-    from continuum_grasp.grasp.response import resistance_polygon
+    from continuum_grasp.grasp.resistance import resistance_polygon
 
     return np.asarray(resistance_polygon(result.scene, result.arrays, directions))
 
