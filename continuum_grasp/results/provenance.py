@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import platform
 from datetime import UTC, datetime
 from importlib import metadata
@@ -19,6 +20,11 @@ def versions() -> dict[str, str]:
     dict of str to str
         ``"not installed"`` where a package has no installed version, as in a plain checkout.
     """
+    return dict(_versions())
+
+
+@functools.cache
+def _versions() -> dict[str, str]:
     found = {"python": platform.python_version()}
     for name, distribution in _PACKAGES.items():
         try:

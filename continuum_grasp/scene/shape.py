@@ -112,6 +112,8 @@ def _children(node: _Node, part: str | int) -> Iterator[_Node]:
     if isinstance(part, str):
         if part in node.get("properties", {}):
             yield node["properties"][part]
+        elif isinstance(node.get("additionalProperties"), dict):
+            yield node["additionalProperties"]
     elif part < len(node.get("prefixItems", [])):
         yield node["prefixItems"][part]
     elif isinstance(node.get("items"), dict):
