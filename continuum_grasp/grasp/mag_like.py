@@ -92,7 +92,7 @@ def mag_like(
             )
         )
     aspects = np.prod(np.array(found), axis=0) ** (1.0 / len(found))
-    return MagLike(*(float(a) for a in aspects), tasks=directions)
+    return MagLike(float(aspects[0]), float(aspects[1]), float(aspects[2]), directions)
 
 
 def _object_aspect(arms: Array, wrench: Array) -> float:
@@ -125,10 +125,15 @@ class _Mobility:
         size = float(motion @ motion)
         if size == 0.0:
             return 1.0, 0.0
-        work = float(motion @ np.linalg.pinv(self.compliance, rcond=1e-12, hermitian=True) @ motion)
         best = float(np.linalg.eigvalsh(self.compliance)[-1])
-        energy = float(motion @ np.linalg.pinv(self.mobility, rcond=1e-12, hermitian=True) @ motion)
-        return (size / (work * best) if work > 0.0 else 0.0), energy
+        heavy = float(np.linalg.eigvalsh(self.mobility)[-1]) if self.mobility.any() else 0.0
+        energy = _cost(motion, self.mobility, heavy) if heavy > 0.0 else 0.0
+        return min(1.0, size / (_cost(motion, self.compliance, best) * best)), energy
+
+
+def _cost(motion: Array, matrix: Array, greatest: float) -> float:
+    """Motion @ inverse @ motion; very large, not infinite, for a motion that the finger cannot follow."""
+    return float(motion @ np.linalg.solve(matrix + 1e-12 * greatest * np.eye(len(matrix)), motion))
 
 
 def _mobility(setup: FingerSetup, arrays: Mapping[str, Any], contacts: ContactSet, mine: Sequence[int]) -> _Mobility:

@@ -1,7 +1,9 @@
-"""How far a disturbance may grow until a contact slips, parts or is pressed too hard, or a tendon is at its limit.
+"""How far a disturbance may grow until a contact slips, parts or is pressed too hard, a tendon is at its limit, or the
+grasp gives way too much.
 
-The fingers give way as `continuum_grasp.grasp.response` says: to first order, contacts sticking until the first one
-does not. Forces out of the plane stay as they are.
+The fingers move as `continuum_grasp.grasp.response` says: to first order, contacts sticking until the first one does
+not. What soft fingers do far from the stored grasp it cannot tell, so how far things move is limited too. Forces out of
+the plane stay as they are.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.conic_program import Cones, solve_conic
+from continuum_grasp.grasp.ray import way, way_in_cone
 from continuum_grasp.grasp.response import Change, GraspResponse, Tendons
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
@@ -24,6 +27,9 @@ Array = NDArray[Any]
 
 UNLIMITED = 1e4
 """A disturbance that makes forces this many times the greatest limit of a contact is not limited."""
+GIVE = 0.1
+"""Greatest motion of the object: as a part of its size, and in rad; finger tips may turn `TURN` times as much."""
+TURN = 3.0
 _ACTIVE = 1e-6
 """Part of the force scale within which a limit counts as reached."""
 
@@ -41,6 +47,8 @@ class Resistance:
         unstable or beyond a limit by itself.
     limiting : tuple of tuple of str
         What stops each from growing.
+    motions : ndarray, shape (K, 3)
+        How far the object moves on the way there: centre of mass [m], angle [rad]; NaN where not limited.
     tendons : {"retensioned", "locked"}
         Whether tensions are chosen anew for each disturbance, or tendons keep their lengths.
     stable : bool
@@ -50,6 +58,7 @@ class Resistance:
     wrenches: Array
     factors: Array
     limiting: tuple[tuple[str, ...], ...]
+    motions: Array
     tendons: Tendons
     stable: bool
 
@@ -65,6 +74,7 @@ def resistance(
     *,
     wrenches: Sequence[Sequence[float]] | None = None,
     tendons: Tendons | None = None,
+    give: float | None = GIVE,
     response: GraspResponse | None = None,
 ) -> Resistance:
     """Greatest multiples of disturbances that a grasp resists, one disturbance at a time.
@@ -78,18 +88,27 @@ def resistance(
         Force x, y [N] and moment about the centre of mass [N m]; those of the scene where not given.
     tendons : {"retensioned", "locked"}, optional
         As the scene says where not given.
+    give : float or None, optional
+        Greatest motion of the object, as a part of its size and in rad; finger tips may turn three times as much. None:
+        no limit, which takes the first order at its word.
     response : GraspResponse, optional
         Of the same grasp, where it is at hand.
     """
     kind: Tendons = tendons or scene.disturbances.tendons
     given = np.asarray(scene.wrenches if wrenches is None else wrenches, dtype=float).reshape(-1, 3)
     response = response or GraspResponse(scene, arrays)
+    count = len(given)
     if not response.stable(kind):
-        return Resistance(given, np.zeros(len(given)), (("unstable",),) * len(given), kind, False)
-    limits = _Limits(response, kind)
+        return Resistance(given, np.zeros(count), (("unstable",),) * count, np.zeros((count, 3)), kind, False)
+    limits = _Limits(response, kind, math.inf if give is None else give)
     answers = [limits.greatest(wrench) for wrench in given]
     return Resistance(
-        given, np.array([factor for factor, _ in answers]), tuple(what for _, what in answers), kind, True
+        given,
+        np.array([answer[0] for answer in answers]),
+        tuple(answer[1] for answer in answers),
+        np.array([answer[2] for answer in answers]).reshape(count, 3),
+        kind,
+        True,
     )
 
 
@@ -99,31 +118,36 @@ def resistance_polygon(
     directions: int = 36,
     *,
     tendons: Tendons | None = None,
+    give: float | None = GIVE,
     response: GraspResponse | None = None,
 ) -> Array:
     """Greatest pure forces at the centre of mass that a grasp resists, in directions all round, shape (D, 2) [N].
 
     Parameters
     ----------
-    scene, arrays, tendons, response
+    scene, arrays, tendons, give, response
         As in `resistance`.
     directions : int, optional
         Number D of directions, evenly spread from +x counter-clockwise.
     """
     turns = 2.0 * np.pi * np.arange(directions) / directions
     units = np.stack([np.cos(turns), np.sin(turns), np.zeros(directions)], axis=1)
-    found = resistance(scene, arrays, wrenches=units.tolist(), tendons=tendons, response=response)
+    found = resistance(scene, arrays, wrenches=units.tolist(), tendons=tendons, give=give, response=response)
     return np.asarray(found.factors[:, None] * units[:, :2])
 
 
-class _Limits:
-    """Limits of contact forces and tensions along the response."""
+_Answer = tuple[float, tuple[str, ...], Array]
+_NOWHERE = np.full(3, np.nan)
 
-    def __init__(self, response: GraspResponse, tendons: Tendons) -> None:
+
+class _Limits:
+    """Limits of contact forces, tensions and motions along the response."""
+
+    def __init__(self, response: GraspResponse, tendons: Tendons, give: float) -> None:
         contacts = response.contacts
         self.names, self.setups = contacts.names, response.setups
-        self.tendons: Tendons = tendons
         self.unit: Change = response.to_wrenches(tendons)
+        self.retensioned: Change | None = response.to_tensions() if tendons == "retensioned" else None
         self.forces = contacts.forces
         self.friction, self.normal_max = contacts.friction, contacts.normal_max
         self.scale = max(float(np.abs(contacts.forces).max(initial=0.0)), 1e-3 * float(contacts.normal_max.max()))
@@ -137,76 +161,85 @@ class _Limits:
             _difference_range(setup, pair, tendons) for setup, pair in zip(self.setups, response.tensions, strict=True)
         ]
         self.ranges = np.array(ranges).reshape(-1, 2)
-        self.retensioning = response.to_tensions().forces if tendons == "retensioned" else None
+        size = response.scene.object.size
+        self.reach = give * np.array([size, size, 1.0, *(TURN for _ in self.setups)])
+        """Greatest motions of the object and turns of the tips."""
         self._cuts: list[tuple[int, Array]] | None = None
 
-    def greatest(self, wrench: Array) -> tuple[float, tuple[str, ...]]:
-        """Greatest factor of a wrench and what limits it."""
+    def greatest(self, wrench: Array) -> _Answer:
+        """Greatest factor of a wrench, what limits it, and the motion of the object there."""
         along = self.unit.forces @ wrench
-        if self.retensioning is None:
-            return self._ray(along, self.unit.differences @ wrench)
-        return self._programme(along)
+        motion = np.concatenate([self.unit.pose @ wrench, self.unit.bends @ wrench])
+        if self.retensioned is None:
+            return self._ray(along, self.unit.differences @ wrench, motion)
+        return self._programme(along, motion, self.retensioned)
 
-    def _ray(self, along: Array, differences: Array) -> tuple[float, tuple[str, ...]]:
+    def _ray(self, along: Array, differences: Array, motion: Array) -> _Answer:
         """Forces and tensions change in proportion: the first limit that is met."""
+        still = np.zeros(len(self.setups))
         if (np.hypot(*self.forces[:, 1:].T) > self.friction * self.forces[:, 0] + self.room).any():
-            return 0.0, self._reached(self.forces, np.zeros(len(self.setups)))
+            return 0.0, self._reached(self.forces, still, 0.0 * motion), np.zeros(3)
         ways = [math.inf]
         for k in range(len(self.names)):
             dn, df = along[k]
-            ways.append(_way(self.forces[k, 0], dn, self.low[k], self.high[k]))
-            ways.append(_cone_way(self.forces[k], dn, df, self.friction[k], self.room[k]))
-        ways += [_way(0.0, d, a, b) for d, (a, b) in zip(differences, self.ranges, strict=True)]
+            ways.append(way(self.forces[k, 0], dn, self.low[k], self.high[k]))
+            ways.append(way_in_cone(self.forces[k], dn, df, self.friction[k], self.room[k]))
+        ways += [way(0.0, d, a, b) for d, (a, b) in zip(differences, self.ranges, strict=True)]
+        ways += [way(0.0, d, -most, most) for d, most in zip(motion, self.reach, strict=True)]
         factor = max(0.0, min(ways))
         if factor * max(float(np.abs(along).max(initial=0.0)), 1e-300) > UNLIMITED * float(self.normal_max.max()):
-            return math.inf, ()
+            return math.inf, (), _NOWHERE
         forces = self.forces.copy()
         forces[:, :2] += factor * along
-        return factor, self._reached(forces, factor * differences)
+        return factor, self._reached(forces, factor * differences, factor * motion), factor * motion[:3]
 
-    def _programme(self, along: Array) -> tuple[float, tuple[str, ...]]:
+    def _programme(self, along: Array, motion: Array, retensioned: Change) -> _Answer:
         """Tensions are free within their limits: the greatest factor by a conic programme over it and them."""
         count, free = len(self.names), np.flatnonzero(self.ranges[:, 1] > self.ranges[:, 0])
-        size = 1 + free.size
-        effect = np.zeros((count, 2, size))
         reach = float(np.abs(along).max(initial=0.0))
-        if reach == 0.0 or self.retensioning is None:
-            return math.inf, ()
-        unit = self.scale / reach
-        spans = np.abs(self.ranges[free]).max(axis=1)
-        effect[:, :, 0] = along * unit / self.scale
-        effect[:, :, 1:] = self.retensioning[:, :, free] * spans / self.scale
-        matrix = np.zeros((count, 2, size))
+        if reach == 0.0:
+            return math.inf, (), _NOWHERE
+        unit, spans = self.scale / reach, np.abs(self.ranges[free]).max(axis=1)
+        effect = np.zeros((count, 2, 1 + free.size))
+        effect[:, :, 0] = along / reach
+        effect[:, :, 1:] = retensioned.forces[:, :, free] * spans / self.scale
+        moves = np.column_stack([motion * unit, np.concatenate([retensioned.pose, retensioned.bends])[:, free] * spans])
+        matrix = np.zeros_like(effect)
         matrix[:, 0] = effect[:, 1]
-        offset = self.forces[:, 1:] / self.scale
-        width = self.friction[:, None] * effect[:, 0]
-        room = (self.friction * self.forces[:, 0] + self.room) / self.scale
-        cones = Cones.made(matrix, offset, width, room)
+        cones = Cones.made(
+            matrix,
+            self.forces[:, 1:] / self.scale,
+            self.friction[:, None] * effect[:, 0],
+            (self.friction * self.forces[:, 0] + self.room) / self.scale,
+        )
         if self._cuts is not None:
             cones.cuts = list(self._cuts)
-        lower = np.concatenate([[0.0], self.ranges[free, 0] / spans])
         most = UNLIMITED * float(self.normal_max.max()) / self.scale
-        upper = np.concatenate([[most], self.ranges[free, 1] / spans])
-        cost = np.zeros(size)
-        cost[0] = -1.0
-        normal = self.forces[:, 0]
+        normal, bound = self.forces[:, 0], np.where(np.isfinite(self.reach), 1.0, np.inf)
+        scaled = moves / np.where(np.isfinite(self.reach), self.reach, 1.0)[:, None]
         found = solve_conic(
-            cost, effect[:, 0], (self.low - normal) / self.scale, (self.high - normal) / self.scale, lower, upper, cones
+            np.append(-1.0, np.zeros(free.size)),
+            np.concatenate([effect[:, 0], scaled]),
+            np.concatenate([(self.low - normal) / self.scale, -bound]),
+            np.concatenate([(self.high - normal) / self.scale, bound]),
+            np.append(0.0, self.ranges[free, 0] / spans),
+            np.append(most, self.ranges[free, 1] / spans),
+            cones,
         )
+        changes = np.zeros(len(self.setups))
         if found.status == "infeasible":
-            return 0.0, self._reached(self.forces, np.zeros(len(self.setups)))
+            return 0.0, self._reached(self.forces, changes, 0.0 * motion), np.zeros(3)
         if not found.optimal:
-            return math.nan, ("not computed",)
+            return math.nan, ("not computed",), _NOWHERE
         self._cuts = cones.cuts
         if found.x[0] >= most * (1.0 - 1e-9):
-            return math.inf, ()
+            return math.inf, (), _NOWHERE
         forces = self.forces.copy()
         forces[:, :2] += self.scale * (effect @ found.x)
-        changes = np.zeros(len(self.setups))
-        changes[free] = found.x[1:] * spans
-        return float(found.x[0] * unit), self._reached(forces, changes)
+        changes[free], moved = found.x[1:] * spans, moves @ found.x
+        return float(found.x[0] * unit), self._reached(forces, changes, moved), moved[:3]
 
-    def _reached(self, forces: Array, changes: Array) -> tuple[str, ...]:
+    def _reached(self, forces: Array, changes: Array, motion: Array) -> tuple[str, ...]:
         """Names of the limits that are reached or passed."""
         slack, words = _ACTIVE * max(self.scale, float(np.abs(forces).max(initial=0.0))), []
         for k, name in enumerate(self.names):
@@ -220,6 +253,9 @@ class _Limits:
         for setup, change, (least, most) in zip(self.setups, changes, self.ranges, strict=True):
             if change <= least + _ACTIVE * (most - least) or change >= most - _ACTIVE * (most - least):
                 words.append(f"{setup.name} is at its tension limit")
+        far = np.abs(motion) >= self.reach * (1.0 - _ACTIVE)
+        words += ["the object moves"] if far[:3].any() else []
+        words += [f"{setup.name} bends" for setup, much in zip(self.setups, far[3:], strict=True) if much]
         return tuple(words)
 
 
@@ -243,37 +279,3 @@ def _difference_range(setup: FingerSetup, tensions: Array, tendons: Tendons) -> 
         high = float(min(2.0 * spare[0][0], spare[0][0] + spare[1][1]))
         low = -float(min(2.0 * spare[0][1], spare[0][1] + spare[1][0]))
     return min(low, 0.0), max(high, 0.0)
-
-
-def _way(value: float, rate: float, low: float, high: float) -> float:
-    """How far a value that changes at a rate may go."""
-    if rate == 0.0:
-        return math.inf
-    return float(max(0.0, ((high if rate > 0.0 else low) - value) / rate))
-
-
-def _cone_way(force: Array, dn: float, df: float, friction: float, room: float) -> float:
-    """Least factor at which (N + x dn, f + x df, lift) leaves the friction cone; it starts within."""
-    normal, sideways, lift = force
-    width = friction * normal + room
-    if lift == 0.0:
-        rates = ((df - friction * dn, width - sideways), (-df - friction * dn, width + sideways))
-        return float(min((max(0.0, left) / rate for rate, left in rates if rate > 0.0), default=math.inf))
-    a = df**2 - (friction * dn) ** 2
-    b = sideways * df - width * friction * dn
-    c = min(0.0, sideways**2 + lift**2 - width**2)
-    if c == 0.0 and (b > 0.0 or (b == 0.0 and a > 0.0)):
-        return 0.0
-    open_side = -1e-12 * abs(width)
-    return float(
-        min((x for x in _roots(a, b, c) if x > 0.0 and width + x * friction * dn >= open_side), default=math.inf)
-    )
-
-
-def _roots(a: float, b: float, c: float) -> list[float]:
-    """Roots of a x^2 + 2 b x + c, computed without cancellation."""
-    square = b * b - a * c
-    if square < 0.0 or (a == 0.0 and b == 0.0):
-        return []
-    q = -(b + math.copysign(math.sqrt(square), b))
-    return [*([q / a] if a != 0.0 else []), *([c / q] if q != 0.0 else [])]
