@@ -113,7 +113,7 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
     setups = scene.setups
     with np.errstate(all="ignore"):
         start = (
-            Check("numbers that are not finite", float(not_finite(arrays)), 0.0),
+            Check("numbers that are not finite", float(not_finite(setups, arrays)), 0.0),
             Check("stored arrays that are missing or do not fit", float(len(misfits(scene, setups, arrays))), 0.0),
         )
         if not all(check.passed for check in start):

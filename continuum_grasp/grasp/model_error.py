@@ -124,6 +124,7 @@ class _FineRod:
         self.pull = bent.tip_moment
         self.friction = 0.0 if finger.tendons is None else finger.tendons.friction
         self.start = rod.edge_angle(bent.ends)
+        self.least_moment = 1e-6 * bent.moment_scale(0.0)
         joints = {load.name: load.joint for load in bent.loads} | {bent.setup.tip_name: bent.lengths.size}
         self.places = {name: rod.edge_index(rod.joints[joint]) for name, joint in joints.items()}
         ends = np.zeros((self.h.size, 2))
@@ -164,7 +165,7 @@ class _FineRod:
         """Moment of the shape against that of everything beyond a section, greatest relative difference."""
         _, shape = self._moments(self.start)
         gap = np.cumsum(self.missing(self.start)[::-1])[::-1]
-        return float(np.abs(gap).max() / max(np.abs(shape - gap).max(), 1e-300))
+        return float(np.abs(gap).max() / max(np.abs(shape - gap).max(), self.least_moment))
 
     def missing(self, phi: Array) -> Array:
         """Couple that the balance lacks at each end but the base [N m]."""

@@ -11,22 +11,15 @@ from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 __all__ = ["misfits", "not_finite"]
 
-_WORDS = ("contact_names",)
-_GAPS = ("contact_stations",)
-"""NaN where there is none."""
+_OF_FINGERS = ("q", "lengths", "tip_curvature", "tensions", "base", "backbone")
+_SHARED = ("object.pose", "contact_positions", "contact_normals", "contact_forces", "contact_parts")
 
 
-def not_finite(arrays: Mapping[str, Any]) -> int:
-    """How many of the numbers are NaN or infinite."""
-    count = 0
-    for name, value in arrays.items():
-        if name in _WORDS or name.endswith(".family"):
-            continue
-        values = _numbers(value)
-        if values is not None:
-            bad = np.isinf(values) if name in _GAPS else ~np.isfinite(values)
-            count += int(bad.sum())
-    return count
+def not_finite(setups: tuple[FingerSetup, ...], arrays: Mapping[str, Any]) -> int:
+    """How many of the numbers of a grasp are NaN or infinite; the stations of supports are NaN by right."""
+    names = [f"{setup.name}.{name}" for setup in setups for name in _OF_FINGERS]
+    found = [_numbers(arrays.get(name, 0.0)) for name in (*names, *_SHARED)]
+    return sum(int((~np.isfinite(values)).sum()) for values in found if values is not None)
 
 
 def misfits(scene: GraspScene, setups: tuple[FingerSetup, ...], arrays: Mapping[str, Any]) -> list[str]:

@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from continuum_grasp.scene.objects import GraspObject, Part
 
-__all__ = ["Nearest", "PlacedObject", "along_segment", "nearest", "segment_distance", "support_point"]
+__all__ = ["Nearest", "PlacedObject", "nearest", "segment_distance", "support_point"]
 
 Array = NDArray[Any]
 
 _FLAT = np.inf
 _SMALLEST = 1e-300
+_ROUNDING = 1e-13
+"""Distance from a sharp corner, as a part of the longest edge, below which the way to it means nothing."""
 _GRID = np.linspace(0.0, 0.5 * np.pi, 33)
 """Polar angles at which a superellipse is first tried."""
 
@@ -145,11 +147,6 @@ def segment_distance(points: Array, start: Array, end: Array) -> Array:
     return np.asarray(np.hypot(rest[..., 0], rest[..., 1]))
 
 
-def along_segment(start: Array, end: Array, share: Array) -> Array:
-    """Points at shares (n,) of the way from start to end (n, 2) [m]."""
-    return np.asarray(start + share[:, None] * (end - start))
-
-
 def _turn(angle: float) -> Array:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s], [s, c]])
@@ -174,10 +171,11 @@ def _rounded_polygon(core: Array, radius: float, points: Array) -> Nearest:
     height, beside, walked = height[count, edge], beside[count, edge], walked[count, edge]
     away = np.hypot(height, np.where(inside, 0.0, beside))
     at_corner = ~inside & (beside != 0.0)
-    normal = np.where(~inside & (height < 0.0), -1.0, 1.0)[:, None] * out[edge]
+    other_side = (height < 0.0) & (len(core) == 2)  # of a slot
+    normal = np.where(other_side, -1.0, 1.0)[:, None] * out[edge]
     foot = core[edge] + np.clip(walked, 0.0, length[edge])[:, None] * along[edge]
     corner = (height[:, None] * out[edge] + beside[:, None] * along[edge]) / np.maximum(away, _SMALLEST)[:, None]
-    normal = np.where(at_corner[:, None], corner, normal)
+    normal = np.where((at_corner & (away > _ROUNDING * length.max()))[:, None], corner, normal)
     distance = np.where(inside, -away, away) - radius
     return Nearest(distance, foot + radius * normal, normal, np.where(at_corner, radius, _FLAT))
 
