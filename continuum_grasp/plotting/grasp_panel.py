@@ -11,6 +11,8 @@ from continuum_grasp.scene.grasp import OutOfPlaneGravity
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from continuum_grasp.grasp.result import Contact
+
 __all__ = ["ROW", "Row", "panel_rows", "write_panel"]
 
 ROW = 0.17
@@ -29,8 +31,7 @@ def panel_rows(view: GraspView) -> list[Row]:
     rows: list[Row] = [(("contact [N]", GREY), *((word, GREY) for word in heads))]
     for c in view.contacts:
         words = [f"{c.normal_force:.2f}", f"{abs(c.friction_force):.2f}", *([f"{c.lift:.2f}"] if lifted else [])]
-        margin = f"{max(c.friction_margin, 0.0) if c.friction_margin > -5e-4 else c.friction_margin:.0%}"
-        rows.append(((c.name, view.color(c.name)), *((word, INK) for word in (*words, margin))))
+        rows.append(((c.name, view.color(c.name)), *((word, INK) for word in (*words, _margin(c)))))
     rows += [(("", INK),), (("tendons [N]", GREY), ("left", GREY), ("right", GREY), ("of", GREY))]
     for name, finger in view.result.fingers.items():
         tendons = view.fingers[name].tendons
@@ -51,3 +52,10 @@ def write_panel(ax: Axes, rows: list[Row]) -> None:
         for j, (text, color) in enumerate(row[1:]):
             right = 1.0 - 0.175 * (columns - 1 - j)
             ax.text(right, k + 0.5, text, color=color, fontsize=_SIZE, ha="right", va="center")
+
+
+def _margin(contact: Contact) -> str:
+    """Share of the friction cone that is left; nothing where nothing presses."""
+    if contact.normal_force < 5e-3 or not -9.99 < contact.friction_margin:
+        return "\N{EN DASH}"
+    return f"{contact.friction_margin if contact.friction_margin < -5e-4 else max(contact.friction_margin, 0.0):.0%}"
