@@ -24,7 +24,7 @@ Array = NDArray[Any]
 MOST = 1e4
 """Friction coefficients above this are no answer."""
 _SLACK = 1e-8
-"""Imbalance, as a part of the force scale, that counts as balance."""
+"""Imbalance, as a part of the weight, that counts as balance."""
 
 
 @dataclass(frozen=True)
@@ -164,8 +164,7 @@ class _Balance:
             cost, rows, 0.0, 0.0, np.append(lower, np.zeros(12)), np.append(upper, np.full(12, np.inf)), cones
         )
         self.cones.cuts = cones.cuts
-        scale = max(weight, float(np.abs(found.x[: size - 1]).max(initial=0.0))) if found.optimal else 1.0
-        if not found.optimal or found.objective > _SLACK * max(scale, 1e-6):
+        if not found.optimal or found.objective > _SLACK * max(weight, 1e-6):
             return None
         return np.asarray(found.x[: size - 1].reshape(self.count, 3) * self.force)
 

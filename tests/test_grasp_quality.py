@@ -1,0 +1,296 @@
+"""Wrench spaces, balance of the object, the multi-aspect index and the linear programmes below them."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from grasp_hand_made import LENGTH, arrays_of, make_finger, make_scene, on_disc, straight_finger
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.conic_program import Cones, solve_conic
+from continuum_grasp.grasp.linear_program import solve_linear
+from continuum_grasp.grasp.mag_like import mag_like
+from continuum_grasp.grasp.object_balance import greatest_mass, least_friction
+from continuum_grasp.grasp.quality import grasp_quality
+from continuum_grasp.grasp.wrench_space import WrenchSpace, wrench_space
+from continuum_grasp.results.plain import plain
+from continuum_grasp.scene.grasp import GraspContacts, OutOfPlaneGravity, PlanarGravity
+
+THIRDS = (0.0, 2 * math.pi / 3, 4 * math.pi / 3)
+DOWN = PlanarGravity(mode="planar", vector=(0.0, -9.81))
+UPRIGHT = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81)
+
+
+def rough(friction, **changes):
+    return make_scene(contacts=GraspContacts(friction=friction, normal_force_max=30.0), **changes)
+
+
+def space_of(angles, friction):
+    return wrench_space(rough(friction), arrays_of(on_disc(angles)))
+
+
+# -- linear and conic programmes -----------------------------------------------------------------------------------
+
+
+def test_linear_programmes_end_as_those_of_scipy():
+    rng = np.random.default_rng(3)
+    ends = set()
+    for k in range(150):
+        n, m, equal = rng.integers(2, 10), rng.integers(3, 25), rng.integers(0, 3)
+        rows, high = rng.normal(size=(m, n)), rng.normal(size=m) + rng.uniform(-0.5, 2.0)
+        low = np.where(np.arange(m) < equal, high, -np.inf)
+        cost, least = rng.normal(size=n), (0.0 if k % 2 else -np.inf)
+        ours = solve_linear(cost, rows, low, high, least)
+        theirs = linprog(
+            cost, rows[equal:], high[equal:], rows[:equal], high[:equal], bounds=[(None if k % 2 == 0 else 0.0, None)]
+        )
+        assert ours.status == {0: "optimal", 2: "infeasible", 3: "unbounded"}[theirs.status]
+        ends.add(ours.status)
+        if ours.optimal:
+            assert ours.objective == pytest.approx(theirs.fun, rel=1e-8, abs=1e-8)
+            assert ours.residual < 1e-9
+    assert ends == {"optimal", "infeasible", "unbounded"}
+
+
+@pytest.mark.parametrize(("cost", "rows"), [([math.nan, 1.0], [[1.0, 1.0]]), ([1.0, 1.0], [[math.nan, 1.0]])])
+def test_a_number_that_is_none_is_refused(cost, rows):
+    with pytest.raises(InputError):  # the solver itself calls such programmes optimal
+        solve_linear(cost, rows, 0.0, 1.0, 0.0, 1.0)
+    with pytest.raises(InputError):
+        solve_linear([1.0, 1.0], [[1.0, 1.0]], math.nan, 1.0)
+
+
+def test_crossed_bounds_are_infeasible_and_rows_of_rounding_do_no_harm():
+    assert solve_linear([1.0], [[1.0]], 0.0, 1.0, 2.0, 1.0).status == "infeasible"
+    found = solve_linear([-1.0, 0.0], [[1.0, -1.0], [0.0, 1e-16]], 0.0, 0.0, 0.0, 5.0)
+    assert found.objective == pytest.approx(-5.0)
+
+
+def test_nothing_is_printed(capfd):
+    solve_linear([1.0, -1.0], [[1.0, 2.0]], 0.0, 1.0, 0.0, 3.0)
+    solve_linear([1.0, -1.0], [[1.0, 2.0]], 7.0, 9.0, 0.0, 1.0)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_cone_is_met_exactly():
+    matrix = np.zeros((1, 2, 3))
+    matrix[0, 0, 0] = matrix[0, 1, 1] = 1.0
+    cones = Cones.made(matrix, np.array([[0.3, -0.1]]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1))
+    found = solve_conic([-2.0, 1.0, 0.0], np.zeros((0, 3)), [], [], [-9.0, -9.0, 0.0], [9.0, 9.0, 2.0], cones)
+    direction = np.array([2.0, -1.0]) / math.sqrt(5.0)
+    np.testing.assert_allclose(found.x[:2], direction - [0.3, -0.1], atol=1e-4)
+    assert found.objective == pytest.approx(-math.sqrt(5.0) + 0.6 + 0.1, abs=1e-8)
+
+
+# -- wrench space --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("friction", [0.05, 0.3, 0.5, 1.0, 1.6])
+def test_two_antipodal_contacts_on_a_disc(friction):
+    space = space_of((0.3, 0.3 + math.pi), friction)
+    assert space.epsilon_l1 == pytest.approx(friction / math.sqrt(2 + friction**2), abs=1e-12)
+    assert space.epsilon_linf == pytest.approx(math.sqrt(2) * friction / math.sqrt(1 + 2 * friction**2), abs=1e-12)
+    assert space.min_weight == pytest.approx(0.25, abs=1e-12)
+
+
+@pytest.mark.parametrize("friction", [0.05, 0.5, 0.8, 1.0, 1.3])
+def test_three_contacts_at_120_degrees(friction):
+    """The hull is an antiprism: its lids at the moment mu, its sides at a distance that the cone's angle gives."""
+    space = space_of(THIRDS, friction)
+    side = 1.0 / math.sqrt(1.0 + 2.0 * math.tan(math.pi / 3 - math.atan(friction)) ** 2)
+    assert space.epsilon_l1 == pytest.approx(min(friction, side), abs=1e-12)
+    assert space.min_weight == pytest.approx(1 / 6, abs=1e-12)
+
+
+@pytest.mark.parametrize("angles", [THIRDS, (0.0, math.pi)])
+def test_without_friction_a_disc_turns(angles):
+    space = space_of(angles, 0.0)
+    assert abs(space.epsilon_l1) < 1e-15
+    assert space.epsilon_linf == 0.0
+    assert space.min_weight == 0.0
+
+
+def test_no_closure_has_the_distance_with_its_sign():
+    assert space_of((0.0,), 0.0).epsilon_l1 == pytest.approx(-1.0, abs=1e-14)
+    mu, half = 0.5, 0.25  # two contacts side by side: the hull is nearest in the middle between the inner edges
+    space = space_of((-half, half), mu)
+    assert space.epsilon_l1 < -0.5
+    assert space.epsilon_linf == 0.0
+    assert space.min_weight == 0.0
+
+
+def test_random_wrench_spaces_as_hulls_of_scipy():
+    rng = np.random.default_rng(5)
+    inside = 0
+    for _ in range(40):
+        count = int(rng.integers(2, 5))
+        edges = rng.normal(size=(2 * count, 3))
+        space = WrenchSpace(edges, np.repeat(np.arange(count), 2), 1.0)
+        hull = ConvexHull(edges)
+        depth = -hull.equations[:, 3].max()
+        if depth > 0.0:
+            inside += 1
+            assert space.epsilon_l1 == pytest.approx(depth, abs=1e-12)
+        else:
+            assert space.epsilon_l1 == pytest.approx(-distance_to_hull(edges), abs=1e-7)
+        corners = [np.concatenate([np.zeros((1, 3)), edges[2 * k : 2 * k + 2]]) for k in range(count)]
+        sums = corners[0]
+        for more in corners[1:]:
+            sums = (sums[:, None] + more[None]).reshape(-1, 3)
+        depth = -ConvexHull(sums).equations[:, 3].max()
+        assert space.epsilon_linf == pytest.approx(max(0.0, depth), abs=1e-12)
+        assert (space.min_weight > 0.0) == (space.epsilon_l1 > 0.0)
+    assert 5 < inside < 35
+
+
+def distance_to_hull(points, steps=20000):
+    """By Frank and Wolfe's method with away steps, of the origin."""
+    weights = np.zeros(len(points))
+    weights[0] = 1.0
+    for _ in range(steps):
+        x = weights @ points
+        slopes = points @ x
+        near, far = int(np.argmin(slopes)), int(np.argmax(np.where(weights > 0.0, slopes, -np.inf)))
+        way = points[near] - points[far]
+        if x @ way > -1e-15:
+            break
+        step = min(weights[far], -(x @ way) / (way @ way))
+        weights[near] += step
+        weights[far] -= step
+    return float(np.linalg.norm(weights @ points))
+
+
+# -- balance of the object -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gravity", [DOWN, UPRIGHT])
+def test_squeeze_needs_half_the_weight_over_the_force(gravity):
+    scene, arrays = rough(0.5, gravity=gravity), arrays_of(on_disc((0.0, math.pi)))
+    found = least_friction(scene, arrays)
+    assert found.factor * 0.5 == pytest.approx(0.3 * 9.81 / (2 * 30.0), rel=1e-7)
+    assert found.enough
+    assert least_friction(scene, arrays, same=True).factor == pytest.approx(0.3 * 9.81 / 60.0, rel=1e-7)
+    np.testing.assert_allclose(found.forces[:, 0], 30.0, rtol=1e-6)
+    assert greatest_mass(scene, arrays) == pytest.approx(2 * 0.5 * 30.0 / 9.81, rel=1e-9)
+
+
+def test_two_contacts_below_need_friction_as_their_slope_says():
+    """The weight runs through both cones where they are as wide as the contacts are steep; moments ask for no more."""
+    arrays = arrays_of(on_disc((-math.pi / 2 - 0.4, -math.pi / 2 + 0.4)))
+    assert least_friction(rough(0.5, gravity=DOWN), arrays).factor == 0.0
+    above = arrays_of(on_disc((math.pi / 2 - 0.4, math.pi / 2 + 0.4)))
+    limited = least_friction(rough(0.5, gravity=DOWN), above)
+    assert limited.factor * 0.5 > math.tan(math.pi / 2 - 0.4)  # the pull of two cones that point down
+
+
+def test_jamming_between_two_fingers_above_matches_the_balance_by_hand():
+    """Contacts 0.4 rad off the top: N (mu sin 0.4 - cos 0.4) on both sides carry the weight at N = N_max."""
+    arrays = arrays_of(on_disc((math.pi / 2 - 1.2, math.pi / 2 + 1.2)))
+    exact = (0.3 * 9.81 / 60.0 + math.cos(1.2)) / math.sin(1.2)
+    assert least_friction(rough(0.5, gravity=DOWN), arrays).factor * 0.5 == pytest.approx(exact, rel=1e-7)
+
+
+def test_one_contact_from_above_holds_nothing():
+    scene, arrays = rough(0.5, gravity=DOWN), arrays_of(on_disc((math.pi / 2,)))
+    assert least_friction(scene, arrays).factor == math.inf
+    assert not least_friction(scene, arrays).enough
+    assert greatest_mass(scene, arrays) == 0.0
+    assert greatest_mass(rough(0.5), arrays) == math.inf
+
+
+def test_tilt_counts_where_it_is_asked_for():
+    arrays = arrays_of(on_disc((0.0, math.pi / 2, math.pi)))
+    free = rough(0.5, gravity=UPRIGHT.model_copy(update={"tilt": "ignore"}))
+    assert greatest_mass(free, arrays) > greatest_mass(rough(0.5, gravity=UPRIGHT), arrays) > 0.0
+
+
+def test_random_balances_as_scipy_finds_them():
+    rng = np.random.default_rng(11)
+    for _ in range(25):
+        angles, mu = rng.uniform(0, 2 * math.pi, size=4), rng.uniform(0.2, 1.0)
+        scene, arrays = rough(mu, gravity=DOWN), arrays_of(on_disc(angles))
+        n = np.stack([np.cos(angles), np.sin(angles)])
+        t = np.stack([-np.sin(angles), np.cos(angles)])
+        rows = np.zeros((3, 9))
+        rows[:2, :8:2], rows[:2, 1:8:2] = -n, -t
+        rows[2, 1:8:2], rows[1, 8] = -1.0, -9.81
+        cones = np.zeros((8, 9))
+        for k in range(4):
+            cones[2 * k, [2 * k, 2 * k + 1]] = -mu, 1.0
+            cones[2 * k + 1, [2 * k, 2 * k + 1]] = -mu, -1.0
+        bounds = [(0.0, 30.0), (None, None)] * 4 + [(0.0, None)]
+        truth = linprog(np.append(np.zeros(8), -1.0), cones, np.zeros(8), rows, np.zeros(3), bounds=bounds)
+        assert greatest_mass(scene, arrays) == pytest.approx(-truth.fun, rel=1e-7, abs=1e-7)
+        found = least_friction(scene, arrays)
+        assert found.enough == (-truth.fun >= 0.3 * (1 - 1e-9))
+        if math.isfinite(found.factor) and found.factor > 1e-3:  # at the least friction the mass is just held
+            at = greatest_mass(rough(mu * found.factor, gravity=DOWN), arrays)
+            assert at >= 0.3 * (1 - 1e-5)
+            assert greatest_mass(rough(mu * found.factor * 0.999, gravity=DOWN), arrays) < 0.3
+
+
+# -- multi-aspect index and all indices in one place ---------------------------------------------------------------
+
+
+def bent_pinch(shift=(0.0, 0.0), friction=0.5):
+    """Two bent fingers that hold a disc from both sides; its centre of mass may be off its centre."""
+    curvatures = (4.0, 3.0, 2.0)
+    left, right = (-0.15, -0.1, -0.4), (0.15, -0.1, 0.4)
+    scene = make_scene(
+        fingers={"a": make_finger(left, weight=0.03), "b": make_finger(right, weight=0.03)},
+        contacts=GraspContacts(friction=friction, normal_force_max=30.0, middle="off"),
+    )
+    scene = scene.model_copy(update={"object": scene.object.model_copy(update={"center_of_mass": tuple(shift)})})
+    fingers = {
+        "a": straight_finger(left, (3.0, 0.0), curvatures),
+        "b": straight_finger(right, (0.0, 6.0), [-c for c in curvatures]),
+    }
+    contacts = [
+        ("a.tip", (-0.04, 0.0), (-1.0, 0.0), (2.0, 0.5, 0.0), LENGTH),
+        ("b.tip", (0.04, 0.0), (1.0, 0.0), (3.0, -0.5, 0.0), LENGTH),
+    ]
+    return scene, arrays_of(contacts, fingers=fingers)
+
+
+def test_mag_like_is_greatest_at_the_centre_of_mass_for_translation():
+    best = mag_like(*bent_pinch())
+    assert best.object_aspect == pytest.approx(1.0)
+    assert 0.0 < best.value < 1.0
+    previous = {}
+    for part in (0.1, 0.3, 0.6, 0.9):
+        for angle in np.arange(8) * math.pi / 4:
+            off = mag_like(*bent_pinch((0.04 * part * math.cos(angle), 0.04 * part * math.sin(angle))))
+            assert off.value < previous.get(angle, best.value) - 1e-4
+            previous[angle] = off.value
+            assert off.configuration_aspect == pytest.approx(best.configuration_aspect)
+            assert off.kinetic_aspect == pytest.approx(best.kinetic_aspect)
+
+
+def test_mag_like_knows_which_ways_a_finger_goes():
+    finger = {"finger": straight_finger((0.0, 0.0, 0.0))}
+    scene = make_scene(finger=make_finger((0.5, 0.5, 0.0), 0.0, weight=0.03))
+    arrays = arrays_of([("finger.tip", (-0.04, 0.0), (-1.0, 0.0), (1.0, 0.0, 0.0), LENGTH)], fingers=finger)
+    assert mag_like(scene, arrays, [(0.0, 1.0, 0.0)]).configuration_aspect < 1e-8  # along the rod: it does not stretch
+    assert mag_like(scene, arrays, [(1.0, 0.0, 0.0)]).configuration_aspect == pytest.approx(1.0)
+
+
+def test_quality_gathers_the_indices():
+    quality = grasp_quality(*bent_pinch())
+    assert quality.friction_margin == pytest.approx(1.0 - 0.5 / (0.5 * 2.0))
+    assert quality.friction_margins["b.tip"] == pytest.approx(1.0 - 0.5 / (0.5 * 3.0))
+    assert quality.tension_margin == pytest.approx(1.0 - 6.0 / 60.0)
+    assert quality.normal_force_spread == pytest.approx(1.0 / 3.0)
+    assert quality.torque_scale == pytest.approx(0.04)
+    assert quality.epsilon_l1 == pytest.approx(0.5 / math.sqrt(2.25))
+    names = [row[0] for row in quality.rows()]
+    assert names[0] == "disturbance_margin"
+    assert len(set(names)) == len(names) == 8
+    data = json.loads(json.dumps(plain(quality.data()), allow_nan=False))
+    assert data["epsilon_linf"] == quality.epsilon_linf
+    assert len(data["resistance"]["factors"]) == 6
+    assert quality.resistance_polygon.shape == (36, 2)
