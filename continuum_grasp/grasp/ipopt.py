@@ -22,6 +22,7 @@ from continuum_grasp.grasp.problem import GraspProblem
 from continuum_grasp.grasp.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.starts import Start
 from continuum_grasp.grasp.surface import Feature
+from continuum_grasp.grasp.surroundings import Surroundings
 from continuum_grasp.grasp.values import Units, contact_features, problem_bounds, problem_values
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -36,7 +37,9 @@ EFFORT_WHEN_RELAXED = 1e-4
 ROUNDS = 8
 """How often the obstacles near the fingers are renewed."""
 STALE = 1e-6
-"""Penetration, and change of an active clearance, above which they are (problem's units)."""
+"""Change of an active clearance above which they are renewed (problem's units)."""
+DEEP = 2e-5
+"""Penetration between the places that are kept clear above which they are moved (problem's units)."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +162,7 @@ class GraspSolverRun:
         began = time.perf_counter()
         self.problem = GraspProblem(make)
         self.reader = PointReader(self.problem)
+        self._near = Surroundings(self.problem)
         self._solvers: dict[tuple[Any, ...], tuple[ca.Function, _Stop]] = {}
         self.build_seconds = time.perf_counter() - began
 
@@ -239,9 +243,7 @@ class GraspSolverRun:
         stop.until = until
         g_low, g_high = problem.parts.g_bounds
         began, iterations, outcome = time.perf_counter(), 0, ""
-        obstacles, _ = self.reader.obstacles(scene, x, np.zeros(problem.numbers.symbol.numel()))
-        numbers = problem.numbers.pack({**values, **obstacles})
-        obstacles, _ = self.reader.obstacles(scene, x, numbers)
+        obstacles, _ = self._near.look(scene, x, problem.numbers.pack(values, 0.0))
         for _ in range(ROUNDS):
             numbers = problem.numbers.pack({**values, **obstacles})
             with stop.on_interrupt():
@@ -251,9 +253,10 @@ class GraspSolverRun:
             outcome, iterations = str(stats["return_status"]), iterations + int(stats["iter_count"])
             if outcome != "Solve_Succeeded" or not np.isfinite(x).all():
                 break
-            obstacles, deepest = self.reader.obstacles(scene, x, numbers)
+            obstacles, deepest = self._near.look(scene, x, numbers)
             renewed = problem.numbers.pack({**values, **obstacles})
-            if not self._stale(x, g, np.array(found["lam_g"]).ravel(), renewed, deepest, relaxed):
+            room = deepest - self._room(x)
+            if room < DEEP and not self._stale(x, g, np.array(found["lam_g"]).ravel(), renewed):
                 break
         return Attempt(
             start,
@@ -273,9 +276,12 @@ class GraspSolverRun:
         amount = float(np.linalg.norm(x[variable.start : variable.stop]))
         return amount * _amount_unit(relaxation, Units.of(scene))
 
-    def _stale(
-        self, x: Array, g: Array, force: Array, renewed: Array, deepest: float, relaxed: Mapping[str, float] | None
-    ) -> bool:
+    def _room(self, x: Array) -> float:
+        """How deep fingers may be, where that is relaxed."""
+        variables = self.problem.parts.variables
+        return float(sum(x[variables[f"relaxed room at the {name}"].start] for name in ("object", "supports")))
+
+    def _stale(self, x: Array, g: Array, force: Array, renewed: Array) -> bool:
         """Whether the obstacles that a solution was found with are not those near it."""
         now = np.array(self._constraints(x, renewed)).ravel()
         pressed = np.abs(force) > 1e-7

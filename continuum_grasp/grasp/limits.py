@@ -25,14 +25,24 @@ def add_limits(problem: GraspProblem) -> None:
         _keep_object_clear(problem)
 
 
-def guarded(finger: FingerState) -> list[tuple[int, float]]:
-    """Element and fraction of it of the places along a finger that are kept clear: waypoints, and joints that do not
-    touch.
+def guarded(finger: FingerState) -> tuple[ca.SX, list[int]]:
+    """World positions (2, K) that are kept clear along a finger, and the elements that they are in.
+
+    These are waypoints, joints that do not touch, and probes, which the search puts where a finger is deepest.
     """
-    make = finger.make
+    make, model = finger.make, finger.unit.model
     touching = {n - 1 for n, on in zip(make.before, make.touching, strict=True) if on}
     touching |= {make.elements - 1} if make.tip else set()
-    return finger.unit.waypoint_shares + [(k, 1.0) for k in range(make.elements) if k not in touching]
+    joints = [k for k in range(make.elements) if k not in touching]
+    count = finger.unit.probes
+    at = ca.reshape(finger.unit.number("probes", count * make.elements), count, make.elements)
+    points = ca.horzcat(
+        finger.world(model.waypoints(finger.q, finger.u, finger.p)),
+        *(finger.ends[:, k] for k in joints),
+        finger.world(model.probes(count)(finger.q, finger.u, at, finger.p)),
+    )
+    inside = [k for k, _ in finger.unit.waypoint_shares]
+    return points, [*inside, *joints, *(k for k in range(make.elements) for _ in range(count))]
 
 
 def _bound_contacts(problem: GraspProblem) -> None:
@@ -54,10 +64,7 @@ def _bound_contacts(problem: GraspProblem) -> None:
 
 def _keep_clear(problem: GraspProblem, finger: FingerState) -> None:
     make, number, require = finger.make, finger.unit.number, problem.parts.require
-    places = guarded(finger)
-    inner = len(finger.unit.waypoint_shares)
-    points = finger.world(finger.unit.model.waypoints(finger.q, finger.u, finger.p))
-    points = ca.horzcat(points, *(finger.ends[:, k] for k, _ in places[inner:]))
+    points, places = guarded(finger)
     tolerance, half = problem.numbers("tolerance"), problem.thickness(finger)
     back = rotation(-problem.pose[2])
     room = []

@@ -31,8 +31,8 @@ class Numbers:
         """All of them as a column."""
         return ca.vertcat(*self._symbols.values()) if self._symbols else ca.SX(0, 1)
 
-    def pack(self, values: Mapping[str, ArrayLike]) -> Array:
-        """The column of numbers for these values.
+    def pack(self, values: Mapping[str, ArrayLike], default: float | None = None) -> Array:
+        """The column of numbers for these values; what is missing is the default, if there is one.
 
         Raises
         ------
@@ -41,6 +41,9 @@ class Numbers:
         """
         parts = []
         for name, symbol in self._symbols.items():
+            if default is not None and name not in values:
+                parts.append(np.full(symbol.numel(), default))
+                continue
             part = np.asarray(values[name], dtype=float).ravel()
             if part.size != symbol.numel():
                 raise KeyError(f"{name}: expected {symbol.numel()} numbers, got {part.size}")

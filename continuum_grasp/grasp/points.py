@@ -8,14 +8,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.obstacles import nearest_obstacles
-from continuum_grasp.grasp.limits import guarded
 from continuum_grasp.grasp.problem import FingerState, GraspProblem
 from continuum_grasp.grasp.starts import FingerStart, Start
 from continuum_grasp.grasp.surface import Feature
 from continuum_grasp.grasp.values import Units
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects import Part
 
 __all__ = ["PointReader", "starting_point"]
 
@@ -23,8 +20,6 @@ Array = NDArray[Any]
 Values = dict[str, Any]
 
 BACKBONE_POINTS = 201
-CLEAR = 1.0 - 1e-9
-"""Part of the half thickness from which on a base counts as clear of a support."""
 
 
 def starting_point(problem: GraspProblem, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Array:
@@ -67,7 +62,7 @@ def _finger_start(setup: FingerSetup, state: FingerState, start: FingerStart, un
 
 
 class PointReader:
-    """Turns unknowns into the numbers that a result stores, and into the obstacles nearest to the fingers.
+    """Turns unknowns into the numbers that a result stores.
 
     Parameters
     ----------
@@ -76,72 +71,7 @@ class PointReader:
 
     def __init__(self, problem: GraspProblem) -> None:
         self._problem = problem
-        self._guarded = [guarded(finger) for finger in problem.fingers]
-        self._places, self._values = _places(problem, self._guarded), _values(problem)
-
-    def obstacles(self, scene: GraspScene, x: Array, numbers: Array) -> tuple[Values, float]:
-        """Run-time numbers of all obstacles near a point, and the deepest penetration there (problem's units)."""
-        units = Units.of(scene)
-        found, deepest = self._object_obstacles(scene, x, numbers, units), -np.inf
-        *points, pose = (np.array(v) for v in self._places(x, numbers))
-        turn = pose[2, 0]
-        rotate = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-        for setup, places, at in zip(scene.setups, self._guarded, points, strict=True):
-            half = setup.finger.thickness_radius / units.length
-            local = (at.T - pose[:2, 0]) @ rotate
-            for k, part in enumerate(scene.object.parts):
-                obstacle, gap = scaled_obstacles(part, local, units.length)
-                deepest = max(deepest, float((half - gap).max()))
-                for j in range(len(places)):
-                    found[f"{setup.name}.obstacle_{k}_{j}"] = obstacle[j]
-            deepest = max(deepest, self._support_obstacles(scene, setup, places, at.T, units, found))
-        return found, deepest
-
-    def _support_obstacles(
-        self, scene: GraspScene, setup: FingerSetup, places: list[tuple[int, float]], at: Array, units: Units, found: Values
-    ) -> float:
-        m, half = units.length, setup.finger.thickness_radius
-        base, deepest = setup.finger.base.position, -np.inf
-        planes = [wall for wall in scene.walls if np.isinf(wall.half_length)]
-        lines = [wall for wall in scene.walls if np.isfinite(wall.half_length)]
-        for k, support in enumerate([*planes, *lines, *scene.pegs]):
-            needed = np.full(len(places), half / m)
-            if k < len(planes):
-                wall = planes[k]
-                normal, point = np.asarray(wall.normal), np.asarray(wall.point) / m
-                obstacle = np.tile([0.0, *normal, *point, 0.0], (len(places), 1))
-                gap = (at - point) @ normal
-                height = wall.height(base)
-                if height < CLEAR * half and setup.finger.base_free is None:  # the finger comes out of it
-                    before = np.array([element < setup.before[0] for element, _ in places])
-                    needed[before] = min(0.0, height) / m
-            elif k < len(planes) + len(lines):
-                wall = lines[k - len(planes)]
-                along = wall.half_length * np.array([-wall.normal[1], wall.normal[0]])
-                a, b = np.asarray(wall.point) - along, np.asarray(wall.point) + along
-                obstacle, gap = scaled_obstacles(Part((tuple(a), tuple(b))), at, m)
-            else:
-                peg = scene.pegs[k - len(planes) - len(lines)]
-                obstacle, gap = scaled_obstacles(Part((peg.position,), peg.radius), at, m)
-            deepest = max(deepest, float((needed - gap).max()))
-            for j in range(len(places)):
-                found[f"{setup.name}.support_{k}_{j}"] = obstacle[j]
-                found[f"{setup.name}.needed_{k}_{j}"] = needed[j]
-        return deepest
-
-    def _object_obstacles(self, scene: GraspScene, x: Array, numbers: Array, units: Units) -> Values:
-        """Parts of the object near the round supports, where its pose is sought."""
-        found: Values = {}
-        if not self._problem.make.free or not scene.pegs:
-            return found
-        pose = np.array(self._places(x, numbers)[-1]).ravel()
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        for i, peg in enumerate(scene.pegs):
-            off = np.asarray(peg.position) / units.length - pose[:2]
-            local = np.array([[c * off[0] + s * off[1], c * off[1] - s * off[0]]])
-            for k, part in enumerate(scene.object.parts):
-                found[f"peg_{i}.obstacle_{k}"] = scaled_obstacles(part, local, units.length)[0][0]
-        return found
+        self._values = _values(problem)
 
     def arrays(self, scene: GraspScene, start: Start, x: Array, numbers: Array) -> dict[str, Array]:
         """The physical numbers of a point; see `continuum_grasp.grasp.GraspResult`."""
@@ -173,22 +103,6 @@ class PointReader:
             "contact_stations": stations.ravel() * scale,
             "contact_parts": np.array([start.contacts[contact.name].part for contact in make.contacts], dtype=int),
         }
-
-
-def scaled_obstacles(part: Part, points: Array, length: float) -> tuple[Array, Array]:
-    """`nearest_obstacles` in units of a problem whose length is given [m]."""
-    obstacle, gap = nearest_obstacles(part, points * length)
-    obstacle[:, 3:] /= length
-    return obstacle, gap / length
-
-
-def _places(problem: GraspProblem, places: list[list[tuple[int, float]]]) -> ca.Function:
-    found = []
-    for finger, at in zip(problem.fingers, places, strict=True):
-        inner = finger.world(finger.unit.model.waypoints(finger.q, finger.u, finger.p))
-        ends = [finger.ends[:, k] for k, _ in at[len(finger.unit.waypoint_shares) :]]
-        found.append(ca.horzcat(inner, *ends))
-    return ca.Function("places", [problem.parts.x, problem.numbers.symbol], [*found, problem.pose])
 
 
 def _values(problem: GraspProblem) -> ca.Function:

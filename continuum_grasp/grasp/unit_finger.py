@@ -175,6 +175,11 @@ class UnitFinger:
         rest = self.number("rest_curvature") if self.make.preshaped else 0.0
         return _OFFSET * (u[0] - u[1]) + u[2] + rest
 
+    @property
+    def probes(self) -> int:
+        """Places per element that are kept clear where it is deepest."""
+        return 2 if self.make.elements < 4 else 1
+
     @cached_property
     def waypoint_shares(self) -> list[tuple[int, float]]:
         """Element and fraction of it of every waypoint."""

@@ -75,8 +75,7 @@ def problem_values(problem: GraspProblem, scene: GraspScene, start: Start, featu
     for setup in scene.setups:
         values |= finger_numbers(setup, gravity)
         values |= _finger_values(scene, setup, units)
-        joints = start.fingers[setup.name].joints
-        values |= {f"{setup.name}.joint_{k}": s / setup.finger.rod.length for k, s in enumerate(joints)}
+        values |= {f"{setup.name}.joint_{k}": count / setup.elements for k, count in enumerate(setup.before)}
     for contact in problem.make.contacts:
         values |= _contact_values(scene, contact.name, start.contacts[contact.name], features[contact.name], units)
     return values

@@ -193,6 +193,12 @@ class Equations:
             start = start + span
         return found
 
+    def inside(self, fractions: ca.SX) -> list[Vec]:
+        """World positions [m] at run-time fractions (M, N) of the N elements' lengths, from base to tip."""
+        count, elements = fractions.shape
+        places = [Place(k, fractions[j, k]) for k in range(elements) for j in range(count)]
+        return [self.to_world(self.chain.position(place)) for place in places]
+
     # -- forces --------------------------------------------------------------------------------------------------
 
     @cached_property

@@ -262,6 +262,24 @@ class FingerModel:
         """World positions inside the elements, where they cost least [m]."""
         return self._function("waypoints", "q u p", r=ca.horzcat(*[at.column() for at in self._equations.waypoints]))
 
+    def probes(self, count: int) -> ca.Function:
+        """World positions (2, count * N) [m] at run-time fractions f (count, N) of the N elements' lengths.
+
+        Parameters
+        ----------
+        count : int
+            Places per element.
+
+        Returns
+        -------
+        casadi.Function
+            ``(q, u, f, p) -> r``.
+        """
+        eq = self._equations
+        f = ca.SX.sym("f", count, len(self.lengths))
+        r = ca.horzcat(*[at.column() for at in eq.inside(f)])
+        return ca.Function("probes", [eq.q, eq.u, f, eq.p], [r], ["q", "u", "f", "p"], ["r"])
+
     @cached_property
     def energy(self) -> ca.Function:
         """Kinetic and potential energy [J]."""
