@@ -14,8 +14,9 @@ __all__ = ["Cones", "solve_conic"]
 
 Array = NDArray[Any]
 
-VIOLATION = 1e-9
-"""Cones may be violated by this part of the greatest width of a cone."""
+VIOLATION = 1e-8
+"""Cones may be violated by this part of one and the greatest width of a cone: ten times what the linear programme's
+tolerance lets through."""
 ROUNDS = 60
 """Most linear programmes for one answer."""
 
@@ -67,7 +68,7 @@ class Cones:
         vectors = self.matrix @ x + self.offset
         lengths = np.hypot(vectors[:, 0], vectors[:, 1])
         widths = self.width @ x + self.room
-        outside = np.flatnonzero(lengths - widths > VIOLATION * max(1e-300, lengths.max(), np.abs(widths).max()))
+        outside = np.flatnonzero(lengths - widths > VIOLATION * max(1.0, np.abs(widths).max(initial=0.0)))
         self.cuts += [(int(k), vectors[k] / lengths[k]) for k in outside if lengths[k] > 0.0]
         return outside.size > 0
 
