@@ -105,7 +105,7 @@ class Balance:
             work += hand.linear_density * whole.mean_moves @ gravity
             for at, mass in hand.masses:
                 work += mass * section(hand.base, hand.angle, ends, lengths, at).moves @ gravity
-        basis = _basis(hand.family, count)
+        free = basis(hand.family, count)
         rows = np.zeros((2 * count, self.width))
         rows[:, 2 * k], rows[:, 2 * k + 1] = hand.offset * bend, -hand.offset * bend
         for c, touch in enumerate(self.touches):
@@ -114,7 +114,7 @@ class Balance:
                 rows[:, self.first + 3 * c] = there.moves @ touch.normal
                 rows[:, self.first + 3 * c + 1] = there.moves @ touch.across - hand.thickness * there.turns
         unit = hand.length**2  # moment per curvature, as a force
-        for row, right in zip(basis @ rows / unit, basis @ (stiff - work) / unit, strict=True):
+        for row, right in zip(free @ rows / unit, free @ (stiff - work) / unit, strict=True):
             self._add(row, float(right))
         if hand.family == "matched_clothoid":
             row = np.zeros(self.width)
@@ -262,7 +262,7 @@ def _row(width: int, entries: dict[int, float]) -> Array:
     return row
 
 
-def _basis(family: str, count: int) -> Array:
+def basis(family: str, count: int) -> Array:
     """How the curvatures at the elements' ends follow the coordinates in which a finger is in equilibrium."""
     if family == "arc":
         return np.kron(np.eye(count), np.ones(2))

@@ -134,17 +134,18 @@ class Fingers:
         """Deepest into the object (n,) and into each wall (n, W) [m]."""
         ends, lengths = np.stack([p.ends for p in postures]), np.stack([p.lengths for p in postures])
         points, _ = trace(self.base, self.hand.angle, ends, lengths, count)
-        flat = points.reshape(len(postures), -1, 2)
         centre = np.array(self.numbers.com)
-        close = np.linalg.norm(flat - centre, axis=-1) < self.numbers.size + self.hand.thickness
-        into = np.full(close.shape, -np.inf)
+        near = self.numbers.size + self.hand.thickness + 3.0 * self.hand.length / count
+        close = np.linalg.norm(points - centre, axis=-1) < near
+        gap = np.full(close.shape, np.inf)
         if close.any():
-            into[close] = -self.outline.gap(flat[close])
-        walls = [
-            (self.allowed(point, normal) - (flat - np.array(point)) @ np.array(normal)).max(axis=1)
-            for point, normal in self.numbers.walls
-        ]
-        return into.max(axis=1), np.stack(walls, axis=1) if walls else np.empty((len(postures), 0))
+            gap[close] = self.outline.gap(points[close])
+        into = -_valleys(gap).reshape(len(postures), -1).min(axis=1)
+        walls = []
+        for point, normal in self.numbers.walls:
+            height = _valleys((points - np.array(point)) @ np.array(normal)).reshape(len(postures), -1)
+            walls.append(self.allowed(point, normal) - height.min(axis=1))
+        return into, np.stack(walls, axis=1) if walls else np.empty((len(postures), 0))
 
     def allowed(self, point: Any, normal: Any) -> float:
         """Least height of the backbone over a wall [m]: half the thickness, or the base's where that is lower."""
@@ -271,3 +272,15 @@ class Fingers:
 def _wrap(angle: Array) -> Array:
     """Into (-pi, pi]."""
     return np.asarray((np.asarray(angle) + math.pi) % (2.0 * math.pi) - math.pi)
+
+
+def _valleys(gap: Array) -> Array:
+    """Samples (..., K) lowered to the bottom of the parabola through each and its neighbours, where it has one."""
+    before, here, after = gap[..., :-2], gap[..., 1:-1], gap[..., 2:]
+    with np.errstate(invalid="ignore"):
+        curve, slope = before - 2.0 * here + after, before - after
+        bottom = (curve > 0.0) & np.isfinite(curve) & (np.abs(slope) <= 2.0 * curve)
+        lower = here - slope**2 / (8.0 * np.where(bottom, curve, 1.0))
+    found = gap.copy()
+    found[..., 1:-1] = np.where(bottom, lower, here)
+    return found

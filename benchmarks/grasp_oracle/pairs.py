@@ -1,8 +1,8 @@
 """Pinches by the tips of several fingers: shapes and forces together, by sequential quadratic programming.
 
-Each finger has two elements of equal length whose curvature is linear, with the tip's curvature given by the balance of
-moments there. Unknowns: three curvatures, two tensions and three forces per finger. Many starts; what comes out need not
-be the very best, but it holds: every answer is checked with the equations of `forces`.
+Each finger has two elements of equal length whose curvature is linear, with the tip's curvature given by the balance
+of moments there. Unknowns: three curvatures, two tensions and three forces per finger. Many starts; what comes out need
+not be the very best, but it holds: every answer is checked with the equations of `forces`.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, minimize
+from scipy.optimize import minimize
 
 from benchmarks.grasp_oracle.forces import Balance
 from benchmarks.grasp_oracle.geometry import Fingers, Posture
 from benchmarks.grasp_oracle.numbers import Hand, Numbers
-from benchmarks.grasp_oracle.rod import NODES, WEIGHTS, section, walk
+from benchmarks.grasp_oracle.pair_tables import starts
+from benchmarks.grasp_oracle.rod import NODES, WEIGHTS, section
 
 Array = NDArray[Any]
-TURNS = ((0.0, 0.0), (0.7, -0.7), (-0.7, 0.7), (1.3, -1.3), (-1.3, 1.3), (0.7, 0.7), (-0.7, -0.7), (0.0, 0.9))
-"""Where the tips start, from the side of the object that faces the base [rad]."""
-MOST_STEPS = 120
+STARTS = 6
+MOST_STEPS = 80
 EXACT = 1e-8
 """Greatest residual of an answer, as a part of the force scale or the length."""
 
@@ -60,55 +60,19 @@ class Pinches:
         self.pull = max(h.stiffness / (h.length * h.offset) for h in self.hands)
         self.spatial = numbers.lift != 0.0
 
-    def best(self, starts: int = len(TURNS)) -> Pinch | None:
+    def best(self, count: int = STARTS) -> Pinch | None:
         """The least sum of tensions over all starts; None where no start leads to a pinch."""
-        found = []
-        for turns in TURNS[:starts]:
-            shapes = [self._start(k, turn) for k, turn in enumerate(turns)]
-            if any(s is None for s in shapes):
-                continue
-            got = self._solve(np.concatenate([s for s in shapes if s is not None]))
-            if got is not None:
-                found.append(got)
-        return min(found, key=lambda p: p.value, default=None)
-
-    # -- starts ------------------------------------------------------------------------------------------------
-
-    def _start(self, k: int, turn: float) -> Array | None:
-        """Curvatures, times the length, with which the tip touches the side that faces the base, or one beside it."""
-        hand, finger = self.hands[k], self.fingers[k]
-        away = np.array(hand.base) - np.array(self.numbers.com)
-        c, s = math.cos(turn), math.sin(turn)
-        away = np.array([c * away[0] - s * away[1], s * away[0] + c * away[1]])
-        places = np.linspace(0.0, 1.0, 361)
-        points, _ = finger.outline.at(places)
-        off = points - np.array(self.numbers.com)
-        cosine = off @ away / (np.linalg.norm(off, axis=1) * np.linalg.norm(away))
-        target = points[int(np.argmax(cosine))]
-        half = 0.5 * hand.length
-
-        def miss(v: Array) -> Array:
-            ends = np.array([[v[0], v[1]], [v[1], v[2]]]) / hand.length
-            joint = finger.base + walk(hand.angle, *ends[0], half)
-            tip = joint + walk(hand.angle + ends[0].sum() * half / 2, *ends[1], half)
-            return np.append((tip - target) / hand.length, 0.02 * np.diff(v))
-
-        shapes = [least_squares(miss, np.full(3, start)) for start in (0.5, -0.5)]
-        shape = min(shapes, key=lambda r: float(r.cost))
-        return np.asarray(shape.x) if np.abs(miss(shape.x)[:2]).max() < 0.05 else None
+        found = [self._solve(*start) for start in starts(self, count)]
+        return min((f for f in found if f is not None), key=lambda p: p.value, default=None)
 
     # -- equations ---------------------------------------------------------------------------------------------
 
-    def _solve(self, shapes: Array) -> Pinch | None:
+    def _solve(self, shapes: Array, nets: Array, borne: Array) -> Pinch | None:
         count = len(self.hands)
         forces = np.zeros((count, 3))
-        forces[:, 0] = 2.0
+        forces[:, :2] = borne / self.force
         forces[:, 2] = 1.0 / count if self.spatial else 0.0
-        pulls = np.zeros((count, 2))
-        for k, hand in enumerate(self.hands):
-            mean = float(shapes[3 * k : 3 * k + 3].mean())
-            net = hand.stiffness * (mean / hand.length - hand.rest) / hand.offset / self.pull
-            pulls[k] = max(net, 0.0), max(-net, 0.0)
+        pulls = np.stack([np.maximum(nets, 0.0), np.maximum(-nets, 0.0)], axis=1) / self.pull
         x = np.concatenate([shapes, pulls.ravel(), forces.ravel()])
         bounds = self._bounds(count)
         x = np.clip(x, *np.array(bounds).T)

@@ -63,7 +63,7 @@ def two_fingers(seed: int) -> GraspScene:
     view = _View(random.uniform(-math.pi, math.pi), random.choice([-1.0, 1.0]))
     length = 10 ** random.uniform(-1.0, -0.4)
     size = length * random.uniform(0.1, 0.3)
-    thing, reach, extent = _object(random, size, aligned=random.random() < 0.7)
+    thing, _, extent = _object(random, size, aligned=random.random() < 0.7)
     ahead = length * random.uniform(0.55, 0.85)
     fingers = {}
     model = _finger(random, length, size, sign=view.flip)

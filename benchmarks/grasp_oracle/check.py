@@ -1,0 +1,269 @@
+"""Whether a grasp holds, from its stored numbers: the equations of fingers and object, evaluated once more."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.grasp_oracle.forces import basis
+from benchmarks.grasp_oracle.outline import Outline
+from benchmarks.grasp_oracle.rod import Section, section, trace
+from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity, PlanarGravity
+
+__all__ = ["LIMITS", "residuals"]
+
+Array = NDArray[Any]
+LIMITS = {
+    "equilibrium": 1e-6,
+    "cone": 1e-6,
+    "contact": 1e-6,
+    "penetration": 1e-4,
+    "limit": 1e-6,
+}
+"""Greatest residuals: parts of the greatest moment or force, of the finger's length, of the limit."""
+
+
+def residuals(scene: GraspScene, arrays: Mapping[str, Any], count: int = 1000) -> dict[str, float]:
+    """Residuals of a grasp.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    arrays : mapping
+        ``GraspResult.arrays``.
+    count : int
+        Points per element at which penetration is looked for.
+
+    Returns
+    -------
+    dict
+        ``equilibrium``: of fingers and object, as parts of the greatest moment and force; ``cone``: friction and normal
+        forces beyond theirs, as a part of the greatest force; ``contact``: gaps, slopes and stored places, as parts of
+        the finger's length; ``penetration``: greatest depth of a finger in object or walls, as a part of its length;
+        ``limit``: tension, strain, bend, lengths and pose beyond their limits.
+    """
+    return _Check(scene, arrays, count).worst
+
+
+class _Check:
+    def __init__(self, scene: GraspScene, arrays: Mapping[str, Any], count: int) -> None:
+        self.scene = scene
+        self.worst = dict.fromkeys(LIMITS, 0.0)
+        self.names = [str(n) for n in arrays["contact_names"]]
+        self.forces = np.asarray(arrays["contact_forces"], dtype=float).reshape(-1, 3)
+        self.positions = np.asarray(arrays["contact_positions"], dtype=float).reshape(-1, 2)
+        self.normals = np.asarray(arrays["contact_normals"], dtype=float).reshape(-1, 2)
+        self.stations = np.asarray(arrays["contact_stations"], dtype=float)
+        self.pose = tuple(float(v) for v in arrays["object.pose"])
+        self.parts = scene.object.parts
+        self.loads = [n * v + f * _across(v) for (n, f, _), v in zip(self.forces, self.normals, strict=True)]
+        greatest = float(np.abs(self.forces).max(initial=0.0))
+        setups = scene.setups
+        bending = min(s.finger.rod.stiffness / s.finger.rod.length**2 for s in setups)
+        self.force_scale = max(greatest, scene.weight, bending)
+        self.length = max(s.finger.rod.length for s in setups)
+        self._object()
+        self._cones()
+        for setup in setups:
+            self._finger(setup, arrays, count)
+        self._supports()
+        if any(not np.isfinite(np.asarray(v, dtype=float)).all() for k, v in arrays.items() if _numeric(k, v)):
+            self._note("limit", math.inf)
+
+    def _note(self, name: str, value: float) -> None:
+        value = float(value)
+        self.worst[name] = max(self.worst[name], math.inf if math.isnan(value) else value)
+
+    def _outlines(self, grown: float) -> list[Outline]:
+        return [Outline(part, self.pose, grown) for part in self.parts]  # type: ignore[arg-type]
+
+    def _gravity(self) -> Array:
+        gravity = self.scene.gravity
+        return np.array(gravity.vector if isinstance(gravity, PlanarGravity) else (0.0, 0.0))
+
+    # -- object ------------------------------------------------------------------------------------------------
+
+    def _object(self) -> None:
+        thing, gravity, scale = self.scene.object, self.scene.gravity, self.force_scale
+        x, y, turn = self.pose
+        c, s = math.cos(turn), math.sin(turn)
+        com = np.array([x + c * thing.com[0] - s * thing.com[1], y + s * thing.com[0] + c * thing.com[1]])
+        arms = (self.positions - com) / thing.size
+        force = thing.mass * self._gravity() - sum(self.loads, np.zeros(2))
+        self._note("equilibrium", np.abs(force).max() / scale)
+        moment = sum(a[0] * p[1] - a[1] * p[0] for a, p in zip(arms, self.loads, strict=True))
+        self._note("equilibrium", abs(moment) / scale)
+        lift = self.forces[:, 2]
+        carried = thing.mass * gravity.magnitude if isinstance(gravity, OutOfPlaneGravity) else 0.0
+        self._note("equilibrium", abs(lift.sum() - carried) / scale)
+        if isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance":
+            self._note("equilibrium", np.abs(lift @ arms).max() / scale)
+        free = thing.free
+        for k, name in enumerate(("x", "y", "angle")):
+            bounds = None if free is None else getattr(free, name)
+            low, high = (thing.pose[k], thing.pose[k]) if bounds is None else bounds
+            self._note("limit", max(low - self.pose[k], self.pose[k] - high))
+
+    def _cones(self) -> None:
+        for name, (n, f, lift) in zip(self.names, self.forces, strict=True):
+            over = math.hypot(f, lift) - self.scene.friction(name) * n
+            most = self.scene.normal_force_max(name)
+            self._note("cone", over / self.force_scale)
+            self._note("cone", -n / self.force_scale)
+            self._note("limit", (n - most) / most)
+
+    # -- fingers -----------------------------------------------------------------------------------------------
+
+    def _finger(self, setup: Any, arrays: Mapping[str, Any], count: int) -> None:
+        finger, name = setup.finger, setup.name
+        length = finger.rod.length
+        lengths = np.asarray(arrays[f"{name}.lengths"], dtype=float)
+        q = np.asarray(arrays[f"{name}.q"], dtype=float)
+        family, tip = str(arrays[f"{name}.family"]), float(arrays[f"{name}.tip_curvature"])
+        base = np.asarray(arrays[f"{name}.base"], dtype=float)
+        tensions = np.asarray(arrays[f"{name}.tensions"], dtype=float)
+        ends = _ends(family, q, lengths, tip)
+        self._note("limit", abs(lengths.sum() / length - 1.0))
+        self._note("limit", -lengths.min() / length)
+        self._limits(setup, ends, lengths, tensions, base)
+        spots = [(k, n) for k, n in enumerate(self.names) if n.startswith(f"{name}.")]
+        there = {k: section(base[:2], base[2], ends, lengths, float(self.stations[k])) for k, _ in spots}
+        self._touches(setup, spots, there, lengths)
+        self._equilibrium(setup, family, ends, lengths, tip, tensions, base, spots, there)
+        points, _ = trace(base[:2], base[2], ends, lengths, count)
+        flat = points.reshape(-1, 2)
+        depth = max(float(-o.gap(flat).min()) for o in self._outlines(finger.thickness_radius))
+        self._note("penetration", depth / length)
+        for wall in self.scene.walls:
+            if math.isinf(wall.half_length):
+                height = (flat - np.array(wall.point)) @ np.array(wall.normal)
+                needed = min(finger.thickness_radius, float(height[0]))
+                self._note("penetration", float(needed - height.min()) / length)
+        stored = np.asarray(arrays[f"{name}.backbone"], dtype=float)
+        at = [section(base[:2], base[2], ends, lengths, float(min(s, lengths.sum()))).point for s in stored[:, 0]]
+        self._note("contact", float(np.abs(np.array(at) - stored[:, 1:3]).max()) / length * 0.1)
+
+    def _limits(self, setup: Any, ends: Array, lengths: Array, tensions: Array, base: Array) -> None:
+        finger = setup.finger
+        tendons = finger.tendons
+        used = (finger.tendons_used != "right", finger.tendons_used != "left")
+        for tension, use in zip(tensions, used, strict=True):
+            most, least = (tendons.max_tension, tendons.min_tension) if use else (0.0, 0.0)
+            self._note("limit", (tension - most) / tendons.max_tension)
+            self._note("limit", (least - tension) / tendons.max_tension)
+        limit = finger.curvature_limit
+        if math.isfinite(limit):
+            self._note("limit", np.abs(ends).max() / limit - 1.0)
+        bends = np.abs(ends.mean(axis=1) * lengths).max()
+        self._note("limit", bends / setup.bending_range - 1.0)
+        free = finger.base_free
+        given = (*finger.base.position, finger.base.angle)
+        for k, name in enumerate(("x", "y", "angle")):
+            bounds = None if free is None else getattr(free, name)
+            low, high = (given[k], given[k]) if bounds is None else bounds
+            self._note("limit", max(low - base[k], base[k] - high))
+
+    def _touches(self, setup: Any, spots: list[tuple[int, str]], there: dict[int, Section], lengths: Array) -> None:
+        half, length = setup.finger.thickness_radius, setup.finger.rod.length
+        marks = np.cumsum(lengths)
+        for k, name in spots:
+            where = there[k]
+            gaps = [o.nearest(where.point) for o in self._outlines(half)]
+            gap, normal = min(gaps, key=lambda g: float(g[0]))
+            self._note("contact", abs(float(gap)) / length)
+            self._note("contact", np.abs(normal - self.normals[k]).max() * half / length)
+            place = where.point - half * self.normals[k]
+            self._note("contact", np.abs(place - self.positions[k]).max() / length)
+            if name.endswith(".tip"):
+                self._note("contact", abs(self.stations[k] / length - 1.0))
+                continue
+            across = np.array([math.cos(where.angle), math.sin(where.angle)])
+            self._note("contact", abs(across @ _across(self.normals[k])) * 0.1)
+            self._note("contact", np.abs(marks - self.stations[k]).min() / length)
+            low, high = setup.middle_bounds
+            self._note("limit", max(low - self.stations[k], self.stations[k] - high) / length)
+
+    def _equilibrium(
+        self,
+        setup: Any,
+        family: str,
+        ends: Array,
+        lengths: Array,
+        tip: float,
+        tensions: Array,
+        base: Array,
+        spots: list[tuple[int, str]],
+        there: dict[int, Section],
+    ) -> None:
+        finger = setup.finger
+        rod, tendons, half = finger.rod, finger.tendons, finger.thickness_radius
+        rest = finger.curvature_pieces[-1][2]
+        lean = ends - rest
+        net = (tensions[0] - tensions[1]) * tendons.offset
+        slope = np.zeros(2 * len(lengths))
+        shares = _capstan(tendons.friction, ends, lengths)
+        for k, (length, (a, b)) in enumerate(zip(lengths, lean, strict=True)):
+            slope[2 * k] += rod.stiffness * length * (2 * a + b) / 6.0 - shares[k] * net * 0.5 * length
+            slope[2 * k + 1] += rod.stiffness * length * (a + 2 * b) / 6.0 - shares[k] * net * 0.5 * length
+        gravity = self._gravity()
+        whole = section(base[:2], base[2], ends, lengths, float(lengths.sum()))
+        slope -= rod.mass_per_length * whole.mean_moves @ gravity
+        for mass in finger.masses:
+            slope -= mass.mass * section(base[:2], base[2], ends, lengths, mass.at).moves @ gravity
+        couple = 0.0
+        for k, name in spots:
+            turn = -half * self.forces[k, 1]
+            slope -= there[k].moves @ self.loads[k] + there[k].turns * turn
+            if name.endswith(".tip"):
+                couple = turn
+        free = basis(family, len(lengths))
+        scale = max(abs(net), rod.stiffness * float(np.abs(lean).max()))
+        reach = np.abs(free @ whole.turns)
+        self._note("equilibrium", (np.abs(free @ slope) / reach).max() / scale)
+        if family == "matched_clothoid":
+            self._note("equilibrium", abs(rod.stiffness * (tip - rest) - net - couple) / scale)
+
+    # -- supports ----------------------------------------------------------------------------------------------
+
+    def _supports(self) -> None:
+        bare = self._outlines(0.0)
+        for k, name in enumerate(self.names):
+            for wall in self.scene.walls:
+                if name == wall.name or name.startswith(wall.name + "."):
+                    off = float((self.positions[k] - np.array(wall.point)) @ np.array(wall.normal))
+                    self._note("contact", abs(off) / self.length)
+                    self._note("contact", np.abs(self.normals[k] + np.array(wall.normal)).max())
+                    self._note("contact", abs(min(float(o.gap(self.positions[k])) for o in bare)) / self.length)
+            for peg in self.scene.pegs:
+                if name == peg.name:
+                    off = math.dist(self.positions[k], peg.position) - peg.radius
+                    self._note("contact", abs(off) / self.length)
+                    self._note("contact", abs(min(float(o.gap(self.positions[k])) for o in bare)) / self.length)
+
+
+def _ends(family: str, q: Array, lengths: Array, tip: float) -> Array:
+    if family == "arc":
+        return np.repeat((q / lengths)[:, None], 2, axis=1)
+    nodes = np.append(q, tip) if family == "matched_clothoid" else q
+    return np.stack([nodes[:-1], nodes[1:]], axis=1)
+
+
+def _capstan(friction: float, ends: Array, lengths: Array) -> Array:
+    """Share of the tendons' moment at each element's middle past rubbing guides, as the scene's contract has it."""
+    if friction == 0.0:
+        return np.ones(len(lengths))
+    bends = ends.mean(axis=1) * lengths
+    turned = bends**2 / np.sqrt(bends**2 + (1e-3 * lengths / lengths.sum()) ** 2)
+    return np.asarray(np.exp(-friction * (np.cumsum(turned) - 0.5 * turned)))
+
+
+def _across(normal: Array) -> Array:
+    return np.array([-normal[1], normal[0]])
+
+
+def _numeric(name: str, value: Any) -> bool:
+    return name != "contact_stations" and np.asarray(value).dtype.kind in "fiub"
