@@ -6,6 +6,7 @@ The backbone is integrated here, virtual displacements are differences; nothing 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import linprog
@@ -84,7 +85,7 @@ def ends_of(family, q, lengths, tip):
     if family == "arc":
         return [(k / length, k / length) for k, length in zip(q, lengths, strict=True)]
     nodes = [*q, tip] if family == "matched_clothoid" else list(q)
-    return list(zip(nodes, nodes[1:], strict=False))
+    return list(pairwise(nodes))
 
 
 def finger_arrays(scene, name, q=None, lengths=None, tip=0.0, tensions=(0.0, 0.0), base=None):

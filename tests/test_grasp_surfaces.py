@@ -138,7 +138,7 @@ def test_placed_object_and_union():
     zs = [turn * (outline(part) @ [1, 1j]) + 0.1 + 0.2j for part in thing.parts]
     edges = [np.column_stack([z.real, z.imag]) for z in zs]
     rng = np.random.default_rng(1)
-    points = rng.uniform(-0.1, 0.1, (60, 2)) + [0.1, 0.25]
+    points = rng.uniform([0.0, 0.15], [0.2, 0.35], (60, 2))
     distance = placed.distance(points)
     for point, value in zip(points, distance, strict=True):
         if value > 0:
