@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from continuum_grasp.grasp.html import result_page
 from continuum_grasp.grasp.report import result_text, result_yaml, save_result
 from continuum_grasp.grasp.report_files import save_pictures
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
+from continuum_grasp.grasp.shown import further_advice
 from continuum_grasp.grasp.yaml_text import yaml_text
 from continuum_grasp.plotting.grasp import plot_grasp
 from continuum_grasp.plotting.grasp_polygon import plot_resistance, resistance_extremes
@@ -151,9 +153,15 @@ def test_text_tells_the_figures(name):
     assert max(map(len, text.splitlines())) < 120
 
 
+def test_repairs_are_said_once():
+    result = replace(failed(), advice="Any one of these repairs it: lower object.mass to 0.46 kg. Use two.")
+    assert further_advice(result) == "Use two."
+    assert result_text(result).count("0.46 kg") == 1
+
+
 def test_text_says_why_there_is_none():
     text = result_text(failed())
-    assert "object.mass: 1.5 kg -> 0.46 kg" in text
+    assert "lower object.mass to 0.46 kg   (object.mass, now 1.5 kg)" in text
     assert "lift: 3.2 N" in text
     assert "Use two." in text
 

@@ -20,7 +20,7 @@ from continuum_grasp.grasp.html_text import (
     section,
     table,
 )
-from continuum_grasp.grasp.shown import quality_rows
+from continuum_grasp.grasp.shown import disturbance_rows, further_advice, quality_rows
 from continuum_grasp.grasp.yaml_text import yaml_text
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def result_page(result: GraspResult, *, resisted: ArrayLike | None = None) -> st
         section("Fingers", fingers_table(result)),
         section("Contacts", contacts_table(result), _forces_said(result)),
         _quality(result),
-        _resistance(resisted),
+        section("Resisted disturbances", _resistance(resisted), _disturbances(result)),
         _certificate(result.certificate) if result.solved and result.certificate is not None else "",
         section("The search", statistics_table(result.statistics)),
         section("The scene", _scene(result)),
@@ -91,7 +91,8 @@ def _why(result: GraspResult) -> str:
     rows = [(r.text, r.key, _amount(r.limit, r.unit), _amount(r.needed, r.unit), r.repair) for r in result.reasons]
     head = ("What stands against it", "Key", "As given", "Needed", "Repair")
     broken = "<p>Broken constraints at the closest point:</p>" + items(result.violated) if result.violated else ""
-    advice = f"<p>{escaped(result.advice)}</p>" if result.advice else ""
+    more = further_advice(result)
+    advice = f"<p>{escaped(more)}</p>" if more else ""
     lead = "<p>Any one of these would make a grasp possible.</p>" if rows else f"<p>{escaped(result.message)}</p>"
     return section("Why there is no grasp", lead, table(head, rows, (2, 3)), broken, advice, kind="why")
 
@@ -141,9 +142,7 @@ def _forces_said(result: GraspResult) -> str:
 
 
 def _quality(result: GraspResult) -> str:
-    if not result.solved or result.certificate is None:
-        return ""
-    return section("Quality", table(("Index", "Value", "What it means"), quality_rows(result.certificate), (1,)))
+    return section("Quality", table(("Index", "Value", "What it means"), quality_rows(result), (1,)))
 
 
 def _resistance(resisted: ArrayLike | None) -> str:
@@ -158,8 +157,12 @@ def _resistance(resisted: ArrayLike | None) -> str:
         "The greatest pure force at the centre of mass that is resisted on top of the weight, direction by direction: "
         f"{least:.3g} N whichever way it acts (dashed), {greatest:.3g} N in the best direction."
     )
-    figure = f'<figure class="polygon">\n{drawing}\n<figcaption>{escaped(said)}</figcaption>\n</figure>'
-    return section("Resisted disturbance", figure)
+    return f'<figure class="polygon">\n{drawing}\n<figcaption>{escaped(said)}</figcaption>\n</figure>'
+
+
+def _disturbances(result: GraspResult) -> str:
+    head = ("Disturbance: force x, y, moment", "Multiple that is resisted", "What stops it then")
+    return table(head, disturbance_rows(result), (1,))
 
 
 def _certificate(certificate: Certificate) -> str:
@@ -186,6 +189,10 @@ def _certificate(certificate: Certificate) -> str:
         f"<p><b>Stability:</b> {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L "
         f'<span class="quiet">({escaped(stability.assumptions)})</span>.</p>',
         f"<p><b>Model error:</b> {escaped(str(certificate.model_error))}.</p>",
+        f"<p><b>Fingers overlap</b> by {1e3 * certificate.overlap:.2f} mm in the plane: they must lie at different "
+        "heights.</p>"
+        if certificate.overlap > 0
+        else "",
     )
 
 

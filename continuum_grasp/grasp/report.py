@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import os
+import textwrap
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.grasp.shown import certificate_data, quality_rows, result_data
+from continuum_grasp.grasp.shown import (
+    certificate_data,
+    disturbance_rows,
+    further_advice,
+    quality_of,
+    quality_rows,
+    result_data,
+)
 from continuum_grasp.grasp.yaml_text import yaml_text
 from continuum_grasp.scene.grasp import OutOfPlaneGravity
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.certificate import Certificate
+    from continuum_grasp.grasp.certificate import Certificate, Check
     from continuum_grasp.grasp.model_error import ModelError
     from continuum_grasp.grasp.result import GraspResult
 
@@ -31,16 +39,18 @@ def result_text(result: GraspResult) -> str:
     if result.solved:
         lines += ["", *_finger_lines(result), "", *_contact_lines(result)]
         if result.certificate is not None:
-            lines += [*_quality_lines(result.certificate), "", *_certificate_lines(result.certificate)]
+            lines += [*_quality_lines(result), "", *_certificate_lines(result.certificate)]
     else:
         lines += _why_lines(result)
-    if result.advice:
-        lines += ["", result.advice]
+    advice = further_advice(result)
+    if advice:
+        lines += ["", *textwrap.wrap(advice, 112)]
     return "\n".join(lines)
 
 
-def result_meta(result: GraspResult) -> dict[str, Any]:
-    """Everything about the result that is not an array."""
+def result_meta(result: GraspResult, *, quality: bool = True) -> dict[str, Any]:
+    """Everything about the result that is not an array; ``quality=False`` leaves out the indices of quality."""
+    held = quality_of(result) if quality else None
     return {
         "kind": "grasp",
         "config": result.scene.model_dump(mode="json"),
@@ -49,6 +59,7 @@ def result_meta(result: GraspResult) -> dict[str, Any]:
         "message": result.message,
         "warnings": list(result.warnings),
         "certificate": None if result.certificate is None else certificate_data(result.certificate),
+        "quality": None if held is None else held.data(),
         "violated": list(result.violated),
         "reasons": [asdict(reason) for reason in result.reasons],
         "advice": result.advice,
@@ -56,13 +67,21 @@ def result_meta(result: GraspResult) -> dict[str, Any]:
     }
 
 
-def result_yaml(result: GraspResult) -> str:
+def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
     """The result as YAML for people and other programs; SI units, which the names carry."""
-    return _HEAD + yaml_text(result_data(result))
+    return _HEAD + yaml_text(result_data(result, quality=quality))
 
 
-def save_result(result: GraspResult, folder: str | os.PathLike[str]) -> Path:
+def save_result(result: GraspResult, folder: str | os.PathLike[str], *, quality: bool = True) -> Path:
     """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, each whole or not at all.
+
+    Parameters
+    ----------
+    result : GraspResult
+    folder : path-like
+        Made where missing; a run in it is replaced.
+    quality : bool, optional
+        Save the indices of quality too, which take some tenths of a second.
 
     Raises
     ------
@@ -72,9 +91,9 @@ def save_result(result: GraspResult, folder: str | os.PathLike[str]) -> Path:
     from continuum_grasp.results import replacing, write_run
 
     target = Path(folder)
-    text = result_yaml(result)
+    text = result_yaml(result, quality=quality)
     (target / "result.yaml").unlink(missing_ok=True)  # never that of another run
-    write_run(target, dict(result.arrays), result_meta(result))
+    write_run(target, dict(result.arrays), result_meta(result, quality=quality))
     with replacing(target / "result.yaml") as temporary:
         temporary.write_text(text, encoding="utf-8")
     return target
@@ -118,37 +137,70 @@ def _contact_lines(result: GraspResult) -> list[str]:
     return lines
 
 
-def _quality_lines(certificate: Certificate) -> list[str]:
-    rows = quality_rows(certificate)
-    if not rows:
-        return []
-    first, second = (max(len(row[k]) for row in rows) for k in (0, 1))
-    return ["", "Quality", *(f"  {a:<{first}}  {b:>{second}}  {c}".rstrip() for a, b, c in rows)]
+def _quality_lines(result: GraspResult) -> list[str]:
+    quality = _aligned(quality_rows(result))
+    held = _aligned(disturbance_rows(result))
+    return [
+        *(["", "Quality", *quality] if quality else []),
+        *(
+            ["", "Disturbances (force x, y, moment), the multiple that is resisted, and what stops it", *held]
+            if held
+            else []
+        ),
+    ]
+
+
+def _aligned(rows: list[tuple[str, str, str]]) -> list[str]:
+    first, second = (max((len(row[k]) for row in rows), default=0) for k in (0, 1))
+    return [f"  {a:<{first}}  {b:>{second}}  {c}".rstrip() for a, b, c in rows]
 
 
 def _certificate_lines(certificate: Certificate) -> list[str]:
     verdict = "all checks passed" if certificate.passed else f"{len(certificate.failed)} checks FAILED"
     lines = [f"Verified independently: {verdict}"]
-    width = max(len(check.name) for check in certificate.checks)
-    for check in certificate.checks:
-        amount = "within" if check.value <= 0 else f"{check.value:.1e}"
-        of = f" of {check.relative_to}" if check.relative_to else f" {check.unit}"
-        mark = "ok" if check.passed else "FAILED"
-        lines.append(f"  {check.name:<{width}}  {amount:>8}{of:<14} limit {check.limit:.0e}  {mark}")
-    stability = certificate.stability
+    rows = [_check_row(name, checks) for name, checks in _by_kind(certificate).items()]
+    widths = [max(len(row[k]) for row in rows) for k in range(4)]
+    lines += [f"  {a:<{widths[0]}}  {b:>{widths[1]}} {c:<{widths[2]}}  {d:<{widths[3]}}  {e}" for a, b, c, d, e in rows]
+    lines += [f"  FAILED: {check.name}, {check.value:.2e}, limit {check.limit:.0e}" for check in certificate.failed]
+    stability, overlap = certificate.stability, certificate.overlap
     word = "stable" if stability.stable else "UNSTABLE"
     lines += [
         f"  stability: {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L",
-        f"    ({stability.assumptions})",
+        *_wrapped(f"({stability.assumptions})"),
         *_model_error_lines(certificate.model_error),
     ]
+    if overlap > 0:
+        lines.append(f"  fingers overlap by {1e3 * overlap:.2f} mm in the plane: they must lie at different heights")
     return lines
+
+
+def _by_kind(certificate: Certificate) -> dict[str, list[Check]]:
+    """Checks of the same kind, whichever finger or contact they are of."""
+    kinds: dict[str, list[Check]] = {}
+    for check in certificate.checks:
+        kinds.setdefault(check.name.partition(", ")[0], []).append(check)
+    return kinds
+
+
+def _check_row(name: str, checks: list[Check]) -> tuple[str, str, str, str, str]:
+    """The worst of a kind, and how many there are."""
+    bad = [check for check in checks if not check.passed]
+    worst = bad[0] if bad else max(checks, key=lambda check: check.value - check.limit)
+    amount = "within" if worst.value <= 0 else f"{worst.value:.1e}"
+    of = f"of {worst.relative_to}" if worst.relative_to else worst.unit.removeprefix("1")
+    count = f" ({len(checks)})" if len(checks) > 1 else ""
+    return name + count, amount, of, f"limit {worst.limit:.0e}", "FAILED" if bad else "ok"
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, 108, initial_indent="    ", subsequent_indent="    ", break_on_hyphens=False)
 
 
 def _model_error_lines(error: ModelError) -> list[str]:
     mark = "ok" if error.small else "WARNING: raise fidelity.elements"
     return [
-        f"  model error: {error}; limit {1e3 * error.limit:.2g} mm  {mark}",
+        f"  model error, limit {1e3 * error.limit:.2g} mm: {mark}",
+        *_wrapped(str(error)),
         f"    (its bending moment by {error.moment:.1%} of the greatest, and the tension perhaps by as much)",
     ]
 
@@ -159,7 +211,7 @@ def _why_lines(result: GraspResult) -> list[str]:
         lines += ["", "Why there is no grasp; any one of these repairs it:"]
         for r in result.reasons:
             unit = "" if r.unit in ("", "1") else f" {r.unit}"
-            lines += [f"  {r.text}", f"    {r.key}: {r.limit:.4g}{unit} -> {r.needed:.4g}{unit}; {r.repair}"]
+            lines += [f"  {r.text}", f"    {r.repair}   ({r.key}, now {r.limit:.4g}{unit})"]
     if result.violated:
         lines += ["", "Broken constraints at the closest point:", *(f"  {text}" for text in result.violated)]
     if result.arrays:

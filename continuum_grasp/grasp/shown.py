@@ -10,57 +10,101 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate import Certificate
+    from continuum_grasp.grasp.quality import Quality
     from continuum_grasp.grasp.result import GraspResult
 
-__all__ = ["certificate_data", "quality_rows", "resisted_forces", "result_data"]
+__all__ = [
+    "certificate_data",
+    "disturbance_rows",
+    "further_advice",
+    "quality_of",
+    "quality_rows",
+    "resisted_forces",
+    "result_data",
+]
 
-DIRECTIONS = 72
-"""Of the disturbance polygon."""
+_KEPT = "_quality"
 
 
-def resisted_forces(result: GraspResult, directions: int = DIRECTIONS) -> NDArray[Any] | None:
+def quality_of(result: GraspResult) -> Quality | None:
+    """The indices of a verified grasp, computed once for each result; None where there is none."""
+    if not result.solved:
+        return None
+    from continuum_grasp.grasp.quality import grasp_quality
+
+    kept = vars(result)
+    if _KEPT not in kept:
+        kept[_KEPT] = grasp_quality(result.scene, result.arrays)
+    found: Quality = kept[_KEPT]
+    return found
+
+
+def resisted_forces(result: GraspResult) -> NDArray[Any] | None:
     """The greatest force that a grasp resists in each direction around the circle, on top of the weight.
 
     Parameters
     ----------
     result : GraspResult
-    directions : int, optional
 
     Returns
     -------
-    ndarray, shape (directions, 2), or None
+    ndarray, shape (D, 2), or None
         In the world's axes, from +X counter-clockwise [N]; None where there is no verified grasp.
     """
-    if not result.solved:
-        return None
-    from continuum_grasp.grasp.resistance import resistance_polygon
-
-    return np.asarray(resistance_polygon(result.scene, result.arrays, directions))
+    quality = quality_of(result)
+    return None if quality is None else quality.resistance_polygon
 
 
 def certificate_data(certificate: Certificate) -> dict[str, Any]:
     """A certificate as plain data."""
-    error, quality = certificate.model_error, getattr(certificate, "quality", None)
+    error = certificate.model_error
     return {
         "passed": certificate.passed,
         "checks": [{**asdict(check), "passed": check.passed} for check in certificate.checks],
         "friction_margin": certificate.friction_margin,
         "model_error": {**asdict(error), "found": error.found, "small": error.small, "limit": error.limit},
         "stability": asdict(certificate.stability),
-        "quality": None if quality is None else quality.data(),
     }
 
 
-def quality_rows(certificate: Certificate) -> list[tuple[str, str, str]]:
-    """Indices of quality as (name, value with unit, what it means); none where there is no certificate of them."""
-    quality = getattr(certificate, "quality", None)
+def quality_rows(result: GraspResult) -> list[tuple[str, str, str]]:
+    """Indices of quality as (name, value with unit, what it means); none where there is no grasp."""
+    quality = quality_of(result)
+    return [
+        (name.replace("_", " "), _short(value) + ("" if unit == "1" else f" {unit}"), meaning)
+        for name, value, unit, meaning in (() if quality is None else quality.rows())
+    ]
+
+
+def further_advice(result: GraspResult) -> str:
+    """The advice without the repairs, where these are shown beside their reasons."""
+    repairs = "Any one of these repairs it: " + "; ".join(reason.repair for reason in result.reasons) + "."
+    return result.advice.removeprefix(repairs).strip() if result.reasons else result.advice
+
+
+def disturbance_rows(result: GraspResult) -> list[tuple[str, str, str]]:
+    """The scene's disturbances as (force and moment, multiple that is resisted, what stops it then)."""
+    quality = quality_of(result)
     if quality is None:
         return []
-    return [(str(name), str(value), str(meaning)) for name, value, meaning in quality.rows()]
+    held = quality.resistance
+    rows = []
+    for (x, y, moment), factor, limiting in zip(held.wrenches, held.factors, held.limiting, strict=True):
+        what = f"{x:.3g} N, {y:.3g} N, {moment:.3g} N m"
+        rows.append((what, "no limit" if np.isinf(factor) else _short(factor), ", ".join(limiting)))
+    return rows
 
 
-def result_data(result: GraspResult) -> dict[str, Any]:
-    """What a person wants to read of a result, as plain data; SI units, which the names carry."""
+def _short(value: float) -> str:
+    """Four digits; what is nothing but rounding is 0."""
+    return "0" if abs(value) < 1e-6 else f"{value:.4g}"
+
+
+def result_data(result: GraspResult, *, quality: bool = True) -> dict[str, Any]:
+    """What a person wants to read of a result, as plain data; SI units, which the names carry.
+
+    ``quality=False`` leaves out the indices of quality, which cost more than the rest.
+    """
     found: dict[str, Any] = {
         "name": result.scene.name,
         "status": result.status.value,
@@ -80,8 +124,11 @@ def result_data(result: GraspResult) -> dict[str, Any]:
             "fingers": {name: _finger(result, name) for name in result.fingers},
             "contacts": [_contact(contact) for contact in result.contacts],
         }
+    held = quality_of(result) if quality else None
+    if held is not None:
+        found["quality"] = held.data()
     if result.solved and result.certificate is not None:
-        found.update(_summary(result.certificate))
+        found["certificate"] = _summary(result.certificate)
     return found
 
 
@@ -117,9 +164,8 @@ def _contact(contact: Any) -> dict[str, Any]:
 
 
 def _summary(certificate: Certificate) -> dict[str, Any]:
-    quality, stability = getattr(certificate, "quality", None), certificate.stability
-    found: dict[str, Any] = {} if quality is None else {"quality": quality.data()}
-    found["certificate"] = {
+    stability = certificate.stability
+    return {
         "passed": certificate.passed,
         "checks": len(certificate.checks),
         "failed": [check.name for check in certificate.failed],
@@ -127,5 +173,5 @@ def _summary(certificate: Certificate) -> dict[str, Any]:
         "stable": stability.stable,
         "stability_eigenvalue": stability.eigenvalue,
         "model_error_m": certificate.model_error.greatest,
+        "overlap_of_fingers_m": certificate.overlap,
     }
-    return found

@@ -56,6 +56,6 @@ def write_panel(ax: Axes, rows: list[Row]) -> None:
 
 def _margin(contact: Contact) -> str:
     """Share of the friction cone that is left; nothing where nothing presses."""
-    if contact.normal_force < 5e-3 or not -9.99 < contact.friction_margin:
+    if contact.normal_force < 5e-3 or contact.friction_margin <= -9.99:
         return "\N{EN DASH}"
     return f"{contact.friction_margin if contact.friction_margin < -5e-4 else max(contact.friction_margin, 0.0):.0%}"
