@@ -25,16 +25,16 @@ def add_limits(problem: GraspProblem) -> None:
         _keep_object_clear(problem)
 
 
-def guarded(finger: FingerState) -> tuple[ca.SX, list[int]]:
-    """World positions (2, K) that are kept clear along a finger, and the elements that they are in.
+def guarded(finger: FingerState) -> tuple[ca.SX, list[int], list[bool]]:
+    """World positions (2, K) that are kept clear along a finger, the elements that they are in, and whether the finger
+    touches the object there.
 
-    These are waypoints, joints that do not touch, and probes, which the search puts where a finger is deepest.
+    These are waypoints, joints, and probes, which the search puts where a finger is deepest.
     """
     make, model = finger.make, finger.unit.model
     touching = {n - 1 for n, on in zip(make.before, make.touching, strict=True) if on}
     touching |= {make.elements - 1} if make.tip else set()
-    joints = [k for k in range(make.elements) if k not in touching]
-    count = finger.unit.probes
+    joints, count = range(make.elements), finger.unit.probes
     at = ca.reshape(finger.unit.number("probes", count * make.elements), count, make.elements)
     points = ca.horzcat(
         finger.world(model.waypoints(finger.q, finger.u, finger.p)),
@@ -42,7 +42,9 @@ def guarded(finger: FingerState) -> tuple[ca.SX, list[int]]:
         finger.world(model.probes(count)(finger.q, finger.u, at, finger.p)),
     )
     inside = [k for k, _ in finger.unit.waypoint_shares]
-    return points, [*inside, *joints, *(k for k in range(make.elements) for _ in range(count))]
+    elements = [*inside, *joints, *(k for k in range(make.elements) for _ in range(count))]
+    touches = [*(False for _ in inside), *(k in touching for k in joints)]
+    return points, elements, touches + [False] * (len(elements) - len(touches))
 
 
 def _bound_contacts(problem: GraspProblem) -> None:
@@ -64,11 +66,13 @@ def _bound_contacts(problem: GraspProblem) -> None:
 
 def _keep_clear(problem: GraspProblem, finger: FingerState) -> None:
     make, number, require = finger.make, finger.unit.number, problem.parts.require
-    points, places = guarded(finger)
+    points, places, touches = guarded(finger)
     tolerance, half = problem.numbers("tolerance"), problem.thickness(finger)
     back = rotation(-problem.pose[2])
     room = []
     for j in range(len(places)):
+        if touches[j]:
+            continue
         local = back @ (points[:, j] - problem.pose[:2])
         for part in range(problem.make.parts):
             obstacle = number(f"obstacle_{part}_{j}", SIZE)

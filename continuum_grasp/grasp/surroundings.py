@@ -54,10 +54,12 @@ class Surroundings:
         x, numbers = problem.parts.x, problem.numbers.symbol
         out: list[ca.SX] = [problem.pose]
         self._elements: list[list[int]] = []
+        self._touches: list[Array] = []
         for finger in problem.fingers:
-            points, elements = guarded(finger)
+            points, elements, touches = guarded(finger)
             count = points.shape[1] - finger.unit.probes * finger.make.elements
             self._elements.append(elements[:count])
+            self._touches.append(np.array(touches[:count]))
             curvatures = finger.unit.curvatures(finger.q, finger.u, finger.p)
             out += [points[:, :count], curvatures, finger.p[: finger.make.elements], finger.base]
         self._places = ca.Function("places", [x, numbers], out)
@@ -78,23 +80,30 @@ class Surroundings:
         found, deepest = self._pegs(scene, pose, units), -np.inf
         for k, (setup, finger) in enumerate(zip(scene.setups, self._problem.fingers, strict=True)):
             points, curvatures, lengths, base = rest[4 * k : 4 * k + 4]
-            dense = _dense(finger, curvatures.ravel(), lengths.ravel(), base.ravel(), setup, units)
-            known = points.T
-            elements = np.repeat(np.arange(finger.make.elements), FINE)
-            at = np.concatenate([known, dense])
-            owner = np.concatenate([self._elements[k], elements]).astype(int)
-            looked = [_look(thing, scene, setup, at, owner, pose, units) for thing in things]
-            depth = np.max([needed - gap for _, gap, needed in looked], axis=0)
-            deepest = max(deepest, float(depth.max()))
-            probes = _probes(depth[len(known) :].reshape(-1, FINE), finger.unit.probes)
-            found[f"{setup.name}.probes"] = ((probes + 1) / FINE).ravel()
-            chosen = len(known) + (probes + FINE * np.arange(len(probes))[:, None]).ravel()
-            rows = np.concatenate([np.arange(len(known)), chosen])
+            line = _Line(finger, curvatures.ravel(), lengths.ravel(), base.ravel(), setup, units)
+
+            def look(at: Array, owner: Array, setup: FingerSetup = setup) -> list[tuple[Array, Array, Array]]:
+                return [_look(thing, scene, setup, at, owner, pose, units) for thing in things]
+
+            even = np.tile(np.arange(1, FINE + 1) / FINE, (finger.make.elements, 1))
+            depth = _depth(look(*line.at(even)))
+            probes = _deepest(depth.reshape(-1, FINE), finger.unit.probes)
+            at, owner = line.at(probes)
+            count = points.shape[1]
+            looked = look(np.concatenate([points.T, at]), np.concatenate([self._elements[k], owner]).astype(int))
+            free = [i for i in range(count + len(at)) if i >= count or not self._touches[k][i]]
+            inside = [entry if thing.moves else None for thing, entry in zip(things, looked, strict=True)]
+            deepest = max(
+                deepest,
+                *(float((needed - gap).max()) for i, (_, gap, needed) in enumerate(looked) if inside[i] is None),
+                *(float((entry[2] - entry[1])[free].max()) for entry in inside if entry is not None),
+            )
+            found[f"{setup.name}.probes"] = probes.ravel()
             for thing, (obstacle, _, needed) in zip(things, looked, strict=True):
-                for j, row in enumerate(rows):
-                    found[f"{setup.name}.{thing.label}_{j}"] = obstacle[row]
+                for j in range(len(needed)):
+                    found[f"{setup.name}.{thing.label}_{j}"] = obstacle[j]
                     if not thing.moves:
-                        found[f"{setup.name}.{thing.label.replace('support', 'needed')}_{j}"] = needed[row]
+                        found[f"{setup.name}.{thing.label.replace('support', 'needed')}_{j}"] = needed[j]
         return found, deepest
 
     def _pegs(self, scene: GraspScene, pose: Array, units: Units) -> Values:
@@ -144,32 +153,52 @@ def _look(
     return obstacle, (at - point) @ thing.normal, needed
 
 
-def _dense(
-    finger: FingerState, curvatures: Array, lengths: Array, base: Array, setup: FingerSetup, units: Units
-) -> Array:
-    """World positions at `FINE` places of each element, its end included."""
-    ends = np.concatenate([[0.0], np.cumsum(lengths)])
-    if finger.make.family == "arc":
-        knots, values = np.repeat(ends, 2)[1:-1], np.repeat(curvatures, 2)
-    else:
-        knots, values = ends, curvatures
-    inner = ends[:-1, None] + lengths[:, None] * (np.arange(1, FINE + 1) / FINE)
-    at = np.concatenate([[0.0], inner.ravel()])
-    line = sample(knots[None], values[None], at[None])[0][0, 1:]
-    line = line * np.exp(1j * base[2]) * setup.finger.rod.length / units.length
-    return np.stack([base[0] + line.real, base[1] + line.imag], axis=1)
+class _Line:
+    """The backbone of a finger at a point of the search."""
+
+    def __init__(
+        self, finger: FingerState, curvatures: Array, lengths: Array, base: Array, setup: FingerSetup, units: Units
+    ) -> None:
+        self._ends = np.concatenate([[0.0], np.cumsum(lengths)])
+        self._lengths, self._base = lengths, base
+        self._scale = setup.finger.rod.length / units.length
+        arcs = finger.make.family == "arc"
+        self._knots = np.repeat(self._ends, 2)[1:-1] if arcs else self._ends
+        self._curvatures = np.repeat(curvatures, 2) if arcs else curvatures
+
+    def at(self, fractions: Array) -> tuple[Array, Array]:
+        """World positions (N * M, 2) at increasing fractions (N, M) of the elements, and their elements (N * M,)."""
+        inner = (self._ends[:-1, None] + self._lengths[:, None] * fractions).ravel()
+        even = np.linspace(0.0, 1.0, 4 * FINE + 1)
+        every = np.concatenate([even, inner])
+        order = np.argsort(every, kind="stable")
+        line = np.empty(len(every), complex)
+        line[order] = sample(self._knots[None], self._curvatures[None], every[None, order])[0][0]
+        line = line[len(even) :] * np.exp(1j * self._base[2]) * self._scale
+        owner = np.repeat(np.arange(len(fractions)), fractions.shape[1])
+        return np.stack([self._base[0] + line.real, self._base[1] + line.imag], axis=1), owner
 
 
-def _probes(depth: Array, count: int) -> Array:
-    """Per element (N, FINE) the places that are deepest, apart from each other (N, count)."""
-    depth, picks = depth.copy(), []
-    depth[:, -1] = -np.inf  # the end is looked after on its own
-    near = FINE // (2 * count)
+def _depth(looked: list[tuple[Array, Array, Array]]) -> Array:
+    return np.asarray(np.max([needed - gap for _, gap, needed in looked], axis=0))
+
+
+def _deepest(depth: Array, count: int) -> Array:
+    """Per element, the fractions (N, count) where it is deepest, apart from each other, by parabolas."""
+    left, picks = depth.copy(), []
+    left[:, -1] = -np.inf  # the end is looked after on its own
+    near, rows = FINE // (2 * count), np.arange(len(depth))
     for _ in range(count):
-        pick = depth.argmax(axis=1)
-        picks.append(pick)
+        pick = left.argmax(axis=1)
+        inner = np.clip(pick, 1, FINE - 2)
+        a, b, c = (depth[rows, inner + k] for k in (-1, 0, 1))
+        bent = a - 2.0 * b + c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shift = np.where(bent < 0.0, 0.5 * (a - c) / bent, 0.0)
+        at = np.where(pick == inner, inner + np.clip(shift, -0.5, 0.5), pick)
+        picks.append((at + 1.0) / FINE)
         for k, j in enumerate(pick):
-            depth[k, max(j - near, 0) : j + near + 1] = -np.inf
+            left[k, max(j - near, 0) : j + near + 1] = -np.inf
     return np.sort(np.stack(picks, axis=1), axis=1)
 
 
