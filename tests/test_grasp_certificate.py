@@ -16,7 +16,7 @@ from continuum_grasp.grasp.certificate import certify
 from continuum_grasp.grasp.clearance import depth_in_line, depth_in_object, depth_in_wall
 from continuum_grasp.grasp.dense_rod import DenseRod
 from continuum_grasp.grasp.surfaces import PlacedObject
-from continuum_grasp.scene.objects import Box, Ellipse, Freedom, Polygon, RoundedPolygon, Superellipse
+from continuum_grasp.scene.objects import Box, Circle, Ellipse, Freedom, Polygon, RoundedPolygon, Superellipse
 from continuum_grasp.scene.supports import Line
 
 
@@ -168,6 +168,17 @@ def test_other_tampered_grasps_are_seen(case, name, index, change, check):
     certificate = certify(scene, tampered(arrays, name, index, change))
     assert not certificate[check].passed
     assert not certificate.passed
+
+
+@pytest.mark.parametrize("half", [0.0, 1e-5, 0.006])
+def test_the_normal_of_a_tip_of_any_thickness_is_checked(half):
+    scene, arrays = cases.squeezed_disc(half=half)
+    assert certify(scene, arrays).passed
+    certificate = certify(scene, tampered(arrays, "contact_normals", (0, 0), 1e-4))
+    assert not certificate.passed
+    assert {c.name for c in certificate.failed} >= {
+        "stored contact, finger.tip" if half > 1e-3 else "contact normal, finger.tip"
+    }
 
 
 def test_a_contact_inside_another_part_is_seen():
@@ -325,6 +336,19 @@ def test_a_corner_between_two_samples_is_seen():
             found = depth_in_object(points, placed, thickness)
             within = max(depth - thickness, 0.0)  # of the backbone itself, whose distance is that from the faces
             assert found == pytest.approx(depth - within + within / 2**0.5, abs=1e-5)
+
+
+def test_a_thin_object_between_two_samples_is_seen():
+    """A needle's end and a wire, thinner than the samples are apart."""
+    wire = Circle(shape="circle", diameter=2e-4, mass=0.1, position=(0.0, 0.0))
+    needle = Ellipse(shape="ellipse", width=0.1, height=0.001, mass=0.1, position=(0.05, 0.0))
+    for thing, exact in ((wire, 1e-4), (needle, 3.12e-5)):
+        placed = PlacedObject(thing, thing.pose)
+        points = line_of_points((1e-4, -0.1003), (1e-4, 0.1))
+        if thing is wire:
+            points[:, 0] = 0.0
+        assert depth_in_object(points, placed, 0.0) == pytest.approx(exact, rel=0.4)
+        assert depth_in_object(points - [0.001, 0], placed, 0.0) < 0.0
 
 
 def test_a_finger_that_comes_out_of_a_wall():

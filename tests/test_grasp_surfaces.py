@@ -18,6 +18,8 @@ SHAPES = {
     "superellipse 2.5": Superellipse(shape="superellipse", width=0.05, height=0.08, exponent=2.5, **AT),
     "superellipse 4": Superellipse(shape="superellipse", width=0.08, height=0.05, exponent=4.0, **AT),
     "superellipse 12": Superellipse(shape="superellipse", width=0.08, height=0.02, exponent=12.0, **AT),
+    "blade": Ellipse(shape="ellipse", width=0.1, height=0.002, **AT),
+    "flat superellipse": Superellipse(shape="superellipse", width=0.002, height=0.1, exponent=12.0, **AT),
     "box": Box(shape="box", width=0.07, height=0.04, **AT),
     "rounded box": Box(shape="box", width=0.07, height=0.04, corner_radius=0.008, **AT),
     "polygon": Polygon(shape="polygon", vertices=CORNERS, **AT),
@@ -31,8 +33,9 @@ def outline(part, count=40_000):
     """Dense boundary points of a part (n, 2), from its definition."""
     if part.is_superellipse:
         t = np.linspace(0, 2 * np.pi, count, endpoint=False)
-        c, s = np.cos(t), np.sin(t)
         a, b = part.semi_axes
+        polar = np.arctan2(b * np.sin(t), a * np.cos(t))
+        c, s = np.cos(polar), np.sin(polar)
         r = (np.abs(c / a) ** part.exponent + np.abs(s / b) ** part.exponent) ** (-1 / part.exponent)
         turn = np.exp(1j * part.angle)
         z = (r * (c + 1j * s)) * turn + complex(*part.center)
@@ -96,7 +99,9 @@ def test_support_against_a_dense_outline(part):
         assert abs(nearest(part, far[None]).distance[0]) < 1e-12
 
 
-@pytest.mark.parametrize("name", ["circle", "ellipse", "superellipse 2.5", "superellipse 4", "superellipse 12"])
+@pytest.mark.parametrize(
+    "name", ["circle", "ellipse", "superellipse 2.5", "superellipse 4", "superellipse 12", "blade"]
+)
 def test_radius_of_curvature_against_differences(name):
     edge = outline(PARTS[name], 20_000)
     before, after = np.roll(edge, 1, axis=0), np.roll(edge, -1, axis=0)

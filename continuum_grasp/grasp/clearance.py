@@ -19,6 +19,8 @@ __all__ = ["clearance_checks", "depth_in_line", "depth_in_object", "depth_in_wal
 
 Array = NDArray[Any]
 
+_SHARP = 20.0
+"""Radius of curvature, in distances of two samples, below which a surface may reach between them."""
 _FINE = np.linspace(0.0, 1.0, 33)
 """Places along a panel that passes a corner closely."""
 
@@ -65,11 +67,11 @@ def depth_in_object(points: Array, thing: PlacedObject, thickness: float) -> flo
         Half thickness of the finger [m].
     """
     depth = thickness - float(thing.distance(points).min())
-    corners, radii = thing.corners()
-    if not len(corners):
-        return depth
     start, end = points[:-1], points[1:]
     step = float(np.hypot(*(end - start).T).max())
+    corners, radii = thing.sharp_places(_SHARP * step)
+    if not len(corners):
+        return depth
     gaps = segment_distance(corners[:, None], start, end) - radii[:, None]
     close = np.flatnonzero((gaps < thickness + step).any(axis=0))
     if close.size:  # between two samples a corner may reach deeper
@@ -92,6 +94,9 @@ def depth_in_wall(points: Array, wall: Wall, thickness: float, emerges: int) -> 
         along = np.array([-normal[1], normal[0]])
         reach = wall.half_length * along
         room = segment_distance(points, middle - reach, middle + reach)
+        for end in (middle - reach, middle + reach):  # may lie between two samples
+            nearer = segment_distance(end, points[:-1], points[1:])
+            room[1:] = np.minimum(room[1:], nearer)
         beside = np.abs((points - middle) @ along) <= wall.half_length
         passes = beside[:-1] & beside[1:] & (height[:-1] * height[1:] < 0.0)
         if passes.any():

@@ -19,8 +19,8 @@ _FLAT = np.inf
 _SMALLEST = 1e-300
 _ROUNDING = 1e-13
 """Distance from a sharp corner, as a part of the longest edge, below which the way to it means nothing."""
-_GRID = np.linspace(0.0, 0.5 * np.pi, 33)
-"""Polar angles at which a superellipse is first tried."""
+_TURNS = np.linspace(0.0, 0.5 * np.pi, 33)
+"""Of a circle; where the points of a superellipse that are tried first would be without its elongation."""
 
 
 @dataclass(frozen=True)
@@ -128,15 +128,22 @@ class PlacedObject:
         own = np.asarray(np.asarray(direction) @ self._turn)
         return self.world(np.stack([support_point(part, own) for part in self.parts]))
 
-    def corners(self) -> tuple[Array, Array]:
-        """World positions (m, 2) of the corners of all cores and the radii (m,) of the parts round them [m]."""
-        cores = [(np.asarray(part.vertices, dtype=float), part.radius) for part in self.parts if len(part.vertices) > 1]
-        if not cores:
-            return np.zeros((0, 2)), np.zeros(0)
-        return (
-            self.world(np.concatenate([core for core, _ in cores])),
-            np.concatenate([np.full(len(core), radius) for core, radius in cores]),
-        )
+    def sharp_places(self, radius: float) -> tuple[Array, Array]:
+        """World positions (m, 2) where the surface bends sharper than a radius, and how round it is there (m,) [m]."""
+        places, rounds = [np.zeros((0, 2))], [np.zeros(0)]
+        for part in self.parts:
+            if part.radius < radius and part.vertices:
+                places.append(np.asarray(part.vertices, dtype=float))
+                rounds.append(np.full(len(part.vertices), part.radius))
+            elif not part.vertices:
+                (a, b), turn = part.semi_axes, _turn(part.angle)
+                quadrant = np.stack(_curve(a, b, part.exponent, _polar(a, b))[0], axis=1)
+                found = _superellipse(part.semi_axes, part.exponent, quadrant)
+                ends = found.point[found.radius < radius]
+                both = np.concatenate([ends * sign for sign in ((1, 1), (-1, 1), (1, -1), (-1, -1))])
+                places.append(both @ turn.T + np.asarray(part.center))
+                rounds.append(np.zeros(len(both)))
+        return self.world(np.concatenate(places)), np.concatenate(rounds)
 
 
 def segment_distance(points: Array, start: Array, end: Array) -> Array:
@@ -186,10 +193,11 @@ def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nea
     a, b = axes[0] / scale, axes[1] / scale
     sign = np.where(points < 0.0, -1.0, 1.0)
     x, y = np.abs(points / scale).T
-    grid = _curve(a, b, power, _GRID)[0]
+    tried = _polar(a, b)
+    grid = _curve(a, b, power, tried)[0]
     k = ((x[:, None] - grid[0]) ** 2 + (y[:, None] - grid[1]) ** 2).argmin(axis=1)
-    low, high = _GRID[np.maximum(k - 1, 0)], _GRID[np.minimum(k + 1, _GRID.size - 1)]
-    angle = np.clip(_GRID[k], 1e-9, 0.5 * np.pi - 1e-9)
+    low, high = tried[np.maximum(k - 1, 0)], tried[np.minimum(k + 1, tried.size - 1)]
+    angle = tried[k]
     for _ in range(60):
         (px, py), (nx, ny), (dpx, dpy), (dnx, dny) = _curve(a, b, power, angle)
         # the way on is (-ny, nx): on along the curve where the point lies ahead
@@ -213,6 +221,11 @@ def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nea
     return Nearest(
         scale * distance, scale * sign * np.stack([px, py], axis=1), sign * np.stack([nx, ny], axis=1), scale * radius
     )
+
+
+def _polar(a: float, b: float) -> Array:
+    """Polar angles of a quadrant, denser where it is elongated."""
+    return np.arctan2(b * np.sin(_TURNS), a * np.cos(_TURNS))
 
 
 def _curve(a: float, b: float, power: float, angle: Array) -> tuple[tuple[Array, Array], ...]:
