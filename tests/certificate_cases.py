@@ -25,6 +25,7 @@ from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Line, Palm, Point, VGroove
 
 X, W = np.polynomial.legendre.leggauss(40)
+X60, W60 = np.polynomial.legendre.leggauss(60)
 PLANAR = PlanarGravity(mode="planar", vector=(0.0, -9.81))
 UPRIGHT = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81)
 WEIGHTLESS = NoGravity(mode="none")
@@ -270,84 +271,84 @@ def union_on_palm(press=5.0, mass=0.1):
     return pressed_down(thing, {"palm": palm}, reactions, press, 0.065)
 
 
-def wrapped_disc(gravity=UPRIGHT, mass=0.3, used="both", mirrored=False):
-    """Two arcs, the second of which lies on the disc; forces of least tension by linear programming.
+def wrapped_disc(gravity=UPRIGHT, mass=0.3, used="both", mirrored=False, middles=1, friction=0.5):
+    """Arcs, all but the first of which lie on the disc; forces of least tension by linear programming.
 
     The finger comes out of the palm beside the disc. Weight and masses of the finger act where gravity is planar.
     """
-    rho, radius, d, y, total, e = 0.046, 0.040, 0.055, 0.040, 0.18, 0.005
+    rho, radius, d, y, total = 0.046, 0.040, 0.055, 0.040, 0.18
     bow = (d**2 + y**2 - rho**2) / (2 * (d - rho))
     theta = math.atan2(y, bow - d)
-    lengths = np.array([bow * theta, total - bow * theta])
-    q = np.array([theta, lengths[1] / rho])
     side = -1.0 if mirrored else 1.0
+    wrapped = (total - bow * theta) / middles
+    lengths = np.array([bow * theta, *[wrapped] * middles])
+    q = side * np.array([theta, *[wrapped / rho] * middles])
     finger = make_finger(
         (0.0, -side * d),
         -math.pi / 2,
         rod=Rod(length=total, linear_density=0.034, bending_stiffness=6.11e-3),
         masses=(PointMass(at=total, mass=0.002),),
-        tendons=Tendons(offset=e, max_tension=60.0),
+        tendons=Tendons(offset=OFFSET, max_tension=60.0),
         tendons_used=used,
     )
+    touch = {"middle": "on"} if middles == 1 else {"middle": ("on",) * middles}
     scene = make_scene(
         finger,
         Circle(shape="circle", diameter=2 * radius, mass=mass, position=(0.04, 0.0)),
-        {"middle": "on", "normal_force_max": 40.0},
+        {**touch, "normal_force_max": 40.0, "friction": friction},
         gravity,
         "arc",
+        middles + 1,
         supports={"palm": Palm(point=(0.0, 0.0), normal_angle=0.0)},
     )
-    q = side * q
-    centre, base = np.array([0.04, 0.0]), (0.0, -side * d, -math.pi / 2)
-    g = np.array(gravity.vector if gravity.mode == "planar" else (0.0, 0.0))
+    centre, joints = np.array([0.04, 0.0]), np.cumsum(lengths)
+    base, g = (0.0, -side * d, -math.pi / 2), np.array(gravity.vector if gravity.mode == "planar" else (0.0, 0.0))
 
     def shape(q):
-        return bent(base, ends_of("arc", q, lengths, 0.0), lengths, [lengths[0], total])
+        """At the joints, and the work of the weight."""
+        s = 0.5 * total * (X60 + 1)
+        places = bent(base, ends_of("arc", q, lengths, 0.0), lengths, [*joints, *s])
+        moment = 0.034 * 0.5 * total * (W60 @ places[len(joints) :, :2]) + 0.002 * places[len(joints) - 1, :2]
+        return places[: len(joints)], moment @ g
 
-    def weight(q):
-        s = 0.5 * total * (np.polynomial.legendre.leggauss(60)[0] + 1)
-        w = 0.5 * total * np.polynomial.legendre.leggauss(60)[1]
-        points = bent(base, ends_of("arc", q, lengths, 0.0), lengths, s)[:, :2]
-        return 0.034 * (w @ points) @ g + 0.002 * shape(q)[1, :2] @ g
-
-    places = shape(q)
-    normals = [(place[:2] - centre) / np.linalg.norm(place[:2] - centre) for place in places] + [LEFT]
+    normals = [(place[:2] - centre) / np.linalg.norm(place[:2] - centre) for place in shape(q)[0]] + [LEFT]
+    count = len(normals)
+    width = 1 + 3 * count
     rows, right = [], []
-    for i in range(2):
-        step = 1e-6 * np.eye(2)[i]
-        move, work = (shape(q + step) - shape(q - step)) / 2e-6, (weight(q + step) - weight(q - step)) / 2e-6
-        row = [e * side, *np.zeros(9)]
-        for k in range(2):
-            n = normals[k]
+    for i, step in enumerate(1e-6 * np.eye(len(q))):
+        (after, won), (before, lost) = shape(q + step), shape(q - step)
+        move, row = (after - before) / 2e-6, np.zeros(width)
+        row[0] = OFFSET * side
+        for k, n in enumerate(normals[:-1]):
             row[1 + 3 * k] = move[k, :2] @ n
             row[2 + 3 * k] = move[k, :2] @ (-n[1], n[0]) - HALF * move[k, 2]
         rows.append(row)
-        right.append(6.11e-3 * q[i] / lengths[i] - work)
-    force, moment, lift, tilt = np.zeros((2, 10)), np.zeros(10), np.zeros(10), np.zeros((2, 10))
+        right.append(6.11e-3 * q[i] / lengths[i] - (won - lost) / 2e-6)
+    force, moment, lift, tilt = np.zeros((2, width)), np.zeros(width), np.zeros(width), np.zeros((2, width))
     for k, n in enumerate(normals):
         force[:, 1 + 3 * k], force[:, 2 + 3 * k] = n, (-n[1], n[0])
         moment[2 + 3 * k], lift[3 + 3 * k], tilt[:, 3 + 3 * k] = 1.0, 1.0, n
-    rows += [*force, moment, lift, *tilt]
-    right += [*(mass * g), 0.0, mass * 9.81 * (gravity.mode == "out_of_plane"), 0.0, 0.0]
-    cone = [
-        [*np.zeros(1 + 3 * k), -0.5, math.cos(a), math.sin(a), *np.zeros(6 - 3 * k)]
-        for k in range(3)
-        for a in np.linspace(0, 2 * np.pi, 96, endpoint=False)
-    ]
-    inner = math.cos(math.pi / 96)  # a polygon within the cone
-    cone = [[(v * inner if v == -0.5 else v) for v in row] for row in cone]
-    rows, right = np.array(rows), np.array(right)
-    planar = gravity.mode != "out_of_plane"
-    bounds = [(0, 60)] + [(0, 40), (None, None), (0, 0) if planar else (None, None)] * 3
-    found = linprog(np.eye(10)[0], A_ub=cone, b_ub=np.zeros(len(cone)), A_eq=rows, b_eq=right, bounds=bounds)
+    rows = np.array([*rows, *force, moment, lift, *tilt])
+    upright = gravity.mode == "out_of_plane"
+    right = np.array([*right, *(mass * g), 0.0, mass * 9.81 * upright, 0.0, 0.0])
+    cone = []
+    for k in range(count):
+        for a in np.linspace(0, 2 * np.pi, 96, endpoint=False):  # a polygon within the cone
+            row = np.zeros(width)
+            row[1 + 3 * k : 4 + 3 * k] = -friction * math.cos(math.pi / 96), math.cos(a), math.sin(a)
+            cone.append(row)
+    bounds = [(0, 60)] + [(0, 40), (None, None), (None, None) if upright else (0, 0)] * count
+    found = linprog(np.eye(width)[0], A_ub=cone, b_ub=np.zeros(len(cone)), A_eq=rows, b_eq=right, bounds=bounds)
     if found.status:
         raise RuntimeError(found.message)
-    # a few digits more than the linear program keeps
     x = found.x
-    active = np.abs(x) > 1e-9
+    active = np.abs(x) > 1e-9  # a few digits more than the linear program keeps
     x[active] -= np.linalg.pinv(rows[:, active]) @ (rows @ x - right)
-    touched = [*(centre + radius * n for n in normals[:2]), np.zeros(2)]
-    stations, names = (lengths[0], total, NONE), ("finger.middle", "finger.tip", "palm")
-    contacts = [(names[k], touched[k], normals[k], x[1 + 3 * k : 4 + 3 * k], stations[k], 0) for k in range(3)]
+    setup = scene.setups[0]
+    names = (*setup.middle_names, setup.tip_name, "palm")
+    touched = [*(centre + radius * n for n in normals[:-1]), np.zeros(2)]
+    contacts = [
+        (names[k], touched[k], normals[k], x[1 + 3 * k : 4 + 3 * k], [*joints, NONE][k], 0) for k in range(count)
+    ]
     tensions = (x[0], 0.0) if side > 0 else (0.0, x[0])
     return scene, stored(scene, {"finger": {"q": q, "lengths": lengths, "tensions": tensions}}, contacts)

@@ -55,6 +55,8 @@ HELD = {
     "wrapped disc": cases.wrapped_disc,
     "wrapped disc, lying": lambda: cases.wrapped_disc(cases.PLANAR, mass=0.2),
     "wrapped disc, mirrored": lambda: cases.wrapped_disc(mirrored=True),
+    "wrapped with two middle contacts": lambda: cases.wrapped_disc(middles=2, friction=1.0),
+    "wrapped with three middle contacts": lambda: cases.wrapped_disc(middles=3, friction=1.0),
     "wrapped by one tendon": lambda: cases.wrapped_disc(used="left"),
 }
 SQUARE = ((1, 0), (0, 1), (-1, 0), (0, -1))
@@ -158,6 +160,9 @@ OTHERS = [
     ("disc on pegs", "object.pose", 1, -1e-3, "penetration of the object into first"),
     ("disc on pegs", "object.pose", 1, 1e-3, "contact gap, second"),
     ("union on a palm", "contact_parts", 0, 1, "contact gap, finger.tip"),
+    ("wrapped with two middle contacts", "contact_stations", 1, 1e-4, "stored contact, finger.middle_2"),
+    ("wrapped with two middle contacts", "contact_forces", (1, 0), 0.01, "finger equilibrium, finger"),
+    ("wrapped with two middle contacts", "finger.q", 1, 0.01, "contact gap, finger.middle_2"),
     ("wrapped by one tendon", "finger.tensions", 1, 1e-3, "tendon tension, finger"),
 ]
 
