@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from continuum_grasp.results.atomic import replacing
-from continuum_grasp.results.run_folder import Run, read_run, write_run
+from continuum_grasp.results.run_folder import Run, pack_run, read_run, write_run
 
-__all__ = ["Run", "read_run", "replacing", "write_run"]
+__all__ = ["Run", "pack_run", "read_run", "replacing", "write_run"]

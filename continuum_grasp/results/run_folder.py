@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import zipfile
@@ -9,7 +10,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from continuum_grasp.results.atomic import flush_folder, replacing
 from continuum_grasp.results.plain import digest, plain
 from continuum_grasp.results.provenance import created_now, machine, versions
 
-__all__ = ["Run", "read_run", "write_run"]
+__all__ = ["RESULT", "Run", "pack_run", "read_run", "write_run"]
 
 RESULT = "result.npz"
 META = "meta.json"
@@ -108,6 +109,29 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     return target
 
 
+def pack_run(arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> bytes:
+    """The content of ``result.npz`` alone, for who writes many runs and does that elsewhere; `read_run` reads it.
+
+    Parameters
+    ----------
+    arrays, meta : mapping
+        As in `write_run`.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    InputError
+        As in `write_run`.
+    """
+    checked = {_checked_name(name): _checked_array(name, value) for name, value in arrays.items()}
+    file = io.BytesIO()
+    _write_npz(file, checked, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
+    return file.getvalue()
+
+
 def read_run(folder: str | os.PathLike[str]) -> Run:
     """Read a run that `write_run` wrote.
 
@@ -165,9 +189,9 @@ def _complete(meta: Mapping[str, Any]) -> dict[str, Any]:
     return {**complete, **given, "config": config}
 
 
-def _write_npz(path: Path, arrays: Mapping[str, NDArray[Any]], text: str) -> None:
+def _write_npz(target: Path | IO[bytes], arrays: Mapping[str, NDArray[Any]], text: str) -> None:
     stored = {**arrays, _META_KEY: np.frombuffer(text.encode("utf-8"), dtype=np.uint8)}
-    with zipfile.ZipFile(path, "w", compression=zipfile.ZIP_DEFLATED, compresslevel=4) as archive:
+    with zipfile.ZipFile(target, "w", compression=zipfile.ZIP_DEFLATED, compresslevel=4) as archive:
         for name, array in stored.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, array, allow_pickle=False)

@@ -136,8 +136,10 @@ class _Run:
         finished = False
         try:
             while self._fill(crew):
-                for future in wait(self.flying, timeout=1.0, return_when=FIRST_COMPLETED).done:
-                    self._take(crew, future)
+                back = wait(self.flying, timeout=1.0, return_when=FIRST_COMPLETED).done
+                outcomes = [outcome for future in back for outcome in self._taken(crew, future)]
+                self._fill(crew)  # who waits gets work before anything is written down
+                self._write(outcomes)
                 self._report()
             finished = True
         except KeyboardInterrupt:
@@ -173,7 +175,7 @@ class _Run:
             size = int(min(_CHUNK_SECONDS / max(self.each, 1e-4), left / (3 * workers), _MOST_IN_A_CHUNK))
         return [self.plan.point(index) for _, index in zip(range(max(1, size)), self.fresh, strict=False)]
 
-    def _take(self, crew: Crew, future: Future[list[Outcome]]) -> None:
+    def _taken(self, crew: Crew, future: Future[list[Outcome]]) -> list[Outcome]:
         points = self.flying.pop(future)
         try:
             outcomes = future.result()
@@ -184,22 +186,23 @@ class _Run:
         except Exception as error:
             if not crew.lost(future):
                 raise self._stopped(f"a worker cannot do the work: {type(error).__name__}: {error}") from error
-            self._suspect(points)
-            return
-        self._write(outcomes)
+            return self._suspected(points)
         seconds = sum(outcome.seconds for outcome in outcomes)
         mean = seconds / len(outcomes)
         self.each = mean if self.each is None else 0.5 * (self.each + mean)
         self.busy += seconds
+        return outcomes
 
-    def _suspect(self, points: Sequence[Point]) -> None:
+    def _suspected(self, points: Sequence[Point]) -> list[Outcome]:
         """Scenes that were with a worker when it died: each is tried again alone, and given up if that kills it too."""
+        given_up = []
         for point in points:
             self.tries[point.index] += 1
             if self.tries[point.index] < _TRIES:
                 self.again.append(point)
             else:
-                self._write([row_of_crash(self.job, point, "its worker process died, also with this scene alone")])
+                given_up.append(row_of_crash(self.job, point, "its worker process died, also with this scene alone"))
+        return given_up
 
     def _write(self, outcomes: Sequence[Outcome]) -> None:
         lines = []

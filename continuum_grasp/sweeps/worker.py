@@ -155,7 +155,14 @@ def _scene(data: dict[str, Any]) -> GraspScene:
 
 
 def _files(result: Any) -> dict[str, bytes]:
-    """What a result saves, read back: who writes the table writes the files too."""
+    """The files of a run, for who writes the table: of a grasp the one that holds everything."""
+    from continuum_grasp.grasp import GraspResult
+
+    if isinstance(result, GraspResult):
+        from continuum_grasp.grasp.report import result_meta
+        from continuum_grasp.results.run_folder import RESULT, pack_run
+
+        return {RESULT: pack_run(result.arrays, result_meta(result))}
     with tempfile.TemporaryDirectory(dir=_MEMORY if _MEMORY.is_dir() else None) as folder:
         result.save(folder)
         return {file.name: file.read_bytes() for file in sorted(Path(folder).iterdir()) if file.is_file()}
