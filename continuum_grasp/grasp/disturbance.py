@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
+from continuum_grasp.grasp.numbers import APEX
 from continuum_grasp.grasp.unit_finger import rotation
 
 if TYPE_CHECKING:
@@ -171,7 +172,8 @@ def _keep_limits(problem: GraspProblem, change: _Change, k: int) -> None:
         n, f, lift = contact.force[0] + own[0], contact.force[1] + own[1], contact.force[2]
         friction = problem.numbers(f"{name}.friction")
         if problem.make.gravity == "out_of_plane":
-            cone = ca.vertcat((friction * n) ** 2 - f**2 - lift**2, n)
+            apex = APEX * problem.numbers("force reference")
+            cone = friction * n - ca.sqrt(f**2 + lift**2 + apex**2)
         else:
             cone = ca.vertcat(friction * n - f, friction * n + f)
         require(f"disturbed friction cone, {name}, {k}", cone, "N", "contacts.friction", upper=ca.inf)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
+from continuum_grasp.grasp.numbers import APEX
 from continuum_grasp.grasp.obstacles import SIZE, distance_to
 from continuum_grasp.grasp.unit_finger import rotation
 
@@ -55,7 +56,8 @@ def _bound_contacts(problem: GraspProblem) -> None:
         if "greatest_friction_margin" in problem.make.aims:
             friction *= 1.0 - problem.parts.variables["friction margin"].symbol
         if problem.make.gravity == "out_of_plane":
-            cone = (friction * n) ** 2 - f**2 - lift**2
+            apex = APEX * problem.numbers("force reference")
+            cone = friction * n - ca.sqrt(f**2 + lift**2 + apex**2)
         else:
             cone = ca.vertcat(friction * n - f, friction * n + f)
         key = f"contacts.friction ({name})"

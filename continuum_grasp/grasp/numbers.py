@@ -9,9 +9,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Numbers"]
+__all__ = ["APEX", "Numbers"]
 
 Array = NDArray[Any]
+
+APEX = 5e-4
+"""Rounding of the apex of spatial friction cones, as a part of the weight; the rounded cone lies inside the true one."""
 
 
 class Numbers:

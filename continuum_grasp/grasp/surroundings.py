@@ -85,9 +85,9 @@ class Surroundings:
             def look(at: Array, owner: Array, setup: FingerSetup = setup) -> list[tuple[Array, Array, Array]]:
                 return [_look(thing, scene, setup, at, owner, pose, units) for thing in things]
 
-            even = np.tile(np.arange(1, FINE + 1) / FINE, (finger.make.elements, 1))
+            even = np.tile(np.arange(FINE + 1) / FINE, (finger.make.elements, 1))
             depth = _depth(look(*line.at(even)))
-            probes = _deepest(depth.reshape(-1, FINE), finger.unit.probes)
+            probes = _deepest(depth.reshape(-1, FINE + 1), finger.unit.probes)
             at, owner = line.at(probes)
             count = points.shape[1]
             looked = look(np.concatenate([points.T, at]), np.concatenate([self._elements[k], owner]).astype(int))
@@ -186,17 +186,15 @@ def _depth(looked: list[tuple[Array, Array, Array]]) -> Array:
 def _deepest(depth: Array, count: int) -> Array:
     """Per element, the fractions (N, count) where it is deepest, apart from each other, by parabolas."""
     left, picks = depth.copy(), []
-    left[:, -1] = -np.inf  # the end is looked after on its own
+    left[:, [0, -1]] = -np.inf  # ends are looked after on their own
     near, rows = FINE // (2 * count), np.arange(len(depth))
     for _ in range(count):
         pick = left.argmax(axis=1)
-        inner = np.clip(pick, 1, FINE - 2)
-        a, b, c = (depth[rows, inner + k] for k in (-1, 0, 1))
+        a, b, c = (depth[rows, pick + k] for k in (-1, 0, 1))
         bent = a - 2.0 * b + c
         with np.errstate(divide="ignore", invalid="ignore"):
             shift = np.where(bent < 0.0, 0.5 * (a - c) / bent, 0.0)
-        at = np.where(pick == inner, inner + np.clip(shift, -0.5, 0.5), pick)
-        picks.append((at + 1.0) / FINE)
+        picks.append((pick + np.clip(shift, -1.0, 1.0)) / FINE)
         for k, j in enumerate(pick):
             left[k, max(j - near, 0) : j + near + 1] = -np.inf
     return np.sort(np.stack(picks, axis=1), axis=1)
