@@ -21,7 +21,9 @@ Array = NDArray[Any]
 _REACH, _GRID = 6.0, 29
 _TIP_REACH, _TIP_GRID = 8.0, 33
 _TILT, _OFF = 0.45, 0.25
-_POSITIONS = 14
+_POSITIONS = 10
+_BETWEEN = np.array([-0.67, -0.33, 0.33, 0.67])
+_ENOUGH = 30
 
 
 def postures(task: FingerTask, middles: tuple[bool, ...], tip: bool) -> Postures | None:
@@ -101,19 +103,43 @@ def _first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None
             continue
         ell = positions[row]
         guess = np.stack([first[column], last[column]], axis=1) / ell[:, None]
-        start = (np.zeros(len(ell), complex), np.zeros(len(ell)))
-        bent, walk_there, good = tangent(shape, start, ell[:, None], guess, (0, 1), walk)
-        good &= np.abs(bent * ell[:, None]).max(axis=1) < 2.0 * _REACH
-        bent, walk_there, at = bent[good], walk_there[good], ell[good]
-        arc_at, arc_bent, arc_walk, arc_good = arc_tangent(shape, ell, guess.mean(axis=1), walk)
-        arc_good &= (arc_at >= low) & (arc_at <= high)
-        arcs = arc_bent[arc_good]
-        ell = np.concatenate([arc_at[arc_good], at])
-        bent = np.concatenate([np.stack([arcs, arcs], axis=1), bent])
-        walk = np.concatenate([arc_walk[arc_good], walk_there])
-        knots = np.stack([np.zeros_like(ell), ell], axis=1)
-        groups.append(_unique(_family(knots, bent, ell[:, None], part, shape, walk)))
+        found = [_joined(task, part, ell, guess, walk)]
+        even = np.abs(guess[:, 0] - guess[:, 1]) * ell < 0.2 * _REACH
+        ell, bent, walk, good = arc_tangent(shape, ell[even], guess[even].mean(axis=1), walk[even])
+        good &= (ell >= low) & (ell <= high)
+        found.append(_to_joint(part, shape, ell[good], np.stack([bent, bent], axis=1)[good], walk[good]))
+        groups += found
+    family = _clear(task, join(groups))
+    if family is None or len(family) > _ENOUGH:
+        return family
+    step = positions[1] - positions[0]
+    for part, shape in enumerate(task.shapes):
+        mine = family.take(family.parts[:, 0] == part)
+        if not len(mine):
+            continue
+        _, walk = shape.nearest(mine.points[:, 0])
+        old = mine.knots[:, -1]
+        ell = (old[:, None] + step * _BETWEEN).ravel()
+        rows = np.repeat(np.arange(len(mine)), len(_BETWEEN))
+        inside = (ell >= low) & (ell <= high)
+        ell, rows = ell[inside], rows[inside]
+        guess = mine.curvatures[rows] * (old[rows] / ell)[:, None]
+        groups.append(_joined(task, part, ell, guess, walk[rows]))
     return _clear(task, join(groups))
+
+
+def _joined(task: FingerTask, part: int, ell: Array, guess: Array, walk: Array) -> Postures:
+    """Curves from the base, tangent at their ends to a part, from first guesses."""
+    shape = task.shapes[part]
+    start = (np.zeros(len(ell), complex), np.zeros(len(ell)))
+    bent, walk, good = tangent(shape, start, ell[:, None], guess, (0, 1), walk)
+    good &= np.abs(bent * ell[:, None]).max(axis=1) < 2.0 * _REACH
+    return _to_joint(part, shape, ell[good], bent[good], walk[good])
+
+
+def _to_joint(part: int, shape: Shape, ell: Array, bent: Array, walk: Array) -> Postures:
+    knots = np.stack([np.zeros_like(ell), ell], axis=1)
+    return _unique(_family(knots, bent, ell[:, None], part, shape, walk))
 
 
 def _next_joint(task: FingerTask, family: Postures, middles: tuple[bool, ...], here: int) -> Postures | None:

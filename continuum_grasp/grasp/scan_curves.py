@@ -16,7 +16,7 @@ __all__ = ["bends", "curvature_at", "guess_table", "sample", "stretch", "turning
 
 Array = NDArray[Any]
 
-_X, _W = np.polynomial.legendre.leggauss(16)
+_X, _W = np.polynomial.legendre.leggauss(12)
 _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 _TWO = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 
@@ -50,7 +50,8 @@ def stretch(lengths: Array, curvatures: Array) -> tuple[Array, Array, Array, Arr
         ell = lengths[:, k : k + 1]
         weights = ell * _WEIGHTS
         angle = turn[:, None] + ell * (curvatures[:, k : k + 1] * early + curvatures[:, k + 1 : k + 2] * late)
-        tangent = 1j * np.exp(1j * angle) * weights
+        tangent = np.empty(angle.shape, complex)
+        tangent.real, tangent.imag = -np.sin(angle) * weights, np.cos(angle) * weights
         end = end + tangent.sum(axis=1)
         across = 1j * tangent
         dend[:, :k] += across.sum(axis=1)[:, None] * dturn[:, :k]

@@ -168,7 +168,8 @@ def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) 
         rel = (points - point) * np.conj(normal)
         height = rel.real
         if math.isinf(half_length):
-            need = np.where(beyond, task.half, np.minimum(task.half, np.maximum(height[:, :1], 0.0)))
+            inside = height[:, :1] < (1.0 - 1e-9) * task.half
+            need = np.where(beyond | ~inside, task.half, np.minimum(height[:, :1], 0.0))
             short = need - height
         else:
             over = np.maximum(np.abs(rel.imag) - half_length, 0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,11 @@ from continuum_grasp.grasp.shapes import Shape
 __all__ = ["arc_tangent", "tangent", "touch"]
 
 Array = NDArray[Any]
+Equations = Callable[[Array, Array], tuple[list[Array], list[list[Array]]]]
 
 _EXACT = 1e-12
-_STEPS = 14
+_STEPS, _EARLY, _HOPEFUL = 14, 5, 0.05
+_BEND_STEP = 3.0
 
 
 def tangent(
@@ -43,94 +46,122 @@ def tangent(
     walk : ndarray, (B,)
     good : ndarray of bool, (B,)
     """
-    curvatures, walk = curvatures.copy(), walk.copy()
-    system = np.empty((len(walk), 3, 3))
-    for step in range(_STEPS):
-        end, turn, dend, dturn = stretch(lengths, curvatures)
-        at = shape.walk(walk)
-        phase = np.exp(1j * start[1])
-        off = start[0] + phase * end - at.point
-        tilt = np.remainder(start[1] + turn - at.angle + math.pi, math.tau) - math.pi
-        good = (np.abs(off) < _EXACT) & (np.abs(tilt) < _EXACT)
-        if good.all() or step == _STEPS - 1:
-            break
-        for column, k in enumerate(free):
-            move = phase * dend[:, k]
-            system[:, 0, column], system[:, 1, column], system[:, 2, column] = move.real, move.imag, dturn[:, k]
-        system[:, 0, 2], system[:, 1, 2], system[:, 2, 2] = -at.dpoint.real, -at.dpoint.imag, -at.dangle
-        change = _solve(system, np.stack([off.real, off.imag, tilt], axis=1))
-        change *= np.minimum(1.0, 3.0 / np.maximum(np.abs(change[:, :2]).max(axis=1), 1e-9))[:, None]
-        change *= np.minimum(1.0, 0.15 * shape.period / np.maximum(np.abs(change[:, 2]), 1e-300))[:, None]
-        curvatures[:, free[0]] -= change[:, 0]
-        curvatures[:, free[1]] -= change[:, 1]
-        walk -= change[:, 2]
-    return curvatures, walk, good
+    point, angle = start
+    phase = np.exp(1j * angle)
+    out = curvatures.copy()
+
+    def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
+        bent = out[rows]
+        bent[:, free[0]], bent[:, free[1]] = u[:, 0], u[:, 1]
+        end, turn, dend, dturn = stretch(lengths[rows], bent)
+        at = shape.walk(u[:, 2])
+        off = point[rows] + phase[rows] * end - at.point
+        tilt = _turned(angle[rows] + turn - at.angle)
+        one, two = phase[rows] * dend[:, free[0]], phase[rows] * dend[:, free[1]]
+        return [off.real, off.imag, tilt], [
+            [one.real, two.real, -at.dpoint.real],
+            [one.imag, two.imag, -at.dpoint.imag],
+            [dturn[:, free[0]], dturn[:, free[1]], -at.dangle],
+        ]
+
+    first = np.stack([out[:, free[0]], out[:, free[1]], walk], axis=1)
+    found, good = _newton(equations, first, (_BEND_STEP, _BEND_STEP, 0.15 * shape.period))
+    out[:, free[0]], out[:, free[1]] = found[:, 0], found[:, 1]
+    return out, found[:, 2], good
 
 
 def touch(
     shape: Shape, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: int, walk: Array
 ) -> tuple[Array, Array, Array]:
     """Curves whose end lies on the grown outline, as :func:`tangent` does, with one free curvature each."""
-    curvatures, walk = curvatures.copy(), walk.copy()
-    for step in range(_STEPS):
-        end, _, dend, _ = stretch(lengths, curvatures)
-        at = shape.walk(walk)
-        phase = np.exp(1j * start[1])
-        off = start[0] + phase * end - at.point
-        good = np.abs(off) < _EXACT
-        if good.all() or step == _STEPS - 1:
-            break
-        move = phase * dend[:, free]
-        det = -(move * np.conj(at.dpoint)).imag
-        det = np.where(np.abs(det) < 1e-14, 1e-14, det)
-        bend = -(off * np.conj(at.dpoint)).imag / det
-        slide = (np.conj(move) * off).imag / -det
-        cut = np.minimum(
-            1.0, np.minimum(3.0 / np.maximum(np.abs(bend), 1e-9), 0.15 * shape.period / np.abs(slide + 1e-300))
-        )
-        curvatures[:, free] -= cut * bend
-        walk -= cut * slide
-    return curvatures, walk, good
+    point, angle = start
+    phase = np.exp(1j * angle)
+    out = curvatures.copy()
+
+    def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
+        bent = out[rows]
+        bent[:, free] = u[:, 0]
+        end, _, dend, _ = stretch(lengths[rows], bent)
+        at = shape.walk(u[:, 1])
+        off = point[rows] + phase[rows] * end - at.point
+        move = phase[rows] * dend[:, free]
+        return [off.real, off.imag], [[move.real, -at.dpoint.real], [move.imag, -at.dpoint.imag]]
+
+    first = np.stack([out[:, free], walk], axis=1)
+    found, good = _newton(equations, first, (_BEND_STEP, 0.15 * shape.period))
+    out[:, free] = found[:, 0]
+    return out, found[:, 1], good
 
 
 def arc_tangent(shape: Shape, length: Array, curvature: Array, walk: Array) -> tuple[Array, Array, Array, Array]:
     """Circular arcs from the base, tangent to the grown outline at their ends: lengths, curvatures, walks, good."""
-    length, curvature, walk = length.copy(), curvature.copy(), walk.copy()
-    system = np.empty((len(walk), 3, 3))
-    for step in range(_STEPS):
-        end, turn, dend, dturn = stretch(length[:, None], np.stack([curvature, curvature], axis=1))
-        at = shape.walk(walk)
+
+    def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
+        bent = u[:, 1]
+        end, turn, dend, _ = stretch(u[:, :1], np.stack([bent, bent], axis=1))
+        at = shape.walk(u[:, 2])
         off = end - at.point
-        tilt = np.remainder(turn - at.angle + math.pi, math.tau) - math.pi
-        good = (np.abs(off) < _EXACT) & (np.abs(tilt) < _EXACT)
-        if good.all() or step == _STEPS - 1:
-            break
         move, on = dend.sum(axis=1), 1j * np.exp(1j * turn)
-        for column, (d, angle) in enumerate(
-            ((move, dturn.sum(axis=1)), (on, curvature), (-at.dpoint, -np.asarray(at.dangle)))
-        ):
-            system[:, 0, column], system[:, 1, column], system[:, 2, column] = d.real, d.imag, angle
-        change = _solve(system, np.stack([off.real, off.imag, tilt], axis=1))
-        change *= np.minimum(1.0, 3.0 / np.maximum(np.abs(change[:, 0]), 1e-9))[:, None]
-        change *= np.minimum(1.0, 0.2 / np.maximum(np.abs(change[:, 1]), 1e-9))[:, None]
-        change *= np.minimum(1.0, 0.15 * shape.period / np.maximum(np.abs(change[:, 2]), 1e-300))[:, None]
-        curvature -= change[:, 0]
-        length = np.clip(length - change[:, 1], 1e-3, 1.5)
-        walk -= change[:, 2]
-    return length, curvature, walk, good
+        return [off.real, off.imag, _turned(turn - at.angle)], [
+            [on.real, move.real, -at.dpoint.real],
+            [on.imag, move.imag, -at.dpoint.imag],
+            [bent, u[:, 0], -at.dangle],
+        ]
+
+    first = np.stack([length, curvature, walk], axis=1)
+    found, good = _newton(equations, first, (0.2, _BEND_STEP, 0.15 * shape.period))
+    return found[:, 0], found[:, 1], found[:, 2], good & (found[:, 0] > 0.0)
 
 
-def _solve(system: Array, right: Array) -> Array:
-    """Cramer's rule for B systems of three equations."""
-    a, b, c = system[:, :, 0], system[:, :, 1], system[:, :, 2]
-    bc = np.cross(b, c)
-    det = (a * bc).sum(axis=1)
-    det = np.where(np.abs(det) < 1e-14, 1e-14, det)
-    return np.stack(
-        [
-            (right * bc).sum(axis=1) / det,
-            (a * np.cross(right, c)).sum(axis=1) / det,
-            (a * np.cross(b, right)).sum(axis=1) / det,
-        ],
-        axis=1,
-    )
+def _turned(angle: Array) -> Array:
+    return np.asarray(np.remainder(angle + math.pi, math.tau) - math.pi)
+
+
+def _newton(equations: Equations, first: Array, most: tuple[float, ...]) -> tuple[Array, Array]:
+    """Roots of B systems of two or three equations from ``first`` (B, n), and which were found; those that get
+    nowhere are given up early.
+    """
+    unknown = first.copy()
+    good = np.zeros(len(first), bool)
+    rows = np.arange(len(first))
+    for step in range(_STEPS):
+        if not len(rows):
+            break
+        left, slopes = equations(unknown[rows], rows)
+        wrong = np.abs(left[0])
+        for more in left[1:]:
+            wrong = np.maximum(wrong, np.abs(more))
+        good[rows[wrong < _EXACT]] = True
+        going = (wrong >= _EXACT) & np.isfinite(wrong)
+        if step >= _EARLY:
+            going &= wrong < _HOPEFUL
+        if not going.all():
+            rows = rows[going]
+            left = [part[going] for part in left]
+            slopes = [[part[going] for part in row] for row in slopes]
+        change = _solve(slopes, left)
+        cut = np.ones(len(rows))
+        for part, limit in zip(change, most, strict=True):
+            cut = np.minimum(cut, limit / np.maximum(np.abs(part), 1e-300))
+        for k, part in enumerate(change):
+            unknown[rows, k] -= cut * part
+    return unknown, good
+
+
+def _solve(a: list[list[Array]], b: list[Array]) -> list[Array]:
+    """Cramer's rule for many systems of two or three equations."""
+    if len(b) == 2:
+        det = _safe(a[0][0] * a[1][1] - a[0][1] * a[1][0])
+        return [(b[0] * a[1][1] - a[0][1] * b[1]) / det, (a[0][0] * b[1] - b[0] * a[1][0]) / det]
+    (p, q, r), (u, v, w), (x, y, z) = a
+    one, two, three = v * z - w * y, w * x - u * z, u * y - v * x
+    det = _safe(p * one + q * two + r * three)
+    return [
+        (b[0] * one + b[1] * (r * y - q * z) + b[2] * (q * w - r * v)) / det,
+        (b[0] * two + b[1] * (p * z - r * x) + b[2] * (r * u - p * w)) / det,
+        (b[0] * three + b[1] * (q * x - p * y) + b[2] * (p * v - q * u)) / det,
+    ]
+
+
+def _safe(det: Array) -> Array:
+    return np.where(np.abs(det) < 1e-14, 1e-14, det)

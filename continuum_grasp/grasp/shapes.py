@@ -99,6 +99,7 @@ class PolygonShape:
         else:
             self._along, normals, turns = np.ones(1, complex), np.zeros(1), np.full(1, math.tau)
         self._normals, self._turns = normals, turns
+        self.face_normals: tuple[float, ...] = tuple(normals.tolist()) if size > 1 else ()
         pieces = np.stack([self._lengths, turns * self._per_angle], axis=1).ravel()
         self._starts = np.concatenate([[0.0], np.cumsum(pieces)])
         self.period = float(self._starts[-1])

@@ -64,7 +64,7 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.rando
     setups = scene.setups
     loads = loads_of(scene)
     ranked: list[_Ranked] = []
-    for number, pose in enumerate(object_poses(scene, on, rng)):
+    for number, pose in enumerate(object_poses(scene, on)):
         ranked += _at_pose(scene, setups, on, loads, pose, number)
     starts: list[Start] = []
     if ranked:
