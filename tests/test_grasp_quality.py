@@ -234,6 +234,26 @@ def test_random_balances_as_scipy_finds_them():
             assert greatest_mass(rough(mu * found.factor * 0.999, gravity=DOWN), arrays) < 0.3
 
 
+@pytest.mark.parametrize("gravity", [DOWN, UPRIGHT])
+def test_at_the_greatest_mass_the_friction_is_the_least(gravity):
+    """Two programmes of different kind, the one for the mass and that for the friction, agree where they meet."""
+    rng = np.random.default_rng(2)
+    held = 0
+    for count in (2, 3, 4, 5, 6, 8):
+        angles = rng.uniform(0, 2 * math.pi) + np.arange(count) * 2 * math.pi / count + rng.uniform(-0.3, 0.3, count)
+        scene, arrays = rough(0.6, gravity=gravity), arrays_of(on_disc(angles))
+        most = greatest_mass(scene, arrays)
+        if most == 0.0:
+            continue
+        held += 1
+        for part, enough in ((0.999, True), (1.001, False)):
+            heavy = scene.object.model_copy(update={"mass": most * part})
+            found = least_friction(scene.model_copy(update={"object": heavy}), arrays)
+            assert found.enough == enough
+            assert found.factor == pytest.approx(1.0, abs=0.01)
+    assert held >= 4
+
+
 # -- multi-aspect index and all indices in one place ---------------------------------------------------------------
 
 

@@ -6,6 +6,7 @@ least friction found here is never above, and the greatest mass never below, wha
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,8 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.conic_program import Cones, solve_conic
+from continuum_grasp.errors import NumericalError
+from continuum_grasp.grasp.conic_program import ROUNDS, Cones, solve_conic
 from continuum_grasp.grasp.contact_set import ContactSet
+from continuum_grasp.grasp.linear_program import solve_linear
 from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity
 
 __all__ = ["LeastFriction", "greatest_mass", "least_friction"]
@@ -23,8 +26,8 @@ Array = NDArray[Any]
 
 MOST = 1e4
 """Friction coefficients above this are no answer."""
-_SLACK = 1e-8
-"""Imbalance, as a part of the weight, that counts as balance."""
+_SLACK = 1e-9
+"""Excess over a cone, as a part of the weight, that is none."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ class LeastFriction:
 
 
 def least_friction(
-    scene: GraspScene, arrays: Mapping[str, Any], *, same: bool = False, tolerance: float = 1e-9
+    scene: GraspScene, arrays: Mapping[str, Any], *, same: bool = False, tolerance: float = 1e-8
 ) -> LeastFriction:
     """Least friction with which contact forces within their limits could balance the object where it is.
 
@@ -65,32 +68,33 @@ def least_friction(
         True: one coefficient for all contacts in place of the scene's, ``factor`` being that coefficient. False: the
         scene's coefficients times a common factor; contacts without friction stay so.
     tolerance : float, optional
-        Relative; of the bisection.
+        Relative.
+
+    Raises
+    ------
+    NumericalError
+        The programmes could not tell.
     """
     contacts = ContactSet.of(scene, arrays)
     balance = _Balance(scene, contacts)
     base = np.ones(contacts.count) if same else contacts.friction
     rough = float(base.max(initial=0.0))
-    low, high = 0.0, np.inf
-    forces, factor = balance.forces(0.0 * base), 1.0
-    if forces is not None:
-        high = 0.0
-    elif rough > 0.0:
-        factor = 1.0 / rough
-    while rough > 0.0 and high > low * (1.0 + tolerance):
-        found = balance.forces(factor * base)
-        if found is None:
-            low = factor
-            if factor * rough >= MOST:
+    forces, factor = balance.forces(0.0 * base), 0.0
+    if forces is None:
+        factor = math.inf
+        for trial in (1.0, 10.0, 1e2, 1e3, MOST) if rough > 0.0 else ():
+            forces = balance.forces(base * trial / rough)
+            if forces is not None:
+                factor = balance.used(forces, base)
                 break
-        else:
-            forces, high = found, factor
-            if high * rough < 1e-9:
-                break
-        factor = min(2.0 * low, MOST / rough) if np.isinf(high) else 0.5 * (low + high)
-    forces = np.full((contacts.count, 3), np.nan) if forces is None else forces
-    coefficients = {name: float(high * mu) if mu > 0.0 else 0.0 for name, mu in zip(contacts.names, base, strict=True)}
-    return LeastFriction(float(high), coefficients, forces)
+    while forces is not None and factor > 0.0:  # down from one balance to the next, which presses harder and rubs less
+        better = balance.forces(base * factor * (1.0 - tolerance))
+        if better is None:
+            break
+        forces, factor = better, min(balance.used(better, base), factor * (1.0 - tolerance))
+    found = np.full((contacts.count, 3), np.nan) if forces is None else forces
+    coefficients = {n: float(factor * mu) if mu > 0.0 else 0.0 for n, mu in zip(contacts.names, base, strict=True)}
+    return LeastFriction(float(factor), coefficients, found)
 
 
 def greatest_mass(scene: GraspScene, arrays: Mapping[str, Any]) -> float:
@@ -152,21 +156,45 @@ class _Balance:
         self._unit_width = width
 
     def forces(self, friction: Array) -> Array | None:
-        """Forces (C, 3) [N] that balance the object's own weight, None where there are none."""
-        weight = self.weight / self.force
-        size = 3 * self.count + 1
-        imbalance = np.concatenate([np.eye(6), -np.eye(6)], axis=1)
-        rows = np.concatenate([self.rows, imbalance], axis=1)
-        cones = self._with(friction, extra=12)
+        """Forces (C, 3) [N] that balance the object's own weight, None where there are none.
+
+        Over N, and friction forces as parts of their coefficients, the greatest excess over a cone is made as small
+        as can be.
+        """
+        size, weight = 3 * self.count, self.weight / self.force
+        turned = np.ones((self.count, 3))
+        turned[:, 1:] = friction[:, None]
+        rows = np.column_stack([self.rows[:, :-1] * turned.ravel(), np.zeros(6)])
         lower, upper = self._bounds(weight, weight)
-        cost = np.concatenate([np.zeros(size), np.ones(12)])
-        found = solve_conic(
-            cost, rows, 0.0, 0.0, np.append(lower, np.zeros(12)), np.append(upper, np.full(12, np.inf)), cones
-        )
-        self.cones.cuts = cones.cuts
-        if not found.optimal or found.objective > _SLACK * max(weight, 1e-6):
-            return None
-        return np.asarray(found.x[: size - 1].reshape(self.count, 3) * self.force)
+        lower[-1], upper[-1] = -float(self.normal_max.max(initial=0.0)), 2.0 * float(self.normal_max.sum()) + 1.0
+        cones = self.cones
+        cones.width = np.column_stack([self._unit_width[:, :-1], np.ones(self.count)])
+        for _ in range(ROUNDS):
+            planes, limit = cones.planes()
+            found = solve_linear(
+                np.append(np.zeros(size), 1.0),
+                np.concatenate([rows, planes]),
+                np.concatenate([-self.rows[:, -1] * weight, np.full(limit.size, -np.inf)]),
+                np.concatenate([-self.rows[:, -1] * weight, limit]),
+                lower,
+                upper,
+            )
+            if found.status == "infeasible" or (found.optimal and found.x[-1] > _SLACK):
+                return None
+            if not found.optimal:
+                break
+            shares = found.x[:-1].reshape(self.count, 3)
+            if (np.hypot(shares[:, 1], shares[:, 2]) - shares[:, 0]).max(initial=0.0) <= 2.0 * _SLACK:
+                return np.asarray(shares * turned * self.force)
+            if not cones.cut(found.x):
+                return np.asarray(shares * turned * self.force)
+        raise NumericalError("the balance of the object could not be told from imbalance")
+
+    def used(self, forces: Array, base: Array) -> float:
+        """Greatest friction per normal force and coefficient."""
+        rubbing = np.hypot(forces[:, 1], forces[:, 2])
+        live = (rubbing > _SLACK * self.force) & (base > 0.0)
+        return float((rubbing[live] / np.maximum(base[live] * forces[live, 0], 1e-300)).max(initial=0.0))
 
     def greatest(self, friction: Array) -> float:
         """Greatest mass [kg]."""
@@ -174,14 +202,13 @@ class _Balance:
         lower, upper = self._bounds(0.0, most)
         cost = np.zeros(3 * self.count + 1)
         cost[-1] = -1.0
-        found = solve_conic(cost, self.rows, 0.0, 0.0, lower, upper, self._with(friction, extra=0))
-        return float(found.x[-1]) * self.force / self.weight_per_mass if found.optimal else 0.0
-
-    def _with(self, friction: Array, extra: int) -> Cones:
-        width = self._unit_width * friction[:, None]
-        pad = ((0, 0), (0, extra))
-        matrix = np.pad(self.cones.matrix, ((0, 0), *pad))
-        return Cones(matrix, self.cones.offset, np.pad(width, pad), self.cones.room, list(self.cones.cuts))
+        cones = Cones(
+            self.cones.matrix, self.cones.offset, self._unit_width * friction[:, None], self.cones.room, self.cones.cuts
+        )
+        found = solve_conic(cost, self.rows, 0.0, 0.0, lower, upper, cones)
+        if not found.optimal:  # without weight nothing has to push
+            raise NumericalError("the greatest mass could not be computed")
+        return max(0.0, float(found.x[-1])) * self.force / self.weight_per_mass
 
     def _bounds(self, least: float, most: float) -> tuple[Array, Array]:
         lower, upper = np.zeros(3 * self.count + 1), np.zeros(3 * self.count + 1)
