@@ -28,7 +28,7 @@ class Held:
     def __init__(self, scene: GraspScene, status: str = "optimal", reasons: tuple[Any, ...] = ()) -> None:
         self.scene, self.status, self.reasons = scene, status, reasons
         self.message = "held" if status == "optimal" else "not held"
-        self.fingers = {"finger": SimpleNamespace(tensions=(tension(scene), 1.0))}
+        self.fingers = {"finger": SimpleNamespace(tensions=(tension(scene), 0.01))}
         self.contacts = [SimpleNamespace(normal_force=n, friction_margin=n / 10) for n in (1.0, 3.0, 2.0)]
         self.statistics = {"iterations": 7, "starts": 2}
         self.certificate = SimpleNamespace(quality=SimpleNamespace(epsilon=scene.object.mass / 2))
