@@ -45,9 +45,11 @@ def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
     if least > 0.02 * greatest:
         ax.add_patch(Circle((0, 0), least, facecolor="none", edgecolor=ORANGE, linestyle=(0, (4, 2)), zorder=4))
     ax.plot(0, 0, "+", color=INK, markersize=7, zorder=5)
-    reach = 1.12 * greatest if greatest > 0 else 1.0
-    ax.set_xlim(-reach, reach)
-    ax.set_ylim(-reach, reach)
+    corners = np.concatenate([forces, np.zeros((1, 2))])
+    center, reach = 0.5 * (corners.min(axis=0) + corners.max(axis=0)), 0.56 * float(np.ptp(corners, axis=0).max())
+    reach = reach or 1.0
+    ax.set_xlim(center[0] - reach, center[0] + reach)
+    ax.set_ylim(center[1] - reach, center[1] + reach)
     ax.set_aspect("equal", adjustable="box")
     ax.locator_params(nbins=5)
     ax.set_xlabel("force x [N]", color=INK, fontsize=8)
