@@ -95,9 +95,9 @@ def _at_pose(
         found.append(candidates)
         blocks.append(block)
     index = _combinations([len(c) for c in found])
-    left, effort = imbalance(loads, [*blocks, supports], [*index, np.zeros(len(index[0]), int)])
+    left, cost = imbalance(loads, [*blocks, supports], [*index, np.zeros(len(index[0]), int)])
     wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
-    score = left + 0.1 * effort + 5.0 * np.minimum(wrong, 1.0) + np.where(wrong > 0.0, 1.0, 0.0)
+    score = 10.0 * left + cost + 5.0 * np.minimum(wrong, 1.0) + np.where(wrong > 0.0, 1.0, 0.0)
     features = np.concatenate([c.features[i] for c, i in zip(found, index, strict=True)], axis=1)
     place = np.array([pose[0] / scene.object.size, pose[1] / scene.object.size, pose[2]])
     return [
@@ -120,11 +120,11 @@ def _least_violation(candidates: Candidates) -> Array:
 
 def _alone(loads: Loads, candidates: Candidates, block: Block, most: int) -> Array:
     """Postures of one finger worth combining: those whose own balance is best, spread."""
-    own = Block(block.onto * 0.0, block.moments, block.needed, block.low, block.high)
+    own = Block(block.onto * 0.0, block.moments, block.needed, block.low, block.high, block.cost)
     free = Loads(loads.force, loads.length, 0j, 0.0, loads.gravity, False)
-    own = Block(own.onto[:, : free.rows], own.moments, own.needed, own.low, own.high)
-    left, effort = imbalance(free, [own], [np.arange(len(candidates))])
-    return np.array(spread(left + 0.1 * effort, candidates.features, most))
+    own = Block(own.onto[:, : free.rows], own.moments, own.needed, own.low, own.high, own.cost)
+    left, cost = imbalance(free, [own], [np.arange(len(candidates))])
+    return np.array(spread(10.0 * left + cost, candidates.features, most))
 
 
 def _combinations(sizes: list[int]) -> list[Array]:

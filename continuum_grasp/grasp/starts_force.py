@@ -10,6 +10,7 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,11 @@ __all__ = ["Block", "Loads", "finger_block", "imbalance", "loads_of", "support_b
 Array = NDArray[Any]
 Pose = tuple[float, float, float]
 
-_SECTIONS = 9
+_FINE = 6
+_X, _W = np.polynomial.legendre.leggauss(4)
+_NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
+_PRICE, _STEPS = 1e-3, 14
+_TILTS = 0.25 * math.pi * np.arange(5)
 
 
 @dataclass(frozen=True)
@@ -72,7 +77,7 @@ class Loads:
 
 @dataclass(frozen=True)
 class Block:
-    """Forces of one finger, or of the supports: P postures, n forces of which the last is a tension for fingers.
+    """Forces of one finger, or of the supports: P postures, n forces of which the last two are tensions for fingers.
 
     Attributes
     ----------
@@ -84,6 +89,8 @@ class Block:
         What the sections need, scaled.
     low, high : ndarray, (n,)
         Bounds [N].
+    cost : ndarray, (n,)
+        1 for tensions.
     """
 
     onto: Array
@@ -91,10 +98,11 @@ class Block:
     needed: Array
     low: Array
     high: Array
+    cost: Array
 
     def take(self, index: Any) -> Block:
         """Some of the postures."""
-        return Block(self.onto[index], self.moments[index], self.needed[index], self.low, self.high)
+        return Block(self.onto[index], self.moments[index], self.needed[index], self.low, self.high, self.cost)
 
 
 def loads_of(scene: GraspScene) -> Loads:
@@ -115,7 +123,7 @@ def loads_of(scene: GraspScene) -> Loads:
 def _edges(loads: Loads, friction: float, normals: Array) -> tuple[Array, Array]:
     """Edges of friction cones (P, C, E), as forces in the plane on what touches the object, and their lifts (E,)."""
     if loads.lift:
-        slopes, lifts = np.array([friction, -friction, 0.0]), np.array([0.0, 0.0, friction])
+        slopes, lifts = friction * np.cos(_TILTS), friction * np.sin(_TILTS)
     else:
         slopes, lifts = np.array([friction, -friction]), np.zeros(2)
     return normals[..., None] * (1.0 + 1j * slopes), lifts
@@ -148,7 +156,7 @@ def support_block(scene: GraspScene, loads: Loads, touched: dict[str, ContactSta
         high.extend([_cap(loads, scene.normal_force_max(name))] * len(lifts))
     onto = np.concatenate(parts, axis=2) if parts else np.zeros((1, loads.rows, 0))
     size = onto.shape[2]
-    return Block(onto, np.zeros((1, 0, size)), np.zeros((1, 0)), np.zeros(size), np.array(high))
+    return Block(onto, np.zeros((1, 0, size)), np.zeros((1, 0)), np.zeros(size), np.array(high), np.zeros(size))
 
 
 def _cap(loads: Loads, most: float) -> float:
@@ -158,47 +166,104 @@ def _cap(loads: Loads, most: float) -> float:
 def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Candidates, pose: Pose) -> Block:
     """Forces of one finger in P postures, the object being at a world pose [m, rad]."""
     finger, length = setup.finger, setup.finger.rod.length
-    count = len(found)
     turn, origin = cmath.exp(1j * pose[2]), complex(pose[0], pose[1])
     points, normals = origin + turn * found.points, turn * np.exp(1j * found.angles)
-    at = np.broadcast_to(np.linspace(0.0, 1.0, _SECTIONS), (count, _SECTIONS))
-    curve, _ = sample(found.knots, found.curvatures, at)
+    mesh = _Mesh.of(setup, found)
+    at = mesh.sections
+    curve, _ = sample(found.knots, found.curvatures, np.concatenate([np.zeros((len(found), 1)), at], axis=1))
     base = found.bases
-    world = (base[:, 0] + 1j * base[:, 1])[:, None] + length * np.exp(1j * base[:, 2:]) * curve
+    world = (base[:, 0] + 1j * base[:, 1])[:, None] + length * np.exp(1j * base[:, 2:]) * curve[:, 1:]
     rest = finger.rest_curvature if isinstance(finger.rest_curvature, int | float) else 0.0
     needed = finger.rod.stiffness * (curvature_at(found.knots, found.curvatures, at) / length - rest)
+    scale = np.maximum(np.abs(needed).max(axis=1), 0.3 * finger.rod.stiffness / length)[:, None]
     if loads.gravity:
-        needed = needed - _own_weight(setup, world, loads.gravity)
+        needed = needed - _own_weight(setup, world, at, loads.gravity)
     edges, lifts = _edges(loads, setup.friction, normals)
     arms = points[:, None, :] - world[:, :, None]
     reaches = found.stations[:, None, :] >= at[:, :, None] - 1e-9
     moments = (np.conj(arms)[..., None] * edges[:, None]).imag * reaches[..., None]
-    moments = moments.reshape(count, _SECTIONS, -1)
+    moments = moments.reshape(*at.shape, -1)
     tendons = finger.tendons
-    pull, offset = (tendons.max_tension, tendons.offset) if tendons is not None else (0.0, 1.0)
-    moments = np.concatenate([moments, np.full((count, _SECTIONS, 1), offset)], axis=2)
+    low, high, offset = (
+        (0.0, 0.0, 1.0) if tendons is None else (tendons.min_tension, tendons.max_tension, tendons.offset)
+    )
+    moments = np.concatenate([moments, np.broadcast_to([offset, -offset], (*at.shape, 2))], axis=2)
     com = origin + turn * complex(*scene.object.com)
     onto = _onto(loads, points - com, edges, lifts)
-    onto = np.concatenate([onto, np.zeros((count, loads.rows, 1))], axis=2)
-    scale = math.sqrt(_SECTIONS) * np.maximum(np.abs(needed).max(axis=1), 0.3 * finger.rod.stiffness / length)
-    size = onto.shape[2]
-    low, high = np.zeros(size), np.full(size, _cap(loads, setup.normal_force_max))
-    low[-1] = -pull if finger.tendons_used in ("both", "right") else 0.0
-    high[-1] = pull if finger.tendons_used in ("both", "left") else 0.0
-    return Block(onto, moments / scale[:, None, None], needed / scale[:, None], low, high)
+    onto = np.concatenate([onto, np.zeros((len(found), loads.rows, 2))], axis=2)
+    pushes = onto.shape[2] - 2
+    used = finger.tendons_used
+    return Block(
+        onto,
+        mesh.project(moments) / scale[..., None],
+        mesh.project(needed[..., None])[..., 0] / scale,
+        np.array([0.0] * pushes + [low, low]),
+        np.array(
+            [_cap(loads, setup.normal_force_max)] * pushes
+            + [high if used in ("both", side) else low for side in ("left", "right")]
+        ),
+        np.array([0.0] * pushes + [1.0, 1.0]),
+    )
 
 
-def _own_weight(setup: FingerSetup, world: Array, gravity: complex) -> Array:
+@dataclass(frozen=True)
+class _Mesh:
+    """Elements of P postures with Gauss points, and the shapes over which their moments are balanced."""
+
+    sections: Array
+    """Positions (P, 4 M + 1), the last one the tip's."""
+    shares: Array
+    """Lengths of the elements (P, M)."""
+    family: str
+
+    @staticmethod
+    def of(setup: FingerSetup, found: Candidates) -> _Mesh:
+        """The elements of a finger, or fewer where it has many."""
+        marks = (0, *setup.before, setup.elements)
+        counts = [b - a for a, b in pairwise(marks)]
+        few = sum(counts) <= _FINE
+        if not few:
+            counts = [min(c, 2) for c in counts]
+        count = len(found)
+        ends = np.concatenate([np.zeros((count, 1)), found.joints, np.ones((count, 1))], axis=1)
+        shares = np.concatenate(
+            [np.repeat(np.diff(ends[:, k : k + 2]) / n, n, axis=1) for k, n in enumerate(counts)], axis=1
+        )
+        starts = np.cumsum(shares, axis=1) - shares
+        at = (starts[..., None] + shares[..., None] * _NODES).reshape(count, -1)
+        family = "clothoid" if setup.family == "arc" and not few else setup.family
+        return _Mesh(np.concatenate([at, np.ones((count, 1))], axis=1), shares, family)
+
+    def project(self, values: Array) -> Array:
+        """Means (P, R, n) of values (P, 4 M + 1, n) over the shapes."""
+        count, size = self.shares.shape
+        inner = values[:, :-1].reshape(count, size, len(_NODES), -1) * self.shares[..., None, None]
+        if self.family == "arc":
+            return np.asarray((inner * _WEIGHTS[:, None]).sum(axis=2))
+        left = (inner * (_WEIGHTS * (1.0 - _NODES))[:, None]).sum(axis=2)
+        right = (inner * (_WEIGHTS * _NODES)[:, None]).sum(axis=2)
+        rows = np.zeros((count, size + 1, values.shape[2]))
+        rows[:, :-1] += left
+        rows[:, 1:] += right
+        if self.family == "matched_clothoid":
+            rows[:, -1] = 0.5 * values[:, -1]
+        return rows
+
+
+def _own_weight(setup: FingerSetup, world: Array, at: Array, gravity: complex) -> Array:
     """Moment about each section of the weight of the finger beyond it (P, S)."""
     rod = setup.finger.rod
-    count = world.shape[1]
-    share = np.full(count, rod.length * rod.mass_per_length / (count - 1))
-    share[[0, -1]] *= 0.5
+    share = np.diff(at, axis=1, prepend=0.0) * rod.length * rod.mass_per_length
+    middle = 0.5 * (world + np.concatenate([world[:, :1], world[:, :-1]], axis=1))
+    force = np.cumsum(share[:, ::-1], axis=1)[:, ::-1] - share
+    first = np.cumsum((share * middle)[:, ::-1], axis=1)[:, ::-1] - share * middle
+    rows = np.arange(len(at))
     for mass in setup.finger.masses:
-        share[round((count - 1) * mass.at / rod.length)] += mass.mass
-    beyond = np.cumsum(share[::-1])[::-1]
-    first = np.cumsum((share * world)[:, ::-1], axis=1)[:, ::-1]
-    return np.asarray((np.conj(first - beyond * world) * gravity).imag)
+        place = np.minimum((at < mass.at / rod.length - 1e-9).sum(axis=1), at.shape[1] - 1)
+        beyond = np.arange(at.shape[1]) <= place[:, None]
+        force = force + mass.mass * beyond
+        first = first + mass.mass * world[rows, place][:, None] * beyond
+    return np.asarray((np.conj(first - force * world) * gravity).imag)
 
 
 def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Array, Array]:
@@ -228,40 +293,37 @@ def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Ar
         system[:, row : row + rows, column : column + size] = block.moments[chosen]
         right[:, row : row + rows] = block.needed[chosen]
         row, column = row + rows, column + size
-    low = np.concatenate([b.low for b in blocks])
-    high = np.concatenate([b.high for b in blocks])
-    return _boxed(system, right, low, high)
+    low, high, cost = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("low", "high", "cost"))
+    return _boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300))
 
 
-def _boxed(system: Array, right: Array, low: Array, high: Array) -> tuple[Array, Array]:
-    """Least squares within bounds for many systems at once, by an interior point method."""
-    span = high - low
+def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) -> tuple[Array, Array]:
+    """Least squares within bounds for many systems at once, by an interior point method: what is left, and the cost.
+
+    The Newton step is solved in the rows of the system, of which there are fewer than columns.
+    """
+    span = np.maximum(high - low, 1e-12)
     scaled = system * span
     right = right - system @ low
-    square = np.einsum("brn,brm->bnm", scaled, scaled)
-    linear = -np.einsum("brn,br->bn", scaled, right)
-    size = len(low)
-    square += 1e-7 * np.eye(size)
-    linear = linear + 1e-5
-    x = np.full(linear.shape, 0.3)
-    zl, zu = np.full(linear.shape, 0.1), np.full(linear.shape, 0.1)
+    price = _PRICE * cost * span + 1e-6
+    x = np.full((len(right), len(low)), 0.2)
+    zl, zu = np.full(x.shape, 0.05), np.full(x.shape, 0.05)
+    across = np.swapaxes(scaled, 1, 2)
+    unit = np.eye(right.shape[1])
     barrier = 1e-2
-    for _ in range(14):
-        gradient = np.einsum("bnm,bm->bn", square, x) + linear
-        room_low, room_high = x, 1.0 - x
-        right_side = -gradient + barrier / room_low - barrier / room_high
-        matrix = square.copy()
-        diagonal = np.arange(size)
-        matrix[:, diagonal, diagonal] += zl / room_low + zu / room_high
-        step = np.linalg.solve(matrix, right_side[..., None])[..., 0]
-        dl = barrier / room_low - zl - zl / room_low * step
-        du = barrier / room_high - zu + zu / room_high * step
-        limit = np.maximum(
-            np.maximum(-step / room_low, step / room_high).max(axis=1), np.maximum(-dl / zl, -du / zu).max(axis=1)
-        )
+    for _ in range(_STEPS):
+        over = 1.0 - x
+        left = (scaled @ x[..., None])[..., 0] - right
+        down = (across @ left[..., None])[..., 0] + price - barrier / x + barrier / over
+        soft = 1.0 / (zl / x + zu / over + 1e-9)
+        slim = scaled * soft[:, None, :]
+        inner = np.linalg.solve(unit + slim @ across, (slim @ down[..., None]))[..., 0]
+        step = soft * ((across @ inner[..., None])[..., 0] - down)
+        dl = barrier / x - zl - zl / x * step
+        du = barrier / over - zu + zu / over * step
+        limit = np.maximum(np.maximum(-step / x, step / over), np.maximum(-dl / zl, -du / zu)).max(axis=1)
         length = np.minimum(1.0, 0.95 / np.maximum(limit, 1e-300))[:, None]
         x, zl, zu = x + length * step, zl + length * dl, zu + length * du
-        barrier *= 0.35
-    left = np.einsum("brn,bn->br", scaled, x) - right
-    at_zero = np.where(low < 0.0, -low / np.where(span > 0.0, span, 1.0), 0.0)
-    return np.sqrt((left**2).sum(axis=1)), np.abs(x - at_zero).mean(axis=1)
+        barrier *= 0.3
+    left = (scaled @ x[..., None])[..., 0] - right
+    return np.sqrt((left**2).sum(axis=1)), (x * span + low) @ cost
