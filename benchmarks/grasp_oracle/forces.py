@@ -166,8 +166,8 @@ class Forces:
         ----------
         balance : Balance
         aim : {"sum", "tension", "normal", "mass", "slack"}
-            Sum of the tensions; the greatest tension; the greatest normal force; minus the object's mass; or by how
-            much the friction cones must be widened [N] (negative where there is room).
+            Sum of the tensions; the greatest tension; the greatest normal force; minus the object's mass; or the force
+            by which every limit of tensions and contact forces must give way [N].
         exact : bool
             Cut the cones until they hold.
         drop : tuple of int
@@ -196,9 +196,15 @@ class Forces:
         ]
         spatial = numbers.lift != 0.0
         bounds += [(0.0, most_normal / scale), (None, None), (None, None) if spatial else (0.0, 0.0)] * count
-        free = {"sum": (0.0, 0.0), "slack": (None, None)}
-        bounds.append(free.get(aim, (0.0, None)))
+        bounds.append((0.0, 0.0) if aim == "sum" else (0.0, None))
         upper: list[Array] = []
+        above: list[float] = []
+        if aim == "slack":
+            for k, (low, high) in enumerate(bounds[:-1]):
+                if high != 0.0 and low is not None:
+                    upper += [_row(width, {k: 1.0, width - 1: -1.0}), _row(width, {k: -1.0, width - 1: -1.0})]
+                    above += [high, -low]
+                    bounds[k] = (None, None)
         for k in range(first if aim == "tension" else 0):
             upper.append(_row(width, {k: 1.0, width - 1: -1.0}))
         for c in range(count if aim == "normal" else 0):
@@ -214,10 +220,12 @@ class Forces:
                         entries[width - 1] = -1.0
                     cone.append(_row(width, entries))
             matrix = np.array(upper + cone)
+            right_above = np.zeros(len(matrix))
+            right_above[: len(above)] = above
             found = linprog(
                 cost,
                 A_ub=matrix if len(matrix) else None,
-                b_ub=np.zeros(len(matrix)) if len(matrix) else None,
+                b_ub=right_above if len(matrix) else None,
                 A_eq=rows[keep],
                 b_eq=right[keep] / scale,
                 bounds=bounds,

@@ -76,10 +76,10 @@ class Fingers:
                 _, chord, bend = self._arc_gap(root, side, turn)
                 half = 0.5 * bend
                 length = chord * np.where(np.abs(half) < 1e-9, 1.0, half / np.where(half == 0, 1, np.sin(half)))
-                for place, l1, b in zip(root, length, bend, strict=True):
-                    if self.hand.bounds[0] <= l1 <= self.hand.bounds[1] and abs(b) <= MOST:
-                        k = b / l1
-                        found += self._ended(float(place), side, np.array([k, k]), float(l1), bends=True)
+                good = (length >= self.hand.bounds[0]) & (length <= self.hand.bounds[1]) & (np.abs(bend) <= MOST)
+                if good.any():
+                    first = np.repeat((bend / length)[good, None], 2, axis=1)
+                    found += self._ended(root[good], side, first, length[good], bends=True)
         return found
 
     def clothoids(self, count: int = 180) -> list[Posture]:
@@ -87,17 +87,18 @@ class Fingers:
         u = np.arange(count) / count
         found = []
         for side in (1, -1):
-            for place, first, length in self._first(u, side):
-                found += self._ended(place, side, first, length, bends=False)
+            first = self._first(u, side)
+            if first:
+                places, ends, lengths = (np.array(v) for v in zip(*first, strict=True))
+                found += self._ended(places, side, ends, lengths, bends=False)
         return found
 
     def free_arcs(self, count: int = 400) -> list[Posture]:
         """Shapes of two arcs of given lengths that touch with the tip alone, for many first curvatures."""
         lengths = self._fixed_lengths()
-        found = []
-        for k in np.linspace(-MOST, MOST, count) / lengths[0]:
-            found += self._ended(k * lengths[0], 1, np.array([k, k]), float(lengths[0]), bends=True)
-        return found
+        turns = np.linspace(-MOST, MOST, count)
+        first = np.repeat((turns / lengths[0])[:, None], 2, axis=1)
+        return self._ended(turns, 1, first, np.full(count, lengths[0]), bends=True)
 
     # -- one shape from a near one ----------------------------------------------------------------------------
 
@@ -212,29 +213,41 @@ class Fingers:
                 found.append((float(where[row[k]]), ends, float(length[k])))
         return found
 
-    def _ended(self, u: float, side: int, first: Array, l1: float, bends: bool) -> list[Posture]:
-        """All second elements whose tip touches."""
+    def _ended(self, u: Array, side: int, first: Array, l1: Array, bends: bool) -> list[Posture]:
+        """All shapes with these first elements (curvatures (n, 2), lengths (n,)) whose tips touch."""
         hand = self.hand
         l2 = hand.length - l1
-        joint = self.base + walk(hand.angle, first[0], first[1], l1)
-        angle = hand.angle + 0.5 * (first[0] + first[1]) * l1
-        lengths = np.array([l1, l2])
+        joint = self.base + walk(hand.angle, first[:, 0], first[:, 1], l1)
+        angle = hand.angle + 0.5 * (first[:, 0] + first[:, 1]) * l1
         if not hand.tip:
-            return [Posture(u, side, np.array([first, [first[1], first[1]]]), lengths)]
-        if np.linalg.norm(joint - np.array(self.numbers.com)) > self.numbers.size + hand.thickness + l2:
-            return []
-        grid = np.linspace(-MOST, MOST, 141) / l2
-        gap = self._tip_gap(grid, joint, angle, first[1], l2, bends)
-        k = np.nonzero(np.sign(gap[:-1]) != np.sign(gap[1:]))[0]
-        if not len(k):
+            last = np.repeat(first[:, 1:], 2, axis=1)
+            ends = np.stack([first, last], axis=1)
+            return [Posture(float(p), side, e, np.array([a, b])) for p, e, a, b in zip(u, ends, l1, l2, strict=True)]
+        grid = np.linspace(-MOST, MOST, 141)
+        centre, reach = np.array(self.numbers.com), self.numbers.size + hand.thickness
+        begin = (grid if bends else first[:, 1:] * l2[:, None]) / l2[:, None]
+        tips = joint[:, None] + walk(angle[:, None], begin, grid / l2[:, None], l2[:, None])
+        gap = np.linalg.norm(tips - centre, axis=-1) - reach
+        close = gap < 0.0  # within the circle around the object, where the true gap is worth its price
+        if close.any():
+            gap[close] = self.outline.gap(tips[close])
+        row, k = np.nonzero(np.sign(gap[:, :-1]) != np.sign(gap[:, 1:]))
+        if not len(row):
             return []
         ends = refine(
-            lambda v: self._tip_gap(v, joint, angle, first[1], l2, bends), grid[k], grid[k + 1], tolerance=1e-13
+            lambda v: self._tip_gap(v / l2[row], joint[row], angle[row], first[row, 1], l2[row], bends),
+            grid[k],
+            grid[k + 1],
+            tolerance=1e-14,
         )
-        return [Posture(u, side, np.array([first, [e if bends else first[1], e]]), lengths) for e in ends]
+        found = []
+        for n, end in zip(row, ends / l2[row], strict=True):
+            shape = np.array([first[n], [end if bends else first[n, 1], end]])
+            found.append(Posture(float(u[n]), side, shape, np.array([l1[n], l2[n]])))
+        return found
 
-    def _tip_gap(self, end: Array, joint: Array, angle: float, start: float, length: float, bends: bool) -> Array:
-        begin = end if bends else np.full_like(end, start)
+    def _tip_gap(self, end: Array, joint: Array, angle: Any, start: Any, length: Any, bends: bool) -> Array:
+        begin = end if bends else np.broadcast_to(start, end.shape)
         return np.asarray(self.outline.gap(joint + walk(angle, begin, end, length)))
 
     def _finish(self, u: float, side: int, first: Array, l1: float, guess: float, bends: bool) -> Posture | None:
@@ -260,7 +273,7 @@ class Fingers:
             if f1 == f0:
                 return x1 if abs(f1) < 1e-12 else None
             x2 = x1 - f1 * (x1 - x0) / (f1 - f0)
-            if abs(x2 - start) > 2e5 * step:
+            if abs(x2 - start) > 1e6 * step:
                 return None
             x0, f0, x1 = x1, f1, x2
             f1 = float(f(x1))

@@ -61,7 +61,7 @@ class _Smooth:
     """A superellipse about its centre."""
 
     SAMPLES = 128
-    HALVINGS = 44
+    STEPS = 12
 
     def __init__(self, axes: tuple[float, float], power: float, grown: float) -> None:
         self.a, self.b = axes
@@ -83,18 +83,31 @@ class _Smooth:
         point, normal = self._bare(2.0 * math.pi * u)
         return point + self.grown * normal, normal
 
+    def _aside(self, turn: Array, points: Array) -> Array:
+        """Which way along the outline a point lies from the foot at a place; positive: ahead."""
+        foot, normal = self._bare(turn)
+        away = points - foot
+        return np.asarray(normal[:, 0] * away[:, 1] - normal[:, 1] * away[:, 0])
+
     def nearest(self, points: Array) -> tuple[Array, Array]:
         flat = points.reshape(-1, 2)
         start = self._turns[np.argmin(((flat[:, None, :] - self._table) ** 2).sum(-1), axis=1)]
         step = 2.0 * math.pi / self.SAMPLES
         low, high = start - step, start + step
-        for _ in range(self.HALVINGS):
-            middle = 0.5 * (low + high)
-            foot, normal = self._bare(middle)
-            away = flat - foot
-            ahead = normal[:, 0] * away[:, 1] - normal[:, 1] * away[:, 0] > 0.0
-            low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
-        foot, normal = self._bare(0.5 * (low + high))
+        behind, ahead = self._aside(low, flat), self._aside(high, flat)
+        before = np.zeros(len(flat))
+        for _ in range(self.STEPS):  # Illinois: the secant, with the value halved at an end that stays twice
+            turn = low - behind * (high - low) / np.where(ahead == behind, 1.0, ahead - behind)
+            turn = np.where((turn > low) & (turn < high), turn, 0.5 * (low + high))
+            here = self._aside(turn, flat)
+            right = here < 0.0
+            ahead, behind = (
+                np.where(right, here, np.where(before == -1, 0.5 * ahead, ahead)),
+                np.where(right, np.where(before == 1, 0.5 * behind, behind), here),
+            )
+            before = np.where(right, 1, -1)
+            low, high = np.where(right, low, turn), np.where(right, turn, high)
+        foot, normal = self._bare(turn)
         gap = ((flat - foot) * normal).sum(-1) - self.grown
         return gap.reshape(points.shape[:-1]), normal.reshape(points.shape)
 

@@ -16,8 +16,10 @@ from benchmarks.grasp_oracle.numbers import Numbers
 
 Array = NDArray[Any]
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-REFINED = 4
+REFINED = 3
 """Starts of the refinement."""
+NEARLY = 0.15
+"""Excess over the limits up to which a shape between two of the scan may keep them all."""
 
 
 @dataclass(frozen=True)
@@ -195,18 +197,61 @@ class Search:
             got = value(posture, exact=self.isolated)
             if got is not None:
                 found.append((got[0], posture, got[1]))
-        if not found:
-            return None
         found.sort(key=lambda f: f[0])
         if self.isolated:
-            return Best(sign * found[0][0], found[0][1], found[0][2])
+            return Best(sign * found[0][0], found[0][1], found[0][2]) if found else None
         results = []
         for _, start, _ in self._apart(found):
+            results += self._refined(start, value, numbers, room)
+        for start in self._slivers([f[1] for f in found], numbers, room):
             results += self._refined(start, value, numbers, room)
         if not results:
             return None
         best = min(results, key=lambda r: r[0])
         return Best(sign * best[0], best[1], best[2])
+
+    def _slivers(self, found: list[Posture], numbers: Numbers, room: float) -> list[Posture]:
+        """Shapes that hold between places of the scan where none does."""
+        forces = Forces(numbers)
+        unit = max(numbers.scale, numbers.limits.mass * max(math.hypot(*numbers.gravity), numbers.lift))
+        length = self.hand.length
+
+        def excess(posture: Posture, deep: float | None = None) -> float:
+            deep = self.fingers.depth([posture])[0] if deep is None else deep
+            over = max((deep - room) / (0.02 * length), self.bend(posture) / numbers.limits.bend - 1.0)
+            if math.isfinite(numbers.limits.strain):
+                over = max(over, self.strain(posture) / numbers.limits.strain - 1.0)
+            if over > NEARLY:
+                return math.inf if over > 5.0 * NEARLY else float(over)
+            got = forces.least(self._balance(posture), "slack", exact=False)
+            return math.inf if got is None else float(max(over, (got[0] - 1e-9 * unit) / unit))
+
+        known = {id(p) for p in found}
+        ranked = [
+            (excess(p, d), p, None) for p, d in zip(self.postures, self.depths, strict=True) if id(p) not in known
+        ]
+        ranked = sorted((r for r in ranked if r[0] < NEARLY), key=lambda r: r[0])
+        held = []
+        for _, start, _ in self._apart(ranked)[:2]:
+            walked = [start]
+
+            def at(u: float, walked: list[Posture] = walked) -> float:
+                near = self._from_nearest(walked, u)
+                return math.inf if near is None else excess(near)
+
+            _golden(at, start.u - self.step, start.u + self.step, 22, enough=0.0)
+            held += [p for p in walked if excess(p) <= 0.0][:1]
+        return held
+
+    def _from_nearest(self, walked: list[Posture], u: float) -> Posture | None:
+        """The shape at a place, from the nearest of those known; it is kept with them."""
+        like = min(walked, key=lambda p: abs(p.u - u))
+        if like.u == u:
+            return like
+        near = self.fingers.near(like, u)
+        if near is not None:
+            walked.append(near)
+        return near
 
     def _apart(self, found: list[Any]) -> list[Any]:
         """The best, each the best of its neighbourhood."""
@@ -221,10 +266,10 @@ class Search:
         return chosen
 
     def _refined(self, start: Posture, value: Any, numbers: Numbers, room: float) -> list[Any]:
-        results = []
+        results, walked = [], [start]
 
         def at(u: float) -> float:
-            posture = start if u == start.u else self.fingers.near(start, u)
+            posture = self._from_nearest(walked, u)
             if posture is None or self.fingers.depth([posture])[0] > room or not self.allowed(posture, numbers.limits):
                 return math.inf
             got = value(posture)
@@ -290,7 +335,9 @@ def _lifts(balance: Balance) -> list[int]:
     return [balance.first + 3 * c + 2 for c in range(len(balance.touches))]
 
 
-def _golden(f: Callable[[float], float], low: float, high: float, steps: int) -> tuple[float, float]:
+def _golden(
+    f: Callable[[float], float], low: float, high: float, steps: int, enough: float = -math.inf
+) -> tuple[float, float]:
     """Place and value of the least of a function with one valley, infinite values being hills."""
     a, b = low, high
     c, d = b - GOLDEN * (b - a), a + GOLDEN * (b - a)
@@ -298,6 +345,8 @@ def _golden(f: Callable[[float], float], low: float, high: float, steps: int) ->
     middle = f(0.5 * (a + b))
     best = (0.5 * (a + b), middle)
     for _ in range(steps):
+        if min(fc, fd, middle) <= enough:
+            break
         if fc < fd or (math.isinf(fc) and math.isinf(fd) and best[0] < 0.5 * (a + b)):
             b, d, fd = d, c, fc
             c = b - GOLDEN * (b - a)
