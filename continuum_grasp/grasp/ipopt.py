@@ -42,6 +42,9 @@ DEEP = 2e-5
 """Penetration between the places that are kept clear above which they are moved (problem's units)."""
 
 
+_PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
+
+
 @dataclass(frozen=True)
 class Attempt:
     """What one start of the solver gave.
@@ -163,14 +166,15 @@ class GraspSolverRun:
         self.problem = GraspProblem(make)
         self.reader = PointReader(self.problem)
         self._near = Surroundings(self.problem)
-        self._solvers: dict[tuple[Any, ...], tuple[ca.Function, _Stop]] = {}
+        self._solvers: dict[tuple[Any, ...], tuple[ca.Function, ca.Function, _Stop]] = {}
         self.build_seconds = time.perf_counter() - began
 
     def prepare(self, scene: GraspScene) -> None:
         """Build IPOPT for the options of a scene, unless that was done."""
         self._solver(scene)
 
-    def _solver(self, scene: GraspScene) -> tuple[ca.Function, _Stop]:
+    def _solver(self, scene: GraspScene) -> tuple[ca.Function, ca.Function, _Stop]:
+        """IPOPT for a start, for a point next to the answer, and what stops both."""
         wanted, parts = scene.solver, self.problem.parts
         key = (wanted.tolerance, wanted.max_iterations)
         if key not in self._solvers:
@@ -185,6 +189,9 @@ class GraspSolverRun:
                 "ipopt.print_level": 0,
                 "ipopt.sb": "yes",
                 "ipopt.mu_strategy": "monotone",
+                "ipopt.mu_init": 1e-2,
+                "ipopt.mu_linear_decrease_factor": 0.1,
+                "ipopt.mu_superlinear_decrease_power": 1.7,
                 "ipopt.tol": wanted.tolerance,
                 "ipopt.constr_viol_tol": min(1e-9, wanted.tolerance),
                 "ipopt.acceptable_tol": 100 * wanted.tolerance,
@@ -192,7 +199,17 @@ class GraspSolverRun:
                 "ipopt.max_iter": wanted.max_iterations,
             }
             nlp = {"x": x, "f": self.problem.objective, "g": g, "p": p}
-            self._solvers[key] = ca.nlpsol("grasp", "ipopt", nlp, options), stop
+            cold = ca.nlpsol("grasp", "ipopt", nlp, options)
+            derivatives = {name: cold.get_function(f"nlp_{name}") for name in ("grad_f", "jac_g", "hess_l")}
+            options |= {
+                "grad_f": derivatives["grad_f"],
+                "jac_g": derivatives["jac_g"],
+                "hess_lag": derivatives["hess_l"],
+                "ipopt.warm_start_init_point": "yes",
+                "ipopt.mu_init": 1e-6,
+                **{f"ipopt.warm_start_{name}": 1e-7 for name in _PUSHES},
+            }
+            self._solvers[key] = cold, ca.nlpsol("grasp_again", "ipopt", nlp, options), stop
             self.build_seconds += time.perf_counter() - began
         return self._solvers[key]
 
@@ -239,7 +256,8 @@ class GraspSolverRun:
             values["effort weight"] = EFFORT_WHEN_RELAXED
             self._relax(values, low, high, x, relaxed, given or {}, units)
         x = np.clip(x, low, high)
-        solver, stop = self._solver(scene)
+        solver, again, stop = self._solver(scene)
+        multipliers: dict[str, Any] = {}
         stop.until = until
         g_low, g_high = problem.parts.g_bounds
         began, iterations, outcome = time.perf_counter(), 0, ""
@@ -247,7 +265,7 @@ class GraspSolverRun:
         for _ in range(ROUNDS):
             numbers = problem.numbers.pack({**values, **obstacles})
             with stop.on_interrupt():
-                found = solver(x0=x, lbx=low, ubx=high, lbg=g_low, ubg=g_high, p=numbers)
+                found = solver(x0=x, lbx=low, ubx=high, lbg=g_low, ubg=g_high, p=numbers, **multipliers)
             stats = solver.stats()
             x, g = np.array(found["x"]).ravel(), np.array(found["g"]).ravel()
             outcome, iterations = str(stats["return_status"]), iterations + int(stats["iter_count"])
@@ -256,6 +274,7 @@ class GraspSolverRun:
             obstacles, deepest = self._near.look(scene, x, numbers)
             renewed = problem.numbers.pack({**values, **obstacles})
             room = deepest - self._room(x)
+            solver, multipliers = again, {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
             if room < DEEP and not self._stale(x, g, np.array(found["lam_g"]).ravel(), renewed):
                 break
         return Attempt(

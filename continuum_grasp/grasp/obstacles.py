@@ -11,6 +11,7 @@ superellipses; the search renews them until they hold.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -27,6 +28,8 @@ SIZE = 6
 """Numbers of an obstacle: w, n (2), v (2), r."""
 _FLAT = 50.0
 """Radius of curvature, in sizes of the part, from which on a superellipse counts as flat."""
+_COUNT = 65
+_SPACING = 0.5 * np.pi / (_COUNT - 1)
 
 
 def distance_to(point: ca.SX, obstacle: ca.SX) -> ca.SX:
@@ -125,18 +128,24 @@ def _at(t: Array, a: float, b: float, power: float) -> tuple[Array, Array, Array
 
 
 def _nearest_parameter(points: Array, a: float, b: float, power: float) -> Array:
-    """Parameter of the surface point nearest to each point of the first quadrant, by golden section from a scan."""
-    grid = np.linspace(0.0, 0.5 * np.pi, 33)
-    foot = _at(grid, a, b, power)[0]
-    pick = np.linalg.norm(points[:, None, :] - foot, axis=2).argmin(axis=1)
-    low, high = grid[np.maximum(pick - 1, 0)], grid[np.minimum(pick + 1, 32)]
-    ratio = 0.5 * (np.sqrt(5.0) - 1.0)
-    for _ in range(42):
-        one, two = high - ratio * (high - low), low + ratio * (high - low)
-        nearer = _reach(points, one, a, b, power) < _reach(points, two, a, b, power)
-        low, high = np.where(nearer, low, one), np.where(nearer, two, high)
-    return np.asarray(0.5 * (low + high))
+    """Parameter of the surface point nearest to each point of the first quadrant: a scan, then Newton's method along
+    the circle of curvature.
+    """
+    grid, foot = _scan(a, b, power)
+    t = grid[((points[:, None, :] - foot) ** 2).sum(axis=2).argmin(axis=1)]
+    for _ in range(4):
+        at, normal, radius = _at(t, a, b, power)
+        step = 1e-6 * np.where(t > 0.7, -1.0, 1.0)
+        speed = np.linalg.norm(_at(t + step, a, b, power)[0] - at, axis=1) / np.abs(step)
+        away = points - at
+        along = away[:, 1] * normal[:, 0] - away[:, 0] * normal[:, 1]  # counter-clockwise, as t grows
+        bent = np.maximum(1.0 + (away * normal).sum(axis=1) / radius, 0.2)
+        change = np.clip(along / bent / np.maximum(speed, 1e-300), -_SPACING, _SPACING)
+        t = np.clip(t + change, 0.0, 0.5 * np.pi)
+    return np.asarray(t)
 
 
-def _reach(points: Array, t: Array, a: float, b: float, power: float) -> Array:
-    return np.asarray(((points - _at(t, a, b, power)[0]) ** 2).sum(axis=1))
+@lru_cache(maxsize=64)
+def _scan(a: float, b: float, power: float) -> tuple[Array, Array]:
+    grid = np.linspace(0.0, 0.5 * np.pi, _COUNT)
+    return grid, _at(grid, a, b, power)[0]

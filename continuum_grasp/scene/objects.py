@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Annotated, Literal, TypeAlias
 
@@ -186,7 +187,8 @@ class _Thing(Value):
     @property
     def size(self) -> float:
         """Greatest distance of the boundary from the centre of mass [m]."""
-        return max(math.dist(self.com, p) for part in self.parts for p in part.outline())
+        com = self.com
+        return max(_farthest(part, com) for part in self.parts)
 
     @property
     def pose(self) -> tuple[float, float, float]:
@@ -402,6 +404,11 @@ GraspObject = Annotated[
     Circle | Ellipse | Superellipse | Box | Polygon | RoundedPolygon | Union, Field(discriminator="shape")
 ]
 """What can be grasped."""
+
+
+@lru_cache(maxsize=256)
+def _farthest(part: Part, point: Point) -> float:
+    return max(math.dist(point, p) for p in part.outline())
 
 
 def _mover(position: Point, angle: float):  # type: ignore[no-untyped-def]
