@@ -98,7 +98,7 @@ class _Smooth:
         before = np.zeros(len(flat))
         for _ in range(self.STEPS):  # Illinois: the secant, with the value halved at an end that stays twice
             turn = low - behind * (high - low) / np.where(ahead == behind, 1.0, ahead - behind)
-            turn = np.where((turn > low) & (turn < high), turn, 0.5 * (low + high))
+            turn = np.where((turn >= low) & (turn <= high), turn, 0.5 * (low + high))
             here = self._aside(turn, flat)
             right = here < 0.0
             ahead, behind = (
