@@ -55,7 +55,7 @@ def test_public_names_are_all_there():
         continuum_grasp.nothing  # noqa: B018
 
 
-@pytest.mark.parametrize("verb", ["simulate", "grasp", "modes", "codegen", "schema", "validate", "doctor"])
+@pytest.mark.parametrize("verb", ["simulate", "grasp", "sweep", "modes", "codegen", "schema", "validate", "doctor"])
 def test_every_verb_explains_itself(verb):
     assert run(verb, "--help").exit_code == 0
     assert verb in run("--help").output

@@ -126,7 +126,7 @@ def test_pictures_are_drawn(tmp_path):
 def test_what_is_in_the_pictures(tmp_path):
     table = swept(tmp_path, vary={**GRID, "contacts.friction": {"from": 0.1, "to": 1.0, "count": 5, "spacing": "log"}})
     ax = plot_map(map_of(table, "object.mass", "contacts.friction", "tension_max"))
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["too heavy: 5"]
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["no grasp, too heavy: 5"]
     assert ax.get_yscale() == "log"
     assert ax.get_xlabel() == "object.mass [kg]"
     shown = ax.collections[0].get_array()

@@ -135,7 +135,12 @@ def _draw_grid(ax: Axes, drawn: DrawableMap, kinds: list[str]) -> ScalarMappable
             edgecolor=GREY,
             linewidth=0.0,
         )
-        _patch(ax, _SHADES[k % len(_SHADES)], _HATCHES[k % len(_HATCHES)], f"{kind}: {int((drawn.kind == kind).sum())}")
+        _patch(
+            ax,
+            _SHADES[k % len(_SHADES)],
+            _HATCHES[k % len(_HATCHES)],
+            f"no grasp, {kind}: {int((drawn.kind == kind).sum())}",
+        )
     for set_scale, set_ticks, values in (
         (ax.set_xscale, ax.set_xticks, drawn.x),
         (ax.set_yscale, ax.set_yticks, drawn.y),
@@ -158,7 +163,7 @@ def _draw_points(ax: Axes, drawn: DrawableMap, kinds: list[str]) -> ScalarMappab
             marker=_MARKERS[k % len(_MARKERS)],
             color=GREY,
             linewidths=1.0,
-            label=f"{kind}: {int(here.sum())}",
+            label=f"no grasp, {kind}: {int(here.sum())}",
         )
     there = np.isfinite(drawn.color)
     return ax.scatter(drawn.x[there], drawn.y[there], s=size, c=drawn.color[there], cmap=time_map(), linewidths=0.0)
