@@ -202,5 +202,5 @@ def _amount(value: float, unit: str) -> str:
 
 def _scene(result: GraspResult) -> str:
     given = result.scene.model_dump(mode="json", exclude_unset=True)
-    text = escaped(yaml_text(given))
+    text = escaped(yaml_text(given, exact=True))
     return details("Configuration, as it was read", f"<pre>{text}</pre>")

@@ -52,7 +52,11 @@ def statistics_table(statistics: Mapping[str, Any]) -> str:
         if isinstance(value, (list, tuple)) and value and all(isinstance(v, Mapping) for v in value):
             head = list(dict.fromkeys(key for row in value for key in row))
             rows = [[_said(row.get(key)) for key in head] for row in value]
-            tables.append(details(f"{name.replace('_', ' ')} ({len(value)})", table(head, rows)))
+            tables.append(
+                details(
+                    f"{name.replace('_', ' ')} ({len(value)})", table([key.replace("_", " ") for key in head], rows)
+                )
+            )
         else:
             simple.append((name.replace("_", " "), _said(value)))
     return "\n".join((table((), simple, (1,)), *tables))

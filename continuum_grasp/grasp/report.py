@@ -128,12 +128,10 @@ def _contact_lines(result: GraspResult) -> list[str]:
     lift = f"{'lift [N]':>10}" if lifted else ""
     lines = [f"  {'contact':<{width}}    x [mm]    y [mm]  normal [N]  friction [N]{lift}  margin"]
     for c in result.contacts:
-        x, y = 1e3 * c.position
+        x, y, friction = (round(v, 3) + 0.0 for v in (*(1e3 * c.position), c.friction_force))  # no -0.0
         margin = abs(c.friction_margin) if abs(c.friction_margin) < 5e-7 else c.friction_margin
         lift = f"{c.lift:10.3f}" if lifted else ""
-        lines.append(
-            f"  {c.name:<{width}}{x:10.2f}{y:10.2f}{c.normal_force:12.3f}{c.friction_force:14.3f}{lift}{margin:8.1%}"
-        )
+        lines.append(f"  {c.name:<{width}}{x:10.2f}{y:10.2f}{c.normal_force:12.3f}{friction:14.3f}{lift}{margin:8.1%}")
     return lines
 
 

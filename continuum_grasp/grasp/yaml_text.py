@@ -15,29 +15,33 @@ _WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
 _WIDTH = 110
 
 
-def yaml_text(value: Any) -> str:
+def yaml_text(value: Any, *, exact: bool = False) -> str:
     """Mappings, lists, texts, numbers and None as block-style YAML 1.1, which 1.2 reads alike.
 
     Parameters
     ----------
     value : dict, list, ndarray, str, float, int, bool or None
         What to write.
+    exact : bool, optional
+        Keep all digits of numbers, so that the same ones are read back; otherwise nine.
 
     Returns
     -------
     str
-        Ends in a line break. Numbers keep nine digits.
+        Ends in a line break.
     """
-    value = _plain(value)
+    value = _plain(value, exact)
     return ("\n".join(_lines(value)) if isinstance(value, (dict, list)) and value else _scalar(value)) + "\n"
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any, exact: bool) -> Any:
     if isinstance(value, Mapping):
-        return {str(key): _plain(inner) for key, inner in value.items()}
+        return {str(key): _plain(inner, exact) for key, inner in value.items()}
     if hasattr(value, "tolist"):  # of numpy
         value = value.tolist()
-    return [_plain(inner) for inner in value] if isinstance(value, (list, tuple)) else value
+    if isinstance(value, (list, tuple)):
+        return [_plain(inner, exact) for inner in value]
+    return float(f"{value:.9g}") if isinstance(value, float) and not exact else value
 
 
 def _lines(value: Any) -> list[str]:
@@ -94,8 +98,7 @@ def _scalar(value: Any) -> str:
 def _number(value: float) -> str:
     if not math.isfinite(value):
         return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
-    text = f"{value:.9g}"
-    digits, exponent, power = text.partition("e")
+    digits, exponent, power = repr(value).partition("e")
     if "." not in digits:  # 1e-06 would be a text in YAML 1.1
         digits += ".0"
     return digits + exponent + power
