@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING
 import casadi as ca
 
 from continuum_grasp.grasp.numbers import APEX
-from continuum_grasp.grasp.unit_finger import rotation
+from continuum_grasp.grasp.unit_finger import FingerMake, rotation
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.problem import GraspProblem, TouchState
+    from continuum_grasp.grasp.problem import FingerState, GraspProblem, TouchState
 
 __all__ = ["add_disturbances"]
 
@@ -43,9 +43,13 @@ def add_disturbances(problem: GraspProblem) -> ca.SX:
     """Add unknowns and constraints for all wrenches; returns the factor by which each of them is resisted."""
     factor = problem.parts.unknown("resisted disturbance")
     wrenches = ca.reshape(problem.numbers("wrenches", 3 * problem.make.wrenches), 3, problem.make.wrenches)
+    slopes = [
+        _slope(finger, [c for c in problem.contacts if c.make.finger == index])
+        for index, finger in enumerate(problem.fingers)
+    ]
     for k in range(problem.make.wrenches):
         change = _changes(problem, k)
-        moved = [_moved(problem, change, index) for index in range(len(problem.fingers))]
+        moved = [_moved(problem, change, index, slope) for index, slope in enumerate(slopes)]
         _balance_fingers(problem, change, moved, k)
         _balance_object(problem, change, factor * wrenches[:, k], k)
         _stick(problem, change, moved, k)
@@ -85,30 +89,44 @@ class _Moved:
     """Angles there (N,)."""
 
 
-def _moved(problem: GraspProblem, change: _Change, index: int) -> _Moved:
-    """Derivative of a finger's equations along the changes."""
-    finger = problem.fingers[index]
+def _slope(finger: FingerState, touching: list[TouchState]) -> ca.SX:
+    """Derivative of (missing force, ends, angles) with respect to (q, u, w), in units and axes of the finger."""
     unit, make = finger.unit, finger.make
     model, share, h = unit.model, unit.number("force share"), unit.number("thickness")
-    back = rotation(-finger.base[2])
     q, u, w = (ca.SX.sym(name, size) for name, size in (("q", model.n), ("u", 3), ("w", model.nw)))
     rest = ca.SX.zeros(model.n)
     missing = model.inverse_dynamics(q, rest, rest, u, w, finger.p)
     missing -= unit.hanging_masses(q, u, finger.p, finger.base[2])
     ends, angles = model.joints(q, u, finger.p)
+    back = rotation(-finger.base[2])
+    now = {c.make.joint: (back @ c.world / share, -h * c.force[1] / share) for c in touching}
+    forces = {joint: force for joint, (force, _) in now.items()}
+    couples = {joint: couple for joint, (_, couple) in now.items()}
+    slope = ca.jacobian(ca.vertcat(missing, ca.vec(ends), angles), ca.vertcat(q, u, w))
+    return ca.substitute(slope, ca.vertcat(q, u, w), ca.vertcat(finger.q, finger.u, _loads(make, forces, couples)))
 
-    def along(value: ca.SX, dq: ca.SX, du: ca.SX, dw: ca.SX) -> ca.SX:
-        return ca.jtimes(value, ca.vertcat(q, u, w), ca.vertcat(dq, du, dw))
 
+def _loads(make: FingerMake, forces: dict[int, ca.SX], couples: dict[int, ca.SX]) -> ca.SX:
+    """The model's loads for forces and couples by joint; the tip is -1, its couple is an input."""
+    middles, zero = range(len(make.before)), ca.SX.zeros(2)
+    return ca.vertcat(*(forces.get(k, zero) for k in [*middles, -1]), *(couples.get(k, 0.0) for k in middles))
+
+
+def _moved(problem: GraspProblem, change: _Change, index: int, slope: ca.SX) -> _Moved:
+    """What the changes make of a finger."""
+    finger = problem.fingers[index]
+    unit, make = finger.unit, finger.make
+    share, h = unit.number("force share"), unit.number("thickness")
+    back = rotation(-finger.base[2])
     touching = [
         (c, _force_change(c, own, change.pose[2]))
         for c, own in zip(problem.contacts, change.forces, strict=True)
         if c.make.finger == index
     ]
-    no_q, no_w = rest, ca.SX.zeros(model.nw)
-    du = unit.input(change.pulls[index], ca.SX(0))
-    turns = along(angles, change.q[index], du, no_w)
-    by_couple = along(angles, no_q, ca.SX([0, 0, 1]), no_w)
+    n, rows = unit.model.n, slope.shape[0] - make.elements
+    angles, du = slope[rows:, :], unit.input(change.pulls[index], ca.SX(0))
+    turns = angles[:, : n + 3] @ ca.vertcat(change.q[index], du)
+    by_couple = angles[:, n + 2]
     couples = {}
     for contact, force in sorted(touching, key=lambda t: t[0].make.joint):  # the tip's first
         # The couple of a surface force about the backbone is -h n x F, and n turns with the section.
@@ -119,15 +137,9 @@ def _moved(problem: GraspProblem, change: _Change, index: int) -> _Moved:
             couple /= 1.0 - h * by_couple[end] * pressure / share  # which turns the tip itself
             du[2], turns = couple, turns + by_couple * couple
         couples[contact.make.joint] = couple
-    now = {c.make.joint: (back @ c.world / share, -h * c.force[1] / share) for c, _ in touching}
     moved = {c.make.joint: back @ force / share for c, force in touching}
-    middles, zero = range(len(make.before)), ca.SX.zeros(2)
-    places = [*middles, -1]
-    w_now = [*(now[k][0] if k in now else zero for k in places), *(now[k][1] if k in now else 0.0 for k in middles)]
-    dw = ca.vertcat(*(moved.get(k, zero) for k in places), *(couples.get(k, 0.0) for k in middles))
-    found = [along(v, change.q[index], du, dw) for v in (missing, ca.vec(ends), angles)]
-    values = ca.substitute(found, [q, u, w], [finger.q, finger.u, ca.vertcat(*w_now)])
-    return _Moved(values[0], ca.reshape(values[1], 2, make.elements), values[2])
+    values = slope @ ca.vertcat(change.q[index], du, _loads(make, moved, couples))
+    return _Moved(values[:n], ca.reshape(values[n:rows], 2, make.elements), values[rows:])
 
 
 def _balance_fingers(problem: GraspProblem, change: _Change, moved: list[_Moved], k: int) -> None:

@@ -28,7 +28,7 @@ SIZE = 6
 """Numbers of an obstacle: w, n (2), v (2), r."""
 _FLAT = 50.0
 """Radius of curvature, in sizes of the part, from which on a superellipse counts as flat."""
-_COUNT = 65
+_COUNT = 129
 _SPACING = 0.5 * np.pi / (_COUNT - 1)
 
 
@@ -133,7 +133,7 @@ def _nearest_parameter(points: Array, a: float, b: float, power: float) -> Array
     """
     grid, foot = _scan(a, b, power)
     t = grid[((points[:, None, :] - foot) ** 2).sum(axis=2).argmin(axis=1)]
-    for _ in range(4):
+    for _ in range(8):
         at, normal, radius = _at(t, a, b, power)
         step = 1e-6 * np.where(t > 0.7, -1.0, 1.0)
         speed = np.linalg.norm(_at(t + step, a, b, power)[0] - at, axis=1) / np.abs(step)

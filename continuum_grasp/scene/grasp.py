@@ -195,7 +195,7 @@ class GraspSolver(Value):
     """Seed of the random starts; equal seeds give equal results."""
     time_limit: Positive = 60.0
     """Time for the whole search, diagnosis included [s]."""
-    max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 500
+    max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 200
     """Iterations of one solver run."""
     tolerance: Annotated[float, Field(ge=1e-15, le=1e-4)] = 1e-9
     """Relative tolerance of the solver, on optimality and constraints."""
