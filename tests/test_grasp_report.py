@@ -24,7 +24,7 @@ from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.grasp.shown import further_advice
 from continuum_grasp.grasp.yaml_text import yaml_text
 from continuum_grasp.plotting.grasp import plot_grasp
-from continuum_grasp.plotting.grasp_polygon import plot_resistance, resistance_extremes
+from continuum_grasp.plotting.grasp_polygon import plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp_view import GraspView
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.grasp import GraspScene
@@ -226,7 +226,7 @@ def test_page_tells_the_figures():
     page = Page(result_page(held(), resisted=CIRCLE))
     assert "12.250" in page.text
     assert "finger.tip" in page.text
-    assert "2 N whichever way" in page.text
+    assert "Resisted force: 2 N in any direction" in page.text
     assert "mass: 0.3" in page.text  # of the scene
     assert "0.25" in page.text  # of the statistics
 
@@ -310,6 +310,8 @@ def test_resisted_forces_are_drawn():
     assert resistance_extremes(CIRCLE) == pytest.approx((2.0, 2.0))
     assert resistance_extremes(np.full((4, 2), np.nan)) == (0.0, 0.0)
     assert resistance_extremes([[3.0, 0.0], [0.0, 1.0], [-2.0, 0.0], [np.nan, 1.0]]) == pytest.approx((1.0, 3.0))
+    assert resistance_words(CIRCLE) == "resisted force: 2 N in any direction,\nup to 2 N in the best"
+    assert resistance_words([[2.0, 0.0], [-np.inf, np.nan]]).endswith("without limit in the best")
     ax = plot_resistance(CIRCLE)
     assert ax.get_xlabel() == "force x [N]"
     assert ax.patches[0].get_xy()[0] == pytest.approx([2.0, 0.0])

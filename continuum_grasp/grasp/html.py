@@ -146,16 +146,16 @@ def _quality(result: GraspResult) -> str:
 
 
 def _resistance(resisted: ArrayLike | None) -> str:
-    from continuum_grasp.plotting.grasp_polygon import plot_resistance, resistance_extremes
+    from continuum_grasp.plotting.grasp_polygon import plot_resistance, resistance_extremes, resistance_words
     from continuum_grasp.plotting.inline import inline_svg
 
     if resisted is None or resistance_extremes(resisted)[1] <= 0:
         return ""
-    least, greatest = resistance_extremes(resisted)
     drawing = inline_svg(plot_resistance(resisted), "resisted", "resisted force by direction")
+    words = resistance_words(resisted)
     said = (
-        "The greatest pure force at the centre of mass that is resisted on top of the weight, direction by direction: "
-        f"{least:.3g} N whichever way it acts (dashed), {greatest:.3g} N in the best direction."
+        "The greatest pure force at the centre of mass that is resisted on top of the weight, direction by direction; "
+        f"the dashed circle is what is resisted whichever way it acts. {words[0].upper() + words[1:]}."
     )
     return f'<figure class="polygon">\n{drawing}\n<figcaption>{escaped(said)}</figcaption>\n</figure>'
 

@@ -14,7 +14,7 @@ from continuum_grasp.plotting.grasp_fingers import draw_fingers
 from continuum_grasp.plotting.grasp_labels import Label, place_labels
 from continuum_grasp.plotting.grasp_object import draw_object, draw_supports
 from continuum_grasp.plotting.grasp_panel import ROW, Row, panel_rows, write_panel
-from continuum_grasp.plotting.grasp_polygon import plot_resistance, resistance_extremes
+from continuum_grasp.plotting.grasp_polygon import plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp_view import MM, GraspView
 
 if TYPE_CHECKING:
@@ -113,9 +113,7 @@ def _sheet(view: GraspView, rows: list[Row], resisted: ArrayLike | None) -> Axes
     if polygon and resisted is not None:
         forces = quiet(_at(figure, right + 0.55, height - _ABOVE - text - 0.6 - _POLYGON, _POLYGON, _POLYGON))
         plot_resistance(resisted, ax=forces)
-        least, greatest = resistance_extremes(resisted)
-        words = f"resisted force: {least:.2g} N in any direction,\nup to {greatest:.2g} N in the best"
-        forces.set_title(words, fontsize=8, color=INK, loc="left", x=-0.26)
+        forces.set_title(resistance_words(resisted), fontsize=8, color=INK, loc="left", x=-0.26)
     return ax
 
 

@@ -13,7 +13,7 @@ from continuum_grasp.plotting.axes import BLUE, INK, ORANGE, new_axes
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_resistance", "resistance_extremes"]
+__all__ = ["plot_resistance", "resistance_extremes", "resistance_words"]
 
 Array = NDArray[Any]
 
@@ -62,6 +62,14 @@ def resistance_extremes(resisted: ArrayLike) -> tuple[float, float]:
     """Least and greatest of the resisted forces [N]; zeros where there is none."""
     sizes = np.hypot(*_finite(resisted).T)
     return (float(sizes.min()), float(sizes.max())) if sizes.size and math.isfinite(sizes.max()) else (0.0, 0.0)
+
+
+def resistance_words(resisted: ArrayLike) -> str:
+    """What the outline of the resisted forces says, in a sentence of two lines."""
+    least, greatest = resistance_extremes(resisted)
+    unlimited = np.isinf(np.asarray(resisted, dtype=float)).any()
+    most = "without limit in the best" if unlimited else f"up to {greatest:.2g} N in the best"
+    return f"resisted force: {least:.2g} N in any direction,\n{most}"
 
 
 def _finite(resisted: ArrayLike) -> Array:
