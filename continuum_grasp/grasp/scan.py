@@ -50,7 +50,8 @@ def postures(task: FingerTask, middles: tuple[bool, ...], tip: bool) -> Postures
             return None
         family = _with_tip(task, family) if tip else _free_end(family)
     else:
-        family = _tip_only(task) if tip else _untouched(task)
+        joint = task.counts[0] / 2.0 if task.arcs and task.counts == (1, 1) else None
+        family = _tip_only(task, joint) if tip else _untouched(task)
     if family is None:
         return None
     joints = _all_joints(task, family.joints, middles)
@@ -86,6 +87,7 @@ def _first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None
     here, size = middles.index(True), len(middles)
     low, high = task.bounds
     room = (high - low) / 20.0
+    one_arc = task.arcs and sum(task.counts[: here + 1]) == 1
     positions = np.linspace(low + room * here, high - room * (size - 1 - here), _POSITIONS)
     groups = []
     for part, shape in enumerate(task.shapes):
@@ -103,14 +105,14 @@ def _first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None
             continue
         ell = positions[row]
         guess = np.stack([first[column], last[column]], axis=1) / ell[:, None]
-        found = [_joined(task, part, ell, guess, walk)]
-        even = np.abs(guess[:, 0] - guess[:, 1]) * ell < 0.2 * _REACH
+        found = [] if one_arc else [_joined(task, part, ell, guess, walk)]
+        even = np.abs(guess[:, 0] - guess[:, 1]) * ell < (0.4 if one_arc else 0.2) * _REACH
         ell, bent, walk, good = arc_tangent(shape, ell[even], guess[even].mean(axis=1), walk[even])
         good &= (ell >= low) & (ell <= high)
         found.append(_to_joint(part, shape, ell[good], np.stack([bent, bent], axis=1)[good], walk[good]))
         groups += found
     family = _clear(task, join(groups))
-    if family is None or len(family) > _ENOUGH:
+    if family is None or one_arc or len(family) > _ENOUGH:
         return family
     step = positions[1] - positions[0]
     for part, shape in enumerate(task.shapes):
@@ -190,10 +192,12 @@ def _with_tip(task: FingerTask, family: Postures) -> Postures | None:
     point, angle = _ends(family)
     rest = 1.0 - family.knots[:, -1]
     count, tries = len(family), 33
+    one_arc = task.arcs and task.counts[-1] == 1
     begin = family.curvatures[:, -1]
     grid = np.linspace(-8.0, 8.0, tries)[None, :] / rest[:, None]
     grid = np.clip(grid, -25.0, 25.0)
-    pairs = np.stack([np.broadcast_to(begin[:, None], grid.shape), grid], axis=2).reshape(-1, 2)
+    first = grid if one_arc else np.broadcast_to(begin[:, None], grid.shape)
+    pairs = np.stack([first, grid], axis=2).reshape(-1, 2)
     end, turn, _, _ = stretch(np.repeat(rest, tries)[:, None], pairs)
     tips = point[:, None] + np.exp(1j * angle)[:, None] * end.reshape(count, tries)
     facing = angle[:, None] + turn.reshape(count, tries)
@@ -210,19 +214,28 @@ def _with_tip(task: FingerTask, family: Postures) -> Postures | None:
         _, walk = shape.nearest(near)
         ahead = np.cos(shape.walk(walk).angle - facing[row, column] - 0.5 * math.pi) < 0.4
         row, guess, walk = row[ahead], guess[ahead], walk[ahead]
-        curve = np.stack([begin[row], guess], axis=1)
-        bent, walk, good = touch(shape, (point[row], angle[row]), rest[row, None], curve, 1, walk)
-        good &= _front(shape, walk, angle[row], rest[row], bent)
+        curve = np.stack([guess if one_arc else begin[row], guess], axis=1)
+        columns = (0, 1) if one_arc else (1,)
+        bent, walk, good = touch(shape, (point[row], angle[row]), rest[row, None], curve, columns, walk)
+        good &= _in_front(shape, walk, angle[row] + 0.5 * rest[row] * (bent[:, 0] + bent[:, 1]))
         kept = family.take(row[good])
-        groups.append(_ended(kept, bent[good, 1], part, shape, walk[good]))
+        groups.append(_ended(_stepped(kept, bent[good, 0]), bent[good, 1], part, shape, walk[good]))
     found = join(groups)
     return None if found is None else _unique(found)
 
 
-def _front(shape: Shape, walk: Array, angle: Array, ell: Array, bent: Array) -> Array:
+def _in_front(shape: Shape, walk: Array, facing: Array) -> Array:
     """Whether the front half of the rounded tip touches."""
-    facing = angle + 0.5 * ell * (bent[:, 0] + bent[:, 1])
     return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= 1e-9)
+
+
+def _stepped(kept: Postures, bent: Array) -> Postures:
+    """With a step of the curvature at the end."""
+    if np.array_equal(kept.curvatures[:, -1], bent):
+        return kept
+    knots = np.concatenate([kept.knots, kept.knots[:, -1:]], axis=1)
+    curvatures = np.concatenate([kept.curvatures, bent[:, None]], axis=1)
+    return Postures(knots, curvatures, kept.joints, kept.parts, kept.points, kept.angles, kept.violation)
 
 
 def _ended(kept: Postures, bent: Array, part: int, shape: Shape, walk: Array) -> Postures:
@@ -252,18 +265,19 @@ def _free_end(family: Postures) -> Postures:
     )
 
 
-def _tip_only(task: FingerTask) -> Postures | None:
-    """Curves from the base whose tip touches: a family of two parameters, cut along a grid both ways."""
-    grid, ends, turns, sane = guess_table(_TIP_REACH, _TIP_GRID)
+def _tip_only(task: FingerTask, joint: float | None) -> Postures | None:
+    """Curves from the base whose tip touches: a family of two parameters, cut along a grid both ways.
+
+    Where ``joint`` is given they are two arcs that meet there.
+    """
+    grid, ends, turns, sane = guess_table(_TIP_REACH, _TIP_GRID, joint)
+    knots = np.array([0.0, 1.0] if joint is None else [0.0, joint, joint, 1.0])
     groups = []
-    zero = np.zeros(1)
     for part, shape in enumerate(task.shapes):
         gap = shape.distance(ends) - task.half
-        _, walk = shape.nearest(np.array([1j]))
-        straight = np.abs(shape.walk(walk).point - 1j) < 1e-9
-        straight &= _front(shape, walk, zero, np.ones(1), np.zeros((1, 2)))
-        if straight.all():
-            groups.append(_tips(np.zeros((1, 2)), part, shape, walk))
+        straight = _straight(shape)
+        if straight is not None:
+            groups.append(_tips(knots, np.zeros((1, len(knots))), part, shape, straight))
         for axis in (0, 1):
             one, two = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
             if axis == 1:
@@ -278,22 +292,30 @@ def _tip_only(task: FingerTask) -> Postures | None:
             _, walk = shape.nearest(near)
             ahead = np.cos(shape.walk(walk).angle - turns[one][i, j] - 0.5 * math.pi) < 0.4
             i, j, share, walk = i[ahead], j[ahead], share[ahead], walk[ahead]
-            step = grid[1] - grid[0]
-            curve = np.stack([grid[i], grid[j]], axis=1)
-            curve[:, axis] += share * step
-            count = len(i)
+            count, half = len(i), len(knots) // 2
+            curve = np.repeat(np.stack([grid[i], grid[j]], axis=1), half, axis=1)
+            columns = tuple(range(axis * half, axis * half + half))
+            curve[:, columns] += (share * (grid[1] - grid[0]))[:, None]
             start = (np.zeros(count, complex), np.zeros(count))
-            bent, walk, good = touch(shape, start, np.ones((count, 1)), curve, axis, walk)
-            good &= _front(shape, walk, np.zeros(count), np.ones(count), bent)
-            groups.append(_tips(bent[good], part, shape, walk[good]))
+            lengths = np.broadcast_to(np.diff(knots), (count, len(knots) - 1))
+            bent, walk, good = touch(shape, start, lengths, curve, columns, walk)
+            _, turn, _, _ = stretch(lengths, bent)
+            good &= _in_front(shape, walk, turn)
+            groups.append(_tips(knots, bent[good], part, shape, walk[good]))
     found = join(groups)
     return None if found is None else _unique(found)
 
 
-def _tips(bent: Array, part: int, shape: Shape, walk: Array) -> Postures:
+def _straight(shape: Shape) -> Array | None:
+    """The place where the tip of the straight finger touches."""
+    _, walk = shape.nearest(np.array([1j]))
+    touches = abs(complex(shape.walk(walk).point[0]) - 1j) < 1e-9
+    return walk if touches and _in_front(shape, walk, np.zeros(1)).all() else None
+
+
+def _tips(knots: Array, bent: Array, part: int, shape: Shape, walk: Array) -> Postures:
     count = len(walk)
-    knots = np.broadcast_to(np.array([0.0, 1.0]), (count, 2))
-    return _family(knots, bent, np.zeros((count, 0)), part, shape, walk)
+    return _family(np.broadcast_to(knots, (count, len(knots))), bent, np.zeros((count, 0)), part, shape, walk)
 
 
 def _untouched(task: FingerTask) -> Postures:
@@ -307,13 +329,15 @@ def _all_joints(task: FingerTask, on: Array, middles: tuple[bool, ...]) -> Array
     """Positions of all middle contacts: those that are off spread evenly between those that are on."""
     low, high = task.bounds
     count, size = len(on), len(middles)
+    if not any(middles):
+        shares = np.cumsum(task.counts)[:-1] / sum(task.counts)
+        return np.broadcast_to(shares, (count, size)).copy()
     out = np.zeros((count, size))
     places = [k for k in range(size) if middles[k]]
     for column, k in enumerate(places):
         out[:, k] = on[:, column]
-    marks = [-1, *places, size]
-    for a, b in pairwise(marks):
-        left = out[:, a] if a >= 0 else np.full(count, 0.0)
+    for a, b in pairwise([-1, *places, size]):
+        left = out[:, a] if a >= 0 else np.zeros(count)
         right = out[:, b] if b < size else np.ones(count)
         for k in range(a + 1, b):
             out[:, k] = np.clip(left + (right - left) * (k - a) / (b - a), low, high)

@@ -6,7 +6,7 @@ with K knots: ``knots`` (B, K), ``curvatures`` (B, K).
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -109,14 +109,19 @@ def bends(knots: Array, curvatures: Array, joints: Array, counts: tuple[int, ...
     return np.asarray(np.abs(np.diff(turning(knots, curvatures, at), axis=1)).max(axis=1))
 
 
-@cache
-def guess_table(reach: float, count: int) -> tuple[Array, Array, Array, Array]:
+@lru_cache(64)
+def guess_table(reach: float, count: int, joint: float | None = None) -> tuple[Array, Array, Array, Array]:
     """Curves of length one whose end curvatures are on a grid: end curvatures (count,), end points (count, count) and
     angles (count, count) by first and last curvature, and which of them are not too crooked.
+
+    Where ``joint`` is given they are two arcs that meet there.
     """
     grid = np.linspace(-reach, reach, count)
     first, last = np.meshgrid(grid, grid, indexing="ij")
     pairs = np.stack([first.ravel(), last.ravel()], axis=1)
-    end, turn, _, _ = stretch(np.ones((len(pairs), 1)), pairs)
+    lengths = np.array([1.0])
+    if joint is not None:
+        pairs, lengths = pairs[:, [0, 0, 1, 1]], np.array([joint, 0.0, 1.0 - joint])
+    end, turn, _, _ = stretch(np.broadcast_to(lengths, (len(pairs), len(lengths))), pairs)
     sane = np.abs(first - last) <= 1.5 * reach
     return grid, end.reshape(first.shape), turn.reshape(first.shape), sane

@@ -42,6 +42,8 @@ class FingerTask:
         Rest curvature.
     counts : tuple of int
         Elements between base, joints and tip.
+    arcs : bool
+        Whether its elements are circular arcs.
     bending_range : float
     bounds : (float, float)
         Of the positions of middle contacts.
@@ -58,6 +60,7 @@ class FingerTask:
     limit: float
     rest: float
     counts: tuple[int, ...]
+    arcs: bool
     bending_range: float
     bounds: tuple[float, float]
     walls: tuple[tuple[complex, complex, float], ...]
@@ -143,6 +146,7 @@ def make_task(scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, sid
         limit=setup.finger.curvature_limit / scale,
         rest=side * rest / scale if isinstance(rest, int | float) else 0.0,
         counts=tuple(b - a for a, b in pairwise(marks)),
+        arcs=setup.family == "arc",
         bending_range=setup.bending_range,
         bounds=(setup.middle_bounds[0] * scale, setup.middle_bounds[1] * scale),
         walls=tuple(

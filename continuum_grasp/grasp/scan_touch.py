@@ -71,25 +71,28 @@ def tangent(
 
 
 def touch(
-    shape: Shape, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: int, walk: Array
+    shape: Shape, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, ...], walk: Array
 ) -> tuple[Array, Array, Array]:
-    """Curves whose end lies on the grown outline, as :func:`tangent` does, with one free curvature each."""
+    """Curves whose end lies on the grown outline, as :func:`tangent` does, with one free curvature each, that of all
+    the columns ``free``.
+    """
+    columns = list(free)
     point, angle = start
     phase = np.exp(1j * angle)
     out = curvatures.copy()
 
     def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
         bent = out[rows]
-        bent[:, free] = u[:, 0]
+        bent[:, columns] = u[:, :1]
         end, _, dend, _ = stretch(lengths[rows], bent)
         at = shape.walk(u[:, 1])
         off = point[rows] + phase[rows] * end - at.point
-        move = phase[rows] * dend[:, free]
+        move = phase[rows] * dend[:, columns].sum(axis=1)
         return [off.real, off.imag], [[move.real, -at.dpoint.real], [move.imag, -at.dpoint.imag]]
 
-    first = np.stack([out[:, free], walk], axis=1)
+    first = np.stack([out[:, columns[0]], walk], axis=1)
     found, good = _newton(equations, first, (_BEND_STEP, 0.15 * shape.period))
-    out[:, free] = found[:, 0]
+    out[:, columns] = found[:, :1]
     return out, found[:, 1], good
 
 

@@ -28,6 +28,8 @@ Pose = tuple[float, float, float]
 
 _MOST = 160
 """Combinations that are weighed per pose."""
+_STEP = 1e-9
+"""Part of the length within which a curvature that steps changes."""
 _PER_FINGER = {1: 160, 2: 14, 3: 7, 4: 5}
 """Postures per finger that are combined, by number of fingers."""
 
@@ -144,14 +146,16 @@ def _as_start(scene: GraspScene, on: frozenset[str], ranked: _Ranked) -> Start:
     for setup, candidates, row in ranked.rows:
         length = setup.finger.rod.length
         knots, bent = candidates.knots[row], candidates.curvatures[row]
-        kept = np.concatenate([[True], np.diff(knots) > 1e-9])
+        kept = np.concatenate([[True], (np.diff(knots) > 1e-9) | (np.abs(np.diff(bent)) > 1e-12)])
+        knots, bent = knots[kept], bent[kept]
+        knots[:-1] -= _STEP * (np.diff(knots) <= 0.0)
         x, y, angle = (float(v) for v in candidates.bases[row])
         fingers[setup.name] = FingerStart(
             (x, y, angle),
             tuple(float(s) * length for s in candidates.joints[row]),
             (int(candidates.sides[row]),) * len(setup.middles),
-            tuple(float(s) * length for s in knots[kept]),
-            tuple(float(k) / length for k in bent[kept]),
+            tuple(float(s) * length for s in knots),
+            tuple(float(k) / length for k in bent),
         )
         names = [n for n in (*setup.middle_names, setup.tip_name) if n in on]
         for column, name in enumerate(names):

@@ -160,7 +160,7 @@ def support_block(scene: GraspScene, loads: Loads, touched: dict[str, ContactSta
 
 
 def _cap(loads: Loads, most: float) -> float:
-    return min(most, 50.0 * loads.force)
+    return min(most, 1000.0 * loads.force)
 
 
 def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Candidates, pose: Pose) -> Block:

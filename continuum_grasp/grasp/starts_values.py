@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 __all__ = ["ContactStart", "FingerStart", "Start"]
+
+Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -31,6 +37,15 @@ class FingerStart:
     sides: tuple[int, ...]
     knots: tuple[float, ...]
     curvatures: tuple[float, ...]
+
+    def bends(self, ends: Array) -> Array:
+        """Bending angles (N,) of the elements between positions ``ends`` (N + 1,) [m, rad]."""
+        knots, bent = np.asarray(self.knots), np.asarray(self.curvatures)
+        turned = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(knots) * (bent[1:] + bent[:-1]))])
+        k = np.clip(np.searchsorted(knots, ends, side="right") - 1, 0, len(knots) - 2)
+        u = ends - knots[k]
+        slope = (bent[k + 1] - bent[k]) / (knots[k + 1] - knots[k])
+        return np.asarray(np.diff(turned[k] + u * (bent[k] + 0.5 * slope * u)))
 
 
 @dataclass(frozen=True)
