@@ -41,10 +41,17 @@ def plain(value: Any, key: str = "") -> Any:
     InputError
         A value has no plain form, or the keys of a mapping are not strings.
     """
+    kind = type(value)
+    if value is None or kind is str or kind is bool or kind is int:  # nearly all, and quickly
+        return value
+    if kind is float:
+        return _number(value)
+    if kind is dict:
+        return {_name(k, key): plain(v, f"{key}.{k}" if key else k) for k, v in value.items()}
     if isinstance(value, Enum):
         return plain(value.value, key)
-    if value is None or isinstance(value, (bool, str)):
-        return value
+    if isinstance(value, str):
+        return str(value)
     if isinstance(value, (int, np.integer)):
         return int(value)
     if isinstance(value, np.bool_):
