@@ -147,24 +147,28 @@ class Search:
             for p, deep in zip(self.postures, self.depths, strict=True)
             if deep <= ROOM * self.hand.length and self.allowed(p, numbers.limits)
         ]
-        needed, held = math.inf, None
+        needed, held = math.inf, []
         for posture in good:
             if math.isinf(needed) or self._holds(posture, numbers.limited(friction=needed * (1.0 - 1e-6))):
                 found = self._friction(posture, numbers, low, needed)
                 if found < needed:
-                    needed, held = found, posture
-        if held is None or self.isolated:
+                    needed = found
+                    held.append((found, posture, None))
+        if not held or self.isolated:
             return needed
+        for _, start, _ in self._apart(held[::-1]):
+            walked = [start]
 
-        def value(u: float) -> float:
-            near = self.fingers.near(held, u)
-            if near is None or self.fingers.depth([near])[0] > ROOM * self.hand.length:
-                return math.inf
-            if not self.allowed(near, numbers.limits):
-                return math.inf
-            return self._friction(near, numbers, low, 1.5 * needed)
+            def value(u: float, walked: list[Posture] = walked, top: float = 1.5 * needed) -> float:
+                near = self._from_nearest(walked, u)
+                if near is None or self.fingers.depth([near])[0] > ROOM * self.hand.length:
+                    return math.inf
+                if not self.allowed(near, numbers.limits):
+                    return math.inf
+                return self._friction(near, numbers, low, top)
 
-        return min(needed, _golden(value, held.u - self.step, held.u + self.step, 22)[1])
+            needed = min(needed, _golden(value, start.u - self.step, start.u + self.step, 18)[1])
+        return needed
 
     def _friction(self, posture: Posture, numbers: Numbers, low: float, high: float) -> float:
         """Least coefficient of one shape, by halving."""

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from benchmarks.grasp_oracle.causes import tighten
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.pairs import Pinches
 from benchmarks.grasp_oracle.scenes import one_finger, two_fingers
@@ -88,7 +89,14 @@ def _short(value: Any) -> Any:
     return [_short(v) for v in value] if isinstance(value, list) else value
 
 
-KINDS: dict[str, tuple[Callable[[int], Row], int]] = {"one": (one, 1000), "two": (two, 300)}
+def none(number: int) -> Row:
+    """What makes the scene of the so manieth answer of ``one`` infeasible."""
+    seed = answers("one")[number]["seed"]
+    row = tighten(seed, number)
+    return {"seed": number} if row is None else {"scene": row.pop("seed"), "seed": number, **row}
+
+
+KINDS: dict[str, tuple[Callable[[int], Row], int]] = {"one": (one, 1000), "two": (two, 300), "none": (none, 200)}
 
 
 if __name__ == "__main__":

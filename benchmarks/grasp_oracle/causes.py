@@ -1,0 +1,152 @@
+"""Scenes without a grasp, each made from one that has some by tightening a single limit below what the oracle needs."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.grasp_oracle.geometry import Posture
+from benchmarks.grasp_oracle.numbers import numbers
+from benchmarks.grasp_oracle.rod import trace
+from benchmarks.grasp_oracle.scenes import one_finger
+from benchmarks.grasp_oracle.search import Search
+from continuum_grasp.scene.grasp import GraspScene
+
+__all__ = ["CAUSES", "tighten", "tightened"]
+
+Array = NDArray[Any]
+CAUSES = ("tension", "friction", "mass", "strain", "reach", "room", "tension", "friction", "mass", "bend")
+"""Taken in turn."""
+ENOUGH = 1e5
+"""Stands for no limit."""
+
+
+def tighten(seed: int, number: int) -> dict[str, Any] | None:
+    """What makes a scene infeasible: cause, what is needed, and the limit to set; None where the cause does not fit."""
+    scene, cause = one_finger(seed), CAUSES[number % len(CAUSES)]
+    random = np.random.default_rng([3, seed])
+    search = Search(numbers(scene))
+    found = _NEEDS[cause](search, scene, random)
+    return None if found is None else {"seed": seed, "cause": cause, **found}
+
+
+def tightened(row: dict[str, Any]) -> GraspScene:
+    """The scene of a row."""
+    data = one_finger(row["scene"]).model_dump()
+    cause, limit = row["cause"], row["limit"]
+    if cause == "tension":
+        data["finger"]["tendons"]["max_tension"] = limit
+    elif cause == "friction":
+        data["contacts"]["friction"] = limit
+    elif cause == "mass":
+        data["object"]["mass"] = limit
+    elif cause == "strain":
+        data["finger"]["rod"]["diameter"] = row["diameter"]
+        data["finger"]["strain_limit"] = limit
+    elif cause == "bend":
+        data["fidelity"]["bending_range"] = limit
+    elif cause == "reach":
+        data["finger"]["base"]["position"] = tuple(row["base"])
+    elif cause == "room":
+        wall = {"type": "palm", "point": tuple(row["point"]), "normal_angle": row["angle"], "touch": "off"}
+        data["supports"] = {**data["supports"], "wall": wall}
+    data["finger"] = {k: v for k, v in data["finger"].items() if v is not None}
+    return GraspScene.model_validate(data)
+
+
+def _tension(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
+    best = search.best("tension", search.numbers.limited(tension=ENOUGH))
+    limit = 0.0 if best is None else best.value * random.uniform(0.6, 0.92)
+    if best is None or limit <= 1.02 * scene.setups[0].finger.tendons.min_tension:
+        return None
+    return {"needed": best.value, "limit": limit}
+
+
+def _friction(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
+    needed = search.least_friction(search.numbers)
+    return {"needed": needed, "limit": needed * random.uniform(0.5, 0.92)} if 0.02 < needed < 10.0 else None
+
+
+def _mass(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
+    if scene.gravity.mode == "none":
+        return None
+    best = search.best("mass")
+    return None if best is None else {"needed": best.value, "limit": best.value * random.uniform(1.1, 1.8)}
+
+
+def _strain(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
+    finger = scene.setups[0].finger
+    best = search.least_measure(lambda p: float(np.abs(p.ends).max()), search.numbers)
+    if best is None:
+        return None
+    diameter = finger.rod.diameter or 0.3 * finger.thickness_radius
+    needed = 0.5 * diameter * best.value
+    if needed > 0.5:
+        return None
+    return {"needed": needed, "limit": needed * random.uniform(0.6, 0.92), "diameter": diameter}
+
+
+def _bend(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
+    if search.hand.family != "arc":
+        return None
+    best = search.least_measure(search.bend, search.numbers)
+    return None if best is None else {"needed": best.value, "limit": best.value * random.uniform(0.6, 0.92)}
+
+
+def _reach(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
+    """The base is moved straight away from the object; needed is how far it is then beyond the finger's reach."""
+    hand, outline = search.hand, search.numbers.outline(search.hand.thickness)
+    most = hand.bounds[1] if hand.middle else hand.length
+    away = np.array(hand.base) - np.array(search.numbers.com)
+    walls = [np.array(n) for _, n in search.numbers.walls]
+    away /= np.linalg.norm(away)
+    for normal in walls:  # not into the palm
+        away -= min(0.0, float(away @ normal)) * normal
+    far = hand.length * random.uniform(1.05, 2.0)
+    base = np.array(hand.base) + away / np.linalg.norm(away) * far
+    over = float(outline.gap(base)) - most
+    return {"needed": over, "limit": 0.0, "base": base.tolist()} if over > 0.02 * hand.length else None
+
+
+def _room(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
+    """A wall beside the object, where the finger has to pass between the two."""
+    best = search.best()
+    if best is None:
+        return None
+    hand = search.hand
+    outline = search.numbers.outline(0.0)
+    spot = best.posture.lengths[0] if hand.middle else hand.length
+    points, _ = trace(hand.base, hand.angle, best.posture.ends[None], best.posture.lengths[None], 50)
+    place = points[0, 0, -1] if hand.middle else points[0, 1, -1]
+    normal = -search.numbers.outline(hand.thickness).nearest(place)[1]
+
+    def low(posture: Posture) -> float:
+        walked, _ = trace(hand.base, hand.angle, posture.ends[None], posture.lengths[None], 400)
+        return -float((walked @ normal).min())
+
+    found = search.least_measure(low, search.numbers)
+    if found is None or spot <= 0.0:
+        return None
+    depth = hand.thickness * random.uniform(0.3, 1.2)
+    height = -found.value - hand.thickness + depth
+    rim = float((outline.at(np.linspace(0.0, 1.0, 2000))[0] @ normal).min())
+    at_base = float(np.array(hand.base) @ normal)
+    if at_base < height + hand.thickness or rim < height + 1e-3 * hand.length:
+        return None
+    point = np.array(search.numbers.com) + (height - float(np.array(search.numbers.com) @ normal)) * normal
+    angle = math.atan2(normal[1], normal[0])
+    return {"needed": depth, "limit": 0.0, "point": point.tolist(), "angle": angle}
+
+
+_NEEDS = {
+    "tension": _tension,
+    "friction": _friction,
+    "mass": _mass,
+    "strain": _strain,
+    "bend": _bend,
+    "reach": _reach,
+    "room": _room,
+}
