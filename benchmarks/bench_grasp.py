@@ -1,9 +1,9 @@
 """How often the grasp optimiser finds the grasp that there is, and says why there is none.
 
 Run ``python -m benchmarks.bench_grasp`` in the root of the repository. Random scenes whose answers are known from
-solvers that share nothing with the package (``benchmarks.grasp_oracle``): one finger, pinches of two fingers, and scenes
-made infeasible by one tightened limit. Every grasp that the package calls verified is checked once more with the
-oracle's own equations.
+solvers that share nothing with the package (``benchmarks.grasp_oracle``): one finger, pinches of two fingers, and
+scenes made infeasible by one tightened limit. Every grasp that the package calls verified is checked once more with
+the oracle's own equations.
 """
 
 from __future__ import annotations
