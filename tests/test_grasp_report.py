@@ -145,6 +145,13 @@ def test_result_yaml_says_why_there_is_none():
 # -- text ----------------------------------------------------------------------------------------------------
 
 
+def test_what_a_fine_model_changes_is_told():
+    result = replace(held(), statistics={"fine_model": {"tension_change": 0.0125, "elements": 24}})
+    assert "fine model tension change: 0.0125" in result_text(result)
+    assert yaml.safe_load(result_yaml(result))["fine_model"]["elements"] == 24
+    assert "0.0125" in Page(result_page(result)).text
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_text_tells_the_figures(name):
     result = held(name)

@@ -20,7 +20,7 @@ from continuum_grasp.grasp.html_text import (
     section,
     table,
 )
-from continuum_grasp.grasp.shown import disturbance_rows, further_advice, quality_rows
+from continuum_grasp.grasp.shown import disturbance_rows, fine_rows, further_advice, quality_rows
 from continuum_grasp.grasp.yaml_text import yaml_text
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ def result_page(result: GraspResult, *, resisted: ArrayLike | None = None) -> st
         _quality(result),
         section("Resisted disturbances", _resistance(resisted), _disturbances(result)),
         _certificate(result.certificate) if result.solved and result.certificate is not None else "",
+        section("The same grasp in a fine model", table((), fine_rows(result))),
         section("The search", statistics_table(result.statistics)),
         section("The scene", _scene(result)),
     ]

@@ -40,6 +40,7 @@ def result_text(result: GraspResult) -> str:
         lines += ["", *_finger_lines(result), "", *_contact_lines(result)]
         if result.certificate is not None:
             lines += [*_quality_lines(result), "", *_certificate_lines(result.certificate)]
+        lines += [f"  {name}: {value}" for name, value in fine_rows(result)]
     else:
         lines += _why_lines(result)
     advice = further_advice(result)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 __all__ = [
     "certificate_data",
     "disturbance_rows",
+    "fine_rows",
     "further_advice",
     "quality_of",
     "quality_rows",
@@ -127,9 +129,21 @@ def result_data(result: GraspResult, *, quality: bool = True) -> dict[str, Any]:
     held = quality_of(result) if quality else None
     if held is not None:
         found["quality"] = held.data()
+    fine = {key: value for key, value in result.statistics.items() if key.startswith("fine") and value is not None}
+    found.update(fine)
     if result.solved and result.certificate is not None:
         found["certificate"] = _summary(result.certificate)
     return found
+
+
+def fine_rows(result: GraspResult) -> list[tuple[str, str]]:
+    """What the statistics say about the grasp in a fine model, as (name, value)."""
+    found = []
+    for key, value in result.statistics.items():
+        if key.startswith("fine") and value is not None:
+            parts = value.items() if isinstance(value, Mapping) else [("", value)]
+            found += [(" ".join(part for part in (key, name) if part).replace("_", " "), v) for name, v in parts]
+    return [(name, _short(v) if isinstance(v, float) else str(v)) for name, v in found]
 
 
 def _pose(pose: NDArray[Any]) -> dict[str, float]:
