@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from continuum_grasp.grasp.shown import (
     certificate_data,
     disturbance_rows,
+    fine_rows,
     further_advice,
     quality_of,
     quality_rows,
