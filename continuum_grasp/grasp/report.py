@@ -50,8 +50,8 @@ def result_text(result: GraspResult) -> str:
     return "\n".join(lines)
 
 
-def result_meta(result: GraspResult, *, quality: bool = True) -> dict[str, Any]:
-    """Everything about the result that is not an array; ``quality=False`` leaves out the indices of quality."""
+def result_meta(result: GraspResult, *, quality: bool = False) -> dict[str, Any]:
+    """Everything about the result that is not an array; ``quality=True`` adds the indices of quality."""
     held = quality_of(result) if quality else None
     return {
         "kind": "grasp",
