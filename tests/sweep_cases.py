@@ -31,7 +31,7 @@ class Held:
         self.fingers = {"finger": SimpleNamespace(tensions=(tension(scene), 0.01))}
         self.contacts = [SimpleNamespace(normal_force=n, friction_margin=n / 10) for n in (1.0, 3.0, 2.0)]
         self.statistics = {"iterations": 7, "starts": 2}
-        self.certificate = SimpleNamespace(quality=SimpleNamespace(epsilon=scene.object.mass / 2))
+        self.quality = SimpleNamespace(epsilon=scene.object.mass / 2)
 
     def save(self, folder: str | os.PathLike[str]) -> None:
         """One small file with the mass in it."""

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from continuum_grasp import optimize_grasp, sweep_table
 from continuum_grasp.cli import app
+from continuum_grasp.grasp.shown import quality_of
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
 from tests.sweep_cases import MUG
@@ -21,6 +22,7 @@ set: {{solver.seeds: 1}}
 vary:
   object.mass: {{values: [0.2, 0.3]}}
   finger.base.position: {{values: [[0.0, -0.055], [0.04, 0.0]]}}
+record: [quality.epsilon_l1, certificate.stability.eigenvalue]
 maps: [{{x: object.mass, y: finger.base.position, color: tension_max}}]
 pareto: [{{x: tension_max, y: object.mass, y_best: greatest}}]
 """
@@ -49,6 +51,9 @@ def test_rows_are_what_the_optimiser_finds(swept):
         result = optimize_grasp(load(MUG, {"object.mass": mass, "solver.seeds": 1}))
         np.testing.assert_allclose(table["tension_max"][index], result.fingers["finger"].tensions.max(), rtol=1e-9)
         assert table["normal_force_max"][index] == pytest.approx(max(c.normal_force for c in result.contacts))
+        assert table["quality.epsilon_l1"][index] == pytest.approx(quality_of(result).epsilon_l1, rel=1e-6)
+        eigenvalue = result.certificate.stability.eigenvalue
+        assert table["certificate.stability.eigenvalue"][index] == pytest.approx(eigenvalue, rel=1e-6)
         stored = read_run(table.run_folder(index))
         np.testing.assert_allclose(stored.arrays["contact_forces"], result.arrays["contact_forces"], rtol=1e-9)
         assert stored.meta["status"] == "optimal"

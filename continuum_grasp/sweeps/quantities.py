@@ -14,16 +14,14 @@ SOLVED = ("optimal", "feasible")
 """Statuses that mean a verified grasp."""
 
 
-def quantities(result: Any, record: Sequence[str], seconds: float) -> dict[str, Any]:
+def quantities(result: Any, record: Sequence[str]) -> dict[str, Any]:
     """Numbers of a result by column; None where there is no grasp to have them.
 
     Parameters
     ----------
     result : GraspResult
     record : sequence of str
-        Further columns, such as ``quality.epsilon``.
-    seconds : float
-        What it took [s].
+        Further columns, such as ``quality.epsilon_l1``.
 
     Raises
     ------
@@ -41,7 +39,6 @@ def quantities(result: Any, record: Sequence[str], seconds: float) -> dict[str, 
         found["friction_margin"] = min((c.friction_margin for c in contacts), default=None)
     found["contacts"] = len(contacts) if solved else None
     found["iterations"] = result.statistics.get("iterations")
-    found["seconds"] = float(f"{seconds:.6g}")
     found["reason_limit"] = None if reason is None else reason.limit
     found["reason_needed"] = None if reason is None else reason.needed
     for name in record:
@@ -49,11 +46,19 @@ def quantities(result: Any, record: Sequence[str], seconds: float) -> dict[str, 
     return {name: number(value) for name, value in found.items()}
 
 
+def _quality(result: Any) -> Any:
+    from continuum_grasp.grasp import GraspResult
+
+    if isinstance(result, GraspResult):
+        from continuum_grasp.grasp.shown import quality_of
+
+        return quality_of(result)
+    return result.quality
+
+
 def _recorded(result: Any, name: str, solved: bool) -> Any:
     root, *parts = name.split(".")
-    value = result.certificate if root in ("quality", "certificate") else result.statistics
-    if root == "quality":
-        parts = ["quality", *parts]
+    value = _quality(result) if root == "quality" else getattr(result, root)
     for part in parts:
         if value is None:
             return None

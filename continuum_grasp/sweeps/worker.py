@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
 from continuum_grasp.scene.document import KeyPath, dotted
@@ -18,6 +18,9 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.sweeps.lines import encode
 from continuum_grasp.sweeps.plan import Point
 from continuum_grasp.sweeps.quantities import SOLVED, quantities
+
+if TYPE_CHECKING:
+    from continuum_grasp.grasp import GraspResult
 
 __all__ = ["Job", "Keep", "Outcome", "row_of_crash", "run_chunk", "solve"]
 
@@ -117,9 +120,9 @@ def _run(job: Job, point: Point) -> Outcome:
             status = error.status
         text = str(error) if isinstance(error, ContinuumGraspError) else f"{type(error).__name__}: {error}"
         return _outcome(job, point, key, status, "", text, {"seconds": float(f"{seconds:.6g}")})
-    seconds = time.perf_counter() - began
+    numbers = quantities(result, job.record)  # some are only computed when they are asked for
+    numbers["seconds"] = float(f"{time.perf_counter() - began:.6g}")
     status = str(result.status)
-    numbers = quantities(result, job.record, seconds)
     reason = result.reasons[0].name if result.reasons else ""
     wanted = job.keep == "all" or (job.keep == "failed" and status not in SOLVED)
     files = _files(result) if wanted else {}
@@ -159,13 +162,31 @@ def _files(result: Any) -> dict[str, bytes]:
     from continuum_grasp.grasp import GraspResult
 
     if isinstance(result, GraspResult):
-        from continuum_grasp.grasp.report import result_meta
         from continuum_grasp.results.run_folder import RESULT, pack_run
 
-        return {RESULT: pack_run(result.arrays, result_meta(result))}
+        return {RESULT: pack_run(result.arrays, _meta(result))}
     with tempfile.TemporaryDirectory(dir=_MEMORY if _MEMORY.is_dir() else None) as folder:
         result.save(folder)
         return {file.name: file.read_bytes() for file in sorted(Path(folder).iterdir()) if file.is_file()}
+
+
+def _meta(result: GraspResult) -> dict[str, Any]:
+    """All about a result but what would first have to be computed: quality, stability and the model's error."""
+    certificate = result.certificate
+    return {
+        "kind": "grasp",
+        "config": result.scene.model_dump(mode="json"),
+        "seed": result.scene.solver.random_seed,
+        "status": result.status.value,
+        "message": result.message,
+        "certificate": None
+        if certificate is None
+        else {"passed": certificate.passed, "checks": [vars(check) for check in certificate.checks]},
+        "violated": list(result.violated),
+        "reasons": [vars(reason) for reason in result.reasons],
+        "advice": result.advice,
+        "statistics": dict(result.statistics),
+    }
 
 
 def _outcome(
