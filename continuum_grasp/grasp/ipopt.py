@@ -42,6 +42,7 @@ DEEP = 2e-5
 """Penetration between the places that are kept clear above which they are moved (problem's units)."""
 
 
+_DONE = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 _PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
 
 
@@ -206,8 +207,8 @@ class GraspSolverRun:
                 "jac_g": derivatives["jac_g"],
                 "hess_lag": derivatives["hess_l"],
                 "ipopt.warm_start_init_point": "yes",
-                "ipopt.mu_init": 1e-6,
-                **{f"ipopt.warm_start_{name}": 1e-7 for name in _PUSHES},
+                "ipopt.mu_init": 1e-4,
+                **{f"ipopt.warm_start_{name}": 1e-5 for name in _PUSHES},
             }
             self._solvers[key] = cold, ca.nlpsol("grasp_again", "ipopt", nlp, options), stop
             self.build_seconds += time.perf_counter() - began
@@ -256,25 +257,29 @@ class GraspSolverRun:
             values["effort weight"] = EFFORT_WHEN_RELAXED
             self._relax(values, low, high, x, relaxed, given or {}, units)
         x = np.clip(x, low, high)
-        solver, again, stop = self._solver(scene)
-        multipliers: dict[str, Any] = {}
+        cold, again, stop = self._solver(scene)
         stop.until = until
         g_low, g_high = problem.parts.g_bounds
+        bounds = {"lbx": low, "ubx": high, "lbg": g_low, "ubg": g_high}
         began, iterations, outcome = time.perf_counter(), 0, ""
         obstacles, _ = self._near.look(scene, x, problem.numbers.pack(values, 0.0))
+        multipliers: dict[str, Any] = {}
         for _ in range(ROUNDS):
             numbers = problem.numbers.pack({**values, **obstacles})
-            with stop.on_interrupt():
-                found = solver(x0=x, lbx=low, ubx=high, lbg=g_low, ubg=g_high, p=numbers, **multipliers)
-            stats = solver.stats()
+            for solver, duals in ((again, multipliers), (cold, {})) if multipliers else ((cold, {}),):
+                with stop.on_interrupt():
+                    found = solver(x0=x, p=numbers, **bounds, **duals)
+                stats = solver.stats()
+                outcome, iterations = str(stats["return_status"]), iterations + int(stats["iter_count"])
+                if outcome in _DONE:
+                    break
             x, g = np.array(found["x"]).ravel(), np.array(found["g"]).ravel()
-            outcome, iterations = str(stats["return_status"]), iterations + int(stats["iter_count"])
-            if outcome != "Solve_Succeeded" or not np.isfinite(x).all():
+            if outcome not in _DONE or not np.isfinite(x).all():
                 break
             obstacles, deepest = self._near.look(scene, x, numbers)
             renewed = problem.numbers.pack({**values, **obstacles})
+            multipliers = {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
             room = deepest - self._room(x)
-            solver, multipliers = again, {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
             if room < DEEP and not self._stale(x, g, np.array(found["lam_g"]).ravel(), renewed):
                 break
         return Attempt(

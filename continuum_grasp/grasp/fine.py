@@ -1,0 +1,184 @@
+"""A grasp solved again with other elements: how much a fine model changes it, and which model keeps a tolerance."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.search import Search, Tried
+from continuum_grasp.grasp.starts import ContactStart, FingerStart, Start
+from continuum_grasp.scene.grasp import FingerSetup, GraspFinger, GraspScene
+from continuum_grasp.scene.simulate import Fidelity
+
+__all__ = ["Change", "compare", "solve_again", "start_from", "with_elements"]
+
+Array = NDArray[Any]
+
+FINE = 6
+"""Elements per stretch between base, middle contacts and tip of the model that a grasp is compared with."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What other elements change about a grasp.
+
+    Attributes
+    ----------
+    elements : dict of str to int
+        Elements of each finger in the model compared with.
+    tension : float
+        Sum of tensions there [N].
+    tension_change : float
+        Its change, as a part of the sum here.
+    displacement : float
+        Greatest displacement of a contact point [m].
+    length : float
+        Of the shortest finger [m].
+    """
+
+    elements: dict[str, int]
+    tension: float
+    tension_change: float
+    displacement: float
+    length: float
+
+    @property
+    def size(self) -> float:
+        """The greater of the change of tension and the displacement per length [1]."""
+        return max(abs(self.tension_change), self.displacement / self.length)
+
+    def __str__(self) -> str:
+        count = max(self.elements.values())
+        return (
+            f"with {count} elements the tension changes by {self.tension_change:+.2%} to {self.tension:.4g} N, "
+            f"contacts by {1e3 * self.displacement:.2g} mm at most"
+        )
+
+
+def with_elements(scene: GraspScene, per_stretch: int, family: str | None = None) -> GraspScene:
+    """The scene with this many elements per stretch between base, middle contacts and tip.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    per_stretch : int
+    family : {"arc", "clothoid", "matched_clothoid"}, optional
+        None: each finger keeps its own.
+    """
+
+    def changed(setup: FingerSetup) -> GraspFinger:
+        count = per_stretch * (len(setup.middles) + 1)
+        own = setup.finger.fidelity or scene.fidelity
+        fidelity = own.model_copy(
+            update={"tolerance": None, "elements": count, "family": family or setup.family, "bending_range": None}
+        )
+        after = tuple(per_stretch * (k + 1) for k in range(len(setup.middles)))
+        contacts = setup.finger.contacts.model_copy(update={"middle_after": after})
+        return setup.finger.model_copy(update={"fidelity": fidelity, "contacts": contacts})
+
+    fingers = {setup.name: changed(setup) for setup in scene.setups}
+    plain = {"fidelity": Fidelity()}
+    if scene.fingers is None:
+        return scene.model_copy(update={"finger": fingers["finger"], **plain})
+    return scene.model_copy(update={"fingers": fingers, **plain})
+
+
+def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
+    """A grasp as a start for the same scene with other elements.
+
+    Parameters
+    ----------
+    scene : GraspScene
+        The scene that the grasp was found for.
+    arrays : dict
+        Its numbers, as `continuum_grasp.grasp.GraspResult` holds them.
+    """
+    names = [str(name) for name in arrays["contact_names"]]
+    stations = dict(zip(names, arrays["contact_stations"], strict=True))
+    normals = dict(zip(names, arrays["contact_normals"], strict=True))
+    x, y, turn = (float(v) for v in arrays["object.pose"])
+    back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    fingers = {}
+    for setup in scene.setups:
+        lengths = arrays[f"{setup.name}.lengths"]
+        ends = np.concatenate([[0.0], np.cumsum(lengths)])
+        joints = tuple(float(ends[count]) for count in setup.before)
+        knots, curvatures = _profile(setup.family, arrays[f"{setup.name}.q"], ends, float(arrays[f"{setup.name}.tip_curvature"]))
+        line, sides = arrays[f"{setup.name}.backbone"], []
+        for name, joint in zip(setup.middle_names, joints, strict=True):
+            angle = float(np.interp(joint, line[:, 0], line[:, 3]))
+            across = np.array([np.cos(angle), np.sin(angle)])
+            sides.append(1 if name not in stations or across @ normals[name] >= 0.0 else -1)
+        base = arrays[f"{setup.name}.base"]
+        fingers[setup.name] = FingerStart(
+            (float(base[0]), float(base[1]), float(base[2])), joints, tuple(sides), knots, curvatures
+        )
+    contacts = {}
+    for k, name in enumerate(names):
+        point = back @ (arrays["contact_positions"][k] - [x, y])
+        normal = back @ arrays["contact_normals"][k]
+        angle = float(np.arctan2(normal[1], normal[0]))
+        contacts[name] = ContactStart(int(arrays["contact_parts"][k]), (float(point[0]), float(point[1])), angle)
+    return Start("found", (x, y, turn), fingers, contacts)
+
+
+def _profile(family: str, q: Array, ends: Array, tip: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Knots and curvatures of a continuous profile near that of a finger."""
+    if family == "arc":
+        middle = 0.5 * (ends[1:] + ends[:-1])
+        bent = q / np.diff(ends)
+        knots, values = np.concatenate([[0.0], middle, ends[-1:]]), np.concatenate([bent[:1], bent, bent[-1:]])
+    else:
+        knots, values = ends, np.append(q, tip) if family == "matched_clothoid" else q
+    return tuple(float(s) for s in knots), tuple(float(k) for k in values)
+
+
+def solve_again(scene: GraspScene, found: GraspScene, arrays: dict[str, Array], until: float) -> Tried | None:
+    """The grasp next to one that was found with other elements; None where there is none.
+
+    Parameters
+    ----------
+    scene : GraspScene
+        With the elements wanted.
+    found : GraspScene
+        With those of the grasp.
+    arrays : dict
+    until : float
+        ``time.monotonic()`` at which to stop.
+    """
+    search = Search(scene, until)
+    if time.monotonic() > until:
+        return None
+    search.attempt(start_from(found, arrays))
+    search.slide()
+    return search.best
+
+
+def compare(scene: GraspScene, here: dict[str, Array], there: dict[str, Array]) -> Change:
+    """What changes from one model of a grasp to another.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    here, there : dict
+        Numbers of the grasp with either model.
+    """
+    one, two = _tension(scene, here), _tension(scene, there)
+    names = [str(name) for name in there["contact_names"]]
+    places = dict(zip(names, there["contact_positions"], strict=True))
+    moved = [
+        float(np.linalg.norm(at - places[str(name)]))
+        for name, at in zip(here["contact_names"], here["contact_positions"], strict=True)
+        if str(name) in places
+    ]
+    elements = {setup.name: int(there[f"{setup.name}.lengths"].size) for setup in scene.setups}
+    length = min(setup.finger.rod.length for setup in scene.setups)
+    return Change(elements, two, two / one - 1.0 if one else 0.0, max(moved, default=0.0), length)
+
+
+def _tension(scene: GraspScene, arrays: dict[str, Array]) -> float:
+    return float(sum(arrays[f"{name}.tensions"].sum() for name in scene.named_fingers))
