@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import pytest
-from grasp_oracle import arc_geometry
-from grasp_scenes import UPRIGHT, make_scene, plant_of
+from grasp_scenes import UPRIGHT, make_scene
 
+from benchmarks.grasp_oracle.numbers import numbers
+from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.scene.grasp import GraspContacts, OutOfPlaneGravity
 
@@ -31,8 +32,8 @@ def test_tilt_balance_is_named_with_the_moment_that_is_missing():
     equal ones leave the least moment, R W |n + m| / 2; the arc that touches the mug fixes n.
     """
     scene = middle_only(1.5)
-    k1, l1 = arc_geometry(plant_of(scene))
-    n = scene.finger.base.angle + k1 * l1
+    (touch,) = {round(float(p.ends[0, 0] * p.lengths[0]), 9) for p in Search(numbers(scene)).postures if p.side == 1}
+    n = scene.finger.base.angle + touch
     least = 0.04 * 0.3 * 9.81 * 0.5 * math.hypot(math.cos(n) - 1.0, math.sin(n))
     result = optimize_grasp(scene, raise_on_failure=False)
     assert result.status is Status.INFEASIBLE

@@ -15,25 +15,24 @@ from continuum_grasp.grasp import optimize_grasp
 
 PRESS = """
     import os, signal, sys
-    import casadi
     from continuum_grasp.grasp import ipopt
 
     def press(run, iteration):
         "Ctrl-C inside the solver, at an iteration of a run (both from 1)."
-        made, count = casadi.nlpsol, [0, 0]
+        count, whole = [0, 0], ipopt.GraspSolverRun.run
 
         class Pressing(ipopt._Stop):
             def eval(self, arguments):
-                if int(self.iteration) == iteration and count[0] == run:
+                count[1] += 1
+                if count == [run, iteration]:
                     os.kill(os.getpid(), signal.SIGINT)
-                self.iteration += 1
                 return super().eval(arguments)
 
-            def on_interrupt(self):
-                self.iteration = 1
-                count[0] += 1
-                return super().on_interrupt()
+        def counted(self, *arguments, **options):
+            count[:] = count[0] + 1, 0
+            return whole(self, *arguments, **options)
 
+        ipopt.GraspSolverRun.run = counted
         ipopt._Stop = Pressing
 """
 
@@ -75,14 +74,14 @@ def test_after_a_grasp_that_is_the_result(tmp_path):
 
 def test_an_interrupted_start_does_not_count():
     code = """
-        press(run=3, iteration=2)
+        press(run=2, iteration=2)
         from continuum_grasp.grasp import optimize_grasp
         result = optimize_grasp(sys.argv[1])
         print(result.status.value, len(result.statistics["attempts"]), result.statistics["interrupted"])
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     """
     done = python(code, CONFIGS / "mug_arcs.yaml")
-    assert done.stdout.split() == ["optimal", "2", "True"], done.stderr
+    assert done.stdout.split() == ["optimal", "1", "True"], done.stderr
 
 
 def test_an_interrupted_diagnosis_is_no_verdict():
@@ -105,13 +104,14 @@ def test_an_interrupted_diagnosis_is_no_verdict():
 def test_ctrl_c_from_outside():
     """The signal comes from another process while starts are tried without end."""
     code = """
-        from continuum_grasp.grasp import optimize_grasp, solve
+        from continuum_grasp.grasp import optimize_grasp, search
         from continuum_grasp.scene.load import load
-        run = solve.GraspSolverRun.run
-        def told(self, *arguments):
+        run = ipopt.GraspSolverRun.run
+        def told(self, *arguments, **options):
             print("start", flush=True)
-            return run(self, *arguments)
-        solve.GraspSolverRun.run = told
+            return run(self, *arguments, **options)
+        ipopt.GraspSolverRun.run = told
+        search.AGREED = 1000
         result = optimize_grasp(load(sys.argv[1], ["solver.seeds=1000", "solver.time_limit=1e4"]))
         print(result.status.value, result.statistics["interrupted"])
     """
