@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.problem import FingerState, GraspProblem
+from continuum_grasp.grasp.scan_curves import curvature_at, turning
 from continuum_grasp.grasp.starts import FingerStart, Start
 from continuum_grasp.grasp.surface import Feature
 from continuum_grasp.grasp.values import Units
@@ -46,8 +47,10 @@ def _finger_start(setup: FingerSetup, state: FingerState, start: FingerStart, un
     joints = [s / length for s in start.joints]
     lengths = np.array(state.unit.element_lengths(joints))
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
-    nodes = np.interp(ends * length, start.knots, start.curvatures) * length
-    q = {"arc": 0.5 * lengths * (nodes[1:] + nodes[:-1]), "clothoid": nodes, "matched_clothoid": nodes[:-1]}
+    knots, curvatures = np.array([start.knots]) / length, np.array([start.curvatures]) * length
+    nodes = curvature_at(knots, curvatures, ends[None])[0]
+    bends = np.diff(turning(knots, curvatures, ends[None])[0])
+    q = {"arc": bends, "clothoid": nodes, "matched_clothoid": nodes[:-1]}
     moment = float(nodes[-1]) - finger.curvature_pieces[0][2] * length
     tendons = finger.tendons
     least = 0.0 if tendons is None else tendons.min_tension * tendons.offset * length / finger.rod.stiffness
@@ -109,12 +112,17 @@ def _values(problem: GraspProblem) -> ca.Function:
     x, numbers = problem.parts.x, problem.numbers.symbol
     touched, count = problem.contacts, len(problem.contacts)
     stations = [
-        ca.SX(0) if c.make.finger < 0 else ca.SX(1) if c.make.joint < 0 else problem.fingers[c.make.finger].joints[c.make.joint]
+        ca.SX(0)
+        if c.make.finger < 0
+        else ca.SX(1)
+        if c.make.joint < 0
+        else problem.fingers[c.make.finger].joints[c.make.joint]
         for c in touched
     ]
-    at = [ca.horzcat(*v) if count else ca.SX(k, 0) for v, k in (
-        ([c.point for c in touched], 2), ([c.normal for c in touched], 2), ([c.force for c in touched], 3)
-    )]
+    at = [
+        ca.horzcat(*v) if count else ca.SX(k, 0)
+        for v, k in (([c.point for c in touched], 2), ([c.normal for c in touched], 2), ([c.force for c in touched], 3))
+    ]
     plain: list[Any] = [problem.pose, *at, ca.vertcat(*stations)]
     for finger in problem.fingers:
         lengths = finger.p[: finger.make.elements]

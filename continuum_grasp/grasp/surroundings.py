@@ -22,7 +22,7 @@ __all__ = ["Surroundings"]
 Array = NDArray[Any]
 Values = dict[str, Any]
 
-FINE = 24
+FINE = 64
 """Places per element at which the depth is looked at."""
 CLEAR = 1.0 - 1e-9
 """Part of the half thickness from which on a base counts as clear of a support."""
@@ -82,8 +82,10 @@ class Surroundings:
             points, curvatures, lengths, base = rest[4 * k : 4 * k + 4]
             line = _Line(finger, curvatures.ravel(), lengths.ravel(), base.ravel(), setup, units)
 
-            def look(at: Array, owner: Array, setup: FingerSetup = setup) -> list[tuple[Array, Array, Array]]:
-                return [_look(thing, scene, setup, at, owner, pose, units) for thing in things]
+            def look(
+                at: Array, owner: Array, setup: FingerSetup = setup, base: Array = base.ravel()
+            ) -> list[tuple[Array, Array, Array]]:
+                return [_look(thing, setup, base, at, owner, pose, units) for thing in things]
 
             even = np.tile(np.arange(FINE + 1) / FINE, (finger.make.elements, 1))
             depth = _depth(look(*line.at(even)))
@@ -138,7 +140,7 @@ def _things(scene: GraspScene) -> list[_Thing]:
 
 
 def _look(
-    thing: _Thing, scene: GraspScene, setup: FingerSetup, at: Array, owner: Array, pose: Array, units: Units
+    thing: _Thing, setup: FingerSetup, base: Array, at: Array, owner: Array, pose: Array, units: Units
 ) -> tuple[Array, Array, Array]:
     """Obstacles (K, 6), gaps (K,) and the gaps that are needed (K,)."""
     half = setup.finger.thickness_radius
@@ -147,9 +149,9 @@ def _look(
         return *_nearest(thing.part, _local(at, pose) if thing.moves else at, units), needed
     point = thing.point / units.length
     obstacle = np.tile([0.0, *thing.normal, *point, 0.0], (len(at), 1))
-    height = float((np.asarray(setup.finger.base.position) - thing.point) @ thing.normal)
-    if height < CLEAR * half and setup.finger.base_free is None:  # the finger comes out of it
-        needed[owner < setup.before[0]] = min(0.0, height) / units.length
+    height = float((base[:2] - point) @ thing.normal)
+    if height < CLEAR * half / units.length:  # the finger comes out of it
+        needed[owner < setup.before[0]] = min(0.0, height)
     return obstacle, (at - point) @ thing.normal, needed
 
 
@@ -169,7 +171,7 @@ class _Line:
     def at(self, fractions: Array) -> tuple[Array, Array]:
         """World positions (N * M, 2) at increasing fractions (N, M) of the elements, and their elements (N * M,)."""
         inner = (self._ends[:-1, None] + self._lengths[:, None] * fractions).ravel()
-        even = np.linspace(0.0, 1.0, 4 * FINE + 1)
+        even = np.linspace(0.0, 1.0, 129)
         every = np.concatenate([even, inner])
         order = np.argsort(every, kind="stable")
         line = np.empty(len(every), complex)
