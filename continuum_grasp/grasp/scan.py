@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.scan_curves import guess_table, sample, stretch
+from continuum_grasp.grasp.scan_elastica import elastica_table, projection
 from continuum_grasp.grasp.scan_task import ALLOWED, FingerTask, Postures, join, violation
 from continuum_grasp.grasp.scan_touch import arc_tangent, tangent, touch
 from continuum_grasp.grasp.shapes import Shape
@@ -22,6 +23,7 @@ _REACH, _GRID = 6.0, 29
 _TIP_REACH, _TIP_GRID = 8.0, 33
 _TILT, _OFF = 0.45, 0.25
 _POSITIONS = 10
+_BESIDE_CONE = 0.15
 _BETWEEN = np.array([-0.67, -0.33, 0.33, 0.67])
 _ENOUGH = 30
 
@@ -51,7 +53,7 @@ def postures(task: FingerTask, middles: tuple[bool, ...], tip: bool) -> Postures
         family = _with_tip(task, family) if tip else _free_end(family)
     else:
         joint = task.counts[0] / 2.0 if task.arcs and task.counts == (1, 1) else None
-        family = _tip_only(task, joint) if tip else _untouched(task)
+        family = _untouched(task) if not tip else _tip_only(task, joint) if task.arcs else _bent_by_tip(task)
     if family is None:
         return None
     joints = _all_joints(task, family.joints, middles)
@@ -265,12 +267,12 @@ def _free_end(family: Postures) -> Postures:
     )
 
 
-def _tip_only(task: FingerTask, joint: float | None) -> Postures | None:
+def _tip_only(task: FingerTask, joint: float | None, sparse: bool = False) -> Postures | None:
     """Curves from the base whose tip touches: a family of two parameters, cut along a grid both ways.
 
     Where ``joint`` is given they are two arcs that meet there.
     """
-    grid, ends, turns, sane = guess_table(_TIP_REACH, _TIP_GRID, joint)
+    grid, ends, turns, sane = guess_table(_TIP_REACH, _TIP_GRID // 2 + 1 if sparse else _TIP_GRID, joint)
     knots = np.array([0.0, 1.0] if joint is None else [0.0, joint, joint, 1.0])
     groups = []
     for part, shape in enumerate(task.shapes):
@@ -303,6 +305,42 @@ def _tip_only(task: FingerTask, joint: float | None) -> Postures | None:
             good &= _in_front(shape, walk, turn)
             groups.append(_tips(knots, bent[good], part, shape, walk[good]))
     found = join(groups)
+    return None if found is None else _unique(found)
+
+
+def _bent_by_tip(task: FingerTask) -> Postures | None:
+    """Fingers bent by a force at their tips, which touch with that force in the friction cone."""
+    table = elastica_table()
+    knots = np.array(task.nodes)
+    groups = [_tip_only(task, None, sparse=True)]
+    cone = math.atan(task.friction) + _BESIDE_CONE
+    for part, shape in enumerate(task.shapes):
+        near = np.abs(table.tips - shape.centre) < shape.extent + task.half + 0.7
+        gap = np.full(table.tips.shape, np.nan)
+        gap[near] = shape.distance(table.tips[near]) - task.half
+        with np.errstate(invalid="ignore"):
+            crossed = (gap[:, :-1] * gap[:, 1:] <= 0.0) & table.sane[:, :-1] & table.sane[:, 1:]
+        i, j = np.nonzero(crossed)
+        share = gap[i, j] / np.where(gap[i, j] == gap[i, j + 1], 1.0, gap[i, j] - gap[i, j + 1])
+        tips = table.tips[i, j] + share * (table.tips[i, j + 1] - table.tips[i, j])
+        _, walk = shape.nearest(tips)
+        normal = shape.walk(walk).angle
+        facing = table.turns[i, j] + share * (table.turns[i, j + 1] - table.turns[i, j])
+        kept = np.cos(normal - facing - 0.5 * math.pi) < 0.1
+        kept &= (np.cos(table.directions[i] - normal) > math.cos(cone)) | (table.forces[i] == 0.0)
+        i, j, share, walk = i[kept], j[kept], share[kept], walk[kept]
+        if not len(i):
+            continue
+        bent = table.curvatures[i, j] + share[:, None] * (table.curvatures[i, j + 1] - table.curvatures[i, j])
+        bent = bent @ projection(task.nodes).T
+        count = len(i)
+        start = (np.zeros(count, complex), np.zeros(count))
+        lengths = np.broadcast_to(np.diff(knots), (count, len(knots) - 1))
+        bent, walk, good = touch(shape, start, lengths, bent, tuple(range(len(knots))), walk)
+        _, turn, _, _ = stretch(lengths, bent)
+        good &= _in_front(shape, walk, turn)
+        groups.append(_tips(knots, bent[good], part, shape, walk[good]))
+    found = join([g for g in groups if g is not None])
     return None if found is None else _unique(found)
 
 

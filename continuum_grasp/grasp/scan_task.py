@@ -25,6 +25,7 @@ Pose = tuple[float, float, float]
 ALLOWED = 2e-3
 """Penetration that a start may have, per length of the finger."""
 _STATIONS = 65
+_FINE = 6
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,9 @@ class FingerTask:
         Rest curvature.
     counts : tuple of int
         Elements between base, joints and tip.
+    nodes : tuple of float
+        Ends of its elements, or fewer positions where it has many.
+    friction : float
     arcs : bool
         Whether its elements are circular arcs.
     bending_range : float
@@ -60,6 +64,8 @@ class FingerTask:
     limit: float
     rest: float
     counts: tuple[int, ...]
+    nodes: tuple[float, ...]
+    friction: float
     arcs: bool
     bending_range: float
     bounds: tuple[float, float]
@@ -140,12 +146,15 @@ def make_task(scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, sid
     half = setup.finger.thickness_radius * scale
     marks = (0, *setup.before, setup.elements)
     rest = setup.finger.rest_curvature
+    few = setup.elements if setup.elements <= _FINE else _FINE
     return FingerTask(
         shapes=tuple(make_shape(part, frame, half) for part in scene.object.parts),
         half=half,
         limit=setup.finger.curvature_limit / scale,
         rest=side * rest / scale if isinstance(rest, int | float) else 0.0,
         counts=tuple(b - a for a, b in pairwise(marks)),
+        nodes=tuple(k / few for k in range(few + 1)),
+        friction=setup.friction,
         arcs=setup.family == "arc",
         bending_range=setup.bending_range,
         bounds=(setup.middle_bounds[0] * scale, setup.middle_bounds[1] * scale),

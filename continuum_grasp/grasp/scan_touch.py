@@ -73,8 +73,8 @@ def tangent(
 def touch(
     shape: Shape, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, ...], walk: Array
 ) -> tuple[Array, Array, Array]:
-    """Curves whose end lies on the grown outline, as :func:`tangent` does, with one free curvature each, that of all
-    the columns ``free``.
+    """Curves whose end lies on the grown outline, as :func:`tangent` does; the curvatures of the columns ``free`` all
+    change by the same amount.
     """
     columns = list(free)
     point, angle = start
@@ -83,16 +83,16 @@ def touch(
 
     def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
         bent = out[rows]
-        bent[:, columns] = u[:, :1]
+        bent[:, columns] += u[:, :1]
         end, _, dend, _ = stretch(lengths[rows], bent)
         at = shape.walk(u[:, 1])
         off = point[rows] + phase[rows] * end - at.point
         move = phase[rows] * dend[:, columns].sum(axis=1)
         return [off.real, off.imag], [[move.real, -at.dpoint.real], [move.imag, -at.dpoint.imag]]
 
-    first = np.stack([out[:, columns[0]], walk], axis=1)
+    first = np.stack([np.zeros(len(walk)), walk], axis=1)
     found, good = _newton(equations, first, (_BEND_STEP, 0.15 * shape.period))
-    out[:, columns] = found[:, :1]
+    out[:, columns] += found[:, :1]
     return out, found[:, 1], good
 
 

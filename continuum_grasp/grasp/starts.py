@@ -13,8 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts_candidates import Candidates, find_candidates
-from continuum_grasp.grasp.starts_force import Block, Loads, finger_block, imbalance, loads_of, support_block
-from continuum_grasp.grasp.starts_order import spread, spread_order
+from continuum_grasp.grasp.starts_combine import combine
+from continuum_grasp.grasp.starts_force import (
+    Block,
+    Loads,
+    contact_forces,
+    finger_block,
+    loads_of,
+    support_block,
+)
+from continuum_grasp.grasp.starts_order import spread_order
 from continuum_grasp.grasp.starts_poses import base_poses, object_poses
 from continuum_grasp.grasp.starts_random import fallback, shaken
 from continuum_grasp.grasp.starts_supports import support_contacts, touching_supports
@@ -26,12 +34,8 @@ __all__ = ["ContactStart", "FingerStart", "Start", "make_starts", "support_conta
 Array = NDArray[Any]
 Pose = tuple[float, float, float]
 
-_MOST = 160
-"""Combinations that are weighed per pose."""
 _STEP = 1e-9
 """Part of the length within which a curvature that steps changes."""
-_PER_FINGER = {1: 160, 2: 14, 3: 7, 4: 5}
-"""Postures per finger that are combined, by number of fingers."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,7 @@ class _Ranked:
     pose: Pose
     rows: tuple[tuple[FingerSetup, Candidates, int], ...]
     near: bool
+    forces: Array
 
 
 def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.random.Generator) -> list[Start]:
@@ -91,13 +96,9 @@ def _at_pose(
             return []
         candidates = candidates.take(_least_violation(candidates))
         block = finger_block(scene, loads, setup, candidates, pose)
-        if len(setups) > 1 and len(candidates) > _PER_FINGER[len(setups)]:
-            keep = _alone(loads, candidates, block, _PER_FINGER[len(setups)])
-            candidates, block = candidates.take(keep), block.take(keep)
         found.append(candidates)
         blocks.append(block)
-    index = _combinations([len(c) for c in found])
-    left, cost = imbalance(loads, [*blocks, supports], [*index, np.zeros(len(index[0]), int)])
+    index, left, cost, forces = combine(loads, blocks, supports, [c.features for c in found])
     wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
     score = 10.0 * left + cost + 5.0 * np.minimum(wrong, 1.0) + np.where(wrong > 0.0, 1.0, 0.0)
     features = np.concatenate([c.features[i] for c, i in zip(found, index, strict=True)], axis=1)
@@ -109,6 +110,7 @@ def _at_pose(
             pose,
             tuple((s, c, int(i[k])) for s, c, i in zip(setups, found, index, strict=True)),
             bool(wrong[k] > 0.0),
+            forces[k],
         )
         for k in range(len(score))
     ]
@@ -120,29 +122,12 @@ def _least_violation(candidates: Candidates) -> Array:
     return good if len(good) else np.argsort(candidates.violation, kind="stable")[:4]
 
 
-def _alone(loads: Loads, candidates: Candidates, block: Block, most: int) -> Array:
-    """Postures of one finger worth combining: those whose own balance is best, spread."""
-    own = Block(block.onto * 0.0, block.moments, block.needed, block.low, block.high, block.cost)
-    free = Loads(loads.force, loads.length, 0j, 0.0, loads.gravity, False)
-    own = Block(own.onto[:, : free.rows], own.moments, own.needed, own.low, own.high, own.cost)
-    left, cost = imbalance(free, [own], [np.arange(len(candidates))])
-    return np.array(spread(10.0 * left + cost, candidates.features, most))
-
-
-def _combinations(sizes: list[int]) -> list[Array]:
-    """Indices of combinations, all of them or an even selection."""
-    total = int(np.prod(sizes))
-    if total <= _MOST:
-        chosen = np.arange(total)
-    else:
-        chosen = np.unique((np.arange(_MOST) * 0.6180339887498949 % 1.0 * total).astype(int))
-        diagonal = np.arange(min(sizes))
-        chosen = np.unique(np.concatenate([chosen, np.ravel_multi_index([diagonal] * len(sizes), sizes)]))
-    return list(np.unravel_index(chosen, sizes))
-
-
 def _as_start(scene: GraspScene, on: frozenset[str], ranked: _Ranked) -> Start:
-    fingers, contacts = {}, {}
+    fingers: dict[str, FingerStart] = {}
+    contacts: dict[str, ContactStart] = {}
+    forces: dict[str, tuple[float, float, float]] = {}
+    tensions: dict[str, tuple[float, float]] = {}
+    loads, place = loads_of(scene), 0
     for setup, candidates, row in ranked.rows:
         length = setup.finger.rod.length
         knots, bent = candidates.knots[row], candidates.curvatures[row]
@@ -158,6 +143,11 @@ def _as_start(scene: GraspScene, on: frozenset[str], ranked: _Ranked) -> Start:
             tuple(float(k) / length for k in bent),
         )
         names = [n for n in (*setup.middle_names, setup.tip_name) if n in on]
+        size = len(names) * loads.edges
+        forces |= contact_forces(scene, loads, names, ranked.forces[place : place + size])
+        one, two = (float(t) for t in ranked.forces[place + size : place + size + 2])
+        tensions[setup.name] = one, two
+        place += size + 2
         for column, name in enumerate(names):
             point = complex(candidates.points[row, column])
             contacts[name] = ContactStart(
@@ -165,5 +155,7 @@ def _as_start(scene: GraspScene, on: frozenset[str], ranked: _Ranked) -> Start:
                 (point.real, point.imag),
                 float(np.remainder(candidates.angles[row, column] + np.pi, 2 * np.pi) - np.pi),
             )
-    contacts.update(support_contacts(scene, ranked.pose, on))
-    return Start("near" if ranked.near else "scan", ranked.pose, fingers, contacts)
+    touched = support_contacts(scene, ranked.pose, on)
+    forces |= contact_forces(scene, loads, list(touched), ranked.forces[place:])
+    contacts |= touched
+    return Start("near" if ranked.near else "scan", ranked.pose, fingers, contacts, forces, tensions)

@@ -21,7 +21,7 @@ from continuum_grasp.grasp.starts_candidates import Candidates
 from continuum_grasp.grasp.starts_values import ContactStart
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene, OutOfPlaneGravity, PlanarGravity
 
-__all__ = ["Block", "Loads", "finger_block", "imbalance", "loads_of", "support_block"]
+__all__ = ["Block", "Loads", "contact_forces", "finger_block", "imbalance", "loads_of", "support_block"]
 
 Array = NDArray[Any]
 Pose = tuple[float, float, float]
@@ -66,6 +66,11 @@ class Loads:
         return 3 + (0 if self.lift == 0.0 else 3 if self.balance else 1)
 
     @property
+    def edges(self) -> int:
+        """Number of edges of a friction cone."""
+        return len(_TILTS) if self.lift else 2
+
+    @property
     def target(self) -> Array:
         """What the contacts must apply to the object, scaled (rows,)."""
         out = np.zeros(self.rows)
@@ -91,6 +96,7 @@ class Block:
         Bounds [N].
     cost : ndarray, (n,)
         1 for tensions.
+    contacts : int
     """
 
     onto: Array
@@ -99,10 +105,12 @@ class Block:
     low: Array
     high: Array
     cost: Array
+    contacts: int = 0
 
-    def take(self, index: Any) -> Block:
-        """Some of the postures."""
-        return Block(self.onto[index], self.moments[index], self.needed[index], self.low, self.high, self.cost)
+    @property
+    def single(self) -> bool:
+        """Whether there is one contact, so that the shape fixes the forces."""
+        return self.contacts == 1
 
 
 def loads_of(scene: GraspScene) -> Loads:
@@ -122,11 +130,14 @@ def loads_of(scene: GraspScene) -> Loads:
 
 def _edges(loads: Loads, friction: float, normals: Array) -> tuple[Array, Array]:
     """Edges of friction cones (P, C, E), as forces in the plane on what touches the object, and their lifts (E,)."""
-    if loads.lift:
-        slopes, lifts = friction * np.cos(_TILTS), friction * np.sin(_TILTS)
-    else:
-        slopes, lifts = np.array([friction, -friction]), np.zeros(2)
+    slopes, lifts = _slopes(loads, friction)
     return normals[..., None] * (1.0 + 1j * slopes), lifts
+
+
+def _slopes(loads: Loads, friction: float) -> tuple[Array, Array]:
+    if loads.lift:
+        return friction * np.cos(_TILTS), friction * np.sin(_TILTS)
+    return np.array([friction, -friction]), np.zeros(2)
 
 
 def _onto(loads: Loads, arms: Array, edges: Array, lifts: Array) -> Array:
@@ -203,6 +214,7 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Can
             + [high if used in ("both", side) else low for side in ("left", "right")]
         ),
         np.array([0.0] * pushes + [1.0, 1.0]),
+        found.stations.shape[1],
     )
 
 
@@ -266,7 +278,20 @@ def _own_weight(setup: FingerSetup, world: Array, at: Array, gravity: complex) -
     return np.asarray((np.conj(first - force * world) * gravity).imag)
 
 
-def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Array, Array]:
+def contact_forces(
+    scene: GraspScene, loads: Loads, names: list[str], found: Array
+) -> dict[str, tuple[float, float, float]]:
+    """Normal, friction and lift [N] at contacts, from the forces along the edges of their cones."""
+    out = {}
+    for k, name in enumerate(names):
+        friction = scene.friction(name)
+        (slopes, lifts) = _slopes(loads, friction)
+        own = found[k * len(slopes) : (k + 1) * len(slopes)]
+        out[name] = (float(own.sum()), float(own @ slopes), float(own @ lifts))
+    return out
+
+
+def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Array, Array, Array]:
     """Least imbalance of B combinations of postures, and the effort that goes with it.
 
     Parameters
@@ -278,8 +303,10 @@ def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Ar
 
     Returns
     -------
-    imbalance, effort : ndarray, (B,)
-        Relative to the loads; mean of the forces per their limits.
+    imbalance, cost : ndarray, (B,)
+        Relative to the loads; sum of the tensions per their limits.
+    forces : ndarray, (B, n)
+        Of all blocks [N].
     """
     count = len(index[0])
     sizes = [b.onto.shape[2] for b in blocks]
@@ -297,8 +324,9 @@ def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Ar
     return _boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300))
 
 
-def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) -> tuple[Array, Array]:
-    """Least squares within bounds for many systems at once, by an interior point method: what is left, and the cost.
+def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) -> tuple[Array, Array, Array]:
+    """Least squares within bounds for many systems at once, by an interior point method: what is left, the cost, and
+    the unknowns.
 
     The Newton step is solved in the rows of the system, of which there are fewer than columns.
     """
@@ -326,4 +354,5 @@ def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) ->
         x, zl, zu = x + length * step, zl + length * dl, zu + length * du
         barrier *= 0.3
     left = (scaled @ x[..., None])[..., 0] - right
-    return np.sqrt((left**2).sum(axis=1)), (x * span + low) @ cost
+    x = x * span + low
+    return np.sqrt((left**2).sum(axis=1)), x @ cost, x

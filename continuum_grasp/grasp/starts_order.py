@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["spread", "spread_order"]
+__all__ = ["spread_order"]
 
 Array = NDArray[Any]
 
@@ -34,8 +34,3 @@ def spread_order(score: Array, features: Array, count: int) -> list[int]:
         taken[pick] = True
         near = np.minimum(near, np.sqrt(((features - features[pick]) ** 2).sum(axis=1)))
     return order
-
-
-def spread(score: Array, features: Array, count: int) -> list[int]:
-    """As :func:`spread_order`, for choosing without order."""
-    return sorted(spread_order(score, features, count))

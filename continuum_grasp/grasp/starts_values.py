@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -80,9 +80,16 @@ class Start:
     fingers : dict of str to FingerStart
     contacts : dict of str to ContactStart
         All contacts that are on, those with supports included.
+    forces : dict of str to (float, float, float)
+        Normal, friction and lift at the contacts that balance the object as nearly as they can [N]; signs as in a
+        result's ``contact_forces``; may be empty.
+    tensions : dict of str to (float, float)
+        Of the fingers' tendons that go with them [N]; may be empty.
     """
 
     label: str
     object_pose: tuple[float, float, float]
     fingers: dict[str, FingerStart]
     contacts: dict[str, ContactStart]
+    forces: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    tensions: dict[str, tuple[float, float]] = field(default_factory=dict)

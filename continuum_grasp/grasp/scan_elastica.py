@@ -1,0 +1,89 @@
+"""Shapes that a rod takes under a force at its tip: the fingers that touch with their tips alone.
+
+A table of them, made once, in units of the finger's length L and of E I / L^2: initial curvature, force and its
+direction against the base. Where the tip of one touches an object and the force points out of it within the friction
+cone, a finger with the right tension is in balance there; its own weight is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["ElasticaTable", "elastica_table", "projection"]
+
+Array = NDArray[Any]
+
+_FIRST = np.linspace(-10.0, 10.0, 33)
+_FORCES = np.array([0.75, 2.0, 4.0, 7.0, 11.0, 16.0, 23.0, 32.0, 44.0])
+_DIRECTIONS = 24
+_STEPS = 32
+_MOST_CURVED, _MOST_TURNED = 18.0, 6.0
+
+
+@dataclass(frozen=True)
+class ElasticaTable:
+    """Shapes by case (force and its direction; the first is no force) and initial curvature.
+
+    Attributes
+    ----------
+    directions : ndarray, (F,)
+        Angle of the force on the finger [rad].
+    forces : ndarray, (F,)
+    tips : ndarray of complex, (F, C)
+    turns : ndarray, (F, C)
+        Angle of the tip.
+    curvatures : ndarray, (F, C, S)
+        At evenly spaced positions.
+    sane : ndarray of bool, (F, C)
+        Neither curved nor turned beyond any finger.
+    """
+
+    directions: Array
+    forces: Array
+    tips: Array
+    turns: Array
+    curvatures: Array
+    sane: Array
+
+
+@lru_cache(1)
+def elastica_table() -> ElasticaTable:
+    """The table, from the midpoint rule."""
+    angles = math.tau * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
+    directions = np.concatenate([[0.0], np.tile(angles, len(_FORCES))])
+    forces = np.concatenate([[0.0], np.repeat(_FORCES, _DIRECTIONS)])
+    pull = (forces * np.exp(1j * directions))[:, None]
+    shape = (len(forces), len(_FIRST))
+    bent = np.broadcast_to(_FIRST, shape).copy()
+    turn, tip = np.zeros(shape), np.zeros(shape, complex)
+    curvatures = np.empty((*shape, _STEPS + 1))
+    curvatures[..., 0] = bent
+    step = 1.0 / _STEPS
+    for k in range(_STEPS):
+        half_turn = turn + 0.5 * step * bent
+        half_bent = bent - 0.5 * step * (np.conj(1j * np.exp(1j * turn)) * pull).imag
+        tangent = 1j * np.exp(1j * half_turn)
+        turn = turn + step * half_bent
+        tip = tip + step * tangent
+        bent = bent - step * (np.conj(tangent) * pull).imag
+        curvatures[..., k + 1] = bent
+    sane = (np.abs(curvatures).max(axis=2) < _MOST_CURVED) & (np.abs(turn) < _MOST_TURNED)
+    return ElasticaTable(directions, forces, tip, turn, curvatures, sane)
+
+
+@lru_cache(32)
+def projection(knots: tuple[float, ...]) -> Array:
+    """Matrix (K, S) from curvatures at the table's positions to those at ``knots``, linear between, that are nearest
+    to them in the mean square.
+    """
+    at = np.linspace(0.0, 1.0, _STEPS + 1)
+    hats = np.stack([np.interp(at, knots, unit) for unit in np.eye(len(knots))])
+    weights = np.full(len(at), 1.0 / _STEPS)
+    weights[[0, -1]] *= 0.5
+    return np.asarray(np.linalg.solve((hats * weights) @ hats.T, hats * weights))
