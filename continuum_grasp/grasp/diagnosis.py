@@ -52,7 +52,10 @@ def _distance(scene: GraspScene, setup: FingerSetup) -> float:
     if thing.free is None and setup.finger.base_free is None:
         return thing.distance((x, y))
     c, s = math.cos(thing.angle), math.sin(thing.angle)
-    com = thing.position[0] + c * thing.com[0] - s * thing.com[1], thing.position[1] + s * thing.com[0] + c * thing.com[1]
+    com = (
+        thing.position[0] + c * thing.com[0] - s * thing.com[1],
+        thing.position[1] + s * thing.com[0] + c * thing.com[1],
+    )
     turns = thing.free is not None and thing.free.angle is not None
     away = math.dist((x, y), com) - thing.size if turns else thing.distance((x, y))
     slack = math.dist(com, thing.position) if turns else 0.0

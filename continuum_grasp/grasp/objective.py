@@ -24,8 +24,7 @@ def add_objective(problem: GraspProblem) -> ca.SX:
     """The objective; its unknowns and constraints are added to the problem."""
     parts, number, aims = problem.parts, problem.numbers, problem.make.aims
     total = ca.SX(0)
-    if "least_tension" in aims:
-        total += sum(f.unit.number("tension weight") * ca.sum1(f.pulls) for f in problem.fingers)
+    total += sum(f.unit.number("tension weight") * ca.sum1(f.pulls) for f in problem.fingers)
     if "least_normal_force" in aims:
         greatest = parts.unknown("greatest normal force")
         for contact in problem.contacts:

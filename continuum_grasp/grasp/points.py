@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.problem import FingerState, GraspProblem
 from continuum_grasp.grasp.scan_curves import curvature_at, turning
-from continuum_grasp.grasp.starts import FingerStart, Start
+from continuum_grasp.grasp.starts import Start
 from continuum_grasp.grasp.surface import Feature
 from continuum_grasp.grasp.values import Units
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
@@ -21,6 +21,8 @@ Array = NDArray[Any]
 Values = dict[str, Any]
 
 BACKBONE_POINTS = 201
+PRESSED = 1e-2
+"""Least normal force of a contact to start with, as a part of the weight."""
 
 
 def starting_point(problem: GraspProblem, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Array:
@@ -29,7 +31,7 @@ def starting_point(problem: GraspProblem, scene: GraspScene, start: Start, featu
     x, y, turn = start.object_pose
     values: Values = {"object pose": [x / units.length, y / units.length, turn], "friction margin": 0.1}
     for setup, state in zip(scene.setups, problem.fingers, strict=True):
-        values |= _finger_start(setup, state, start.fingers[setup.name], units)
+        values |= _finger_start(setup, state, start, units)
     force = max(scene.weight / units.force, 1.0)
     lift = force / max(len(problem.contacts), 1)
     values["greatest normal force"] = force
@@ -37,13 +39,17 @@ def starting_point(problem: GraspProblem, scene: GraspScene, start: Start, featu
         at = start.contacts[contact.name]
         part = scene.object.parts[at.part]
         values[f"place, {contact.name}"] = features[contact.name].place(part, at.point, at.normal_angle)
-        spatial = problem.make.gravity == "out_of_plane"
-        values[f"force, {contact.name}"] = [force, 0.0, lift if scene.weight else 0.0] if spatial else [force, 0.0]
+        pressed = (force, 0.0, lift if scene.weight else 0.0)
+        if contact.name in start.forces:
+            n, f, carried = (component / units.force for component in start.forces[contact.name])
+            pressed = max(n, PRESSED * force), f, carried
+        values[f"force, {contact.name}"] = pressed if problem.make.gravity == "out_of_plane" else pressed[:2]
     return problem.parts.pack(values, 0.0)
 
 
-def _finger_start(setup: FingerSetup, state: FingerState, start: FingerStart, units: Units) -> Values:
+def _finger_start(setup: FingerSetup, state: FingerState, whole: Start, units: Units) -> Values:
     name, finger, length = setup.name, setup.finger, setup.finger.rod.length
+    start = whole.fingers[name]
     joints = [s / length for s in start.joints]
     lengths = np.array(state.unit.element_lengths(joints))
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -55,6 +61,8 @@ def _finger_start(setup: FingerSetup, state: FingerState, start: FingerStart, un
     tendons = finger.tendons
     least = 0.0 if tendons is None else tendons.min_tension * tendons.offset * length / finger.rod.stiffness
     pulls = [least + max(moment, 0.1), least] if moment >= 0.0 else [least, least - min(moment, -0.1)]
+    if name in whole.tensions and tendons is not None:
+        pulls = [t * tendons.offset * length / finger.rod.stiffness for t in whole.tensions[name]]
     x, y, turn = start.base
     values: Values = {
         f"{name}.q": q[setup.family],

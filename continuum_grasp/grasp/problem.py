@@ -172,7 +172,9 @@ class GraspProblem:
         p = unit.parameters(ca.vertcat(*unit.element_lengths(joints)), base[2])
         ends, angles = unit.model.joints(q, u, p)
         turned = unit.number("length") * rotation(base[2]) @ ends
-        return FingerState(make, unit, q, joints, pulls, base, u, p, turned + ca.repmat(base[:2], 1, ends.shape[1]), angles + base[2])
+        return FingerState(
+            make, unit, q, joints, pulls, base, u, p, turned + ca.repmat(base[:2], 1, ends.shape[1]), angles + base[2]
+        )
 
     def _on_tip(self, contact: ContactMake, finger: FingerMake) -> bool:
         return contact.joint == -1 and self.make.fingers[contact.finger] == finger
@@ -180,9 +182,7 @@ class GraspProblem:
     def _touch(self, contact: ContactMake) -> TouchState:
         number = self.numbers
         if contact.finger < 0 and not self.make.free:  # where it sits is known
-            local = SurfacePoint(
-                number(f"{contact.name}.point", 2), number(f"{contact.name}.normal", 2), ca.SX(0, 1)
-            )
+            local = SurfacePoint(number(f"{contact.name}.point", 2), number(f"{contact.name}.normal", 2), ca.SX(0, 1))
         else:
             place = self.parts.unknown(f"place, {contact.name}", 2)
             shape = SurfacePoint.on_superellipse if contact.smooth else SurfacePoint.on_polygon

@@ -261,18 +261,23 @@ class GraspResult:
 
         return result_text(self)
 
-    def save(self, folder: str | PathLike[str]) -> Path:
-        """Write ``result.npz`` and ``meta.json`` into a run folder, whole or not at all.
+    def save(self, folder: str | PathLike[str], *, quality: bool = True) -> Path:
+        """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, whole or not at all.
+
+        Parameters
+        ----------
+        folder : path-like
+        quality : bool, optional
+            Whether to compute and store the indices of quality.
 
         Raises
         ------
         OSError
             The files cannot be written.
         """
-        from continuum_grasp.grasp.report import result_meta
-        from continuum_grasp.results import write_run
+        from continuum_grasp.grasp.report import save_result
 
-        return write_run(folder, dict(self.arrays), result_meta(self))
+        return save_result(self, folder, quality=quality)
 
     def plot(self, target: Axes | str | PathLike[str] | None = None) -> Axes:
         """Draw the grasp.
@@ -286,8 +291,10 @@ class GraspResult:
         -------
         matplotlib.axes.Axes
         """
+        from continuum_grasp.grasp.shown import resisted_forces
         from continuum_grasp.plotting.grasp import plot_grasp, save_grasp_plot
 
+        resisted = resisted_forces(self)
         if isinstance(target, (str, PathLike)):
-            return save_grasp_plot(self, target)
-        return plot_grasp(self, ax=target)
+            return save_grasp_plot(self, target, resisted=resisted)
+        return plot_grasp(self, ax=target, resisted=resisted)

@@ -24,8 +24,8 @@ Array = NDArray[Any]
 
 SAME = 1e-6
 """Relative difference up to which two objectives are the same grasp's."""
-AGREED = 2
-"""Starts that must lead to the same best grasp before the others are left out."""
+SECTOR = 0.8
+"""Difference of a contact's direction from which on a start is of another branch [rad]."""
 EDGE = 1e-7
 """How near a contact must be to the end of its face or corner for the next one to be tried."""
 SLIDES = 12
@@ -88,20 +88,18 @@ class Search:
         return time.monotonic() > self.until
 
     def run(self) -> None:
-        """Try the starts of all modes, then let contacts pass on to the next faces and corners."""
+        """Try the starts of all modes, one of each branch, then let contacts pass on to the next faces and corners."""
         for mode in contact_modes(self.scene):
-            agreed = 0
+            held: set[tuple[Any, ...]] = set()
             for start in self.starts_of(mode):
+                branch = _branch(start)
+                if branch in held:
+                    continue
                 if self.tried and self.late:
                     return
-                before = self.best
                 found = self.attempt(start)
-                if found is None or found not in self.good:
-                    continue
-                agreed = agreed + 1 if before is not None and not _better(found, before) else 1
-                agreed = 0 if before is not None and _worse(found, before) else agreed
-                if agreed >= AGREED:
-                    break
+                if found is not None and found in self.good:
+                    held.add(branch)
         self.slide()
 
     def starts_of(self, mode: frozenset[str]) -> list[Start]:
@@ -147,12 +145,16 @@ class Search:
                 return
 
 
+def _branch(start: Start) -> tuple[Any, ...]:
+    """What starts that most likely lead to the same grasp have in common: sides, and where contacts face."""
+    sides = tuple(finger.sides for finger in start.fingers.values())
+    faces = tuple(round(contact.normal_angle / SECTOR) for contact in start.contacts.values())
+    places = tuple(contact.part for contact in start.contacts.values())
+    return sides, faces, places
+
+
 def _better(a: Tried, b: Tried) -> bool:
     return a.attempt.objective < b.attempt.objective - SAME * max(1.0, abs(b.attempt.objective))
-
-
-def _worse(a: Tried, b: Tried) -> bool:
-    return _better(b, a)
 
 
 def _neighbours(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feature], Array]]:

@@ -23,6 +23,11 @@ __all__ = ["Units", "contact_features", "problem_bounds", "problem_values"]
 Array = NDArray[Any]
 Values = dict[str, Any]
 
+LITTLE = 1e-5
+"""Weight of the tensions where they are no aim."""
+HELD = 1e-3
+"""Least normal force of a contact, as a part of the weight, where slipping or disturbances are an aim."""
+
 
 @dataclass(frozen=True)
 class Units:
@@ -102,12 +107,14 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
             low[f"{name}.base"], high[f"{name}.base"] = _pose_bounds(pose, finger.base_free, units.length)
     if scene.object.free is not None:
         low["object pose"], high["object pose"] = _pose_bounds(scene.object.pose, scene.object.free, units.length)
+    steady = bool({"greatest_disturbance", "greatest_friction_margin"} & set(problem.make.aims))
     for contact in problem.make.contacts:
         name, feature = contact.name, features[contact.name]
         low[f"place, {name}"], high[f"place, {name}"] = list(feature.lower), list(feature.upper)
         if contact.finger < 0 and not contact.smooth:  # the wall's normal decides, also at the end of a corner's cone
             low[f"place, {name}"][1], high[f"place, {name}"][1] = -np.inf, np.inf
-        low[f"force, {name}"] = [0.0, -np.inf, -np.inf] if problem.make.gravity == "out_of_plane" else [0.0, -np.inf]
+        least = HELD * max(scene.weight / units.force, 1.0) if steady else 0.0
+        low[f"force, {name}"] = [least, -np.inf, -np.inf] if problem.make.gravity == "out_of_plane" else [least, -np.inf]
     return problem.parts.pack(low, -np.inf), problem.parts.pack(high, np.inf)
 
 
@@ -117,10 +124,8 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, units: Units) -> Value
     moment = rod.stiffness / length
     offset = 1.0 if tendons is None else tendons.offset
     most = 0.0 if tendons is None else tendons.max_tension
-    greatest = max(f.rod.stiffness / f.rod.length / (f.tendons.offset if f.tendons else 1.0) for f in scene.named_fingers.values())
-    alone, used = len(_aims(scene)) == 1, finger.tendons_used
+    used = finger.tendons_used
     least = 0.0 if tendons is None else tendons.min_tension * offset / moment
-    weighed = sum((f.tendons.max_tension if f.tendons else 0.0) for f in scene.named_fingers.values())
     return {
         f"{name}.length": length / units.length,
         f"{name}.force share": moment / length / units.force,
@@ -130,8 +135,18 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, units: Units) -> Value
         f"{name}.pull_min": [least, least],
         f"{name}.pull_most": [most * offset / moment if used in ("both", side) else 0.0 for side in ("left", "right")],
         f"{name}.pull_per_force": units.force * offset / moment,
-        f"{name}.tension weight": moment / offset / greatest if alone else scene.weights.least_tension * moment / offset / weighed,
+        f"{name}.tension weight": _tension_weight(scene) * moment / offset,
     }
+
+
+def _tension_weight(scene: GraspScene) -> float:
+    """Of the sum of all tensions in the objective [1/N]; a little where it is no aim, so that they are unique."""
+    tendons = [f.tendons for f in scene.named_fingers.values() if f.tendons is not None]
+    limit = sum(t.max_tension for t in tendons)
+    if _aims(scene) == ["least_tension"]:
+        moments = (f.rod.stiffness / f.rod.length / f.tendons.offset for f in scene.named_fingers.values() if f.tendons)
+        return 1.0 / max(moments)
+    return max(scene.weights.least_tension, LITTLE) / limit
 
 
 def _aims(scene: GraspScene) -> list[str]:

@@ -188,7 +188,7 @@ class Disturbances(Value):
 class GraspSolver(Value):
     """Options of the search."""
 
-    seeds: Annotated[int, Field(ge=1, le=1000)] = 6
+    seeds: Annotated[int, Field(ge=1, le=1000)] = 8
     """Most starts per set of contacts, of different shape, from a geometric scan and, beyond what that gives, at
     random; fewer are used where they lead to the same grasp."""
     random_seed: Annotated[int, Field(ge=0)] = 0
