@@ -1,0 +1,273 @@
+"""Grasps whose forces follow from a line of algebra, to 1e-6.
+
+The objective is the least greatest normal force unless something else is said. Fingers may move their bases, so that
+they bend as their loads ask and the object alone decides the forces.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from continuum_grasp.grasp import Status, optimize_grasp
+from continuum_grasp.scene.finger import BasePose, Rod, Tendons
+from continuum_grasp.scene.grasp import (
+    GraspContacts,
+    GraspFinger,
+    GraspScene,
+    NoGravity,
+    OutOfPlaneGravity,
+    PlanarGravity,
+)
+from continuum_grasp.scene.objects import Box, Circle, Freedom, Polygon
+from continuum_grasp.scene.simulate import Fidelity
+from continuum_grasp.scene.supports import Palm, VGroove
+
+G = 9.81
+LENGTH, HALF, MASS, FRICTION = 0.2, 0.006, 0.3, 0.5
+WEIGHT = MASS * G
+OUT = OutOfPlaneGravity(mode="out_of_plane", magnitude=G)
+WEIGHTLESS = NoGravity(mode="none")
+LOOSE = 0.02
+
+
+def planar(x, y):
+    """Gravity of 9.81 m/s2 in a direction of the plane."""
+    return PlanarGravity(mode="planar", vector=(G * x, G * y))
+
+
+def finger(tip, towards, half=HALF, stiffness=0.05, loose=LOOSE):
+    """A finger that, straight, ends with the centre of its round tip at ``tip``, pointing at the angle ``towards``."""
+    direction = np.array([math.cos(towards), math.sin(towards)])
+    x, y = (float(v) for v in np.asarray(tip, dtype=float) - LENGTH * direction)
+    angle = math.remainder(towards - 0.5 * math.pi, 2.0 * math.pi)
+    free = Freedom(x=(x - loose, x + loose), y=(y - loose, y + loose)) if loose else None
+    return GraspFinger(
+        rod=Rod(length=LENGTH, linear_density=1e-9, bending_stiffness=stiffness),
+        half_thickness=half,
+        tendons=Tendons(offset=0.005, max_tension=200.0),
+        base=BasePose(position=(x, y), angle=angle),
+        base_free=free,
+    )
+
+
+def solve(fingers, thing, gravity, supports=None, friction=FRICTION, objective="least_normal_force", **more):
+    """The grasp by the tips of these fingers."""
+    scene = GraspScene(
+        schema_version=1,
+        fingers=dict(zip(("one", "two", "three"), fingers, strict=False)),
+        object=thing,
+        supports=supports or {},
+        contacts=GraspContacts(friction=friction, normal_force_max=100.0, middle="off", tip="on"),
+        gravity=gravity,
+        fidelity=Fidelity(family="matched_clothoid", elements=2),
+        objective=objective,
+        **more,
+    )
+    return optimize_grasp(scene, raise_on_failure=False)
+
+
+def normal_forces(result):
+    """Normal forces of a verified grasp by contact."""
+    assert result.solved, result.message
+    assert result.certificate.passed
+    return {c.name: c.normal_force for c in result.contacts}
+
+
+def disc(radius=0.04, mass=MASS):
+    """A disc about the origin."""
+    return Circle(shape="circle", diameter=2 * radius, mass=mass, position=(0.0, 0.0))
+
+
+BLOCK = Box(shape="box", width=0.3, height=0.08, mass=MASS, position=(0.0, 0.0))
+"""So wide that no tip reaches its corners."""
+CEILING = {"palm": Palm(point=(0.0, 0.04), normal_angle=-0.5 * math.pi)}
+"""Touches the disc, or a box of its height, from above."""
+
+
+# -- squeezes ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("thing", [disc(), BLOCK], ids=["disc", "block"])
+def test_squeeze_against_a_palm_out_of_the_plane(thing):
+    """Tip below, palm above, weight across: N is the same at both, mu N + mu N = m g, so N = m g / (2 mu)."""
+    result = solve([finger((0.0, -0.04 - HALF), 0.5 * math.pi)], thing, OUT, CEILING)
+    assert normal_forces(result)["one.tip"] == pytest.approx(WEIGHT / (2 * FRICTION), rel=1e-6)
+
+
+def test_squeeze_against_a_palm_in_the_plane():
+    """Tip below a block, palm above, weight along x: N is the same at both, each rubs m g / 2 <= mu N:
+    N = m g / (2 mu).
+    """
+    result = solve([finger((0.0, -0.04 - HALF), 0.5 * math.pi)], BLOCK, planar(1.0, 0.0), CEILING)
+    found = normal_forces(result)
+    assert found["one.tip"] == pytest.approx(WEIGHT / (2 * FRICTION), rel=1e-6)
+    assert found["palm.1"] + found["palm.2"] == pytest.approx(WEIGHT / (2 * FRICTION), rel=1e-6)
+
+
+@pytest.mark.parametrize("gravity", [OUT, planar(0.0, -1.0)], ids=["out_of_plane", "planar"])
+@pytest.mark.parametrize("friction", [0.2, 0.8])
+def test_squeeze_between_two_tips(gravity, friction):
+    """Two opposed tips: 2 mu N = m g."""
+    tips = [finger((-0.04 - HALF, 0.0), 0.0), finger((0.04 + HALF, 0.0), math.pi)]
+    box = Box(shape="box", width=0.08, height=0.3, mass=MASS, position=(0.0, 0.0))
+    found = normal_forces(solve(tips, box, gravity, friction=friction))
+    assert max(found.values()) == pytest.approx(WEIGHT / (2 * friction), rel=1e-6)
+    assert min(found.values()) == pytest.approx(WEIGHT / (2 * friction), rel=1e-6)
+
+
+def test_too_slippery_a_squeeze_names_the_coefficient():
+    """With N <= N_max the coefficient must be m g / (2 N_max) at least."""
+    most = 100.0
+    needed = 50 * G / (2 * most)
+    box = Box(shape="box", width=0.08, height=0.08, mass=50.0, position=(0.0, 0.0))
+    tips = [finger((-0.04 - HALF, 0.0), 0.0), finger((0.04 + HALF, 0.0), math.pi)]
+    result = solve(tips, box, OUT, friction=0.9 * needed)
+    assert result.status is Status.INFEASIBLE
+    found = {r.name: r.needed for r in result.reasons}
+    assert found["friction"] == pytest.approx(needed, rel=1e-4)
+    assert found["mass"] == pytest.approx(0.9 * 50.0, rel=1e-4)
+
+
+# -- three contacts ------------------------------------------------------------------------------------------
+
+
+def star(start, radius=0.04):
+    """Three fingers that point at the origin, 120 degrees apart."""
+    angles = [start + 2.0 * math.pi * k / 3.0 for k in range(3)]
+    reach = radius + HALF
+    return [finger((reach * math.cos(a), reach * math.sin(a)), a + math.pi) for a in angles]
+
+
+def test_three_tips_share_a_weight_across():
+    """At 120 degrees balance against tilting leaves m g / 3 each, so N = m g / (3 mu)."""
+    found = normal_forces(solve(star(0.3), disc(), OUT))
+    assert list(found.values()) == pytest.approx([WEIGHT / (3 * FRICTION)] * 3, rel=1e-5)
+    assert max(found.values()) == pytest.approx(WEIGHT / (3 * FRICTION), rel=1e-6)
+
+
+def test_three_tips_without_friction():
+    """On the faces of a triangle that stands on its corner: those at -30 and -150 degrees carry 2 N sin 30 = m g, the
+    one on top nothing.
+    """
+    half = 0.15
+    corners = ((0.0, -2 * half / math.sqrt(3.0)), (half, half / math.sqrt(3.0)), (-half, half / math.sqrt(3.0)))
+    thing = Polygon(shape="polygon", vertices=corners, mass=MASS, position=(0.0, 0.0))
+    result = solve(star(0.5 * math.pi, half / math.sqrt(3.0)), thing, planar(0.0, -1.0), friction=0.0)
+    found = normal_forces(result)
+    assert found["two.tip"] == pytest.approx(WEIGHT, rel=1e-6)
+    assert found["three.tip"] == pytest.approx(WEIGHT, rel=1e-6)
+    assert found["one.tip"] == pytest.approx(0.0, abs=1e-6 * WEIGHT)
+
+
+# -- grooves and wedges --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("opening", [60.0, 90.0, 140.0])
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_a_disc_in_a_groove(opening, friction):
+    """Walls at half the opening b to the axis: 2 N (sin b + mu cos b) = m g, both rubbing upwards; the tip that
+    touches from above presses with nothing.
+    """
+    b = 0.5 * math.radians(opening)
+    groove = VGroove(
+        type="v_groove",
+        apex=(0.0, -0.04 / math.sin(b)),
+        opening_angle=2 * b,
+        axis_angle=0.5 * math.pi,
+        touch="on",
+    )
+    above = finger((0.0, 0.04 + HALF), -0.5 * math.pi)
+    found = normal_forces(solve([above], disc(), planar(0.0, -1.0), {"groove": groove}, friction=friction))
+    expected = WEIGHT / (2.0 * (math.sin(b) + friction * math.cos(b)))
+    assert found["groove.left"] == pytest.approx(expected, rel=1e-6)
+    assert found["groove.right"] == pytest.approx(expected, rel=1e-6)
+    assert found["one.tip"] == pytest.approx(0.0, abs=1e-6 * WEIGHT)
+
+
+def wedge(half_angle, mass=MASS):
+    """A triangle whose faces lean to the y axis by half its angle, narrow side up, and the tips in their middles."""
+    high = 0.4
+    wide = high * math.tan(half_angle)
+    thing = Polygon(shape="polygon", vertices=((-wide, 0.0), (wide, 0.0), (0.0, high)), mass=mass, position=(0.0, 0.0))
+    return thing, 0.5 * wide, 0.5 * high
+
+
+@pytest.mark.parametrize("degrees", [5.0, 15.0])
+@pytest.mark.parametrize("down", [-1.0, 1.0])
+def test_a_wedge_between_two_tips(degrees, down):
+    """Faces that lean by b push along the axis with 2 N sin b, friction with 2 mu N cos b at most. Weight towards the
+    narrow side: N = m g / (2 (sin b + mu cos b)); towards the wide side: N = m g / (2 (mu cos b - sin b)).
+    """
+    b = math.radians(degrees)
+    thing, x, y = wedge(b)
+    tips = [
+        finger((side * (x + HALF * math.cos(b)), y + HALF * math.sin(b)), 0.0 if side < 0 else math.pi)
+        for side in (-1.0, 1.0)
+    ]
+    found = normal_forces(solve(tips, thing, planar(0.0, down)))
+    expected = WEIGHT / (2.0 * (FRICTION * math.cos(b) + down * math.sin(b)))
+    assert max(found.values()) == pytest.approx(expected, rel=1e-6)
+    assert min(found.values()) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_wedge_that_slips_out_names_the_coefficient():
+    """Without weight nothing is needed; with it, towards the wide side, at least mu > tan b, and with N <= 100 N
+    mu = tan b + m g / (2 * 100 N cos b).
+    """
+    b = math.radians(20.0)
+    thing, x, y = wedge(b)
+    tips = [
+        finger((side * (x + HALF * math.cos(b)), y + HALF * math.sin(b)), 0.0 if side < 0 else math.pi)
+        for side in (-1.0, 1.0)
+    ]
+    result = solve(tips, thing, planar(0.0, -1.0), friction=0.3)
+    assert result.status is Status.INFEASIBLE
+    needed = next(r.needed for r in result.reasons if r.name == "friction")
+    assert needed == pytest.approx(math.tan(b) + WEIGHT / (200.0 * math.cos(b)), rel=1e-3)
+
+
+# -- straight fingers ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("share", [0.05, 8.0], ids=["light", "heavy"])
+def test_two_straight_fingers_under_a_disc(share):
+    """Thin upright fingers bear half the weight each, along themselves: straight, without any tension. A light disc
+    stays; under many times the load that buckles a clamped-free column, E I pi^2 / (4 L^2), they may be bent without
+    tension too, but are never stable and straight.
+    """
+    stiffness, x, radius = 0.01, 0.02, 0.04
+    euler = stiffness * (0.5 * math.pi / LENGTH) ** 2
+    mass = 2.0 * share * euler / G
+    y = -math.sqrt(radius**2 - x**2)
+    tips = [finger((side * x, y), 0.5 * math.pi, 0.0, stiffness, loose=0.0) for side in (-1.0, 1.0)]
+    result = solve(tips, disc(radius, mass), planar(0.0, -1.0), friction=1.0, objective="least_tension")
+    assert result.solved, result.message
+    assert result.tension == pytest.approx(0.0, abs=1e-6 * stiffness / (LENGTH * 0.005))
+    straight = all(np.abs(f.q).max() * LENGTH < 1e-3 for f in result.fingers.values())
+    if share > 1.0:
+        assert not (straight and result.certificate.stability.stable)
+        return
+    assert straight
+    assert result.certificate.stability.stable
+    for contact in result.contacts:
+        assert contact.normal_force == pytest.approx(0.5 * mass * G * abs(y) / radius, rel=1e-6)
+        assert abs(contact.friction_force) == pytest.approx(0.5 * mass * G * x / radius, rel=1e-6)
+
+
+def test_a_weightless_touch_takes_the_bend_alone():
+    """No weight, so no forces: the least tension bends the finger until it touches, T e = E I kappa, one circular arc;
+    from the base, a circle of that curvature meets the grown disc from outside.
+    """
+    stiffness, radius = 0.01, 0.03
+    one = finger((0.0, 0.0), 0.5 * math.pi, HALF, stiffness, loose=0.0)
+    one = one.model_copy(update={"base": BasePose(position=(0.0, 0.0), angle=0.0)})
+    thing = Circle(shape="circle", diameter=2 * radius, mass=MASS, position=(-0.06, 0.215))
+    result = solve([one], thing, WEIGHTLESS, objective="least_tension")
+    assert result.solved, result.message
+    kappa = result.tension * 0.005 / stiffness
+    bend = kappa * LENGTH
+    tip = np.array([-(1 - math.cos(bend)), math.sin(bend)]) / kappa
+    assert math.dist(tip, thing.position) == pytest.approx(radius + HALF, rel=1e-6)
