@@ -17,7 +17,7 @@ from continuum_grasp.grasp.scan_curves import bends, sample
 from continuum_grasp.grasp.shapes import Frame, Shape, make_shape
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
-__all__ = ["ALLOWED", "FingerTask", "Postures", "join", "make_task", "violation"]
+__all__ = ["ALLOWED", "FingerTask", "Postures", "join", "make_task", "touching_family", "unique", "violation"]
 
 Array = NDArray[Any]
 Pose = tuple[float, float, float]
@@ -131,6 +131,27 @@ def join(groups: list[Postures]) -> Postures | None:
             g = Postures(knots, curvatures, g.joints, g.parts, g.points, g.angles, g.violation)
         padded.append(g)
     return Postures(*(np.concatenate([getattr(g, n) for g in padded]) for n in Postures.__dataclass_fields__))
+
+
+def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, shape: Shape, walk: Array) -> Postures:
+    """Postures whose ends touch a part at the given walks."""
+    at = shape.walk(walk)
+    return Postures(
+        knots,
+        curvatures,
+        joints,
+        np.full((len(walk), 1), part),
+        at.point[:, None],
+        at.angle[:, None],
+        np.zeros(len(walk)),
+    )
+
+
+def unique(family: Postures) -> Postures:
+    """Each posture once."""
+    key = np.round(np.concatenate([family.knots, 0.1 * family.curvatures], axis=1), 5)
+    _, index = np.unique(key, axis=0, return_index=True)
+    return family.take(np.sort(index))
 
 
 def make_task(scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, side: int) -> FingerTask:

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.scan import postures
+from continuum_grasp.grasp.scan import neighbours, postures
 from continuum_grasp.grasp.scan_task import FingerTask, Postures, make_task
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
-__all__ = ["Candidates", "find_candidates"]
+__all__ = ["Candidates", "find_candidates", "near_candidates"]
 
 Array = NDArray[Any]
 Pose = tuple[float, float, float]
@@ -106,6 +106,33 @@ def find_candidates(
             family = postures(task, middles, tip)
             if family is not None:
                 groups.append(_as_candidates(task, family, base, side, middles, tip))
+    return _join(groups)
+
+
+def near_candidates(
+    scene: GraspScene, setup: FingerSetup, some: Candidates, pose: Pose, middles: tuple[bool, ...], tip: bool
+) -> Candidates | None:
+    """Postures next to some, and these themselves."""
+    groups = [some]
+    keys = np.concatenate([some.bases, some.sides[:, None]], axis=1)
+    for key in np.unique(keys, axis=0):
+        mine = some.take((keys == key).all(axis=1))
+        base, side = (float(key[0]), float(key[1]), float(key[2])), int(key[3])
+        task = make_task(scene, setup, base, pose, side)
+        on = mine.joints[:, [k for k, m in enumerate(middles) if m]]
+        angles = task.frame.angle(mine.angles)
+        family = Postures(
+            mine.knots,
+            side * mine.curvatures,
+            on,
+            mine.parts,
+            task.frame.point(mine.points) + task.half * np.exp(1j * angles),
+            angles,
+            mine.violation,
+        )
+        found = neighbours(task, family, middles, tip)
+        if found is not None:
+            groups.append(_as_candidates(task, found, base, side, middles, tip))
     return _join(groups)
 
 

@@ -1,0 +1,169 @@
+"""Curves from the base on which the finger lies tangent to an object at its middle contacts."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.scan_curves import guess_table, sample, stretch
+from continuum_grasp.grasp.scan_task import ALLOWED, FingerTask, Postures, join, touching_family, unique
+from continuum_grasp.grasp.scan_touch import arc_tangent, tangent
+from continuum_grasp.grasp.shapes import Shape
+
+__all__ = ["ends_of", "first_joint", "moved_joint", "next_joint"]
+
+Array = NDArray[Any]
+
+_REACH, _GRID = 6.0, 29
+_TILT, _OFF = 0.45, 0.25
+_POSITIONS = 10
+_BETWEEN = np.array([-0.67, -0.33, 0.33, 0.67])
+_ENOUGH = 30
+
+
+def first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None:
+    """Curves from the base to the first contact, tangent there."""
+    grid, ends, turns, sane = guess_table(_REACH, _GRID)
+    first, last = (g[sane] for g in np.meshgrid(grid, grid, indexing="ij"))
+    ends, turns = ends[sane], turns[sane]
+    here, size = middles.index(True), len(middles)
+    low, high = task.bounds
+    room = (high - low) / 20.0
+    one_arc = task.arcs and sum(task.counts[: here + 1]) == 1
+    positions = np.linspace(low + room * here, high - room * (size - 1 - here), _POSITIONS)
+    groups = []
+    for part, shape in enumerate(task.shapes):
+        points = positions[:, None] * ends
+        near = np.abs(points - shape.centre) < shape.extent + task.half + _OFF * positions[:, None]
+        row, column = np.nonzero(near)
+        if not len(row):
+            continue
+        gap, walk = shape.nearest(points[row, column])
+        tilt = np.remainder(turns[column] - shape.walk(walk).angle + math.pi, math.tau) - math.pi
+        merit = ((gap - task.half) / (_OFF * positions[row])) ** 2 + (tilt / _TILT) ** 2
+        keep = _best_per_row(row, merit, 10)
+        row, column, walk = row[keep], column[keep], walk[keep]
+        if not len(row):
+            continue
+        ell = positions[row]
+        guess = np.stack([first[column], last[column]], axis=1) / ell[:, None]
+        found = [] if one_arc else [_joined(task, part, ell, guess, walk)]
+        even = np.abs(guess[:, 0] - guess[:, 1]) * ell < (0.4 if one_arc else 0.2) * _REACH
+        ell, bent, walk, good = arc_tangent(shape, ell[even], guess[even].mean(axis=1), walk[even])
+        good &= (ell >= low) & (ell <= high)
+        found.append(_to_joint(part, shape, ell[good], np.stack([bent, bent], axis=1)[good], walk[good]))
+        groups += found
+    family = _clear(task, join(groups))
+    if family is None or one_arc or len(family) > _ENOUGH:
+        return family
+    more = moved_joint(task, family, (positions[1] - positions[0]) * _BETWEEN)
+    return _clear(task, join([family] if more is None else [family, more]))
+
+
+def moved_joint(task: FingerTask, family: Postures, shifts: Array) -> Postures | None:
+    """Curves to the first contact, moved along the finger by ``shifts`` from those of a family."""
+    low, high = task.bounds
+    groups = []
+    for part, shape in enumerate(task.shapes):
+        mine = family.take(family.parts[:, 0] == part)
+        if not len(mine):
+            continue
+        _, walk = shape.nearest(mine.points[:, 0])
+        old = mine.knots[:, 1]
+        ell = (old[:, None] + shifts).ravel()
+        rows = np.repeat(np.arange(len(mine)), len(shifts))
+        inside = (ell >= low) & (ell <= high)
+        ell, rows = ell[inside], rows[inside]
+        guess = mine.curvatures[rows, :2] * (old[rows] / ell)[:, None]
+        groups.append(_joined(task, part, ell, guess, walk[rows]))
+    return join(groups)
+
+
+def _joined(task: FingerTask, part: int, ell: Array, guess: Array, walk: Array) -> Postures:
+    """Curves from the base, tangent at their ends to a part, from first guesses."""
+    shape = task.shapes[part]
+    start = (np.zeros(len(ell), complex), np.zeros(len(ell)))
+    bent, walk, good = tangent(shape, start, ell[:, None], guess, (0, 1), walk)
+    good &= np.abs(bent * ell[:, None]).max(axis=1) < 2.0 * _REACH
+    return _to_joint(part, shape, ell[good], bent[good], walk[good])
+
+
+def _to_joint(part: int, shape: Shape, ell: Array, bent: Array, walk: Array) -> Postures:
+    knots = np.stack([np.zeros_like(ell), ell], axis=1)
+    return unique(touching_family(knots, bent, ell[:, None], part, shape, walk))
+
+
+def next_joint(task: FingerTask, family: Postures, middles: tuple[bool, ...], here: int) -> Postures | None:
+    """Curves on from the last contact to one more, with a knot half-way."""
+    high = task.bounds[1]
+    last = family.knots[:, -1]
+    groups = []
+    point, angle = ends_of(family)
+    for share in (0.15, 0.3, 0.45, 0.6, 0.8):
+        ell = share * (high - last)
+        room = ell > 0.03
+        if not room.any():
+            continue
+        rows = np.flatnonzero(room)
+        ell = ell[rows]
+        for part, shape in enumerate(task.shapes):
+            begin = family.curvatures[rows, -1]
+            for factor in (1.0, 0.5, 2.0):
+                curve = np.stack([begin, factor * begin, factor * begin], axis=1)
+                start = (point[rows], angle[rows])
+                lengths = np.stack([0.5 * ell, 0.5 * ell], axis=1)
+                end, _, _, _ = stretch(lengths, curve)
+                _, walk = shape.nearest(start[0] + np.exp(1j * start[1]) * end)
+                bent, walk, good = tangent(shape, start, lengths, curve, (1, 2), walk)
+                good &= np.abs(bent).max(axis=1) < 30.0
+                if not good.any():
+                    continue
+                kept = family.take(rows[good])
+                at = shape.walk(walk[good])
+                there = last[rows][good] + ell[good]
+                groups.append(
+                    Postures(
+                        np.concatenate([kept.knots, (there - 0.5 * ell[good])[:, None], there[:, None]], axis=1),
+                        np.concatenate([kept.curvatures, bent[good, 1:]], axis=1),
+                        np.concatenate([kept.joints, there[:, None]], axis=1),
+                        np.concatenate([kept.parts, np.full((len(there), 1), part)], axis=1),
+                        np.concatenate([kept.points, at.point[:, None]], axis=1),
+                        np.concatenate([kept.angles, at.angle[:, None]], axis=1),
+                        kept.violation,
+                    )
+                )
+    found = join(groups)
+    return None if found is None else _clear(task, unique(found))
+
+
+def ends_of(family: Postures) -> tuple[Array, Array]:
+    """Where the curves end so far: point and angle."""
+    end, turn, _, _ = stretch(np.diff(family.knots, axis=1), family.curvatures)
+    return end, turn
+
+
+def _best_per_row(row: Array, merit: Array, most: int) -> Array:
+    """Indices of the ``most`` least merits below one of each row."""
+    order = np.lexsort((merit, row))
+    order = order[merit[order] < 1.0]
+    if not len(order):
+        return order
+    starts = np.searchsorted(row[order], row[order], side="left")
+    return order[np.arange(len(order)) - starts < most]
+
+
+def _clear(task: FingerTask, family: Postures | None) -> Postures | None:
+    """Those that keep clear of the object so far, or the least deep ones where none does."""
+    if family is None:
+        return None
+    share = np.linspace(0.0, 1.0, 33)
+    at = family.knots[:, -1:] * share
+    points, _ = sample(family.knots, family.curvatures, at)
+    depth = task.half - task.distance(points).min(axis=1)
+    good = depth <= ALLOWED
+    if good.any():
+        return family.take(np.flatnonzero(good))
+    return family.take(np.argsort(depth, kind="stable")[:4])

@@ -1,0 +1,119 @@
+"""Postures of all fingers at poses of the object, weighed, and refined where they come near to holding it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts_candidates import Candidates, find_candidates, near_candidates
+from continuum_grasp.grasp.starts_combine import combine
+from continuum_grasp.grasp.starts_force import finger_block, loads_of, support_block
+from continuum_grasp.grasp.starts_order import spread_order
+from continuum_grasp.grasp.starts_poses import base_poses
+from continuum_grasp.grasp.starts_supports import support_contacts
+from continuum_grasp.scene.grasp import GraspScene
+
+__all__ = ["Weighed", "Weighing"]
+
+Array = NDArray[Any]
+Pose = tuple[float, float, float]
+
+_BALANCED = 3e-3
+"""What is left where a posture is in balance but for the price of its tension."""
+_ENOUGH, _BEST, _POSES = 6, 12, 2
+"""Balanced starts from which on nothing is refined; how many are refined, and at how many poses."""
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """Combinations of postures at one pose of the object.
+
+    Attributes
+    ----------
+    pose : (float, float, float)
+        World x, y [m] and angle [rad] of the object.
+    candidates : list of Candidates
+        Per finger.
+    index : list of ndarray of int, (B,)
+        Per finger, the posture of each combination.
+    left, score, wrong : ndarray, (B,)
+        Relative imbalance; what ranks it, less is better; by how much something is in the way.
+    features : ndarray, (B, F)
+    forces : ndarray, (B, n)
+        [N]
+    """
+
+    pose: Pose
+    candidates: list[Candidates]
+    index: list[Array]
+    left: Array
+    score: Array
+    wrong: Array
+    features: Array
+    forces: Array
+
+
+class Weighing:
+    """Weighs postures of a scene with given contacts.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    on : frozenset of str
+        Names of the contacts that are on.
+    """
+
+    def __init__(self, scene: GraspScene, on: frozenset[str]) -> None:
+        self.scene, self.on = scene, on
+        self.setups, self.loads = scene.setups, loads_of(scene)
+        self._touches = [(tuple(n in on for n in s.middle_names), s.tip_name in on) for s in self.setups]
+
+    def at_pose(self, pose: Pose, number: int) -> Weighed | None:
+        """What is found at the ``number``-th pose of the object; None where a finger does not reach it."""
+        found: list[Candidates] = []
+        for setup, (middles, tip) in zip(self.setups, self._touches, strict=True):
+            candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, middles, tip)
+            if candidates is None:
+                return None
+            found.append(candidates.take(_least_violation(candidates)))
+        return self._weigh(pose, found)
+
+    def refined(self, found: list[Weighed]) -> list[Weighed]:
+        """What is next to the best that was found, unless enough of it is in balance."""
+        if not found or sum(int(((at.left < _BALANCED) & (at.wrong <= 0.0)).sum()) for at in found) >= _ENOUGH:
+            return []
+        out = []
+        for at in sorted(found, key=lambda at: float(at.score.min()))[:_POSES]:
+            best = spread_order(at.score, at.features, _BEST)
+            more: list[Candidates] = []
+            for setup, candidates, index, (middles, tip) in zip(
+                self.setups, at.candidates, at.index, self._touches, strict=True
+            ):
+                some = candidates.take(np.unique(index[best]))
+                near = near_candidates(self.scene, setup, some, at.pose, middles, tip)
+                more.append(some if near is None else near.take(_least_violation(near)))
+            out.append(self._weigh(at.pose, more))
+        return out
+
+    def _weigh(self, pose: Pose, found: list[Candidates]) -> Weighed:
+        supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
+        blocks = [
+            finger_block(self.scene, self.loads, setup, candidates, pose)
+            for setup, candidates in zip(self.setups, found, strict=True)
+        ]
+        index, left, cost, forces = combine(self.loads, blocks, supports, [c.features for c in found])
+        wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
+        score = 10.0 * left + cost + 5.0 * np.minimum(wrong, 1.0) + np.where(wrong > 0.0, 1.0, 0.0)
+        size = self.scene.object.size
+        place = np.broadcast_to([pose[0] / size, pose[1] / size, pose[2]], (len(left), 3))
+        features = np.concatenate([*(c.features[i] for c, i in zip(found, index, strict=True)), place], axis=1)
+        return Weighed(pose, found, index, left, score, wrong, features, forces)
+
+
+def _least_violation(candidates: Candidates) -> Array:
+    """Those with nothing in the way, or the few with the least."""
+    good = np.flatnonzero(candidates.violation <= 0.0)
+    return good if len(good) else np.argsort(candidates.violation, kind="stable")[:4]
