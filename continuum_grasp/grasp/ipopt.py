@@ -22,7 +22,7 @@ from continuum_grasp.grasp.problem import GraspProblem
 from continuum_grasp.grasp.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.starts import Start
 from continuum_grasp.grasp.surface import Feature
-from continuum_grasp.grasp.surroundings import Surroundings
+from continuum_grasp.grasp.surroundings import Sight, Surroundings
 from continuum_grasp.grasp.values import Units, contact_features, problem_bounds, problem_values
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -35,11 +35,9 @@ CONSTRAINT_TOLERANCE = 1e-7
 EFFORT_WHEN_RELAXED = 1e-4
 """Weight of what is sought beside the amount of a relaxed limit."""
 ROUNDS = 8
-"""How often the obstacles near the fingers are renewed."""
-STALE = 1e-6
-"""Change of an active clearance above which they are renewed (problem's units)."""
+"""How often the places that are kept clear are moved to where fingers are deepest."""
 DEEP = 2e-5
-"""Penetration between the places that are kept clear above which they are moved (problem's units)."""
+"""Penetration above which that is done again (problem's units)."""
 
 
 _DONE = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
@@ -225,7 +223,7 @@ class GraspSolverRun:
         features: dict[str, Feature] | None = None,
         x0: Array | None = None,
     ) -> Attempt:
-        """Solve from a start, renewing the obstacles near the fingers until they hold.
+        """Solve from a start, moving what is kept clear to where fingers are deepest.
 
         Parameters
         ----------
@@ -262,10 +260,11 @@ class GraspSolverRun:
         g_low, g_high = problem.parts.g_bounds
         bounds = {"lbx": low, "ubx": high, "lbg": g_low, "ubg": g_high}
         began, iterations, outcome = time.perf_counter(), 0, ""
-        obstacles, _ = self._near.look(scene, x, problem.numbers.pack(values, 0.0))
+        sight = self._near.look(scene, x, problem.numbers.pack(values, 0.0))
         multipliers: dict[str, Any] = {}
         for _ in range(ROUNDS):
-            numbers = problem.numbers.pack({**values, **obstacles})
+            numbers = problem.numbers.pack({**values, **sight.numbers})
+            self._face(x, sight)
             for solver, duals in ((again, multipliers), (cold, {})) if multipliers else ((cold, {}),):
                 with stop.on_interrupt():
                     found = solver(x0=x, p=numbers, **bounds, **duals)
@@ -276,11 +275,9 @@ class GraspSolverRun:
             x, g = np.array(found["x"]).ravel(), np.array(found["g"]).ravel()
             if outcome not in _DONE or not np.isfinite(x).all():
                 break
-            obstacles, deepest = self._near.look(scene, x, numbers)
-            renewed = problem.numbers.pack({**values, **obstacles})
+            sight = self._near.look(scene, x, numbers)
             multipliers = {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
-            room = deepest - self._room(x)
-            if room < DEEP and not self._stale(x, g, np.array(found["lam_g"]).ravel(), renewed):
+            if sight.deepest - self._room(x) < DEEP:
                 break
         return Attempt(
             start,
@@ -305,21 +302,12 @@ class GraspSolverRun:
         variables = self.problem.parts.variables
         return float(sum(x[variables[f"relaxed room at the {name}"].start] for name in ("object", "supports")))
 
-    def _stale(self, x: Array, g: Array, force: Array, renewed: Array) -> bool:
-        """Whether the obstacles that a solution was found with are not those near it."""
-        now = np.array(self._constraints(x, renewed)).ravel()
-        pressed = np.abs(force) > 1e-7
-        changed = float(np.abs(now - g)[pressed].max(initial=0.0))
-        low, high = self.problem.parts.g_bounds
-        broken = float(np.maximum(low - now, now - high).max(initial=0.0))
-        return max(changed, broken) > STALE
-
-    @property
-    def _constraints(self) -> ca.Function:
-        if not hasattr(self, "_g"):
-            parts = self.problem.parts
-            self._g = ca.Function("g", [parts.x, self.problem.numbers.symbol], [parts.g])
-        return self._g
+    def _face(self, x: Array, sight: Sight) -> None:
+        """Turn the separating directions among the unknowns to where things are nearest."""
+        for name, values in sight.directions.items():
+            variable = self.problem.parts.variables.get(name)
+            if variable is not None:
+                x[variable.start : variable.stop] = values
 
     def _relax(
         self,

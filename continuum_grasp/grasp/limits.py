@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import casadi as ca
 
 from continuum_grasp.grasp.numbers import APEX
-from continuum_grasp.grasp.obstacles import SIZE, distance_to
+from continuum_grasp.grasp.obstacles import CORNERS, separation, smooth_support
 from continuum_grasp.grasp.unit_finger import rotation
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.problem import FingerState, GraspProblem
 
-__all__ = ["add_limits", "guarded"]
+__all__ = ["add_limits", "guarded", "part_numbers"]
 
 
 def add_limits(problem: GraspProblem) -> None:
@@ -37,12 +37,14 @@ def guarded(finger: FingerState) -> tuple[ca.SX, list[int], list[bool]]:
     touching |= {make.elements - 1} if make.tip else set()
     joints, count = range(make.elements), finger.unit.probes
     at = ca.reshape(finger.unit.number("probes", count * make.elements), count, make.elements)
+    shares = finger.unit.waypoint_shares
+    every = model.waypoints(finger.q, finger.u, finger.p)
     points = ca.horzcat(
-        finger.world(model.waypoints(finger.q, finger.u, finger.p)),
+        finger.world(every[:, [k for k, _ in shares]]),
         *(finger.ends[:, k] for k in joints),
         finger.world(model.probes(count)(finger.q, finger.u, at, finger.p)),
     )
-    inside = [k for k, _ in finger.unit.waypoint_shares]
+    inside = [element for _, element in shares]
     elements = [*inside, *joints, *(k for k in range(make.elements) for _ in range(count))]
     touches = [*(False for _ in inside), *(k in touching for k in joints)]
     return points, elements, touches + [False] * (len(elements) - len(touches))
@@ -68,25 +70,57 @@ def _bound_contacts(problem: GraspProblem) -> None:
 
 def _keep_clear(problem: GraspProblem, finger: FingerState) -> None:
     make, number, require = finger.make, finger.unit.number, problem.parts.require
-    points, places, touches = guarded(finger)
+    points, _, touches = guarded(finger)
     tolerance, half = problem.numbers("tolerance"), problem.thickness(finger)
     back = rotation(-problem.pose[2])
+    free = [j for j, touching in enumerate(touches) if not touching]
+    for part in range(problem.make.parts):
+        slack = problem.give["room at the object"] + tolerance - half
+        beta = _directions(problem, f"{make.name}.separating_{part}", len(free), problem.make.corners[part] != 1)
+        room = []
+        for k, j in enumerate(free):
+            local = back @ (points[:, j] - problem.pose[:2])
+            near = number(f"corners_{part}_{j}", 2 * CORNERS) if problem.make.corners[part] > CORNERS else None
+            room.append(_room(problem, part, local, beta[k] if beta.numel() else None, near) + slack)
+        require(f"penetration into the object, {make.name}", ca.vertcat(*room), "m", "object", upper=ca.inf)
+    slack = problem.give["room at the supports"] + tolerance
     room = []
-    for j in range(len(places)):
-        if touches[j]:
-            continue
-        local = back @ (points[:, j] - problem.pose[:2])
-        for part in range(problem.make.parts):
-            obstacle = number(f"obstacle_{part}_{j}", SIZE)
-            room.append(distance_to(local, obstacle) - half + problem.give["room at the object"] + tolerance)
-    require(f"penetration into the object, {make.name}", ca.vertcat(*room), "m", "object", upper=ca.inf)
-    supports = problem.make.planes + problem.make.lines + problem.make.pegs
-    room = []
-    for k in range(supports):
-        for j in range(len(places)):
-            off = distance_to(points[:, j], number(f"support_{k}_{j}", SIZE))
-            room.append(off - number(f"needed_{k}_{j}") + problem.give["room at the supports"] + tolerance)
+    for k in range(problem.make.planes):
+        normal, at = problem.numbers(f"plane_{k}.normal", 2), problem.numbers(f"plane_{k}.point", 2)
+        room += [ca.dot(normal, points[:, j] - at) - number(f"needed_{k}_{j}") + slack for j in range(points.shape[1])]
+    for k in range(problem.make.lines):
+        ends = ca.reshape(problem.numbers(f"line_{k}.ends", 4), 2, 2)
+        beta = _directions(problem, f"{make.name}.beside_{k}", points.shape[1], True)
+        room += [separation(points[:, j], beta[j], ends) - half + slack for j in range(points.shape[1])]
+    for k in range(problem.make.pegs):
+        at, radius = problem.numbers(f"peg_{k}.position", 2), problem.numbers(f"peg_{k}.radius")
+        room += [_reach(points[:, j] - at) - radius - half + slack for j in range(points.shape[1])]
     require(f"penetration into a support, {make.name}", ca.vertcat(*room), "m", "supports", upper=ca.inf)
+
+
+def _directions(problem: GraspProblem, name: str, count: int, wanted: bool) -> ca.SX:
+    return problem.parts.unknown(name, count) if wanted else ca.SX(0, 1)
+
+
+def _reach(arm: ca.SX) -> ca.SX:
+    return ca.sqrt(ca.sumsqr(arm) + 1e-24)
+
+
+def _room(problem: GraspProblem, part: int, point: ca.SX, beta: ca.SX | None, near: ca.SX | None) -> ca.SX:
+    """Distances of a point from a part, all of which must be kept; both in the object's frame."""
+    shape, count = part_numbers(problem, part), problem.make.corners[part]
+    if beta is None:
+        return _reach(point - shape[:2]) - shape[2]
+    if problem.make.smooth_parts[part]:
+        return ca.cos(beta) * point[0] + ca.sin(beta) * point[1] - smooth_support(beta, shape)
+    corners = shape[: 2 * count] if near is None else near
+    return separation(point, beta, ca.reshape(corners, 2, corners.numel() // 2)) - shape[-1]
+
+
+def part_numbers(problem: GraspProblem, part: int) -> ca.SX:
+    """Numbers of a part: (A, B, p, centre, angle) of a superellipse, or corners of the core and radius."""
+    size = 6 if problem.make.smooth_parts[part] else 2 * problem.make.corners[part] + 1
+    return problem.numbers(f"part_{part}", size)
 
 
 def _keep_limits(problem: GraspProblem, finger: FingerState) -> None:
@@ -111,27 +145,24 @@ def _keep_limits(problem: GraspProblem, finger: FingerState) -> None:
 
 def _keep_object_clear(problem: GraspProblem) -> None:
     number, make, tolerance = problem.numbers, problem.make, problem.numbers("tolerance")
-    turn = rotation(problem.pose[2])
-    height = []
+    turn, back = rotation(problem.pose[2]), rotation(-problem.pose[2])
+    room = []
     for k in range(make.planes):
         normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
         for part in range(make.parts):
-            shape = number(f"part_{part}", 6 if make.smooth_parts[part] else 2 * make.corners[part] + 1)
-            if make.smooth_parts[part]:  # support function, opposite to the plane's normal
-                a, b, power, angle = shape[0], shape[1], shape[2], shape[5]
-                local = rotation(-problem.pose[2] - angle) @ normal
-                dual = power / (power - 1.0)
-                square = (ca.vertcat(a, b) * local) ** 2 + 1e-14
-                reach = ca.sum1(square ** (0.5 * dual)) ** (1.0 / dual)
-                height.append(ca.dot(normal, problem.pose[:2] + turn @ shape[3:5] - at) - reach)
-            else:
-                for c in range(make.corners[part]):
-                    corner = problem.pose[:2] + turn @ shape[2 * c : 2 * c + 2]
-                    height.append(ca.dot(normal, corner - at) - shape[-1])
+            shape = part_numbers(problem, part)
+            if make.smooth_parts[part]:
+                beta = number(f"plane_{k}.angle") + ca.pi - problem.pose[2]
+                room.append(ca.dot(normal, problem.pose[:2] - at) - smooth_support(beta, shape))
+            for c in range(make.corners[part]):
+                corner = problem.pose[:2] + turn @ shape[2 * c : 2 * c + 2]
+                room.append(ca.dot(normal, corner - at) - shape[-1])
     for k in range(make.pegs):
-        local = rotation(-problem.pose[2]) @ (number(f"peg_{k}.position", 2) - problem.pose[:2])
+        local = back @ (number(f"peg_{k}.position", 2) - problem.pose[:2])
         for part in range(make.parts):
-            height.append(distance_to(local, number(f"peg_{k}.obstacle_{part}", SIZE)) - number(f"peg_{k}.radius"))
-    if height:
-        room = ca.vertcat(*height) + tolerance
-        problem.parts.require("object in a support", room, "m", "supports", upper=ca.inf)
+            beta = _directions(problem, f"peg_{k}.separating_{part}", 1, make.corners[part] != 1)
+            near = number(f"peg_{k}.corners_{part}", 2 * CORNERS) if make.corners[part] > CORNERS else None
+            away = _room(problem, part, local, beta if beta.numel() else None, near)
+            room.append(away - number(f"peg_{k}.radius"))
+    if room:
+        problem.parts.require("object in a support", ca.vertcat(*room) + tolerance, "m", "supports", upper=ca.inf)

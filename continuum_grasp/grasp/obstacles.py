@@ -1,12 +1,12 @@
-"""What keeps a section of a finger out of a convex part: the feature of the part that is nearest to it.
+"""What keeps a section of a finger out of a convex part: a line that separates the two.
 
-Near a face the part is a half plane, near a corner a disc, near a superellipse its circle of curvature. Each of these
-is a few numbers, so one constraint serves all shapes:
+A point x is at least d away from a convex part if there is a direction n(beta) with
 
-    (1 - w) n . (x - v) + w |x - v| >= r + h
+    n . x - H(beta) >= d,     H the part's support function,
 
-They are exact for polygons and discs as long as the nearest feature stays the same, and exact to second order on
-superellipses; the search renews them until they hold.
+and the distance itself is the greatest of these. So beta is an unknown of the problem, one per place that is kept
+clear. For a rounded polygon H is the greatest of n . v + r over its corners v; the corner nearest to the place and its
+two neighbours are enough, and the search renews them. A disc needs no direction.
 """
 
 from __future__ import annotations
@@ -20,28 +20,35 @@ from numpy.typing import NDArray
 
 from continuum_grasp.scene.objects import Part
 
-__all__ = ["SIZE", "distance_to", "nearest_obstacles"]
+__all__ = ["CORNERS", "Nearest", "nearest", "separation", "smooth_support"]
 
 Array = NDArray[Any]
+Nearest = tuple[Array, Array, Array]
+"""Directions (K,) of the nearest surface points' normals, distances (K,), and corners (K, 2 * `CORNERS`)."""
 
-SIZE = 6
-"""Numbers of an obstacle: w, n (2), v (2), r."""
-_FLAT = 50.0
-"""Radius of curvature, in sizes of the part, from which on a superellipse counts as flat."""
+CORNERS = 3
+"""Corners of a polygon that a place is kept clear of."""
+_TINY = 1e-14
 _COUNT = 129
 _SPACING = 0.5 * np.pi / (_COUNT - 1)
 
 
-def distance_to(point: ca.SX, obstacle: ca.SX) -> ca.SX:
-    """Distance of a point from an obstacle, both in the same frame and unit."""
-    away = point - obstacle[3:5]
-    w = obstacle[0]
-    straight = ca.dot(obstacle[1:3], away)
-    return (1.0 - w) * straight + w * ca.sqrt(ca.sumsqr(away) + 1e-24) - obstacle[5]
+def separation(point: ca.SX, beta: ca.SX, corners: ca.SX) -> ca.SX:
+    """Heights (M,) of a point above lines through the corners (2, M) whose normal is in direction ``beta``."""
+    normal = ca.vertcat(ca.cos(beta), ca.sin(beta))
+    return ca.vertcat(*(ca.dot(normal, point - corners[:, k]) for k in range(corners.shape[1])))
 
 
-def nearest_obstacles(part: Part, points: Array) -> tuple[Array, Array]:
-    """The obstacle nearest to each point, and its distance.
+def smooth_support(beta: ca.SX, shape: ca.SX) -> ca.SX:
+    """Support function of a superellipse (A, B, p, centre, angle)."""
+    a, b, dual = shape[0], shape[1], shape[2] / (shape[2] - 1.0)
+    square = (ca.vertcat(a * ca.cos(beta - shape[5]), b * ca.sin(beta - shape[5]))) ** 2 + _TINY
+    centre = ca.cos(beta) * shape[3] + ca.sin(beta) * shape[4]
+    return centre + ca.sum1(square ** (0.5 * dual)) ** (1.0 / dual)
+
+
+def nearest(part: Part, points: Array) -> Nearest:
+    """Where a part is nearest to points.
 
     Parameters
     ----------
@@ -51,65 +58,54 @@ def nearest_obstacles(part: Part, points: Array) -> tuple[Array, Array]:
 
     Returns
     -------
-    obstacles : ndarray, shape (K, 6)
-        w, normal (2), v (2) [m], r [m].
-    distance : ndarray, shape (K,)
-        From the part's surface [m], negative inside.
+    directions : ndarray, shape (K,)
+        Of the outward normal at the nearest surface point [rad].
+    distances : ndarray, shape (K,)
+        From the surface [m], negative inside.
+    corners : ndarray, shape (K, 6)
+        Nearest corner of the core and its neighbours, x and y one after the other [m].
     """
     return _superellipse(part, points) if part.is_superellipse else _polygon(part, points)
 
 
-def _polygon(part: Part, points: Array) -> tuple[Array, Array]:
+def _polygon(part: Part, points: Array) -> Nearest:
     core = np.array(part.vertices)
-    out = np.zeros((len(points), SIZE))
-    out[:, 5] = part.radius
-    if len(core) == 1:
-        away = points - core[0]
-        out[:, 0], out[:, 3:5] = 1.0, core[0]
-        size = np.linalg.norm(away, axis=1)
-        out[:, 1:3] = away / np.maximum(size, 1e-300)[:, None]
-        return out, size - part.radius
-    a, b = core, np.roll(core, -1, axis=0)
-    edge = b - a
+    count = len(core)
+    off = points[:, None, :] - core
+    away = np.linalg.norm(off, axis=2)
+    close = away.argmin(axis=1)
+    corners = np.concatenate([core[(close + k) % count] for k in (-1, 0, 1)], axis=1)
+    rows = np.arange(len(points))
+    if count == 1:
+        return np.arctan2(off[:, 0, 1], off[:, 0, 0]), away[:, 0] - part.radius, corners
+    edge = np.roll(core, -1, axis=0) - core
     size = np.linalg.norm(edge, axis=1)
     normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / size[:, None]
-    off = points[:, None, :] - a
     height = (off * normal).sum(axis=2)
     share = np.clip((off * edge).sum(axis=2) / size**2, 0.0, 1.0)
-    reach = np.linalg.norm(off - share[:, :, None] * edge, axis=2)
-    inside = (height < 0.0).all(axis=1) if len(core) > 2 else np.zeros(len(points), dtype=bool)
+    arm = off - share[:, :, None] * edge
+    reach = np.linalg.norm(arm, axis=2)
+    inside = (height < 0.0).all(axis=1) if count > 2 else np.zeros(len(points), dtype=bool)
     pick = np.where(inside, height.argmax(axis=1), reach.argmin(axis=1))
-    rows = np.arange(len(points))
-    distance = np.where(inside, height[rows, pick], reach[rows, pick])
-    at = share[rows, pick]
-    corner = ~inside & ((at <= 0.0) | (at >= 1.0))
-    out[:, 0] = corner
-    out[:, 1:3] = normal[pick]
-    out[:, 3:5] = np.where((corner & (at >= 1.0))[:, None], b[pick], a[pick])
-    if len(core) == 2:  # a slot: both sides are one edge, seen from either side
-        flat = ~corner & (height[rows, pick] < 0.0)
-        out[flat, 1:3] *= -1.0
-    return out, distance - part.radius
+    far = reach[rows, pick]
+    on = inside | (far < 1e-12)
+    direction = np.where(on[:, None], normal[pick], arm[rows, pick] / np.maximum(far, 1e-300)[:, None])
+    distance = np.where(inside, height[rows, pick], far)
+    return np.arctan2(direction[:, 1], direction[:, 0]), distance - part.radius, corners
 
 
-def _superellipse(part: Part, points: Array) -> tuple[Array, Array]:
+def _superellipse(part: Part, points: Array) -> Nearest:
     (a, b), power = part.semi_axes, part.exponent
     c, s = np.cos(part.angle), np.sin(part.angle)
     turn = np.array([[c, -s], [s, c]])
     local = (points - part.center) @ turn
     t = _nearest_parameter(np.abs(local), a, b, power)
     sign = np.where(local < 0.0, -1.0, 1.0)
-    foot, normal, radius = _at(t, a, b, power)
+    foot, normal, _ = _at(t, a, b, power)
     foot, normal = foot * sign, normal * sign
     distance = ((local - foot) * normal).sum(axis=1)
-    flat = radius > _FLAT * max(a, b)
-    out = np.zeros((len(points), SIZE))
-    out[:, 0] = ~flat
-    out[:, 1:3] = normal @ turn.T
-    kept = np.where(flat, 0.0, radius)
-    out[:, 3:5] = (foot - kept[:, None] * normal) @ turn.T + np.asarray(part.center)
-    out[:, 5] = kept
-    return out, distance
+    world = normal @ turn.T
+    return np.arctan2(world[:, 1], world[:, 0]), distance, np.zeros((len(points), 2 * CORNERS))
 
 
 def _at(t: Array, a: float, b: float, power: float) -> tuple[Array, Array, Array]:

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.limits import guarded
-from continuum_grasp.grasp.obstacles import nearest_obstacles
+from continuum_grasp.grasp.obstacles import CORNERS, Nearest, nearest
 from continuum_grasp.grasp.problem import FingerState, GraspProblem
 from continuum_grasp.grasp.scan_curves import sample
 from continuum_grasp.grasp.values import Units
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects import Part
 
-__all__ = ["Surroundings"]
+__all__ = ["Sight", "Surroundings"]
 
 Array = NDArray[Any]
 Values = dict[str, Any]
@@ -26,6 +26,25 @@ FINE = 64
 """Places per element at which the depth is looked at."""
 CLEAR = 1.0 - 1e-9
 """Part of the half thickness from which on a base counts as clear of a support."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What a look found.
+
+    Attributes
+    ----------
+    numbers : dict
+        Run-time numbers: probes, corners, needed gaps.
+    directions : dict
+        Values of the separating directions among the unknowns.
+    deepest : float
+        Greatest penetration, in units of the problem.
+    """
+
+    numbers: Values
+    directions: Values
+    deepest: float
 
 
 @dataclass(frozen=True)
@@ -42,7 +61,7 @@ class _Thing:
 
 
 class Surroundings:
-    """Finds the obstacles near the fingers of one problem.
+    """Looks for what is near the fingers of one problem.
 
     Parameters
     ----------
@@ -59,100 +78,102 @@ class Surroundings:
             points, elements, touches = guarded(finger)
             count = points.shape[1] - finger.unit.probes * finger.make.elements
             self._elements.append(elements[:count])
-            self._touches.append(np.array(touches[:count]))
+            self._touches.append(np.array(touches))
             curvatures = finger.unit.curvatures(finger.q, finger.u, finger.p)
             out += [points[:, :count], curvatures, finger.p[: finger.make.elements], finger.base]
         self._places = ca.Function("places", [x, numbers], out)
 
-    def look(self, scene: GraspScene, x: Array, numbers: Array) -> tuple[Values, float]:
-        """Run-time numbers of all obstacles and probes at a point, and the deepest penetration (problem's units).
+    def look(self, scene: GraspScene, x: Array, numbers: Array) -> Sight:
+        """Look at a point of the search.
 
         Parameters
         ----------
         scene : GraspScene
         x, numbers : ndarray
-            Unknowns and run-time numbers; those of obstacles do not matter.
+            Unknowns and run-time numbers; what a look finds does not matter in them.
         """
         units = Units.of(scene)
         pose, *rest = (np.array(v) for v in self._places(x, numbers))
         pose = pose.ravel()
+        found, directions, deepest = {}, {}, -np.inf
+        for k, setup in enumerate(scene.setups):
+            seen = self._along(scene, setup, k, rest[4 * k : 4 * k + 4], pose, units)
+            found |= seen.numbers
+            directions |= seen.directions
+            deepest = max(deepest, seen.deepest)
+        self._pegs(scene, pose, units, found, directions)
+        return Sight(found, directions, deepest)
+
+    def _along(
+        self, scene: GraspScene, setup: FingerSetup, index: int, values: list[Array], pose: Array, units: Units
+    ) -> Sight:
+        """Look along one finger."""
+        finger, name = self._problem.fingers[index], setup.name
+        points, curvatures, lengths, base = values
+        line = _Line(finger, curvatures.ravel(), lengths.ravel(), base.ravel(), setup, units)
         things = _things(scene)
-        found, deepest = self._pegs(scene, pose, units), -np.inf
-        for k, (setup, finger) in enumerate(zip(scene.setups, self._problem.fingers, strict=True)):
-            points, curvatures, lengths, base = rest[4 * k : 4 * k + 4]
-            line = _Line(finger, curvatures.ravel(), lengths.ravel(), base.ravel(), setup, units)
 
-            def look(
-                at: Array, owner: Array, setup: FingerSetup = setup, base: Array = base.ravel()
-            ) -> list[tuple[Array, Array, Array]]:
-                return [_look(thing, setup, base, at, owner, pose, units) for thing in things]
+        def look(at: Array, owner: Array) -> list[tuple[Nearest, Array]]:
+            return [_look(thing, setup, base.ravel(), at, owner, pose, units) for thing in things]
 
-            even = np.tile(np.arange(FINE + 1) / FINE, (finger.make.elements, 1))
-            depth = _depth(look(*line.at(even)))
-            probes = _deepest(depth.reshape(-1, FINE + 1), finger.unit.probes)
-            at, owner = line.at(probes)
-            count = points.shape[1]
-            looked = look(np.concatenate([points.T, at]), np.concatenate([self._elements[k], owner]).astype(int))
-            free = [i for i in range(count + len(at)) if i >= count or not self._touches[k][i]]
-            inside = [entry if thing.moves else None for thing, entry in zip(things, looked, strict=True)]
-            deepest = max(
-                deepest,
-                *(float((needed - gap).max()) for i, (_, gap, needed) in enumerate(looked) if inside[i] is None),
-                *(float((entry[2] - entry[1])[free].max()) for entry in inside if entry is not None),
-            )
-            found[f"{setup.name}.probes"] = probes.ravel()
-            for thing, (obstacle, _, needed) in zip(things, looked, strict=True):
-                for j in range(len(needed)):
-                    found[f"{setup.name}.{thing.label}_{j}"] = obstacle[j]
-                    if not thing.moves:
-                        found[f"{setup.name}.{thing.label.replace('support', 'needed')}_{j}"] = needed[j]
-        return found, deepest
+        even = np.tile(np.arange(FINE + 1) / FINE, (finger.make.elements, 1))
+        depth = np.max([needed - seen[1] for seen, needed in look(*line.at(even))], axis=0)
+        probes = _deepest(depth.reshape(-1, FINE + 1), finger.unit.probes)
+        at, owner = line.at(probes)
+        looked = look(np.concatenate([points.T, at]), np.concatenate([self._elements[index], owner]).astype(int))
+        free = ~self._touches[index]
+        found: Values = {f"{name}.probes": probes.ravel()}
+        directions: Values = {}
+        deepest, planes, lines = -np.inf, 0, 0
+        for thing, ((direction, gap, corners), needed) in zip(things, looked, strict=True):
+            kept = free if thing.moves else np.ones(len(gap), dtype=bool)
+            deepest = max(deepest, float((needed - gap)[kept].max()))
+            if thing.moves:
+                directions[f"{name}.separating_{thing.label}"] = direction[kept]
+                found |= {f"{name}.corners_{thing.label}_{j}": row for j, row in enumerate(corners)}
+            elif thing.part is None:
+                found |= {f"{name}.needed_{planes}_{j}": value for j, value in enumerate(needed)}
+                planes += 1
+            elif len(thing.part.vertices) == 2:
+                directions[f"{name}.beside_{lines}"] = direction
+                lines += 1
+        return Sight(found, directions, deepest)
 
-    def _pegs(self, scene: GraspScene, pose: Array, units: Units) -> Values:
+    def _pegs(self, scene: GraspScene, pose: Array, units: Units, found: Values, directions: Values) -> None:
         """Parts of the object near the round supports, where its pose is sought."""
-        found: Values = {}
         if not self._problem.make.free:
-            return found
+            return
         for i, peg in enumerate(scene.pegs):
             local = _local(np.asarray(peg.position)[None] / units.length, pose)
             for k, part in enumerate(scene.object.parts):
-                found[f"peg_{i}.obstacle_{k}"] = _nearest(part, local, units)[0][0]
-        return found
+                direction, _, corners = _nearest(part, local, units)
+                directions[f"peg_{i}.separating_{k}"] = direction
+                found[f"peg_{i}.corners_{k}"] = corners[0]
 
 
 def _things(scene: GraspScene) -> list[_Thing]:
     none = np.zeros(2)
-    things = [_Thing(f"obstacle_{k}", part, True, none, none) for k, part in enumerate(scene.object.parts)]
-    planes = [wall for wall in scene.walls if np.isinf(wall.half_length)]
-    lines = [wall for wall in scene.walls if np.isfinite(wall.half_length)]
-    for wall in planes:
-        label = f"support_{len(things) - len(scene.object.parts)}"
-        things.append(_Thing(label, None, False, np.asarray(wall.normal), np.asarray(wall.point)))
-    for wall in lines:
-        along = wall.half_length * np.array([-wall.normal[1], wall.normal[0]])
-        a, b = np.asarray(wall.point) - along, np.asarray(wall.point) + along
-        label = f"support_{len(things) - len(scene.object.parts)}"
-        things.append(_Thing(label, Part(((a[0], a[1]), (b[0], b[1]))), False, none, none))
-    for peg in scene.pegs:
-        label = f"support_{len(things) - len(scene.object.parts)}"
-        things.append(_Thing(label, Part((peg.position,), peg.radius), False, none, none))
-    return things
+    things = [_Thing(f"{k}", part, True, none, none) for k, part in enumerate(scene.object.parts)]
+    for wall in scene.walls:
+        if np.isinf(wall.half_length):
+            things.append(_Thing(wall.name, None, False, np.asarray(wall.normal), np.asarray(wall.point)))
+    things += [_Thing(w.name, Part(w.ends), False, none, none) for w in scene.walls if np.isfinite(w.half_length)]
+    return things + [_Thing(peg.name, Part((peg.position,), peg.radius), False, none, none) for peg in scene.pegs]
 
 
 def _look(
     thing: _Thing, setup: FingerSetup, base: Array, at: Array, owner: Array, pose: Array, units: Units
-) -> tuple[Array, Array, Array]:
-    """Obstacles (K, 6), gaps (K,) and the gaps that are needed (K,)."""
-    half = setup.finger.thickness_radius
-    needed = np.full(len(at), half / units.length)
+) -> tuple[Nearest, Array]:
+    """What is nearest, and the gaps that are needed (K,)."""
+    half = setup.finger.thickness_radius / units.length
+    needed = np.full(len(at), half)
     if thing.part is not None:
-        return *_nearest(thing.part, _local(at, pose) if thing.moves else at, units), needed
+        return _nearest(thing.part, _local(at, pose) if thing.moves else at, units), needed
     point = thing.point / units.length
-    obstacle = np.tile([0.0, *thing.normal, *point, 0.0], (len(at), 1))
     height = float((base[:2] - point) @ thing.normal)
-    if height < CLEAR * half / units.length:  # the finger comes out of it
+    if height < CLEAR * half:  # the finger comes out of it
         needed[owner < setup.before[0]] = min(0.0, height)
-    return obstacle, (at - point) @ thing.normal, needed
+    return (np.zeros(len(at)), (at - point) @ thing.normal, np.zeros((len(at), 2 * CORNERS))), needed
 
 
 class _Line:
@@ -181,10 +202,6 @@ class _Line:
         return np.stack([self._base[0] + line.real, self._base[1] + line.imag], axis=1), owner
 
 
-def _depth(looked: list[tuple[Array, Array, Array]]) -> Array:
-    return np.asarray(np.max([needed - gap for _, gap, needed in looked], axis=0))
-
-
 def _deepest(depth: Array, count: int) -> Array:
     """Per element, the fractions (N, count) where it is deepest, apart from each other, by parabolas."""
     left, picks = depth.copy(), []
@@ -207,8 +224,7 @@ def _local(points: Array, pose: Array) -> Array:
     return np.asarray((points - pose[:2]) @ np.array([[c, -s], [s, c]]))
 
 
-def _nearest(part: Part, points: Array, units: Units) -> tuple[Array, Array]:
-    """`nearest_obstacles` in units of the problem."""
-    obstacle, gap = nearest_obstacles(part, points * units.length)
-    obstacle[:, 3:] /= units.length
-    return obstacle, gap / units.length
+def _nearest(part: Part, points: Array, units: Units) -> Nearest:
+    """`nearest` in units of the problem."""
+    direction, gap, corners = nearest(part, points * units.length)
+    return direction, gap / units.length, corners / units.length

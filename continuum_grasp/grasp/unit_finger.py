@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
 from continuum_grasp.grasp.numbers import Numbers
 from continuum_grasp.model import FingerModel
@@ -181,9 +182,16 @@ class UnitFinger:
         return 2 if self.make.elements < 4 else 1
 
     @cached_property
-    def waypoint_shares(self) -> list[tuple[int, float]]:
-        """Element and fraction of it of every waypoint."""
-        return [(k, f) for k, inside in enumerate(self.model.waypoint_fractions) for f in inside]
+    def waypoint_shares(self) -> list[tuple[int, int]]:
+        """Indices and elements of the waypoints that are kept clear: a few of each element, spread evenly."""
+        found, start = [], 0
+        for element, inside in enumerate(self.model.waypoint_fractions):
+            count = min(len(inside), 4 if self.make.elements > 3 else 6)
+            wanted = (np.arange(count) + 0.5) / count
+            picks = {int(np.abs(np.array(inside) - at).argmin()) for at in wanted}
+            found += [(start + k, element) for k in sorted(picks)]
+            start += len(inside)
+        return found
 
 
 def finger_numbers(setup: FingerSetup, gravity: tuple[float, float]) -> dict[str, object]:

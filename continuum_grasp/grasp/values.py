@@ -188,6 +188,10 @@ def _object_values(scene: GraspScene, units: Units) -> Values:
     planes = (wall for wall in scene.walls if math.isinf(wall.half_length))
     for k, wall in enumerate(planes):
         values |= {f"plane_{k}.normal": wall.normal, f"plane_{k}.point": [c / m for c in wall.point]}
+        values[f"plane_{k}.angle"] = wall.normal_angle
+    lines = (wall for wall in scene.walls if math.isfinite(wall.half_length))
+    for k, wall in enumerate(lines):
+        values[f"line_{k}.ends"] = [c / m for end in wall.ends for c in end]
     for k, peg in enumerate(scene.pegs):
         values |= {f"peg_{k}.position": [c / m for c in peg.position], f"peg_{k}.radius": peg.radius / m}
     return values

@@ -44,6 +44,12 @@ class Wall:
         """Unit normal, out of the material."""
         return math.cos(self.normal_angle), math.sin(self.normal_angle)
 
+    @property
+    def ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Ends of a finite surface, the material on the right from the first to the second [m]."""
+        (nx, ny), (x, y), half = self.normal, self.point, self.half_length
+        return (x + ny * half, y - nx * half), (x - ny * half, y + nx * half)
+
     def height(self, point: tuple[float, float]) -> float:
         """Distance of a world point from the surface [m], positive outside the material."""
         nx, ny = self.normal
