@@ -133,7 +133,7 @@ def bent_by_tip(task: FingerTask) -> Postures | None:
     """Fingers bent by a force at their tips, which touch with that force in the friction cone."""
     table = elastica_table()
     knots = np.array(task.nodes)
-    groups = [tip_only(task, None, sparse=True)]
+    groups = [_at_nodes(tip_only(task, None, sparse=True), knots)]
     cone = math.atan(task.friction) + _BESIDE_CONE
     for part, shape in enumerate(task.shapes):
         near = np.abs(table.tips - shape.centre) < shape.extent + task.half + 0.7
@@ -163,6 +163,15 @@ def bent_by_tip(task: FingerTask) -> Postures | None:
         groups.append(_tips(knots, bent[good], part, shape, walk[good]))
     found = join([g for g in groups if g is not None])
     return None if found is None else unique(found)
+
+
+def _at_nodes(family: Postures | None, knots: Array) -> Postures | None:
+    """The same curves, whose curvature is linear all along, with more knots."""
+    if family is None:
+        return None
+    bent = family.curvatures[:, :1] + (family.curvatures[:, 1:] - family.curvatures[:, :1]) * knots
+    every = np.broadcast_to(knots, bent.shape)
+    return Postures(every, bent, family.joints, family.parts, family.points, family.angles, family.violation)
 
 
 def _straight(shape: Shape) -> Array | None:

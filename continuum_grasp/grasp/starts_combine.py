@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.starts_force import Block, Loads, imbalance
 from continuum_grasp.grasp.starts_order import spread_order
 
-__all__ = ["Combined", "combine"]
+__all__ = ["Combined", "combine", "doubt"]
 
 Array = NDArray[Any]
 Combined = tuple[list[Array], Array, Array, Array]
 """Posture per finger, and for each combination what is left, its cost, and its forces."""
 
 _MOST = 160
+_CLOSE = 0.02
 _PER_FINGER = {2: 14, 3: 8, 4: 6}
 _FIRST, _IMPROVED = 64, 3
 
@@ -40,7 +41,7 @@ def combine(loads: Loads, blocks: list[Block], supports: Block, features: list[A
         return _weigh(loads, blocks, supports, _opposed(loads, alone))
     most = _PER_FINGER[len(blocks)]
     picks = [
-        np.array(spread_order(10.0 * left + cost, what, most))
+        np.array(spread_order(doubt(left) + cost, what, most))
         for (left, cost, _), what in zip(alone, features, strict=True)
     ]
     sizes = [len(pick) for pick in picks]
@@ -52,7 +53,7 @@ def combine(loads: Loads, blocks: list[Block], supports: Block, features: list[A
     found = _weigh(loads, blocks, supports, index)
     if total <= _FIRST:
         return found
-    best = np.argsort(10.0 * found[1] + found[2], kind="stable")[:_IMPROVED]
+    best = np.argsort(doubt(found[1]) + found[2], kind="stable")[:_IMPROVED]
     more = []
     for row in best:
         for finger, pick in enumerate(picks):
@@ -60,6 +61,13 @@ def combine(loads: Loads, blocks: list[Block], supports: Block, features: list[A
     changed = [np.concatenate([m[k] for m in more]) for k in range(len(blocks))]
     every = np.unique(np.stack(changed), axis=1)
     return _joined(found, _weigh(loads, blocks, supports, list(every)))
+
+
+def doubt(left: Array) -> Array:
+    """How unlikely a grasp is where forces and tensions leave this imbalance: beyond a few parts in a hundred, how much
+    it is tells little.
+    """
+    return np.where(left < _CLOSE, 10.0 * left, 10.0 * _CLOSE + 2.0 * (left - _CLOSE))
 
 
 def _weigh(loads: Loads, blocks: list[Block], supports: Block, index: list[Array]) -> Combined:

@@ -11,7 +11,7 @@ __all__ = ["spread_order"]
 
 Array = NDArray[Any]
 
-_RANGE = 0.3
+_RANGE = 0.5
 
 
 def spread_order(score: Array, features: Array, count: int) -> list[int]:
@@ -29,7 +29,7 @@ def spread_order(score: Array, features: Array, count: int) -> list[int]:
     taken = np.zeros(len(score), bool)
     for _ in range(min(count, len(score))):
         likeness = np.exp(-((near / _RANGE) ** 2))
-        pick = int(np.argmin(np.where(taken, np.inf, score + 0.3 * likeness)))
+        pick = int(np.argmin(np.where(taken, np.inf, score + 0.5 * likeness)))
         order.append(pick)
         taken[pick] = True
         near = np.minimum(near, np.sqrt(((features - features[pick]) ** 2).sum(axis=1)))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts_candidates import Candidates, find_candidates, near_candidates
-from continuum_grasp.grasp.starts_combine import combine
+from continuum_grasp.grasp.starts_combine import combine, doubt
 from continuum_grasp.grasp.starts_force import finger_block, loads_of, support_block
 from continuum_grasp.grasp.starts_order import spread_order
 from continuum_grasp.grasp.starts_poses import base_poses
@@ -106,7 +106,7 @@ class Weighing:
         ]
         index, left, cost, forces = combine(self.loads, blocks, supports, [c.features for c in found])
         wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
-        score = 10.0 * left + cost + 5.0 * np.minimum(wrong, 1.0) + np.where(wrong > 0.0, 1.0, 0.0)
+        score = doubt(left) + cost + 5.0 * np.minimum(wrong, 1.0) + np.where(wrong > 0.0, 1.0, 0.0)
         size = self.scene.object.size
         place = np.broadcast_to([pose[0] / size, pose[1] / size, pose[2]], (len(left), 3))
         features = np.concatenate([*(c.features[i] for c, i in zip(found, index, strict=True)), place], axis=1)
