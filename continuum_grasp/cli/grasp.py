@@ -22,6 +22,10 @@ def grasp(
         typer.Option("--seed", metavar="N", help="Seed of the random starts (default: as in the configuration)."),
     ] = None,
     pictures: Annotated[bool, typer.Option(help="Draw a picture and write the HTML report.")] = True,
+    fine: Annotated[
+        bool,
+        typer.Option("--fine/--no-fine", help="Solve once more with a fine model and tell what that changes."),
+    ] = True,
     as_json: Json = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -37,7 +41,7 @@ def grasp(
     from continuum_grasp.grasp import optimize_grasp
 
     with output.busy("searching"):
-        result = optimize_grasp(scene, raise_on_failure=False)
+        result = optimize_grasp(scene, raise_on_failure=False, fine=fine)
     from continuum_grasp.grasp.report import save_result
     from continuum_grasp.grasp.report_files import save_pictures
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,27 @@ from continuum_grasp.grasp.starts import ContactStart, FingerStart, Start
 from continuum_grasp.scene.grasp import FingerSetup, GraspFinger, GraspScene
 from continuum_grasp.scene.simulate import Fidelity
 
-__all__ = ["Change", "compare", "solve_again", "start_from", "with_elements"]
+if TYPE_CHECKING:
+    from continuum_grasp.grasp.result import GraspResult
+
+__all__ = [
+    "ELEMENTS",
+    "Change",
+    "asked_tolerance",
+    "compare",
+    "resolve_elements",
+    "solve_again",
+    "start_from",
+    "with_elements",
+    "with_fine",
+]
 
 Array = NDArray[Any]
 
 FINE = 6
 """Elements per stretch between base, middle contacts and tip of the model that a grasp is compared with."""
+ELEMENTS = (1, 2, 3, 4)
+"""Elements per stretch among which the cheapest is chosen that keeps a tolerance."""
 
 
 @dataclass(frozen=True)
@@ -182,3 +197,79 @@ def compare(scene: GraspScene, here: dict[str, Array], there: dict[str, Array]) 
 
 def _tension(scene: GraspScene, arrays: dict[str, Array]) -> float:
     return float(sum(arrays[f"{name}.tensions"].sum() for name in scene.named_fingers))
+
+
+def with_fine(result: GraspResult, until: float) -> GraspResult:
+    """The result with what a fine model changes; as it is where that has no grasp next to it.
+
+    Parameters
+    ----------
+    result : GraspResult
+        A grasp.
+    until : float
+        ``time.monotonic()`` at which to stop.
+    """
+    scene, arrays = result.scene, dict(result.arrays)
+    found = solve_again(with_elements(scene, FINE, _smooth(scene)), scene, arrays, until)
+    if found is None:
+        return replace(result, statistics={**result.statistics, "fine_model": "no grasp next to this one"})
+    change = compare(scene, arrays, found.arrays)
+    return replace(result, fine=change, statistics={**result.statistics, "fine_model": str(change)})
+
+
+def asked_tolerance(scene: GraspScene) -> float | None:
+    """The least tolerance that the scene or one of its fingers asks for."""
+    fidelities = [finger.fidelity or scene.fidelity for finger in scene.named_fingers.values()]
+    return min((f.tolerance for f in fidelities if f.tolerance is not None), default=None)
+
+
+def resolve_elements(
+    scene: GraspScene, first: GraspResult, tolerance: float, until: float
+) -> tuple[GraspScene, str, Change | None]:
+    """The scene with the fewest elements whose grasp differs from a fine model's by no more than a tolerance.
+
+    Parameters
+    ----------
+    scene : GraspScene
+        As asked.
+    first : GraspResult
+        Its grasp with some elements.
+    tolerance : float
+        Greatest change of the tension (relative) and of contact points (per length).
+    until : float
+        ``time.monotonic()`` at which to stop.
+
+    Returns
+    -------
+    scene : GraspScene
+        With the elements found.
+    note : str
+        The choice in words.
+    change : Change or None
+        What the fine model changes about it.
+    """
+    arrays = dict(first.arrays)
+    reference = solve_again(with_elements(scene, FINE, _smooth(scene)), first.scene, arrays, until)
+    if reference is None:
+        return first.scene, "the fine model has no grasp next to this one: no tolerance can be told", None
+    note, change, chosen = "", None, first.scene
+    for count in ELEMENTS:
+        chosen = with_elements(scene, count)
+        found = solve_again(chosen, first.scene, arrays, until)
+        if found is None:
+            continue
+        change = compare(scene, found.arrays, reference.arrays)
+        if change.size <= tolerance:
+            return chosen, f"{_words(chosen)}: {change}; tolerance {tolerance:.2%} kept", change
+        note = f"{_words(chosen)}: {change}; tolerance {tolerance:.2%} NOT kept"
+    return chosen, note, change
+
+
+def _words(scene: GraspScene) -> str:
+    return ", ".join(f"{setup.name} with {setup.elements} elements ({setup.family})" for setup in scene.setups)
+
+
+def _smooth(scene: GraspScene) -> str:
+    """A family of clothoids that all fingers can have."""
+    rubs = any(f.tendons is not None and f.tendons.friction > 0.0 for f in scene.named_fingers.values())
+    return "clothoid" if rubs else "matched_clothoid"

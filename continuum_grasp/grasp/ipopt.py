@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
@@ -62,6 +62,8 @@ class Attempt:
     numbers : ndarray
         Run-time numbers of the problem there.
     objective : float
+    multipliers : ndarray
+        Of the constraints.
     violations : list of Violation
         Constraints that are broken there, worst first.
     """
@@ -74,6 +76,7 @@ class Attempt:
     x: Array
     numbers: Array
     objective: float
+    multipliers: Array
     violations: list[Violation]
 
     @property
@@ -262,6 +265,7 @@ class GraspSolverRun:
         began, iterations, outcome = time.perf_counter(), 0, ""
         sight = self._near.look(scene, x, problem.numbers.pack(values, 0.0))
         multipliers: dict[str, Any] = {}
+        acceptable = False
         for _ in range(ROUNDS):
             numbers = problem.numbers.pack({**values, **sight.numbers})
             self._face(x, sight)
@@ -277,7 +281,9 @@ class GraspSolverRun:
                 break
             sight = self._near.look(scene, x, numbers)
             multipliers = {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
-            if sight.deepest - self._room(x) < DEEP:
+            settled = outcome == "Solve_Succeeded" or acceptable
+            acceptable = outcome != "Solve_Succeeded"
+            if sight.deepest - self._room(x) < DEEP and settled:
                 break
         return Attempt(
             start,
@@ -288,6 +294,7 @@ class GraspSolverRun:
             x,
             numbers,
             float(found["f"]),
+            np.array(found["lam_g"]).ravel(),
             problem.parts.violations(g, CONSTRAINT_TOLERANCE, units.amounts),
         )
 
@@ -301,6 +308,14 @@ class GraspSolverRun:
         """How deep fingers may be, where that is relaxed."""
         variables = self.problem.parts.variables
         return float(sum(x[variables[f"relaxed room at the {name}"].start] for name in ("object", "supports")))
+
+    @cached_property
+    def slope(self) -> ca.Function:
+        """Derivative of the Lagrangian with respect to the problem's numbers, from unknowns, numbers and multipliers."""
+        parts, numbers = self.problem.parts, self.problem.numbers.symbol
+        force = ca.SX.sym("force", parts.g.numel())
+        lagrangian = self.problem.objective + ca.dot(force, parts.g)
+        return ca.Function("slope", [parts.x, numbers, force], [ca.gradient(lagrangian, numbers)])
 
     def _face(self, x: Array, sight: Sight) -> None:
         """Turn the separating directions among the unknowns to where things are nearest."""

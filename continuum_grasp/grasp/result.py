@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,10 @@ from continuum_grasp.scene.grasp import GraspScene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from continuum_grasp.grasp.fine import Change
+    from continuum_grasp.grasp.quality import Quality
+    from continuum_grasp.grasp.sensitivity import Sensitivity
 
 __all__ = ["Contact", "FingerPosture", "GraspResult", "Reason", "Status"]
 
@@ -160,6 +165,10 @@ class GraspResult:
         closest, or empty.
     certificate : Certificate, optional
         Independent verification of these numbers.
+    sensitivity : tuple of Sensitivity
+        How the answer changes with friction, mass and pose; empty where the solver stopped early.
+    fine : Change, optional
+        What a fine model changes, where that was asked for.
     violated : tuple of str
         Broken constraints by name with their amounts, where there is no grasp.
     reasons : tuple of Reason
@@ -175,10 +184,27 @@ class GraspResult:
     message: str
     arrays: Mapping[str, Array] = field(default_factory=dict)
     certificate: Certificate | None = None
+    sensitivity: tuple[Sensitivity, ...] = ()
+    fine: Change | None = None
     violated: tuple[str, ...] = ()
     reasons: tuple[Reason, ...] = ()
     advice: str = ""
     statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def quality(self) -> Quality:
+        """Indices of quality; each is computed when it is first read.
+
+        Raises
+        ------
+        InputError
+            There is no verified grasp.
+        """
+        from continuum_grasp.grasp.quality import grasp_quality
+
+        if not self.solved:
+            raise InputError(f"there is no grasp whose quality could be told (status {self.status.value})")
+        return grasp_quality(self.scene, self.arrays)
 
     @property
     def solved(self) -> bool:

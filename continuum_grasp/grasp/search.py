@@ -24,6 +24,8 @@ Array = NDArray[Any]
 
 SAME = 1e-6
 """Relative difference up to which two objectives are the same grasp's."""
+NEAR = 1e-3
+"""Relative difference of the objective for which a converged attempt is preferred."""
 SECTOR = 0.8
 """Difference of a contact's direction from which on a start is of another branch [rad]."""
 EDGE = 1e-7
@@ -79,8 +81,11 @@ class Search:
 
     @property
     def best(self) -> Tried | None:
-        """The verified attempt with the least objective."""
-        return min(self.good, key=lambda t: (round(t.attempt.objective, 9), not t.attempt.converged), default=None)
+        """The verified attempt with the least objective; one that converged, where that costs next to nothing."""
+        least = min((t.attempt.objective for t in self.good), default=0.0)
+        near = least + NEAR * max(1.0, abs(least))
+        converged = [t for t in self.good if t.attempt.converged and t.attempt.objective <= near]
+        return min(converged or self.good, key=lambda t: round(t.attempt.objective, 9), default=None)
 
     @property
     def late(self) -> bool:

@@ -4,27 +4,35 @@ from __future__ import annotations
 
 import os
 import time
+from dataclasses import replace
 from typing import Any
 
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.grasp.diagnosis import find_reasons, out_of_reach
+from continuum_grasp.grasp.fine import ELEMENTS, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.ipopt import Attempt
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.grasp.search import Search, Tried
+from continuum_grasp.grasp.sensitivity import sensitivities
 from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["optimize_grasp"]
 
 
-def optimize_grasp(scene: GraspScene | str | os.PathLike[str], *, raise_on_failure: bool = True) -> GraspResult:
-    """Find how the finger holds the object with the least tension, and verify it.
+def optimize_grasp(
+    scene: GraspScene | str | os.PathLike[str], *, raise_on_failure: bool = True, fine: bool = False
+) -> GraspResult:
+    """Find the best grasp of an object by the fingers of a scene, and verify it.
 
     Parameters
     ----------
     scene : GraspScene or path-like
-        The scene, or its YAML file.
+        The scene, or its YAML file. Where it has a ``fidelity.tolerance``, the cheapest model that keeps it is found by
+        comparison with a fine one, and the result's scene has it.
     raise_on_failure : bool, optional
         Raise where there is no verified grasp; False: return the result, whose ``status`` says so.
+    fine : bool, optional
+        Solve once more with a fine model and tell in the result's ``fine`` what that changes; takes some seconds.
 
     Returns
     -------
@@ -42,7 +50,14 @@ def optimize_grasp(scene: GraspScene | str | os.PathLike[str], *, raise_on_failu
     """
     if not isinstance(scene, GraspScene):
         scene = _load(scene)
-    result = _Verdict(scene).result()
+    until = time.monotonic() + scene.solver.time_limit
+    tolerance = asked_tolerance(scene)
+    if tolerance is None:
+        result = _Verdict(scene, until).result()
+        if fine and result.solved:
+            result = with_fine(result, until)
+    else:
+        result = _kept(scene, tolerance, until)
     if raise_on_failure and not result.solved:
         raise SolverError(
             result.message,
@@ -65,11 +80,21 @@ def _load(path: str | os.PathLike[str]) -> GraspScene:
     return scene
 
 
+def _kept(scene: GraspScene, tolerance: float, until: float) -> GraspResult:
+    """The grasp with the cheapest model that keeps a tolerance."""
+    first = _Verdict(with_elements(scene, ELEMENTS[1]), until).result()
+    if not first.solved:
+        return first
+    resolved, note, change = resolve_elements(scene, first, tolerance, until)
+    result = first if resolved == first.scene else _Verdict(resolved, until).result()
+    return replace(result, fine=change, statistics={**result.statistics, "fidelity": note})
+
+
 class _Verdict:
-    def __init__(self, scene: GraspScene) -> None:
+    def __init__(self, scene: GraspScene, until: float) -> None:
         self.scene = scene
         self.began = time.monotonic()
-        self.search = Search(scene, self.began + scene.solver.time_limit)
+        self.search = Search(scene, until)
         self.interrupted = False
 
     def result(self) -> GraspResult:
@@ -117,6 +142,7 @@ class _Verdict:
             message,
             best.arrays,
             best.certificate,
+            sensitivity=sensitivities(self.scene, best) if best.attempt.converged else (),
             advice=self._support_note(),
             statistics=self._statistics(best.attempt),
         )

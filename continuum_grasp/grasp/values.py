@@ -18,7 +18,7 @@ from continuum_grasp.grasp.unit_finger import finger_numbers
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene, PlanarGravity
 from continuum_grasp.scene.objects import Freedom
 
-__all__ = ["Units", "contact_features", "problem_bounds", "problem_values"]
+__all__ = ["Units", "contact_features", "problem_bounds", "problem_values", "tension_weight"]
 
 Array = NDArray[Any]
 Values = dict[str, Any]
@@ -135,11 +135,11 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, units: Units) -> Value
         f"{name}.pull_min": [least, least],
         f"{name}.pull_most": [most * offset / moment if used in ("both", side) else 0.0 for side in ("left", "right")],
         f"{name}.pull_per_force": units.force * offset / moment,
-        f"{name}.tension weight": _tension_weight(scene) * moment / offset,
+        f"{name}.tension weight": tension_weight(scene) * moment / offset,
     }
 
 
-def _tension_weight(scene: GraspScene) -> float:
+def tension_weight(scene: GraspScene) -> float:
     """Of the sum of all tensions in the objective [1/N]; a little where it is no aim, so that they are unique."""
     tendons = [f.tendons for f in scene.named_fingers.values() if f.tendons is not None]
     limit = sum(t.max_tension for t in tendons)

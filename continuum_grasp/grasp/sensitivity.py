@@ -1,0 +1,113 @@
+"""How the answer changes with friction, mass and pose: from the multipliers of the solution, without solving again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.search import Tried
+from continuum_grasp.grasp.values import problem_values, tension_weight
+from continuum_grasp.scene.grasp import GraspFinger, GraspScene
+
+__all__ = ["Sensitivity", "sensitivities"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """By how much what is sought changes with one number of the scene, to first order.
+
+    Attributes
+    ----------
+    name : str
+    derivative : float
+        Of the sum of tensions [N] where that is the objective, else of the objective as it is minimised, per ``unit``.
+    unit : str
+        Of the number that changes.
+    """
+
+    name: str
+    derivative: float
+    unit: str
+
+
+def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:
+    """Derivatives of the answer with respect to friction, mass, and the pose of the object before the hand.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    found : Tried
+        A converged attempt.
+
+    Returns
+    -------
+    tuple of Sensitivity
+        They hold as long as the same limits stay active. The pose is that of the object with its supports, moved against
+        all fingers' bases together; bases that are free are left out.
+    """
+    attempt, problem = found.attempt, found.solver.problem
+    slope = np.asarray(found.solver.slope(attempt.x, attempt.numbers, attempt.multipliers)).ravel()
+    units = 1.0 / tension_weight(scene) if scene.objective == "least_tension" else 1.0
+
+    def values(changed: GraspScene) -> Array:
+        numbers = problem_values(problem, changed, attempt.start, attempt.features)
+        return problem.numbers.pack(numbers, 0.0)
+
+    now = values(scene)
+    out = []
+    for name, unit, step, changed in _changes(scene):
+        change = (values(changed) - now) / step
+        out.append(Sensitivity(name, float(slope @ change) * units, unit))
+    return tuple(out)
+
+
+def _changes(scene: GraspScene) -> list[tuple[str, str, float, GraspScene]]:
+    """Name, unit, step and changed scene."""
+    step = 1e-6
+    found = [("friction between fingers and object", "1", step, _rougher(scene, step))]
+    if scene.weight > 0.0:
+        mass = step * scene.object.mass
+        heavier = scene.object.model_copy(update={"mass": scene.object.mass + mass})
+        found.append(("mass of the object", "kg", mass, scene.model_copy(update={"object": heavier})))
+    reach = step * scene.object.size
+    for name, unit, size, move in (
+        ("object along x", "m", reach, (1.0, 0.0, 0.0)),
+        ("object along y", "m", reach, (0.0, 1.0, 0.0)),
+        ("object turned about its centre of mass", "rad", step, (0.0, 0.0, 1.0)),
+    ):
+        found.append((name, unit, size, _moved(scene, *(size * m for m in move))))
+    return found
+
+
+def _each(scene: GraspScene, fingers: dict[str, GraspFinger]) -> GraspScene:
+    update = {"finger": fingers["finger"]} if scene.fingers is None else {"fingers": fingers}
+    return scene.model_copy(update=update)
+
+
+def _rougher(scene: GraspScene, step: float) -> GraspScene:
+    fingers = {}
+    for setup in scene.setups:
+        contacts = setup.finger.contacts.model_copy(update={"friction": setup.friction + step})
+        fingers[setup.name] = setup.finger.model_copy(update={"contacts": contacts})
+    return _each(scene, fingers)
+
+
+def _moved(scene: GraspScene, x: float, y: float, turn: float) -> GraspScene:
+    """All bases moved the other way."""
+    c, s = np.cos(scene.object.angle), np.sin(scene.object.angle)
+    com = np.asarray(scene.object.position) + [
+        c * scene.object.com[0] - s * scene.object.com[1],
+        s * scene.object.com[0] + c * scene.object.com[1],
+    ]
+    back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    fingers = {}
+    for name, finger in scene.named_fingers.items():
+        at = com + back @ (np.asarray(finger.base.position) - com) - [x, y]
+        pose = {"position": (float(at[0]), float(at[1])), "angle": finger.base.angle - turn}
+        fingers[name] = finger.model_copy(update={"base": finger.base.model_copy(update=pose)})
+    return _each(scene, fingers)
