@@ -15,12 +15,22 @@ from continuum_grasp.grasp.starts_force import contact_forces
 from continuum_grasp.grasp.starts_order import spread_order
 from continuum_grasp.grasp.starts_poses import object_poses
 from continuum_grasp.grasp.starts_random import fallback, shaken
+from continuum_grasp.grasp.starts_reach import Reach, reach_report
 from continuum_grasp.grasp.starts_supports import support_contacts, touching_supports
 from continuum_grasp.grasp.starts_values import ContactStart, FingerStart, Start
 from continuum_grasp.grasp.starts_weighing import Weighed, Weighing
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["ContactStart", "FingerStart", "Start", "make_starts", "support_contacts", "touching_supports"]
+__all__ = [
+    "ContactStart",
+    "FingerStart",
+    "Reach",
+    "Start",
+    "make_starts",
+    "reach_report",
+    "support_contacts",
+    "touching_supports",
+]
 
 Array = NDArray[Any]
 
