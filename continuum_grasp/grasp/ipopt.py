@@ -203,15 +203,11 @@ class GraspSolverRun:
             nlp = {"x": x, "f": self.problem.objective, "g": g, "p": p}
             cold = ca.nlpsol("grasp", "ipopt", nlp, options)
             derivatives = {name: cold.get_function(f"nlp_{name}") for name in ("grad_f", "jac_g", "hess_l")}
-            options |= {
-                "grad_f": derivatives["grad_f"],
-                "jac_g": derivatives["jac_g"],
-                "hess_lag": derivatives["hess_l"],
-                "ipopt.warm_start_init_point": "yes",
-                "ipopt.mu_init": 1e-4,
-                **{f"ipopt.warm_start_{name}": 1e-5 for name in _PUSHES},
-            }
-            self._solvers[key] = cold, ca.nlpsol("grasp_again", "ipopt", nlp, options), stop
+            options |= {"grad_f": derivatives["grad_f"], "jac_g": derivatives["jac_g"], "hess_lag": derivatives["hess_l"]}
+            near = {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-4}
+            near |= {f"ipopt.warm_start_{name}": 1e-5 for name in _PUSHES}
+            again = ca.nlpsol("grasp_again", "ipopt", nlp, options | near)
+            self._solvers[key] = cold, again, stop
             self.build_seconds += time.perf_counter() - began
         return self._solvers[key]
 
