@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["bends", "curvature_at", "guess_table", "sample", "stretch", "turning"]
+__all__ = ["bends", "curvature_at", "guess_table", "sample", "stretch", "table_of", "turning"]
 
 Array = NDArray[Any]
 
@@ -117,11 +117,16 @@ def guess_table(reach: float, count: int, joint: float | None = None) -> tuple[A
     Where ``joint`` is given they are two arcs that meet there.
     """
     grid = np.linspace(-reach, reach, count)
-    first, last = np.meshgrid(grid, grid, indexing="ij")
+    ends, turns, _ = table_of(grid, grid, joint)
+    return grid, ends, turns, np.abs(grid[:, None] - grid) <= 1.5 * reach
+
+
+def table_of(firsts: Array, lasts: Array, joint: float | None = None) -> tuple[Array, Array, Array]:
+    """End points, angles, and whether to use them, of curves of length one by first and last curvature."""
+    first, last = np.meshgrid(firsts, lasts, indexing="ij")
     pairs = np.stack([first.ravel(), last.ravel()], axis=1)
     lengths = np.array([1.0])
     if joint is not None:
         pairs, lengths = pairs[:, [0, 0, 1, 1]], np.array([joint, 0.0, 1.0 - joint])
     end, turn, _, _ = stretch(np.broadcast_to(lengths, (len(pairs), len(lengths))), pairs)
-    sane = np.abs(first - last) <= 1.5 * reach
-    return grid, end.reshape(first.shape), turn.reshape(first.shape), sane
+    return end.reshape(first.shape), turn.reshape(first.shape), np.ones(first.shape, bool)

@@ -22,6 +22,7 @@ _TILT, _OFF = 0.45, 0.25
 _POSITIONS = 10
 _BETWEEN = np.array([-0.67, -0.33, 0.33, 0.67])
 _ENOUGH = 30
+_GUESSES = 10
 
 
 def first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None:
@@ -44,7 +45,7 @@ def first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None:
         gap, walk = shape.nearest(points[row, column])
         tilt = np.remainder(turns[column] - shape.walk(walk).angle + math.pi, math.tau) - math.pi
         merit = ((gap - task.half) / (_OFF * positions[row])) ** 2 + (tilt / _TILT) ** 2
-        keep = _best_per_row(row, merit, 10)
+        keep = _best_per_row(row, merit, _GUESSES)
         row, column, walk = row[keep], column[keep], walk[keep]
         if not len(row):
             continue

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.scan_curves import guess_table, stretch
+from continuum_grasp.grasp.scan_curves import guess_table, stretch, table_of
 from continuum_grasp.grasp.scan_elastica import elastica_table, projection
 from continuum_grasp.grasp.scan_joint import ends_of
 from continuum_grasp.grasp.scan_task import FingerTask, Postures, join, touching_family, unique
@@ -21,6 +21,7 @@ Array = NDArray[Any]
 
 _TIP_REACH, _TIP_GRID = 8.0, 33
 _BESIDE_CONE = 0.15
+_FEW, _ZOOMS, _ZOOMED = 3, 3, 11
 
 
 def with_tip(task: FingerTask, family: Postures) -> Postures | None:
@@ -101,32 +102,57 @@ def tip_only(task: FingerTask, joint: float | None, sparse: bool = False) -> Pos
         straight = _straight(shape)
         if straight is not None:
             groups.append(_tips(knots, np.zeros((1, len(knots))), part, shape, straight))
-        for axis in (0, 1):
-            one, two = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
-            if axis == 1:
-                one, two = one[::-1], two[::-1]
-            a, b = gap[one], gap[two]
-            crossed = (a * b <= 0.0) & (a != b) & sane[one] & sane[two]
-            i, j = np.nonzero(crossed)
-            if not len(i):
-                continue
-            share = (a / np.where(crossed, a - b, 1.0))[i, j]
-            near = ends[one][i, j] + share * (ends[two][i, j] - ends[one][i, j])
-            _, walk = shape.nearest(near)
-            ahead = np.cos(shape.walk(walk).angle - turns[one][i, j] - 0.5 * math.pi) < 0.4
-            i, j, share, walk = i[ahead], j[ahead], share[ahead], walk[ahead]
-            count, half = len(i), len(knots) // 2
-            curve = np.repeat(np.stack([grid[i], grid[j]], axis=1), half, axis=1)
-            columns = tuple(range(axis * half, axis * half + half))
-            curve[:, columns] += (share * (grid[1] - grid[0]))[:, None]
-            start = (np.zeros(count, complex), np.zeros(count))
-            lengths = np.broadcast_to(np.diff(knots), (count, len(knots) - 1))
-            bent, walk, good = touch(shape, start, lengths, curve, columns, walk)
-            _, turn, _, _ = stretch(lengths, bent)
-            good &= _in_front(shape, walk, turn)
-            groups.append(_tips(knots, bent[good], part, shape, walk[good]))
-    found = join(groups)
-    return None if found is None else unique(found)
+        found = _crossings(part, shape, knots, (grid, grid), (gap, ends, turns, sane))
+        width, at = grid[1] - grid[0], (grid, grid)
+        for _ in range(_ZOOMS):  # hardly in reach: what touches may lie between the grid's lines
+            if sum(len(g) for g in found) >= _FEW:
+                break
+            _, walk = shape.nearest(ends)
+            ahead = sane & (np.cos(shape.walk(walk).angle - turns - 0.5 * math.pi) < 0.0)
+            if not ahead.any():
+                break
+            i, j = np.unravel_index(np.argmin(np.where(ahead, np.abs(gap), np.inf)), gap.shape)
+            near = width * np.linspace(-1.0, 1.0, _ZOOMED)
+            at, width = (at[0][i] + near, at[1][j] + near), near[1] - near[0]
+            ends, turns, sane = table_of(*at, joint)
+            gap = shape.distance(ends) - task.half
+            found += _crossings(part, shape, knots, at, (gap, ends, turns, sane))
+        groups += found
+    every = join(groups)
+    return None if every is None else unique(every)
+
+
+def _crossings(
+    part: int, shape: Shape, knots: Array, grids: tuple[Array, Array], table: tuple[Array, Array, Array, Array]
+) -> list[Postures]:
+    """Curves whose tip touches, between neighbours on a grid of first and last curvatures."""
+    gap, ends, turns, sane = table
+    groups = []
+    for axis in (0, 1):
+        one, two = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
+        if axis == 1:
+            one, two = one[::-1], two[::-1]
+        a, b = gap[one], gap[two]
+        crossed = (a * b <= 0.0) & (a != b) & sane[one] & sane[two]
+        i, j = np.nonzero(crossed)
+        if not len(i):
+            continue
+        share = (a / np.where(crossed, a - b, 1.0))[i, j]
+        near = ends[one][i, j] + share * (ends[two][i, j] - ends[one][i, j])
+        _, walk = shape.nearest(near)
+        ahead = np.cos(shape.walk(walk).angle - turns[one][i, j] - 0.5 * math.pi) < 0.4
+        i, j, share, walk = i[ahead], j[ahead], share[ahead], walk[ahead]
+        count, half = len(i), len(knots) // 2
+        curve = np.repeat(np.stack([grids[0][i], grids[1][j]], axis=1), half, axis=1)
+        columns = tuple(range(axis * half, axis * half + half))
+        curve[:, columns] += (share * (grids[axis][1] - grids[axis][0]))[:, None]
+        start = (np.zeros(count, complex), np.zeros(count))
+        lengths = np.broadcast_to(np.diff(knots), (count, len(knots) - 1))
+        bent, walk, good = touch(shape, start, lengths, curve, columns, walk)
+        _, turn, _, _ = stretch(lengths, bent)
+        good &= _in_front(shape, walk, turn)
+        groups.append(_tips(knots, bent[good], part, shape, walk[good]))
+    return groups
 
 
 def bent_by_tip(task: FingerTask) -> Postures | None:

@@ -20,6 +20,9 @@ __all__ = ["Frame", "PolygonShape", "Shape", "SuperellipseShape", "Walk", "make_
 
 Array = NDArray[Any]
 
+_SETTLED = 1e-7
+"""Change of the polar angle, whose square is left, up to which a nearest place counts as found."""
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -238,6 +241,8 @@ class SuperellipseShape:
             change = slide / np.maximum(speed + turning * out, 1e-12 * self.extent)
             aim = turn + change
             turn = np.where((aim < low) | (aim > high), 0.5 * (low + high), aim)
+            if np.abs(change).max(initial=0.0) < _SETTLED:
+                break
         at, normal, _, _ = self._quadrant(turn)
         out = ((corner - at) * np.conj(normal)).real
         left, down = local.real < 0.0, local.imag < 0.0
