@@ -12,6 +12,7 @@ import argparse
 import math
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from benchmarks.grasp_oracle.causes import tightened
 from benchmarks.grasp_oracle.check import LIMITS, residuals
 from benchmarks.grasp_oracle.scenes import one_finger, two_fingers
 from benchmarks.grasp_oracle.truth import answers
-from benchmarks.report import Report, Table
+from benchmarks.report import RESULTS, Report, Table
 from continuum_grasp.grasp import GraspResult, Status, optimize_grasp
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -172,6 +173,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=1000, help="most scenes of a kind")
     parser.add_argument("--first", type=int, default=0, help="answers to pass over")
     parser.add_argument("--name", default="grasp", help="name of the report")
+    parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write it")
     parser.add_argument("--verbose", action="store_true")
     arguments = parser.parse_args()
     report = Report(arguments.name, 0)
@@ -189,7 +191,7 @@ def main() -> None:
             add_none(report, outcomes)
         else:
             add_held(report, kind, outcomes)
-    for file in report.write():
+    for file in report.write(arguments.folder):
         print(file)
     print(report.status)
 

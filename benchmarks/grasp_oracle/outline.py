@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from continuum_grasp.scene.objects import Part
 
 Array = NDArray[Any]
+CORNERS = 0.05
+"""Least part of the turns that a corner takes up per radian, so that scans see what happens there."""
 
 
 class Outline:
@@ -132,16 +134,19 @@ class _Cornered:
             turns, starts = np.array([2.0 * math.pi]), np.array([0.0])
         # corner k, then the edge that leaves it
         self._starts, self._turns = starts, turns
-        pieces = np.stack([turns * radius, self.lengths if count > 1 else np.zeros(1)], axis=1).ravel()
+        arcs, straight = turns * radius, self.lengths if count > 1 else np.zeros(1)
+        arcs = np.maximum(arcs, CORNERS * turns * (arcs.sum() + straight.sum()))
+        pieces = np.stack([arcs, straight], axis=1).ravel()
         self._ends = np.cumsum(pieces)
         self._pieces = pieces
 
     def at(self, u: Array) -> tuple[Array, Array]:
         walked = u * self._ends[-1]
         piece = np.minimum(np.searchsorted(self._ends, walked, side="right"), len(self._pieces) - 1)
-        over = walked - (self._ends[piece] - self._pieces[piece])
+        share = (walked - (self._ends[piece] - self._pieces[piece])) / np.maximum(self._pieces[piece], 1e-300)
         corner, straight = piece // 2, piece % 2 == 1
-        angle = self._starts[corner] + np.where(straight, self._turns[corner], over / max(self.radius, 1e-300))
+        angle = self._starts[corner] + np.where(straight, self._turns[corner], share * self._turns[corner])
+        over = share * self.lengths[corner]
         normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         tangent = np.stack([-normal[..., 1], normal[..., 0]], axis=-1)
         point = self.corners[corner] + self.radius * normal + np.where(straight, over, 0.0)[..., None] * tangent

@@ -157,18 +157,25 @@ class Search:
         if not held or self.isolated:
             return needed
         for _, start, _ in self._apart(held[::-1]):
-            walked = [start]
-
-            def value(u: float, walked: list[Posture] = walked, top: float = 1.5 * needed) -> float:
-                near = self._from_nearest(walked, u)
-                if near is None or self.fingers.depth([near])[0] > ROOM * self.hand.length:
-                    return math.inf
-                if not self.allowed(near, numbers.limits):
-                    return math.inf
-                return self._friction(near, numbers, low, top)
-
-            needed = min(needed, _golden(value, start.u - self.step, start.u + self.step, 18)[1])
+            needed = min(needed, self._least_friction_near(start, numbers, low, needed))
+        for _ in range(8):  # until no other shape does with a hundredth less
+            other = self.best("sum", numbers.limited(friction=0.99 * needed))
+            if other is None:
+                break
+            needed = min(0.99 * needed, self._least_friction_near(other.posture, numbers, low, needed))
         return needed
+
+    def _least_friction_near(self, start: Posture, numbers: Numbers, low: float, most: float) -> float:
+        """Least coefficient on the curve of shapes through one."""
+        walked = [start]
+
+        def value(u: float) -> float:
+            near = self._from_nearest(walked, u)
+            if near is None or self.fingers.depth([near])[0] > ROOM * self.hand.length:
+                return math.inf
+            return self._friction(near, numbers, low, 1.5 * most) if self.allowed(near, numbers.limits) else math.inf
+
+        return _golden(value, start.u - self.step, start.u + self.step, 18)[1]
 
     def _friction(self, posture: Posture, numbers: Numbers, low: float, high: float) -> float:
         """Least coefficient of one shape, by halving."""
@@ -282,8 +289,10 @@ class Search:
             results.append((got[0], posture, got[1]))
             return float(got[0])
 
-        at(start.u)
-        _golden(at, start.u - self.step, start.u + self.step, 30)
+        places = start.u + self.step * np.linspace(-1.0, 1.0, 9)
+        values = [at(float(u)) for u in sorted(places, key=lambda u: abs(u - start.u))]
+        best = sorted(places, key=lambda u: abs(u - start.u))[int(np.argmin(values))]
+        _golden(at, best - 0.25 * self.step, best + 0.25 * self.step, 24)
         return results
 
     def _too_many(self) -> bool:
