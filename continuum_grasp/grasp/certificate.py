@@ -186,7 +186,7 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
     if np.isfinite(most := finger.finger.curvature_limit):
         kappa = float(np.abs(finger.ends).max())
         yield Check(f"bending strain, {finger.name}", kappa / most - 1, LIMIT, "1", f"{most:.4g} 1/m")
-    bends = float(np.abs(0.5 * finger.lengths * finger.ends.sum(axis=1)).max())
+    bends = float(np.abs(finger.lengths[:, None] * finger.ends).max())
     most = setup.bending_range
     yield Check(f"bending range, {finger.name}", bends / most - 1, LIMIT, "1", f"{most:.4g} rad")
 

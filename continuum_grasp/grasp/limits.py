@@ -128,7 +128,7 @@ def _keep_limits(problem: GraspProblem, finger: FingerState) -> None:
     name = finger.make.name
     over = finger.pulls - number("pull_max") - give["tension"] * number("pull_per_force")
     require(f"tendon tension, {name}", over, "1", f"{name}.tendons.max_tension", lower=-ca.inf)
-    bends = finger.unit.model.bending(finger.q, finger.u, finger.p)
+    bends = finger.unit.greatest_bends(finger.q, finger.u, finger.p)
     most = number("bending_range") + give["bending range"]
     room = ca.vertcat(most - bends, most + bends)
     require(f"bending range, {name}", room, "rad", "fidelity.bending_range", upper=ca.inf)

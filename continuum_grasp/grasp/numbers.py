@@ -13,7 +13,7 @@ __all__ = ["APEX", "Numbers"]
 
 Array = NDArray[Any]
 
-APEX = 5e-4
+APEX = 2e-4
 """Rounding of the apex of spatial friction cones, as a part of the weight; the rounded cone lies inside the true one."""
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["REGULARISATION", "TINY", "add_objective"]
 
-REGULARISATION = 1e-7
+REGULARISATION = 1e-8
 """Weight of the squared contact forces (scaled) beside what is sought, so that they are unique."""
 TINY = 1e-6
 """Rounding of the norm of what gives way in several components (scaled)."""

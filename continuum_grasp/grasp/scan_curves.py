@@ -96,8 +96,8 @@ def sample(knots: Array, curvatures: Array, at: Array) -> tuple[Array, Array]:
 
 
 def bends(knots: Array, curvatures: Array, joints: Array, counts: tuple[int, ...]) -> Array:
-    """Greatest bend of an element (B,); the stretches between base, ``joints`` (B, J) and tip have ``counts`` equal
-    elements each.
+    """Greatest length times curvature of an element (B,), which is its bend where it is an arc; the stretches between
+    base, ``joints`` (B, J) and tip have ``counts`` equal elements each.
     """
     size = len(joints)
     marks = np.concatenate([np.zeros((size, 1)), joints, np.ones((size, 1))], axis=1)
@@ -106,7 +106,13 @@ def bends(knots: Array, curvatures: Array, joints: Array, counts: tuple[int, ...
         for k, n in enumerate(counts)
     ]
     at = np.concatenate([*ends, np.ones((size, 1))], axis=1)
-    return np.asarray(np.abs(np.diff(turning(knots, curvatures, at), axis=1)).max(axis=1))
+    lengths = np.diff(at, axis=1)
+    inside = 1e-9 * lengths
+    near = np.maximum(
+        np.abs(curvature_at(knots, curvatures, at[:, :-1] + inside)),
+        np.abs(curvature_at(knots, curvatures, at[:, 1:] - inside)),
+    )
+    return np.asarray((lengths * near).max(axis=1))
 
 
 @lru_cache(64)

@@ -167,6 +167,13 @@ class UnitFinger:
             return q / p[: self.make.elements]
         return q if self.make.family == "clothoid" else ca.vertcat(q, self.tip_curvature(q, u, p))
 
+    def greatest_bends(self, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+        """Bends of arcs; for clothoids their lengths times the curvatures at both ends."""
+        if self.make.family == "arc":
+            return q
+        lengths, nodes = p[: self.make.elements], self.curvatures(q, u, p)
+        return ca.vertcat(lengths * nodes[:-1], lengths * nodes[1:])
+
     def tip_curvature(self, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
         """Curvature at the tip; where it is matched, what the moment balance imposes."""
         if self.make.family == "arc":

@@ -132,7 +132,9 @@ class Clothoid(Link):
     @property
     def waypoints(self) -> tuple[tuple[float, Vec], ...]:
         rows, tangents = self._rule.running, self._whole.tangents
-        return tuple((float(u), _weigh(row, tangents, self._length)) for u, row in zip(self._rule.nodes, rows, strict=True))
+        return tuple(
+            (float(u), _weigh(row, tangents, self._length)) for u, row in zip(self._rule.nodes, rows, strict=True)
+        )
 
     def _section(self, fraction: Scalar, nodes: _Nodes) -> Section:
         reach = times(fraction, self._length)

@@ -332,7 +332,16 @@ FUNCTIONS = tuple(
 """Names of a model's functions."""
 
 MATRICES = frozenset(
-    ("mass_matrix.M", "statics.K", "jacobian.J", "jacobian_rate.Jd", "joints.r", "waypoints.r", "linearization.A", "linearization.B")
+    (
+        "mass_matrix.M",
+        "statics.K",
+        "jacobian.J",
+        "jacobian_rate.Jd",
+        "joints.r",
+        "waypoints.r",
+        "linearization.A",
+        "linearization.B",
+    )
 )
 """Outputs that are matrices, whatever their size; all others are vectors."""
 

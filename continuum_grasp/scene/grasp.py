@@ -220,7 +220,7 @@ class FingerSetup:
     elements : int
     family : {"arc", "clothoid", "matched_clothoid"}
     bending_range : float
-        Greatest bend of an element [rad].
+        Greatest bend of an element [rad]; for clothoids its length times its greatest curvature.
     accuracy : float or None
         Relative accuracy of the model's evaluation.
     middle_bounds : (float, float)
