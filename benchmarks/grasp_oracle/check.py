@@ -158,7 +158,7 @@ class _Check:
         limit = finger.curvature_limit
         if math.isfinite(limit):
             self._note("limit", np.abs(ends).max() / limit - 1.0)
-        bends = np.abs(ends.mean(axis=1) * lengths).max()
+        bends = np.abs(ends * lengths[:, None]).max()
         self._note("limit", bends / setup.bending_range - 1.0)
         free = finger.base_free
         given = (*finger.base.position, finger.base.angle)

@@ -22,7 +22,7 @@ from benchmarks.grasp_oracle.roots import refine
 
 Array = NDArray[Any]
 MOST = 2.0 * math.pi
-"""Greatest bend of an element [rad]; a clothoid's curvature times its length may be twice that at one end."""
+"""Greatest bend of an element: its length times its greatest curvature [rad]."""
 ROOM = 1e-7
 """Depth that counts as none, as a part of the finger's length: that of the roots themselves."""
 
@@ -57,7 +57,6 @@ class Fingers:
         self.numbers, self.hand = numbers, hand
         self.outline: Outline = numbers.outline(hand.thickness)
         self.base = np.array(hand.base)
-        self.most = MOST if hand.family == "arc" else 2.0 * MOST
 
     # -- scans -----------------------------------------------------------------------------------------------
 
@@ -123,7 +122,7 @@ class Fingers:
         if not hand.bounds[0] <= l1 <= hand.bounds[1] or along @ chord < 0:
             return None
         ends = np.array([turn, 2.0 * bend - turn]) / l1
-        if np.abs(ends).max() * l1 > self.most:
+        if np.abs(ends).max() * l1 > MOST:
             return None
         return self._finish(u, like.side, ends, l1, float(like.ends[1, 1]), bends=False)
 
@@ -190,7 +189,7 @@ class Fingers:
         distance = np.linalg.norm(chord, axis=-1)
         small = _wrap(self._heading(normal, side) - self.hand.angle)
         found = []
-        grid = np.linspace(-self.most, self.most, 121 if self.most == MOST else 201)
+        grid = np.linspace(-MOST, MOST, 121)
         for whole in (0.0, -2.0 * math.pi, 2.0 * math.pi):
             bend = small + whole
             some = (np.abs(bend) <= 1.6 * math.pi) & (distance <= self.hand.bounds[1])
@@ -208,7 +207,7 @@ class Fingers:
             length = distance[some][row] / np.linalg.norm(along, axis=-1)
             right = (along * c[row]).sum(-1) > 0.0
             right &= (length >= self.hand.bounds[0]) & (length <= self.hand.bounds[1])
-            right &= np.abs(2.0 * b[row] - turn) <= self.most
+            right &= np.abs(2.0 * b[row] - turn) <= MOST
             for k in np.nonzero(right)[0]:
                 ends = np.array([turn[k], 2.0 * b[row][k] - turn[k]]) / length[k]
                 found.append((float(where[row[k]]), ends, float(length[k])))
@@ -224,7 +223,7 @@ class Fingers:
             last = np.repeat(first[:, 1:], 2, axis=1)
             ends = np.stack([first, last], axis=1)
             return [Posture(float(p), side, e, np.array([a, b])) for p, e, a, b in zip(u, ends, l1, l2, strict=True)]
-        grid = np.linspace(-self.most, self.most, 141 if self.most == MOST else 241)
+        grid = np.linspace(-MOST, MOST, 141)
         centre, reach = np.array(self.numbers.com), self.numbers.size + hand.thickness
         begin = (grid if bends else first[:, 1:] * l2[:, None]) / l2[:, None]
         tips = joint[:, None] + walk(angle[:, None], begin, grid / l2[:, None], l2[:, None])
@@ -261,7 +260,7 @@ class Fingers:
             return float(self._tip_gap(np.array([end]), joint, angle, first[1], l2, bends)[0])
 
         end = self._solve(gap, guess, 1e-6 / l2) if hand.tip else float(first[1])
-        if end is None or abs(end) * l2 > self.most:
+        if end is None or abs(end) * l2 > MOST:
             return None
         return Posture(u, side, np.array([first, [end if bends else first[1], end]]), np.array([l1, l2]))
 

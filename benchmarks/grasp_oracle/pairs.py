@@ -263,7 +263,7 @@ class Pinches:
             posture = Posture(0.0, 1, ends, np.full(2, 0.5 * hand.length))
             if self.fingers[k].depth([posture])[0] > 1e-6 * hand.length:
                 return None
-            if np.abs(ends.mean(axis=1) * 0.5 * hand.length).max() > self.numbers.limits.bend:
+            if np.abs(ends * 0.5 * hand.length).max() > self.numbers.limits.bend:
                 return None
             postures.append(posture)
         x = np.concatenate([v[3 * count : 5 * count] * self.pull, v[5 * count :] * self.force])

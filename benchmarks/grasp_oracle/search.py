@@ -77,8 +77,8 @@ class Search:
         return float(np.abs(posture.ends).max()) * (self.hand.radius or self.hand.length)
 
     def bend(self, posture: Posture) -> float:
-        """Greatest bend of an element [rad]."""
-        return float(np.abs(posture.ends.mean(axis=1) * posture.lengths).max())
+        """Greatest bend of an element: its length times its greatest curvature [rad]."""
+        return float(np.abs(posture.ends * posture.lengths[:, None]).max())
 
     def allowed(self, posture: Posture, limits: Any) -> bool:
         """Whether a shape keeps strain and range."""
