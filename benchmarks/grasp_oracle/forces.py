@@ -153,9 +153,9 @@ class Balance:
 class Forces:
     """Linear programmes over the equations; the planes that cut the cones are kept from one to the next."""
 
-    def __init__(self, numbers: Numbers) -> None:
+    def __init__(self, numbers: Numbers, cuts: dict[str, list[float]] | None = None) -> None:
         self.numbers = numbers
-        self.cuts: dict[str, list[float]] = {}
+        self.cuts: dict[str, list[float]] = {} if cuts is None else cuts
 
     def least(
         self, balance: Balance, aim: str = "sum", exact: bool = True, drop: tuple[int, ...] = ()

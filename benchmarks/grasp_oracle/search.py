@@ -18,6 +18,8 @@ Array = NDArray[Any]
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 REFINED = 3
 """Starts of the refinement."""
+MANY = 120
+"""Planes per cone from which on the search for the least friction begins anew with few."""
 NEARLY = 0.15
 """Excess over the limits up to which a shape between two of the scan may keep them all."""
 
@@ -69,6 +71,7 @@ class Search:
             raise ValueError("clothoids that touch with the tip alone have shapes of two parameters")
         self.depths = self.fingers.depth(self.postures) if self.postures else np.empty(0)
         self._balances: dict[int, tuple[Posture, Balance]] = {}
+        self._cuts: dict[str, list[float]] = {}
 
     # -- measures of a shape -----------------------------------------------------------------------------------
 
@@ -185,12 +188,14 @@ class Search:
         for _ in range(26):
             middle = 0.5 * (low + top)
             low, top = (low, middle) if self._holds(posture, numbers.limited(friction=middle)) else (middle, top)
-            if top - low < 1e-6 * top:
+            if top - low < 1e-5 * top:
                 break
         return top
 
     def _holds(self, posture: Posture, numbers: Numbers) -> bool:
-        return Forces(numbers).least(self._balance(posture)) is not None
+        if max(map(len, self._cuts.values()), default=0) > MANY:
+            self._cuts.clear()
+        return Forces(numbers, self._cuts).least(self._balance(posture)) is not None
 
     def _balance(self, posture: Posture) -> Balance:
         key = id(posture)
