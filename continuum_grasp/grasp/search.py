@@ -30,6 +30,10 @@ SECTOR = 0.8
 """Difference of a contact's direction from which on a start is of another branch [rad]."""
 EDGE = 1e-7
 """How near a contact must be to the end of its face or corner for the next one to be tried."""
+HURRIED = 60
+"""Iterations of a start once there is a grasp."""
+WORSE = 1.5
+"""Estimated tension, per that of the best grasp, up to which a start is worth trying."""
 SLIDES = 12
 """How often contacts may pass on to the next face or corner."""
 
@@ -93,19 +97,34 @@ class Search:
         return time.monotonic() > self.until
 
     def run(self) -> None:
-        """Try the starts of all modes, one of each branch, then let contacts pass on to the next faces and corners."""
+        """Try the starts of all modes, one of each branch, then let contacts pass on to the next faces and corners.
+
+        Once there is a grasp, starts that do not touch and those that look much worse are left out, and the others get
+        few iterations.
+        """
         for mode in contact_modes(self.scene):
             held: set[tuple[Any, ...]] = set()
             for start in self.starts_of(mode):
                 branch = _branch(start)
-                if branch in held:
+                if branch in held or (self.good and not self._promises(start)):
                     continue
                 if self.tried and self.late:
                     return
-                found = self.attempt(start)
+                found = self.attempt(start, iterations=HURRIED if self.good else None)
                 if found is not None and found in self.good:
                     held.add(branch)
         self.slide()
+
+    def _promises(self, start: Start) -> bool:
+        """Whether a start may lead to something better than what there is."""
+        best = self.best
+        if start.label == "near" or best is None:
+            return start.label != "near"
+        if self.scene.objective != "least_tension" or not start.tensions:
+            return True
+        wanted = sum(sum(tensions) for tensions in start.tensions.values())
+        there = sum(float(best.arrays[f"{name}.tensions"].sum()) for name in self.scene.named_fingers)
+        return wanted <= WORSE * there
 
     def starts_of(self, mode: frozenset[str]) -> list[Start]:
         """The starts of a mode."""
