@@ -51,17 +51,20 @@ def postures(task: FingerTask, middles: tuple[bool, ...], tip: bool) -> Postures
     return _finished(task, family, middles)
 
 
-def neighbours(task: FingerTask, family: Postures, middles: tuple[bool, ...], tip: bool) -> Postures | None:
-    """Postures next to those of a family, with the same contacts; None where there are none or it has no free
-    parameter.
+def neighbours(
+    task: FingerTask, family: Postures, middles: tuple[bool, ...], tip: bool, scale: float
+) -> Postures | None:
+    """Postures next to those of a family, with the same contacts, at changes of a relative size ``scale``.
+
+    None where there are none or the family has no free parameter.
     """
     found: Postures | None = None
     if sum(middles) == 1 and not (task.arcs and sum(task.counts[: middles.index(True) + 1]) == 1):
-        found = moved_joint(task, family, _SHIFTS)
+        found = moved_joint(task, family, scale * _SHIFTS)
         if found is not None:
             found = with_tip(task, found) if tip else _free_end(found)
     elif not any(middles) and tip and not task.arcs:
-        found = moved_tip(task, family, _CHANGE)
+        found = moved_tip(task, family, scale * _CHANGE)
     return None if found is None else _finished(task, found, middles)
 
 

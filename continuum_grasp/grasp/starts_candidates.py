@@ -110,9 +110,15 @@ def find_candidates(
 
 
 def near_candidates(
-    scene: GraspScene, setup: FingerSetup, some: Candidates, pose: Pose, middles: tuple[bool, ...], tip: bool
+    scene: GraspScene,
+    setup: FingerSetup,
+    some: Candidates,
+    pose: Pose,
+    middles: tuple[bool, ...],
+    tip: bool,
+    scale: float,
 ) -> Candidates | None:
-    """Postures next to some, and these themselves."""
+    """Postures next to some, with changes of a relative size, and these themselves."""
     groups = [some]
     keys = np.concatenate([some.bases, some.sides[:, None]], axis=1)
     for key in np.unique(keys, axis=0):
@@ -130,7 +136,7 @@ def near_candidates(
             angles,
             mine.violation,
         )
-        found = neighbours(task, family, middles, tip)
+        found = neighbours(task, family, middles, tip, scale)
         if found is not None:
             groups.append(_as_candidates(task, found, base, side, middles, tip))
     return _join(groups)

@@ -23,8 +23,12 @@ Pose = tuple[float, float, float]
 
 _BALANCED = 3e-3
 """What is left where a posture is in balance but for the price of its tension."""
+_NEARLY = 0.05
+"""Violation, about in lengths of the finger, up to which a posture may have a good one next to it."""
 _ENOUGH, _BEST, _POSES = 6, 12, 2
 """Balanced starts from which on nothing is refined; how many are refined, and at how many poses."""
+_ROUNDS = {1: (2.0, 0.6)}
+"""Sizes of the changes with which they are refined, by number of fingers; one round of size 1 for several."""
 
 
 @dataclass(frozen=True)
@@ -85,18 +89,24 @@ class Weighing:
         """What is next to the best that was found, unless enough of it is in balance."""
         if not found or sum(int(((at.left < _BALANCED) & (at.wrong <= 0.0)).sum()) for at in found) >= _ENOUGH:
             return []
-        out = []
-        for at in sorted(found, key=lambda at: float(at.score.min()))[:_POSES]:
-            best = spread_order(at.score, at.features, _BEST)
-            more: list[Candidates] = []
-            for setup, candidates, index, (middles, tip) in zip(
-                self.setups, at.candidates, at.index, self._touches, strict=True
-            ):
-                some = candidates.take(np.unique(index[best]))
-                near = near_candidates(self.scene, setup, some, at.pose, middles, tip)
-                more.append(some if near is None else near.take(_least_violation(near)))
-            out.append(self._weigh(at.pose, more))
+        out: list[Weighed] = []
+        poses = sorted(found, key=lambda at: float(at.score.min()))[:_POSES]
+        for at in poses:
+            for scale in _ROUNDS.get(len(self.setups), (1.0,)):
+                at = self._next_to(at, scale)
+                out.append(at)
         return out
+
+    def _next_to(self, at: Weighed, scale: float) -> Weighed:
+        best = spread_order(at.score, at.features, _BEST)
+        more: list[Candidates] = []
+        for setup, candidates, index, (middles, tip) in zip(
+            self.setups, at.candidates, at.index, self._touches, strict=True
+        ):
+            some = candidates.take(np.unique(index[best]))
+            near = near_candidates(self.scene, setup, some, at.pose, middles, tip, scale)
+            more.append(some if near is None else near.take(_least_violation(near)))
+        return self._weigh(at.pose, more)
 
     def _weigh(self, pose: Pose, found: list[Candidates]) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
@@ -106,7 +116,7 @@ class Weighing:
         ]
         index, left, cost, forces = combine(self.loads, blocks, supports, [c.features for c in found])
         wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
-        score = doubt(left) + cost + 5.0 * np.minimum(wrong, 1.0) + np.where(wrong > 0.0, 1.0, 0.0)
+        score = doubt(left) + cost + np.where(wrong > 0.0, 0.5 + 10.0 * np.minimum(wrong, 0.2), 0.0)
         size = self.scene.object.size
         place = np.broadcast_to([pose[0] / size, pose[1] / size, pose[2]], (len(left), 3))
         features = np.concatenate([*(c.features[i] for c, i in zip(found, index, strict=True)), place], axis=1)
@@ -114,6 +124,6 @@ class Weighing:
 
 
 def _least_violation(candidates: Candidates) -> Array:
-    """Those with nothing in the way, or the few with the least."""
-    good = np.flatnonzero(candidates.violation <= 0.0)
+    """Those with nothing much in the way, or the few with the least."""
+    good = np.flatnonzero(candidates.violation <= _NEARLY)
     return good if len(good) else np.argsort(candidates.violation, kind="stable")[:4]
