@@ -20,48 +20,71 @@ Array = NDArray[Any]
 _REACH, _GRID = 6.0, 29
 _TILT, _OFF = 0.45, 0.25
 _POSITIONS = 10
-_BETWEEN = np.array([-0.67, -0.33, 0.33, 0.67])
-_ENOUGH = 30
+_BETWEEN = (np.array([-0.67, -0.33, 0.33, 0.67]), np.array([-0.5, -0.17, 0.17, 0.5]))
+_ENOUGH = 16
+_ARCS = 49
 _GUESSES = 10
 
 
 def first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None:
     """Curves from the base to the first contact, tangent there."""
-    grid, ends, turns, sane = guess_table(_REACH, _GRID)
-    first, last = (g[sane] for g in np.meshgrid(grid, grid, indexing="ij"))
-    ends, turns = ends[sane], turns[sane]
     here, size = middles.index(True), len(middles)
     low, high = task.bounds
     room = (high - low) / 20.0
-    one_arc = task.arcs and sum(task.counts[: here + 1]) == 1
     positions = np.linspace(low + room * here, high - room * (size - 1 - here), _POSITIONS)
+    if task.arcs and sum(task.counts[: here + 1]) == 1:
+        return _clear(task, join([_arcs(task, k, positions) for k in range(len(task.shapes))]))
     groups = []
     for part, shape in enumerate(task.shapes):
-        points = positions[:, None] * ends
-        near = np.abs(points - shape.centre) < shape.extent + task.half + _OFF * positions[:, None]
-        row, column = np.nonzero(near)
-        if not len(row):
-            continue
-        gap, walk = shape.nearest(points[row, column])
-        tilt = np.remainder(turns[column] - shape.walk(walk).angle + math.pi, math.tau) - math.pi
-        merit = ((gap - task.half) / (_OFF * positions[row])) ** 2 + (tilt / _TILT) ** 2
-        keep = _best_per_row(row, merit, _GUESSES)
-        row, column, walk = row[keep], column[keep], walk[keep]
-        if not len(row):
-            continue
-        ell = positions[row]
-        guess = np.stack([first[column], last[column]], axis=1) / ell[:, None]
-        found = [] if one_arc else [_joined(task, part, ell, guess, walk)]
-        even = np.abs(guess[:, 0] - guess[:, 1]) * ell < (0.4 if one_arc else 0.2) * _REACH
-        ell, bent, walk, good = arc_tangent(shape, ell[even], guess[even].mean(axis=1), walk[even])
-        good &= (ell >= low) & (ell <= high)
-        found.append(_to_joint(part, shape, ell[good], np.stack([bent, bent], axis=1)[good], walk[good]))
-        groups += found
+        ell, guess, walk = _guesses(task, shape, positions, *_table())
+        groups.append(_joined(task, part, ell, guess, walk))
+        even = np.abs(guess[:, 0] - guess[:, 1]) * ell < 0.2 * _REACH
+        groups.append(_even(task, part, ell[even], guess[even].mean(axis=1), walk[even]))
     family = _clear(task, join(groups))
-    if family is None or one_arc or len(family) > _ENOUGH:
-        return family
-    more = moved_joint(task, family, (positions[1] - positions[0]) * _BETWEEN)
-    return _clear(task, join([family] if more is None else [family, more]))
+    for between in _BETWEEN:
+        if family is None or len(family) > _ENOUGH:
+            break
+        more = moved_joint(task, family, (positions[1] - positions[0]) * between)
+        family = _clear(task, join([family] if more is None else [family, more]))
+    return family
+
+
+def _table() -> tuple[Array, Array, Array]:
+    """Curves of length one: curvatures at both ends (G, 2), end points and angles (G,)."""
+    grid, ends, turns, sane = guess_table(_REACH, _GRID)
+    first, last = np.meshgrid(grid, grid, indexing="ij")
+    return np.stack([first[sane], last[sane]], axis=1), ends[sane], turns[sane]
+
+
+def _guesses(
+    task: FingerTask, shape: Shape, positions: Array, bent: Array, ends: Array, turns: Array
+) -> tuple[Array, Array, Array]:
+    """Curves of a table that come near to being tangent at given positions: positions, curvatures and walks."""
+    points = positions[:, None] * ends
+    row, column = np.nonzero(np.abs(points - shape.centre) < shape.extent + task.half + _OFF * positions[:, None])
+    gap, walk = shape.nearest(points[row, column])
+    tilt = np.remainder(turns[column] - shape.walk(walk).angle + math.pi, math.tau) - math.pi
+    merit = ((gap - task.half) / (_OFF * positions[row])) ** 2 + (tilt / _TILT) ** 2
+    keep = _best_per_row(row, merit, _GUESSES)
+    ell = positions[row[keep]]
+    return ell, bent[column[keep]] / ell[:, None], walk[keep]
+
+
+def _arcs(task: FingerTask, part: int, positions: Array) -> Postures:
+    """Circular arcs from the base to the first contact."""
+    bends = np.linspace(-_REACH, _REACH, _ARCS)
+    bent = np.stack([bends, bends], axis=1)
+    ends, turns, _, _ = stretch(np.ones((_ARCS, 1)), bent)
+    ell, guess, walk = _guesses(task, task.shapes[part], positions, bent, ends, turns)
+    return _even(task, part, ell, guess[:, 0], walk)
+
+
+def _even(task: FingerTask, part: int, ell: Array, bent: Array, walk: Array) -> Postures:
+    """Circular arcs from first guesses."""
+    low, high = task.bounds
+    ell, bent, walk, good = arc_tangent(task.shapes[part], ell, bent, walk)
+    good &= (ell >= low) & (ell <= high)
+    return _to_joint(part, task.shapes[part], ell[good], np.stack([bent, bent], axis=1)[good], walk[good])
 
 
 def moved_joint(task: FingerTask, family: Postures, shifts: Array) -> Postures | None:

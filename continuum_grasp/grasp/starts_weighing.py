@@ -25,7 +25,7 @@ _BALANCED = 3e-3
 """What is left where a posture is in balance but for the price of its tension."""
 _NEARLY = 0.05
 """Violation, about in lengths of the finger, up to which a posture may have a good one next to it."""
-_ENOUGH, _BEST, _POSES = 6, 12, 2
+_ENOUGH, _BEST, _POSES, _FEW = 6, 12, 2, 8
 """Balanced starts from which on nothing is refined; how many are refined, and at how many poses."""
 _ROUNDS = {1: (2.0, 0.6)}
 """Sizes of the changes with which they are refined, by number of fingers; one round of size 1 for several."""
@@ -124,6 +124,6 @@ class Weighing:
 
 
 def _least_violation(candidates: Candidates) -> Array:
-    """Those with nothing much in the way, or the few with the least."""
+    """Those with nothing much in the way, and the few next to them."""
     good = np.flatnonzero(candidates.violation <= _NEARLY)
-    return good if len(good) else np.argsort(candidates.violation, kind="stable")[:4]
+    return np.union1d(good, np.argsort(candidates.violation, kind="stable")[:_FEW])
