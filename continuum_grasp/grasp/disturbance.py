@@ -1,11 +1,13 @@
 """Disturbances as part of the problem: the elastic answer of fingers and object to a wrench, to first order.
 
-Under a small wrench the fingers bend, the object moves, the contacts stick (surface points of finger and object stay
-together, supports stay), and forces and tensions change. With the changes d( ) per wrench as unknowns:
+Under a small wrench the fingers bend, the object moves, the contacts roll without slipping (surface points of finger and
+object move together, supports stay), and forces and tensions change. With the changes d( ) per wrench as unknowns:
 
     finger    d(inverse dynamics at rest) = 0
     object    d(sum of forces and moments about the centre of mass) + rho * wrench = 0
     contact   d(surface point of the finger) = d(surface point of the object)
+              where finger and object turn by d phi and d psi, the contact rolls on by (d phi - d psi) / (ko + kf) and
+              its normal turns by (kf d psi + ko d phi) / (ko + kf), ko and kf being the curvatures of their surfaces
     limits    forces + changes within their cones, tensions + changes within their limits
 
 Retensioned tendons change their tension freely; locked ones keep their length, so the tip's angle stays and the tension
@@ -27,6 +29,9 @@ if TYPE_CHECKING:
 
 __all__ = ["add_disturbances"]
 
+LEAST = 0.02
+"""Least sum of the curvatures of two surfaces that touch, per size of the object: beyond, they count as wrapped."""
+
 
 @dataclass(frozen=True)
 class _Change:
@@ -35,7 +40,7 @@ class _Change:
     q: list[ca.SX]
     pulls: list[ca.SX]
     forces: list[ca.SX]
-    """Per contact, changes of N and f in the axes of the contact, which turn with the object."""
+    """Per contact, changes of N and f in the axes of the contact."""
     pose: ca.SX
 
 
@@ -51,7 +56,8 @@ def add_disturbances(problem: GraspProblem) -> ca.SX:
         change = _changes(problem, k)
         moved = [_moved(problem, change, index, slope) for index, slope in enumerate(slopes)]
         _balance_fingers(problem, change, moved, k)
-        _balance_object(problem, change, factor * wrenches[:, k], k)
+        rolls = {name: roll for finger in moved for name, roll in finger.rolls.items()}
+        _balance_object(problem, change, rolls, factor * wrenches[:, k], k)
         _stick(problem, change, moved, k)
         _keep_limits(problem, change, k)
     return factor
@@ -72,8 +78,44 @@ def _spin(turn: ca.SX, arm: ca.SX) -> ca.SX:
     return turn * ca.vertcat(-arm[1], arm[0])
 
 
+@dataclass(frozen=True)
+class _Roll:
+    """How a contact moves on where finger (or support) and object turn."""
+
+    turn: ca.SX
+    """Of the normal."""
+    step: ca.SX
+    """Along the surface."""
+
+    @staticmethod
+    def of(problem: GraspProblem, contact: TouchState, finger_turn: ca.SX, object_turn: ca.SX) -> _Roll:
+        ours, theirs = _curvatures(problem, contact)
+        both = ca.fmax(ours + theirs, LEAST / problem.numbers("size"))
+        turn = (theirs * object_turn + ours * finger_turn) / both
+        return _Roll(turn, (finger_turn - object_turn) / both)
+
+
+def _curvatures(problem: GraspProblem, contact: TouchState) -> tuple[ca.SX, ca.SX]:
+    """Curvatures of the object's surface and of what touches it, convex positive."""
+    make, name = contact.make, contact.make.name
+    ours = contact.local.curvature if make.smooth and contact.local.curvature is not None else None
+    if ours is None:
+        ours = problem.numbers(f"{name}.curvature")
+    if make.finger < 0:
+        return ours, problem.numbers(f"{name}.support curvature")
+    finger = problem.fingers[make.finger]
+    if make.joint < 0:
+        return ours, 1.0 / problem.thickness(finger)
+    unit, end = finger.unit, finger.end_of(make)
+    nodes = unit.curvatures(finger.q, finger.u, finger.p)
+    bent = nodes[end + 1] if finger.make.family != "arc" else 0.5 * (nodes[end] + nodes[end + 1])
+    side = ca.dot(contact.normal, ca.vertcat(ca.cos(finger.angles[end]), ca.sin(finger.angles[end])))
+    bent = side * bent / unit.number("length")
+    return ours, -bent / (1.0 - problem.thickness(finger) * bent)
+
+
 def _force_change(contact: TouchState, change: ca.SX, turn: ca.SX) -> ca.SX:
-    """Change of the world force of a contact whose axes turn with the object."""
+    """Change of the world force of a contact whose axes turn."""
     return change[0] * contact.normal + change[1] * contact.across + _spin(turn, contact.world)
 
 
@@ -87,6 +129,8 @@ class _Moved:
     """Elements' ends (2, N), in units and axes of the finger."""
     angles: ca.SX
     """Angles there (N,)."""
+    rolls: dict[str, _Roll]
+    """Of its contacts, by name."""
 
 
 def _slope(finger: FingerState, touching: list[TouchState]) -> ca.SX:
@@ -116,30 +160,27 @@ def _moved(problem: GraspProblem, change: _Change, index: int, slope: ca.SX) -> 
     """What the changes make of a finger."""
     finger = problem.fingers[index]
     unit, make = finger.unit, finger.make
-    share, h = unit.number("force share"), unit.number("thickness")
+    share, h = unit.number("force share"), problem.thickness(finger)
     back = rotation(-finger.base[2])
     touching = [
-        (c, _force_change(c, own, change.pose[2]))
-        for c, own in zip(problem.contacts, change.forces, strict=True)
-        if c.make.finger == index
+        (c, own) for c, own in zip(problem.contacts, change.forces, strict=True) if c.make.finger == index
     ]
     n, rows = unit.model.n, slope.shape[0] - make.elements
     angles, du = slope[rows:, :], unit.input(change.pulls[index], ca.SX(0))
-    turns = angles[:, : n + 3] @ ca.vertcat(change.q[index], du)
-    by_couple = angles[:, n + 2]
-    couples = {}
-    for contact, force in sorted(touching, key=lambda t: t[0].make.joint):  # the tip's first
-        # The couple of a surface force about the backbone is -h n x F, and n turns with the section.
-        end, pressure = finger.end_of(contact.make), contact.force[0]
-        lever = contact.normal[0] * force[1] - contact.normal[1] * force[0]
-        couple = -h * (lever - turns[end] * pressure) / share
+    moments = share * unit.number("length")
+    for contact, own in touching:  # a round tip rolls about its own centre
         if contact.make.joint < 0:
-            couple /= 1.0 - h * by_couple[end] * pressure / share  # which turns the tip itself
-            du[2], turns = couple, turns + by_couple * couple
-        couples[contact.make.joint] = couple
-    moved = {c.make.joint: back @ force / share for c, force in touching}
+            du[2] = -h * own[1] / moments
+    turns = angles[:, : n + 3] @ ca.vertcat(change.q[index], du)
+    rolls, couples, moved = {}, {}, {}
+    for contact, own in touching:
+        turn = turns[finger.end_of(contact.make)]
+        roll = rolls[contact.make.name] = _Roll.of(problem, contact, turn, change.pose[2])
+        lever = h * (turn - roll.turn) - roll.step
+        couples[contact.make.joint] = (-h * own[1] + contact.force[0] * lever) / moments
+        moved[contact.make.joint] = back @ _force_change(contact, own, roll.turn) / share
     values = slope @ ca.vertcat(change.q[index], du, _loads(make, moved, couples))
-    return _Moved(values[:n], ca.reshape(values[n:rows], 2, make.elements), values[rows:])
+    return _Moved(values[:n], ca.reshape(values[n:rows], 2, make.elements), values[rows:], rolls)
 
 
 def _balance_fingers(problem: GraspProblem, change: _Change, moved: list[_Moved], k: int) -> None:
@@ -152,14 +193,17 @@ def _balance_fingers(problem: GraspProblem, change: _Change, moved: list[_Moved]
             require(f"locked tendons, {name}, {k}", kept, "rad", "disturbances.tendons")
 
 
-def _balance_object(problem: GraspProblem, change: _Change, wrench: ca.SX, k: int) -> None:
+def _balance_object(
+    problem: GraspProblem, change: _Change, rolls: dict[str, _Roll], wrench: ca.SX, k: int
+) -> None:
     force, moment = wrench[:2], wrench[2]
     turn = change.pose[2]
     for contact, own in zip(problem.contacts, change.forces, strict=True):
         arm = contact.point - problem.centre_of_mass
-        moved = _force_change(contact, own, turn)
+        roll = rolls.get(contact.make.name) or _Roll.of(problem, contact, ca.SX(0), turn)
+        moved = _force_change(contact, own, roll.turn)
         force -= moved
-        swung = _spin(turn, arm)
+        swung = _spin(turn, arm) + roll.step * contact.across
         load = contact.world
         moment -= arm[0] * moved[1] - arm[1] * moved[0] + swung[0] * load[1] - swung[1] * load[0]
     problem.parts.require(f"disturbed object, forces, {k}", force, "N", "disturbances")

@@ -18,7 +18,7 @@ from continuum_grasp.grasp.starts import Start, make_starts
 from continuum_grasp.grasp.surface import Feature, features
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["Search", "Tried"]
+__all__ = ["Search", "Tried", "branch_of"]
 
 Array = NDArray[Any]
 
@@ -102,15 +102,16 @@ class Search:
         Once there is a grasp, starts that do not touch and those that look much worse are left out, and the others get
         few iterations.
         """
+        plain = self.scene.objective == "least_tension"
         for mode in contact_modes(self.scene):
             held: set[tuple[Any, ...]] = set()
             for start in self.starts_of(mode):
-                branch = _branch(start)
+                branch = branch_of(start)
                 if branch in held or (self.good and not self._promises(start)):
                     continue
                 if self.tried and self.late:
                     return
-                found = self.attempt(start, iterations=HURRIED if self.good else None)
+                found = self.attempt(start, iterations=HURRIED if self.good and plain else None)
                 if found is not None and found in self.good:
                     held.add(branch)
         self.slide()
@@ -169,7 +170,7 @@ class Search:
                 return
 
 
-def _branch(start: Start) -> tuple[Any, ...]:
+def branch_of(start: Start) -> tuple[Any, ...]:
     """What starts that most likely lead to the same grasp have in common: sides, and where contacts face."""
     sides = tuple(finger.sides for finger in start.fingers.values())
     faces = tuple(round(contact.normal_angle / SECTOR) for contact in start.contacts.values())

@@ -22,6 +22,8 @@ from continuum_grasp.scene.objects import Part
 
 __all__ = ["Feature", "SurfacePoint", "features", "nearest_feature"]
 
+SHARP = 1e-7
+"""Radius of what counts as a sharp corner [m]."""
 _TINY = 1e-10
 """Rounding of |xi|^2 on superellipses [1]."""
 
@@ -36,11 +38,14 @@ class SurfacePoint:
         (2, 1) each.
     on_surface : casadi.SX
         Zero on the surface; empty where that is so by construction.
+    curvature : casadi.SX or None
+        Of a superellipse's surface; None where it is a number of the feature.
     """
 
     point: ca.SX
     normal: ca.SX
     on_surface: ca.SX
+    curvature: ca.SX | None = None
 
     @staticmethod
     def on_polygon(place: ca.SX, feature: ca.SX) -> SurfacePoint:
@@ -57,7 +62,10 @@ class SurfacePoint:
         slope = place * square ** (0.5 * power - 1.0) / ca.vertcat(a, b)
         turn = ca.vertcat(ca.horzcat(ca.cos(angle), -ca.sin(angle)), ca.horzcat(ca.sin(angle), ca.cos(angle)))
         point = feature[3:5] + turn @ (ca.vertcat(a, b) * place)
-        return SurfacePoint(point, turn @ (slope / ca.norm_2(slope)), ca.sum1(square ** (0.5 * power)) - 1.0)
+        size = ca.norm_2(slope)
+        bend = (power - 1.0) * square ** (0.5 * power - 1.0) / ca.vertcat(a, b) ** 2
+        curvature = (bend[0] * slope[1] ** 2 + bend[1] * slope[0] ** 2) / size**3
+        return SurfacePoint(point, turn @ (slope / size), ca.sum1(square ** (0.5 * power)) - 1.0, curvature)
 
 
 @dataclass(frozen=True)
@@ -75,6 +83,12 @@ class Feature:
     numbers: tuple[float, ...]
     lower: tuple[float, float]
     upper: tuple[float, float]
+
+    @property
+    def curvature(self) -> float:
+        """Curvature of the surface [1/m]: 0 on a face; a sharp corner's is a large number. Not of superellipses."""
+        ax, ay, bx, by, r = self.numbers
+        return 0.0 if (ax, ay) != (bx, by) else 1.0 / max(r, SHARP)
 
     def place(self, part: Part, point: tuple[float, float], normal_angle: float) -> tuple[float, float]:
         """The unknowns for a point on it, in the object's frame [m]."""

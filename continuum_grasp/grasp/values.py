@@ -13,7 +13,7 @@ from continuum_grasp.grasp.make import support_of
 from continuum_grasp.grasp.problem import GraspProblem
 from continuum_grasp.grasp.relaxations import RELAXATIONS
 from continuum_grasp.grasp.starts import ContactStart, Start
-from continuum_grasp.grasp.surface import Feature, features, nearest_feature
+from continuum_grasp.grasp.surface import SHARP, Feature, features, nearest_feature
 from continuum_grasp.grasp.unit_finger import finger_numbers
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene, PlanarGravity
 from continuum_grasp.scene.objects import Freedom
@@ -207,6 +207,8 @@ def _contact_values(scene: GraspScene, name: str, start: ContactStart, feature: 
         f"{name}.point": [c / m for c in start.point],
         f"{name}.normal": [math.cos(start.normal_angle), math.sin(start.normal_angle)],
     }
+    values[f"{name}.curvature"] = 0.0 if len(numbers) == 6 else feature.curvature * m
+    values[f"{name}.support curvature"] = 0.0
     support = support_of(name, scene)
     for wall in scene.walls:
         if wall.name == support:
@@ -218,6 +220,7 @@ def _contact_values(scene: GraspScene, name: str, start: ContactStart, feature: 
     for peg in scene.pegs:
         if peg.name == support:
             values |= {f"{name}.position": [c / m for c in peg.position], f"{name}.radius": peg.radius / m}
+            values[f"{name}.support curvature"] = m / max(peg.radius, SHARP)
     return values
 
 
