@@ -76,7 +76,7 @@ def test_an_interrupted_start_does_not_count():
     code = """
         press(run=2, iteration=2)
         from continuum_grasp.grasp import optimize_grasp, search
-        search._branch = id
+        search.branch_of = id
         result = optimize_grasp(sys.argv[1])
         print(result.status.value, len(result.statistics["attempts"]), result.statistics["interrupted"])
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
@@ -112,7 +112,7 @@ def test_ctrl_c_from_outside():
             print("start", flush=True)
             return run(self, *arguments, **options)
         ipopt.GraspSolverRun.run = told
-        search._branch = id
+        search.branch_of = id
         result = optimize_grasp(load(sys.argv[1], ["solver.seeds=1000", "solver.time_limit=1e4"]))
         print(result.status.value, result.statistics["interrupted"])
     """

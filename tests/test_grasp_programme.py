@@ -13,11 +13,12 @@ from grasp_scenes import CONFIGS, PALM, UPRIGHT, WEIGHTLESS, make_scene
 from numpy.testing import assert_allclose
 
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.grasp.fine import start_from, with_elements
+from continuum_grasp.grasp.fine import with_elements
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.obstacles import nearest, smooth_support
 from continuum_grasp.grasp.resistance import resistance
 from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.starts_found import start_from
 from continuum_grasp.grasp.surface import SurfacePoint, features, nearest_feature
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import (

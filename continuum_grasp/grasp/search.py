@@ -15,6 +15,7 @@ from continuum_grasp.grasp.ipopt import Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.make import ProblemMake
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.starts import Start, make_starts
+from continuum_grasp.grasp.starts_found import start_from
 from continuum_grasp.grasp.surface import Feature, features
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -30,6 +31,8 @@ SECTOR = 0.8
 """Difference of a contact's direction from which on a start is of another branch [rad]."""
 EDGE = 1e-7
 """How near a contact must be to the end of its face or corner for the next one to be tried."""
+HELD = 3
+"""Grasps with least tension from which other aims start."""
 HURRIED = 60
 """Iterations of a start once there is a grasp."""
 WORSE = 1.5
@@ -103,18 +106,32 @@ class Search:
         few iterations.
         """
         plain = self.scene.objective == "least_tension"
+        if not plain:
+            self._from_least_tension()
         for mode in contact_modes(self.scene):
-            held: set[tuple[Any, ...]] = set()
+            starts = [tried.attempt.start for tried in self.good]
+            held = {branch_of(start) for start in starts if frozenset(start.contacts) >= mode}
             for start in self.starts_of(mode):
                 branch = branch_of(start)
                 if branch in held or (self.good and not self._promises(start)):
                     continue
                 if self.tried and self.late:
                     return
-                found = self.attempt(start, iterations=HURRIED if self.good and plain else None)
+                found = self.attempt(start, iterations=HURRIED if self.good else None)
                 if found is not None and found in self.good:
                     held.add(branch)
         self.slide()
+
+    def _from_least_tension(self) -> None:
+        """Other aims start from grasps with least tension, which are found more surely."""
+        before = Search(self.scene.model_copy(update={"objective": "least_tension"}), self.until)
+        before.run()
+        self.build_seconds += before.build_seconds
+        self.start_seconds += before.start_seconds
+        for held in sorted(before.good, key=lambda t: t.attempt.objective)[:HELD]:
+            if self.late:
+                return
+            self.attempt(start_from(self.scene, held.arrays))
 
     def _promises(self, start: Start) -> bool:
         """Whether a start may lead to something better than what there is."""
