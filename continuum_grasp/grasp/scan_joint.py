@@ -23,6 +23,7 @@ _POSITIONS = 10
 _BETWEEN = (np.array([-0.67, -0.33, 0.33, 0.67]), np.array([-0.5, -0.17, 0.17, 0.5]))
 _ENOUGH = 16
 _ARCS = 49
+_NEAR, _STEEP = 0.12, 0.7
 _GUESSES = 10
 
 
@@ -46,7 +47,28 @@ def first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None:
             break
         more = moved_joint(task, family, (positions[1] - positions[0]) * between)
         family = _clear(task, join([family] if more is None else [family, more]))
-    return family
+    more = None if family is None else _between(task, family)
+    return family if family is None or more is None else _clear(task, join([family, more]))
+
+
+def _between(task: FingerTask, family: Postures) -> Postures | None:
+    """Curves between neighbours of a family that differ much."""
+    groups = []
+    for part, shape in enumerate(task.shapes):
+        mine = family.take(family.parts[:, 0] == part)
+        mine = mine.take(np.argsort(mine.knots[:, 1], kind="stable"))
+        at, bent = mine.knots[:, 1], mine.curvatures[:, :2] * mine.knots[:, 1:2]
+        change = np.abs(np.diff(bent, axis=0)).max(axis=1, initial=0.0)
+        rows = np.flatnonzero((np.diff(at) < _NEAR) & (np.diff(at) > 1e-3) & (change > _STEEP) & (change < 8 * _STEEP))
+        if not len(rows):
+            continue
+        _, walk = shape.nearest(mine.points[:, 0])
+        shares = np.array([0.25, 0.5, 0.75])
+        ell = (at[rows, None] + shares * np.diff(at)[rows, None]).ravel()
+        first, second = bent[rows, None, :], bent[rows + 1, None, :]
+        guess = (first + shares[:, None] * (second - first)).reshape(-1, 2) / ell[:, None]
+        groups.append(_joined(task, part, ell, guess, np.repeat(walk[rows], 3)))
+    return join(groups)
 
 
 def _table() -> tuple[Array, Array, Array]:

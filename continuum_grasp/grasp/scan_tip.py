@@ -21,6 +21,8 @@ Array = NDArray[Any]
 
 _TIP_REACH, _TIP_GRID = 8.0, 33
 _BESIDE_CONE = 0.15
+_BESIDE = 0.01
+"""Cosine between tangent and normal up to which a tip still touches with its front."""
 _FEW, _ZOOMS, _ZOOMED = 3, 3, 11
 
 
@@ -49,7 +51,8 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
         guess = grid[row, column] + share * (grid[row, column + 1] - grid[row, column])
         near = tips[row, column] + share * (tips[row, column + 1] - tips[row, column])
         _, walk = shape.nearest(near)
-        ahead = np.cos(shape.walk(walk).angle - facing[row, column] - 0.5 * math.pi) < 0.4
+        turn = facing[row, column] + share * (facing[row, column + 1] - facing[row, column])
+        ahead = np.cos(shape.walk(walk).angle - turn - 0.5 * math.pi) < 0.4
         row, guess, walk = row[ahead], guess[ahead], walk[ahead]
         curve = np.stack([guess if one_arc else begin[row], guess], axis=1)
         columns = (0, 1) if one_arc else (1,)
@@ -63,7 +66,7 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
 
 def _in_front(shape: Shape, walk: Array, facing: Array) -> Array:
     """Whether the front half of the rounded tip touches."""
-    return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= 1e-9)
+    return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= _BESIDE)
 
 
 def _stepped(kept: Postures, bent: Array) -> Postures:
@@ -140,7 +143,8 @@ def _crossings(
         share = (a / np.where(crossed, a - b, 1.0))[i, j]
         near = ends[one][i, j] + share * (ends[two][i, j] - ends[one][i, j])
         _, walk = shape.nearest(near)
-        ahead = np.cos(shape.walk(walk).angle - turns[one][i, j] - 0.5 * math.pi) < 0.4
+        turn = turns[one][i, j] + share * (turns[two][i, j] - turns[one][i, j])
+        ahead = np.cos(shape.walk(walk).angle - turn - 0.5 * math.pi) < 0.4
         i, j, share, walk = i[ahead], j[ahead], share[ahead], walk[ahead]
         count, half = len(i), len(knots) // 2
         curve = np.repeat(np.stack([grids[0][i], grids[1][j]], axis=1), half, axis=1)
