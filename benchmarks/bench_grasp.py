@@ -29,6 +29,8 @@ CLOSE = 5e-3
 """Part of the oracle's tension by which a grasp may be worse."""
 NUMBERS = 1e-2
 """Part by which a number of a reason may differ."""
+MARGIN = 1e-3
+"""By what part more than a number that the oracle did not find is granted to see whether it is enough."""
 REASONS = {"bend": "bending range", "room": "room at the supports"}
 """Causes whose reasons go by another name."""
 
@@ -99,11 +101,24 @@ def none(row: dict[str, Any]) -> Outcome:
         if reason.name == name:
             number = abs(reason.needed - reason.limit) if what == "reach" else reason.needed
             out.right, out.first = True, k == 0
-            out.number = abs(number / row["needed"] - 1.0) <= NUMBERS
+            out.number = abs(number / row["needed"] - 1.0) <= NUMBERS or _milder(row, number)
             out.note = f"{number:.5g}, oracle {row['needed']:.5g}"
     if not out.right:
         out.note = "; ".join(f"{r.name} {r.needed:.4g}" for r in result.reasons) or result.message
     return out
+
+
+def _milder(row: dict[str, Any], number: float) -> bool:
+    """Whether a number asks for less than the oracle knows to be needed, and a checked grasp shows it is enough."""
+    sign = -1.0 if row["cause"] == "mass" else 1.0
+    if row["cause"] in ("reach", "room") or sign * (number - row["needed"]) > 0.0:
+        return False
+    scene = tightened({**row, "limit": number * (1.0 + sign * MARGIN)})
+    result, _, _ = run(scene)
+    if result is None or not result.solved:
+        return False
+    worst = residuals(scene, result.arrays)
+    return all(worst[name] <= limit for name, limit in LIMITS.items())
 
 
 def share(outcomes: list[Outcome], name: str) -> float:

@@ -161,11 +161,11 @@ class Search:
             return needed
         for _, start, _ in self._apart(held[::-1]):
             needed = min(needed, self._least_friction_near(start, numbers, low, needed))
-        for _ in range(8):  # until no other shape does with a hundredth less
-            other = self.best("sum", numbers.limited(friction=0.99 * needed))
+        for _ in range(8):  # until no other shape does with a little less
+            other = self.best("sum", numbers.limited(friction=0.997 * needed))
             if other is None:
                 break
-            needed = min(0.99 * needed, self._least_friction_near(other.posture, numbers, low, needed))
+            needed = min(0.997 * needed, self._least_friction_near(other.posture, numbers, low, needed))
         return needed
 
     def _least_friction_near(self, start: Posture, numbers: Numbers, low: float, most: float) -> float:
