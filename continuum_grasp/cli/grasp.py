@@ -45,15 +45,21 @@ def grasp(
     from continuum_grasp.grasp.report import save_result
     from continuum_grasp.grasp.report_files import save_pictures
 
-    save_result(result, folder)
+    save_result(result, folder, quality=False)  # the grasp is safe before what can be computed again
     files = []
-    if pictures:
-        with output.busy("drawing"):
-            files = save_pictures(result, folder)
+    try:
+        save_result(result, folder)
+        if pictures:
+            with output.busy("drawing"):
+                files = save_pictures(result, folder)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"interrupted; the result is saved in {folder}") from None
 
     statistics: dict[str, Any] = dict(result.statistics)
     output.warn(result.warnings)
     output.say(result.table())
+    if "fidelity" in statistics:
+        output.say(f"fidelity: {statistics['fidelity']}")
     output.statistics(statistics)
     output.say(f"saved in {folder}" + "".join(f", {path.name}" for path in files))
     output.result(

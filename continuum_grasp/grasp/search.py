@@ -74,6 +74,8 @@ class Search:
     good : list of Tried
         Those that the certificate confirms.
     starts : list of Start
+    fallback : Tried or None
+        A grasp with least tension, where something else is sought.
     build_seconds : float
         Spent on building solvers.
     """
@@ -83,6 +85,7 @@ class Search:
         self.tried: list[Tried] = []
         self.good: list[Tried] = []
         self.starts: list[Start] = []
+        self.fallback: Tried | None = None
         self.build_seconds = self.start_seconds = 0.0
         self._rng = np.random.default_rng(scene.solver.random_seed)
 
@@ -128,6 +131,7 @@ class Search:
         before.run()
         self.build_seconds += before.build_seconds
         self.start_seconds += before.start_seconds
+        self.fallback = before.best
         for held in sorted(before.good, key=lambda t: t.attempt.objective)[:HELD]:
             if self.late:
                 return

@@ -54,8 +54,11 @@ def optimize_grasp(
     tolerance = asked_tolerance(scene)
     if tolerance is None:
         result = _Verdict(scene, until).result()
-        if fine and result.solved:
-            result = with_fine(result, until)
+        if fine and result.solved and not result.statistics["interrupted"]:
+            try:
+                result = with_fine(result, until)
+            except KeyboardInterrupt:
+                result = replace(result, statistics={**result.statistics, "fine_model": "interrupted"})
     else:
         result = _kept(scene, tolerance, until)
     if raise_on_failure and not result.solved:
@@ -103,7 +106,7 @@ class _Verdict:
             return self._judged()
         except KeyboardInterrupt:
             self.interrupted = True
-            if not self.search.good:
+            if not self.search.good and self.search.fallback is None:
                 tried = f"{len(self.search.tried)} starts tried to the end"
                 raise Interrupted(f"interrupted before a grasp was found ({tried})") from None
             return self._solved()
@@ -114,7 +117,7 @@ class _Verdict:
             return self._infeasible([far])
         search = self.search
         search.run()
-        if search.good:
+        if search.good or search.fallback is not None:
             return self._solved()
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
         reasons = find_reasons(self.scene, search)
@@ -127,12 +130,14 @@ class _Verdict:
     # -- verdicts --------------------------------------------------------------------------------------------
 
     def _solved(self) -> GraspResult:
-        best = self.search.best
+        best = self.search.best or self.search.fallback
         if best is None:
             raise InputError("no verified grasp to report")
         words = f"held with {self._sought(best)}"
         status, message = Status.OPTIMAL, words
-        if not best.attempt.converged:
+        if self.search.best is None:
+            status, message = Status.FEASIBLE, f"{words}, the least there is; nothing was found for the objective"
+        elif not best.attempt.converged:
             status, message = Status.FEASIBLE, f"{words}; the solver stopped early ({best.attempt.outcome})"
         if self.interrupted:
             message += "; the search was interrupted, not all starts were tried"
@@ -193,7 +198,7 @@ class _Verdict:
             certificate=None if closest is None else closest.certificate,
             violated=violated,
             reasons=reasons,
-            advice=" ".join(part for part in (advice, self._support_note()) if part),
+            advice=" ".join(part for part in (self._support_note(), advice) if part),
             statistics=self._statistics(None if closest is None else closest.attempt),
         )
 

@@ -201,6 +201,11 @@ class Finger(Value):
             )
         if self.strain_limit is not None and self.rod.diameter is None:
             raise ValueError("strain_limit needs rod.diameter")
+        if self.tendons is not None and self.half_thickness is not None and self.tendons.offset > self.half_thickness:
+            doubt(
+                f"tendons.offset = {self.tendons.offset:g} m is more than half_thickness = {self.half_thickness:g} m: "
+                "the tendons run outside the finger"
+            )
         if self.half_thickness is not None and self.half_thickness >= length:
             raise ValueError(
                 f"half_thickness = {self.half_thickness} m is not smaller than the finger's length of {length} m"
