@@ -106,7 +106,11 @@ class RecomputedFinger:
         return float(np.max([abs(self.tip_moment), self.stiffness * bent, least]))
 
     def imbalance(self) -> float:
-        """Greatest virtual work of all moments and forces [N m], per greatest turn of a section.
+        """Greatest virtual work of all moments and forces [N m], per greatest turn of a section."""
+        return float(np.max(np.abs(self.virtual_work())))
+
+    def virtual_work(self) -> Array:
+        """Virtual work of all moments and forces in each bending coordinate, per greatest turn of a section (n,) [N m].
 
         The potential of bending, weight, tendons and contact forces must be stationary in the bending
         coordinates; its gradient is taken by complex steps.
@@ -118,7 +122,7 @@ class RecomputedFinger:
         angles = rod.edge_angle(ends)
         slopes = self._potential(rod, ends, angles).imag / step
         turns = np.abs(angles.imag).max(axis=-1) / step
-        return float(np.max(np.abs(slopes) / turns))
+        return np.asarray(slopes / turns)
 
     def _potential(self, rod: DenseRod, ends: Array, edge_angles: Array) -> Array:
         """Energy of bending and of all loads, contact forces and couples frozen (...,) [J]."""
