@@ -40,6 +40,7 @@ DEEP = 2e-5
 """Penetration above which that is done again (problem's units)."""
 
 
+UNLIMITED = 1_000_000
 _DONE = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 _PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
 
@@ -96,7 +97,7 @@ class Attempt:
 
 
 class _Stop(ca.Callback):
-    """Stops the solver once the time is over or Ctrl-C was pressed."""
+    """Stops the solver once its iterations or the time are used up, or Ctrl-C was pressed."""
 
     def __init__(self, unknowns: int, constraints: int, numbers: int) -> None:
         ca.Callback.__init__(self)
@@ -108,6 +109,7 @@ class _Stop(ca.Callback):
             "lam_p": numbers,
         }
         self.until = float("inf")
+        self.left = 0
         self.interrupted = False
         self.construct("stop", {})
 
@@ -124,7 +126,8 @@ class _Stop(ca.Callback):
         return ca.Sparsity.dense(self._sizes.get(ca.nlpsol_out(i), 1), 1)
 
     def eval(self, _: Any) -> list[int]:
-        return [int(self.interrupted or time.monotonic() > self.until)]
+        self.left -= 1
+        return [int(self.interrupted or self.left < 0 or time.monotonic() > self.until)]
 
     @contextmanager
     def on_interrupt(self) -> Iterator[None]:
@@ -217,6 +220,7 @@ class GraspSolverRun:
         start: Start,
         until: float,
         *,
+        iterations: int | None = None,
         relaxed: Mapping[str, float] | None = None,
         given: Mapping[str, float] | None = None,
         features: dict[str, Feature] | None = None,
@@ -230,6 +234,8 @@ class GraspSolverRun:
         start : Start
         until : float
             ``time.monotonic()`` at which to stop.
+        iterations : int, optional
+            Most iterations of all solver runs together; not limited together by default.
         relaxed : mapping, optional
             Names of limits that may give way and by how much at most (SI); the amount they give is minimised
             then.
@@ -255,10 +261,10 @@ class GraspSolverRun:
             self._relax(values, low, high, x, relaxed, given or {}, units)
         x = np.clip(x, low, high)
         cold, again, stop = self._solver(scene)
-        stop.until = until
+        stop.until, stop.left = until, iterations or UNLIMITED
         g_low, g_high = problem.parts.g_bounds
         bounds = {"lbx": low, "ubx": high, "lbg": g_low, "ubg": g_high}
-        began, iterations, outcome = time.perf_counter(), 0, ""
+        began, taken, outcome = time.perf_counter(), 0, ""
         sight = self._near.look(scene, x, problem.numbers.pack(values, 0.0))
         multipliers: dict[str, Any] = {}
         acceptable = False
@@ -269,7 +275,7 @@ class GraspSolverRun:
                 with stop.on_interrupt():
                     found = solver(x0=x, p=numbers, **bounds, **duals)
                 stats = solver.stats()
-                outcome, iterations = str(stats["return_status"]), iterations + int(stats["iter_count"])
+                outcome, taken = str(stats["return_status"]), taken + int(stats["iter_count"])
                 if outcome in _DONE:
                     break
             x, g = np.array(found["x"]).ravel(), np.array(found["g"]).ravel()
@@ -279,13 +285,13 @@ class GraspSolverRun:
             multipliers = {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
             settled = outcome == "Solve_Succeeded" or acceptable
             acceptable = outcome != "Solve_Succeeded"
-            if sight.deepest - self._room(x) < DEEP and settled:
+            if sight.deepest < DEEP and settled:
                 break
         return Attempt(
             start,
             features,
             outcome,
-            iterations,
+            taken,
             time.perf_counter() - began,
             x,
             numbers,
@@ -299,11 +305,6 @@ class GraspSolverRun:
         variable = self.problem.parts.variables[f"relaxed {relaxation.name}"]
         amount = float(np.linalg.norm(x[variable.start : variable.stop]))
         return amount * _amount_unit(relaxation, Units.of(scene))
-
-    def _room(self, x: Array) -> float:
-        """How deep fingers may be, where that is relaxed."""
-        variables = self.problem.parts.variables
-        return float(sum(x[variables[f"relaxed room at the {name}"].start] for name in ("object", "supports")))
 
     @cached_property
     def slope(self) -> ca.Function:

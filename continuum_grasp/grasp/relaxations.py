@@ -36,9 +36,9 @@ class Relaxation:
         Components of what gives way; beyond one, the amount is their norm.
     measured : bool
         The amount is itself the number to tell; no key of the scene holds one.
-    excuses : str
-        Check of the certificate that may then be off by the amount, where no key of the scene can be changed
-        for it.
+    excuses : callable, optional
+        Whether a check of the certificate, by its name, may then be off by the amount: where no key of the scene can
+        be changed for it.
     repair : str
         What to do; ``{key}``, ``{needed}`` and ``{unit}`` stand for these.
     """
@@ -53,7 +53,7 @@ class Relaxation:
     most: float = float("inf")
     size: int = 1
     measured: bool = False
-    excuses: str = ""
+    excuses: Callable[[str], bool] | None = None
     additive: bool = True
     """Whether the amount has the unit of the limit; False: it is a part of it."""
     repair: str = "{key} = {needed:.4g} {unit}"
@@ -140,13 +140,17 @@ def _bending(scene: GraspScene, amount: float) -> GraspScene:
 
 
 def _tilt(scene: GraspScene, amount: float) -> GraspScene:
-    return _with(scene, gravity=_with(scene.gravity, tilt="ignore"))  # type: ignore[type-var]
+    return _with(scene, gravity=_with(scene.gravity, tilt="ignore"))
 
 
 def _tilt_scale(scene: GraspScene) -> float:
     """Moment of the object's weight about its rim [N m]."""
     magnitude = scene.gravity.magnitude if isinstance(scene.gravity, OutOfPlaneGravity) else 0.0
     return scene.object.mass * magnitude * scene.object.size
+
+
+def _into_object(name: str) -> bool:
+    return name.startswith("penetration into the object, ")
 
 
 def _unchanged(scene: GraspScene, amount: float) -> GraspScene:
@@ -254,7 +258,7 @@ RELAXATIONS = (
         "a support is in the way: a finger would have to pass {needed:.2g} m deep through it",
         lambda s: 0.5 * s.object.size,
         measured=True,
-        excuses="penetration into a support",
+        excuses=lambda name: name.startswith("penetration into ") and not _into_object(name),
         repair="make room of {needed:.2g} m at the support (a shorter finger, another base or support)",
     ),
     Relaxation(
@@ -266,7 +270,7 @@ RELAXATIONS = (
         "a finger cannot touch as wanted without passing {needed:.2g} m deep through the object",
         lambda s: 0.25 * s.object.size,
         measured=True,
-        excuses="penetration into the object",
+        excuses=_into_object,
         repair="place base or object so that no finger need pass {needed:.2g} m deep through the object",
     ),
 )

@@ -39,7 +39,7 @@ class Sight:
     directions : dict
         Values of the separating directions among the unknowns.
     deepest : float
-        Greatest penetration, in units of the problem.
+        Greatest penetration beyond what is given way to, in units of the problem.
     """
 
     numbers: Values
@@ -94,10 +94,13 @@ class Surroundings:
         """
         units = Units.of(scene)
         pose, *rest = (np.array(v) for v in self._places(x, numbers))
-        pose = pose.ravel()
-        found, directions, deepest = {}, {}, -np.inf
+        pose, variables = pose.ravel(), self._problem.parts.variables
+        given = tuple(float(x[variables[f"relaxed room at the {name}"].start]) for name in ("supports", "object"))
+        found: Values = {}
+        directions: Values = {}
+        deepest = -np.inf
         for k, setup in enumerate(scene.setups):
-            seen = self._along(scene, setup, k, rest[4 * k : 4 * k + 4], pose, units)
+            seen = self._along(scene, setup, k, rest[4 * k : 4 * k + 4], pose, units, given)
             found |= seen.numbers
             directions |= seen.directions
             deepest = max(deepest, seen.deepest)
@@ -105,9 +108,16 @@ class Surroundings:
         return Sight(found, directions, deepest)
 
     def _along(
-        self, scene: GraspScene, setup: FingerSetup, index: int, values: list[Array], pose: Array, units: Units
+        self,
+        scene: GraspScene,
+        setup: FingerSetup,
+        index: int,
+        values: list[Array],
+        pose: Array,
+        units: Units,
+        given: tuple[float, ...],
     ) -> Sight:
-        """Look along one finger."""
+        """Look along one finger; supports and object may be as deep in it as is given."""
         finger, name = self._problem.fingers[index], setup.name
         points, curvatures, lengths, base = values
         line = _Line(finger, curvatures.ravel(), lengths.ravel(), base.ravel(), setup, units)
@@ -117,7 +127,8 @@ class Surroundings:
             return [_look(thing, setup, base.ravel(), at, owner, pose, units) for thing in things]
 
         even = np.tile(np.arange(FINE + 1) / FINE, (finger.make.elements, 1))
-        depth = np.max([needed - seen[1] for seen, needed in look(*line.at(even))], axis=0)
+        room = [given[thing.moves] for thing in things]
+        depth = np.max([needed - s[1] - r for (s, needed), r in zip(look(*line.at(even)), room, strict=True)], axis=0)
         probes = _deepest(depth.reshape(-1, FINE + 1), finger.unit.probes)
         at, owner = line.at(probes)
         looked = look(np.concatenate([points.T, at]), np.concatenate([self._elements[index], owner]).astype(int))
@@ -125,9 +136,9 @@ class Surroundings:
         found: Values = {f"{name}.probes": probes.ravel()}
         directions: Values = {}
         deepest, planes, lines = -np.inf, 0, 0
-        for thing, ((direction, gap, corners), needed) in zip(things, looked, strict=True):
+        for thing, ((direction, gap, corners), needed), slack in zip(things, looked, room, strict=True):
             kept = free if thing.moves else np.ones(len(gap), dtype=bool)
-            deepest = max(deepest, float((needed - gap)[kept].max()))
+            deepest = max(deepest, float((needed - gap)[kept].max()) - slack)
             if thing.moves:
                 directions[f"{name}.separating_{thing.label}"] = direction[kept]
                 found |= {f"{name}.corners_{thing.label}_{j}": row for j, row in enumerate(corners)}
