@@ -5,21 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-import numpy as np
-
-from continuum_grasp.grasp.certificate import certify
 from continuum_grasp.grasp.relaxations import RELAXATIONS, Relaxation
+from continuum_grasp.grasp.repairs import Repair, Repairs
 from continuum_grasp.grasp.result import Reason
 from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.starts import Start
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene, OutOfPlaneGravity
 from continuum_grasp.scene.objects import Freedom
 
 __all__ = ["find_reasons", "out_of_reach"]
 
-STARTS = 3
-"""Starts per limit."""
-SHORT = 1e-3
-"""By what part of it an amount must stay short of the most that makes sense."""
+FIRST, MORE = 4, 8
+"""Starts per limit, and per limit that makes a grasp, or per limit again if none does."""
 
 
 def out_of_reach(scene: GraspScene) -> Reason | None:
@@ -84,36 +81,29 @@ def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
     list of Reason
         Sorted by how small a part of the limit is missing.
     """
-    found = []
-    order = np.argsort([t.attempt.badness for t in search.tried], kind="stable")
-    starts = [search.tried[k].attempt.start for k in order[:STARTS]]
+    repairs = Repairs(scene, search)
+    starts: dict[str, list[Start]] = {}
     for relaxation in _sensible(scene):
-        amount = math.inf
-        for start in starts:
-            if search.late:
-                break
-            solver = search.solver(start)
-            attempt = solver.run(
-                scene,
-                start,
-                search.until,
-                relaxed={relaxation.name: relaxation.most},
-                given={relaxation.name: relaxation.start(scene)},
-            )
-            if attempt.violations or not np.isfinite(attempt.x).all():
-                continue
-            given = solver.given(scene, attempt.x, relaxation)
-            if given < min(amount, relaxation.most * (1.0 - SHORT)):
-                arrays = solver.reader.arrays(scene, attempt.start, attempt.x, attempt.numbers)
-                certificate = certify(relaxation.relaxed(scene, given), arrays)
-                if all(relaxation.excuses and c.name.startswith(relaxation.excuses) for c in certificate.failed):
-                    amount = given
-                    search.attempt(attempt.start, features=attempt.features, x0=attempt.x)
-        if math.isfinite(amount):
-            limit, needed = relaxation.limit(scene), relaxation.value(scene, amount)
-            text, repair = relaxation.sentence(scene, amount), relaxation.advice(scene, amount)
-            found.append(Reason(relaxation.name, relaxation.key, relaxation.unit, limit, needed, text, repair))
-    return sorted(found, key=lambda reason: _share(scene, reason))
+        if search.late:
+            break
+        starts[relaxation.name] = repairs.starts(relaxation)
+        repairs.try_starts(relaxation, starts[relaxation.name][:FIRST])
+    for relaxation in repairs.relaxations or [r for r in RELAXATIONS if r.name in starts]:
+        repairs.go_on(relaxation)
+        repairs.try_starts(relaxation, starts[relaxation.name][FIRST:MORE])
+        repairs.go_on(relaxation)
+    reasons = [_reason(scene, relaxation, repairs.settled(relaxation)) for relaxation in repairs.relaxations]
+    return sorted(reasons, key=lambda reason: _share(scene, reason))
+
+
+def _reason(scene: GraspScene, relaxation: Relaxation, repair: Repair) -> Reason:
+    limit, needed = relaxation.limit(scene), relaxation.value(scene, repair.amount)
+    text, confirmed = relaxation.sentence(scene, repair.amount), None
+    if repair.confirmed is not None:
+        confirmed = relaxation.value(scene, repair.confirmed)
+        text += f" ({confirmed:.4g} by linear programming at that posture)"
+    advice = relaxation.advice(scene, repair.amount)
+    return Reason(relaxation.name, relaxation.key, relaxation.unit, limit, needed, text, advice, confirmed)
 
 
 def _share(scene: GraspScene, reason: Reason) -> float:

@@ -135,6 +135,8 @@ class Reason:
         The same as a sentence.
     repair : str
         What to do about it.
+    confirmed : float, optional
+        What it would have to be at the posture found, by linear programming; None where that cannot tell.
     """
 
     name: str
@@ -144,6 +146,7 @@ class Reason:
     needed: float
     text: str
     repair: str
+    confirmed: float | None = None
 
 
 @dataclass(frozen=True)
@@ -223,6 +226,8 @@ class GraspResult:
             found.append(f"{error}: raise fidelity.elements{other}")
         if not self.certificate.stability.stable:
             found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
+        if "NOT kept" in str(self.statistics.get("fidelity", "")):
+            found.append(str(self.statistics["fidelity"]))
         if self.statistics.get("interrupted"):
             found.append("the search was interrupted: another start may hold the object with less tension")
         return tuple(found)
