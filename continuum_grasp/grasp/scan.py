@@ -63,7 +63,7 @@ def neighbours(
         found = moved_joint(task, family, scale * _SHIFTS)
         if found is not None:
             found = with_tip(task, found) if tip else _free_end(found)
-    elif not any(middles) and tip and not task.arcs:
+    elif not any(middles) and tip:
         found = moved_tip(task, family, scale * _CHANGE)
     return None if found is None else _finished(task, found, middles)
 

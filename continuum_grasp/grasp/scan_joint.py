@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.scan_curves import guess_table, sample, stretch
 from continuum_grasp.grasp.scan_task import ALLOWED, FingerTask, Postures, join, touching_family, unique
 from continuum_grasp.grasp.scan_touch import arc_tangent, tangent
-from continuum_grasp.grasp.shapes import Shape
+from continuum_grasp.grasp.shapes import Shape, SuperellipseShape
 
 __all__ = ["ends_of", "first_joint", "moved_joint", "next_joint"]
 
@@ -101,10 +101,27 @@ def _arcs(task: FingerTask, part: int, positions: Array) -> Postures:
     return _even(task, part, ell, guess[:, 0], walk)
 
 
+def _round_corners(shape: Shape) -> tuple[Array, Array, Array]:
+    """Arcs from the base that are tangent to the circles round the corners of a grown polygon."""
+    if isinstance(shape, SuperellipseShape):
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    radius = (shape.grown**2 - np.abs(shape.vertices) ** 2) / (2.0 * _away_from_zero(shape.vertices.real + shape.grown))
+    turn = np.angle((shape.vertices + radius) / _away_from_zero(radius - shape.grown))
+    ell = np.mod(turn * np.sign(radius), math.tau) * np.abs(radius)
+    _, walk = shape.nearest(shape.vertices + shape.grown * np.exp(1j * turn))
+    return ell, 1.0 / _away_from_zero(radius), walk
+
+
+def _away_from_zero(x: Array) -> Array:
+    return np.where(np.abs(x) < 1e-9, 1e-9, x)
+
+
 def _even(task: FingerTask, part: int, ell: Array, bent: Array, walk: Array) -> Postures:
     """Circular arcs from first guesses."""
     low, high = task.bounds
-    ell, bent, walk, good = arc_tangent(task.shapes[part], ell, bent, walk)
+    more = _round_corners(task.shapes[part])
+    ell, bent, walk = (np.concatenate(pair) for pair in zip((ell, bent, walk), more, strict=True))
+    ell, bent, walk, good = arc_tangent(task.shapes[part], np.clip(ell, low, high), bent, walk)
     good &= (ell >= low) & (ell <= high)
     return _to_joint(part, task.shapes[part], ell[good], np.stack([bent, bent], axis=1)[good], walk[good])
 

@@ -20,6 +20,7 @@ __all__ = ["bent_by_tip", "moved_tip", "tip_only", "with_tip"]
 Array = NDArray[Any]
 
 _TIP_REACH, _TIP_GRID = 8.0, 33
+_ARCS_REACH, _ARCS_GRID = 13.0, 53
 _BESIDE_CONE = 0.15
 _BESIDE = 0.01
 """Cosine between tangent and normal up to which a tip still touches with its front."""
@@ -97,7 +98,10 @@ def tip_only(task: FingerTask, joint: float | None, sparse: bool = False) -> Pos
 
     Where ``joint`` is given they are two arcs that meet there.
     """
-    grid, ends, turns, sane = guess_table(_TIP_REACH, _TIP_GRID // 2 + 1 if sparse else _TIP_GRID, joint)
+    reach, count = (_TIP_REACH, _TIP_GRID // 2 + 1) if sparse else (_TIP_REACH, _TIP_GRID)
+    if joint is not None:
+        reach, count = _ARCS_REACH, _ARCS_GRID
+    grid, ends, turns, sane = guess_table(reach, count, joint)
     knots = np.array([0.0, 1.0] if joint is None else [0.0, joint, joint, 1.0])
     groups = []
     for part, shape in enumerate(task.shapes):
@@ -224,6 +228,10 @@ def moved_tip(task: FingerTask, family: Postures, step: float) -> Postures | Non
     groups = []
     size = len(knots)
     changes = step * np.concatenate([np.eye(size), -np.eye(size)])
+    columns = tuple(range(size))
+    if size == 4 and knots[1] == knots[2]:  # two arcs
+        changes = step * np.array([-1.0, -0.5, -0.2, 0.2, 0.5, 1.0])[:, None] * np.array([1.0, 1.0, 0.0, 0.0])
+        columns = (2, 3)
     for part, shape in enumerate(task.shapes):
         mine = family.take(family.parts[:, 0] == part)
         if not len(mine):
@@ -233,7 +241,7 @@ def moved_tip(task: FingerTask, family: Postures, step: float) -> Postures | Non
         count = len(bent)
         lengths = np.broadcast_to(np.diff(knots), (count, size - 1))
         start = (np.zeros(count, complex), np.zeros(count))
-        bent, walk, good = touch(shape, start, lengths, bent, tuple(range(size)), np.repeat(walk, len(changes)))
+        bent, walk, good = touch(shape, start, lengths, bent, columns, np.repeat(walk, len(changes)))
         _, turn, _, _ = stretch(lengths, bent)
         good &= _in_front(shape, walk, turn)
         groups.append(_tips(knots, bent[good], part, shape, walk[good]))
