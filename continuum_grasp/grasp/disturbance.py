@@ -1,7 +1,7 @@
 """Disturbances as part of the problem: the elastic answer of fingers and object to a wrench, to first order.
 
-Under a small wrench the fingers bend, the object moves, the contacts roll without slipping (surface points of finger and
-object move together, supports stay), and forces and tensions change. With the changes d( ) per wrench as unknowns:
+Under a small wrench the fingers bend, the object moves, the contacts roll without slipping (surface points of finger
+and object move together, supports stay), and forces and tensions change. With the changes d( ) per wrench as unknowns:
 
     finger    d(inverse dynamics at rest) = 0
     object    d(sum of forces and moments about the centre of mass) + rho * wrench = 0
@@ -162,9 +162,7 @@ def _moved(problem: GraspProblem, change: _Change, index: int, slope: ca.SX) -> 
     unit, make = finger.unit, finger.make
     share, h = unit.number("force share"), problem.thickness(finger)
     back = rotation(-finger.base[2])
-    touching = [
-        (c, own) for c, own in zip(problem.contacts, change.forces, strict=True) if c.make.finger == index
-    ]
+    touching = [(c, own) for c, own in zip(problem.contacts, change.forces, strict=True) if c.make.finger == index]
     n, rows = unit.model.n, slope.shape[0] - make.elements
     angles, du = slope[rows:, :], unit.input(change.pulls[index], ca.SX(0))
     moments = share * unit.number("length")
@@ -193,9 +191,7 @@ def _balance_fingers(problem: GraspProblem, change: _Change, moved: list[_Moved]
             require(f"locked tendons, {name}, {k}", kept, "rad", "disturbances.tendons")
 
 
-def _balance_object(
-    problem: GraspProblem, change: _Change, rolls: dict[str, _Roll], wrench: ca.SX, k: int
-) -> None:
+def _balance_object(problem: GraspProblem, change: _Change, rolls: dict[str, _Roll], wrench: ca.SX, k: int) -> None:
     force, moment = wrench[:2], wrench[2]
     turn = change.pose[2]
     for contact, own in zip(problem.contacts, change.forces, strict=True):

@@ -206,7 +206,11 @@ class GraspSolverRun:
             nlp = {"x": x, "f": self.problem.objective, "g": g, "p": p}
             cold = ca.nlpsol("grasp", "ipopt", nlp, options)
             derivatives = {name: cold.get_function(f"nlp_{name}") for name in ("grad_f", "jac_g", "hess_l")}
-            options |= {"grad_f": derivatives["grad_f"], "jac_g": derivatives["jac_g"], "hess_lag": derivatives["hess_l"]}
+            options |= {
+                "grad_f": derivatives["grad_f"],
+                "jac_g": derivatives["jac_g"],
+                "hess_lag": derivatives["hess_l"],
+            }
             near = {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-4}
             near |= {f"ipopt.warm_start_{name}": 1e-5 for name in _PUSHES}
             again = ca.nlpsol("grasp_again", "ipopt", nlp, options | near)
@@ -308,7 +312,7 @@ class GraspSolverRun:
 
     @cached_property
     def slope(self) -> ca.Function:
-        """Derivative of the Lagrangian with respect to the problem's numbers, from unknowns, numbers and multipliers."""
+        """Derivative of the Lagrangian by the problem's numbers, from unknowns, numbers and multipliers."""
         parts, numbers = self.problem.parts, self.problem.numbers.symbol
         force = ca.SX.sym("force", parts.g.numel())
         lagrangian = self.problem.objective + ca.dot(force, parts.g)

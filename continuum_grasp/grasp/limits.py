@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -139,7 +140,7 @@ def _keep_limits(problem: GraspProblem, finger: FingerState) -> None:
         require(f"bending strain, {name}", room, "1", f"{name}.strain_limit", upper=ca.inf)
     on = [joint for joint, touches in zip(finger.joints, finger.make.touching, strict=True) if touches]
     if len(on) > 1:
-        gaps = ca.vertcat(*(b - a for a, b in zip(on, on[1:], strict=False))) - 0.02
+        gaps = ca.vertcat(*(b - a for a, b in pairwise(on))) - 0.02
         require(f"order of the middle contacts, {name}", gaps, "1", "contacts.middle", upper=ca.inf)
 
 

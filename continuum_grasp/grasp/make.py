@@ -124,5 +124,5 @@ class ProblemMake:
 
 def support_of(contact: str, scene: GraspScene) -> str:
     """Name of the wall or peg of a contact; empty for a finger's."""
-    names = [thing.name for thing in (*scene.walls, *scene.pegs)]
+    names = [thing.name for thing in scene.places]
     return next((n for n in names if contact in (n, f"{n}.1", f"{n}.2")), "")

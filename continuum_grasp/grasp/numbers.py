@@ -14,7 +14,7 @@ __all__ = ["APEX", "Numbers"]
 Array = NDArray[Any]
 
 APEX = 2e-4
-"""Rounding of the apex of spatial friction cones, as a part of the weight; the rounded cone lies inside the true one."""
+"""Rounding of the apex of spatial friction cones, as a part of the weight; it lies inside the true one."""
 
 
 class Numbers:

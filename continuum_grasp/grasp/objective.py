@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from continuum_grasp.grasp.relaxations import RELAXATIONS
 from continuum_grasp.grasp.disturbance import add_disturbances
+from continuum_grasp.grasp.relaxations import RELAXATIONS
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.problem import GraspProblem

@@ -169,7 +169,7 @@ class GraspProblem:
         tip = next((self._forces[c.name] for c in self.make.contacts if self._on_tip(c, make)), ca.SX.zeros(3))
         couple = -unit.number("thickness") * tip[1] / unit.number("force share") if make.tip else ca.SX(0)
         u = unit.input(pulls, couple)
-        p = unit.parameters(ca.vertcat(*unit.element_lengths(joints)), base[2])
+        p = unit.parameters(ca.SX(ca.vertcat(*unit.element_lengths(joints))), base[2])
         ends, angles = unit.model.joints(q, u, p)
         turned = unit.number("length") * rotation(base[2]) @ ends
         return FingerState(

@@ -47,8 +47,8 @@ def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:
     Returns
     -------
     tuple of Sensitivity
-        They hold as long as the same limits stay active. The pose is that of the object with its supports, moved against
-        all fingers' bases together; bases that are free are left out.
+        They hold as long as the same limits stay active. The pose is that of the object with its supports, moved
+        against all fingers' bases together; bases that are free are left out.
     """
     attempt, problem = found.attempt, found.solver.problem
     slope = np.asarray(found.solver.slope(attempt.x, attempt.numbers, attempt.multipliers)).ravel()

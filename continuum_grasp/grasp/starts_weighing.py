@@ -27,8 +27,9 @@ _NEARLY = 0.05
 """Violation, about in lengths of the finger, up to which a posture may have a good one next to it."""
 _ENOUGH, _BEST, _POSES, _FEW = 6, 12, 2, 8
 """Balanced starts from which on nothing is refined; how many are refined, and at how many poses."""
-_ROUNDS = {1: (2.0, 0.6)}
-"""Sizes of the changes with which they are refined, by number of fingers; one round of size 1 for several."""
+_ROUNDS, _ONE_ROUND = (2.0, 0.7), (1.0,)
+"""Sizes of the changes with which they are refined, the latter for several fingers that are close to balance."""
+_CLOSE = 0.05
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,8 @@ class Weighing:
         out: list[Weighed] = []
         poses = sorted(found, key=lambda at: float(at.score.min()))[:_POSES]
         for at in poses:
-            for scale in _ROUNDS.get(len(self.setups), (1.0,)):
+            close = len(self.setups) > 1 and at.left.min() < _CLOSE
+            for scale in _ONE_ROUND if close else _ROUNDS:
                 at = self._next_to(at, scale)
                 out.append(at)
         return out

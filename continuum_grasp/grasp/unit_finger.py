@@ -6,15 +6,17 @@ solver. Its base is at the origin, pointing along +Y.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from continuum_grasp.grasp.numbers import Numbers
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.finger import Finger, Rod, Tendons
+from continuum_grasp.scene.finger import Finger, PointMass, Rod, Tendons
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.loads import MomentLoad
 
@@ -107,8 +109,8 @@ class UnitFinger:
     def __init__(self, make: FingerMake, numbers: Numbers) -> None:
         self.make = make
         self._numbers = numbers
-        lengths = self.element_lengths([n / make.elements for n in make.before])
-        ends = [sum(lengths[:n]) for n in make.before]
+        lengths = (1.0 / make.elements,) * make.elements
+        ends = [n / make.elements for n in make.before]
         parameters = ["element_lengths"]
         parameters += ["gravity"] * make.weighs + ["rest_curvature"] * make.preshaped
         parameters += ["tendon_friction"] * make.rubs + ["tip_mass"] * make.tip_heavy
@@ -130,10 +132,10 @@ class UnitFinger:
         """A run-time number of this finger."""
         return self._numbers(f"{self.make.name}.{name}", size)
 
-    def element_lengths(self, joints: list[ca.SX] | list[float]) -> tuple[ca.SX, ...] | tuple[float, ...]:
+    def element_lengths(self, joints: Sequence[Any]) -> tuple[Any, ...]:
         """Element lengths for positions of the middle contacts: equal between them."""
         marks, counts = [0.0, *joints, 1.0], [0, *self.make.before, self.make.elements]
-        lengths = []
+        lengths: list[Any] = []
         for k in range(len(marks) - 1):
             count = counts[k + 1] - counts[k]
             lengths += [(marks[k + 1] - marks[k]) / count] * count
@@ -219,7 +221,7 @@ def finger_numbers(setup: FingerSetup, gravity: tuple[float, float]) -> dict[str
     return values
 
 
-def inner_masses(finger: Finger) -> list:  # type: ignore[type-arg]
+def inner_masses(finger: Finger) -> list[PointMass]:
     """Point masses that are not on the tip."""
     return [m for m in finger.masses if not _on_tip(m.at, finger.rod.length)]
 
@@ -231,8 +233,6 @@ def rotation(angle: ca.SX) -> ca.SX:
 
 
 def _unit_finger(make: FingerMake) -> Finger:
-    from continuum_grasp.scene.finger import PointMass
-
     return Finger(
         rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0),
         rest_curvature=1.0 if make.preshaped else 0.0,

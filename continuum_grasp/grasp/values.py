@@ -114,7 +114,9 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
         if contact.finger < 0 and not contact.smooth:  # the wall's normal decides, also at the end of a corner's cone
             low[f"place, {name}"][1], high[f"place, {name}"][1] = -np.inf, np.inf
         least = HELD * max(scene.weight / units.force, 1.0) if steady else 0.0
-        low[f"force, {name}"] = [least, -np.inf, -np.inf] if problem.make.gravity == "out_of_plane" else [least, -np.inf]
+        low[f"force, {name}"] = (
+            [least, -np.inf, -np.inf] if problem.make.gravity == "out_of_plane" else [least, -np.inf]
+        )
     return problem.parts.pack(low, -np.inf), problem.parts.pack(high, np.inf)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -12,7 +13,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from continuum_grasp.scene.finger import Finger, PiecewiseCurvature
 from continuum_grasp.scene.objects import Freedom, GraspObject
 from continuum_grasp.scene.simulate import Fidelity
-from continuum_grasp.scene.supports import Peg, Support, Switch, Wall
+from continuum_grasp.scene.supports import Peg, Place, Support, Switch, Wall
 from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2
 
 __all__ = [
@@ -266,7 +267,7 @@ class GraspScene(Value):
     fingers: Annotated[dict[str, AnyFinger], Field(min_length=1, max_length=4)] | None = None
     """One to four fingers by name, in place of ``finger``."""
     object: GraspObject
-    supports: Annotated[dict[str, Support], Field(max_length=8)] = {}
+    supports: Annotated[dict[str, Support], Field(default_factory=dict, max_length=8)]
     """Fixed walls, points and grooves by name; empty: the fingers alone hold the object."""
     contacts: GraspContacts
     gravity: GraspGravity
@@ -299,6 +300,11 @@ class GraspScene(Value):
     def pegs(self) -> tuple[Peg, ...]:
         """All point supports."""
         return tuple(peg for name, support in self.supports.items() for peg in support.pegs(name))
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """All walls and pegs."""
+        return (*self.walls, *self.pegs)
 
     @property
     def weights(self) -> ObjectiveWeights:
@@ -334,7 +340,7 @@ class GraspScene(Value):
         for setup in self.setups:
             if contact.startswith(setup.name + "."):
                 return setup.friction
-        for thing in (*self.walls, *self.pegs):
+        for thing in self.places:
             if (contact == thing.name or contact.startswith(thing.name + ".")) and thing.friction is not None:
                 return thing.friction
         return self.contacts.friction
@@ -422,7 +428,7 @@ class GraspScene(Value):
                 f"{list(setup.before)}"
             )
         marks = (0, *setup.before, setup.elements)
-        if any(b <= a for a, b in zip(marks, marks[1:], strict=False)):
+        if any(b <= a for a, b in pairwise(marks)):
             raise ValueError(
                 f"{where}: middle contacts after {', '.join(map(str, setup.before))} of {setup.elements} elements "
                 "leave no element between two of them, or before base or tip; take more fidelity.elements or other "

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
 
-__all__ = ["Line", "Palm", "Peg", "Point", "Support", "Switch", "VGroove", "Wall"]
+__all__ = ["Line", "Palm", "Peg", "Place", "Point", "Support", "Switch", "VGroove", "Wall"]
 
 Switch = Literal["on", "off", "auto"]
 
@@ -171,6 +171,9 @@ class VGroove(_Support):
         """None."""
         return ()
 
+
+Place = Wall | Peg
+"""A support's surface."""
 
 Support = Annotated[Palm | Line | Point | VGroove, Field(discriminator="type")]
 """What else holds the object."""
