@@ -100,10 +100,9 @@ def _rougher(scene: GraspScene, step: float) -> GraspScene:
 def _moved(scene: GraspScene, x: float, y: float, turn: float) -> GraspScene:
     """All bases moved the other way."""
     c, s = np.cos(scene.object.angle), np.sin(scene.object.angle)
-    com = np.asarray(scene.object.position) + [
-        c * scene.object.com[0] - s * scene.object.com[1],
-        s * scene.object.com[0] + c * scene.object.com[1],
-    ]
+    ours = scene.object.com
+    arm = np.array([c * ours[0] - s * ours[1], s * ours[0] + c * ours[1]])
+    com = np.asarray(scene.object.position) + arm
     back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     fingers = {}
     for name, finger in scene.named_fingers.items():
