@@ -96,6 +96,10 @@ def none(row: dict[str, Any]) -> Outcome:
     if result is None:
         return Outcome(row["seed"], what, "error", False, problem, seconds)
     out = Outcome(row["seed"], what, str(result.status), result.status is Status.INFEASIBLE, "", seconds)
+    if result.solved:
+        out.worst = residuals(result.scene, result.arrays)
+        out.note = f"{result.tension:.5g} N: " + ("does not hold" if out.false else "holds, so the oracle missed it")
+        return out
     name = REASONS.get(what, what)
     for k, reason in enumerate(result.reasons):
         if reason.name == name:
@@ -165,6 +169,7 @@ def add_held(report: Report, kind: str, outcomes: list[Outcome]) -> None:
 
 def add_none(report: Report, outcomes: list[Outcome]) -> None:
     """Claims and tables of scenes that have none."""
+    report.claim("infeasible: false certificates", sum(o.false for o in outcomes), "<=", 0)
     report.claim(f"infeasible: reported of {len(outcomes)}, per cent", share(outcomes, "good"), ">=", 100.0)
     report.claim("infeasible: right reason, per cent", share(outcomes, "right"), ">=", 97.0)
     told = [o for o in outcomes if o.right]

@@ -66,6 +66,8 @@ def _tension(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] |
 
 
 def _friction(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
+    if scene.gravity.mode == "none":  # a touch without force needs none
+        return None
     needed = search.least_friction(search.numbers)
     return {"needed": needed, "limit": needed * random.uniform(0.5, 0.92)} if 0.02 < needed < 10.0 else None
 
