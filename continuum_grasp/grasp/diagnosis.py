@@ -91,6 +91,8 @@ def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
     for relaxation in repairs.relaxations or [r for r in RELAXATIONS if r.name in starts]:
         repairs.go_on(relaxation)
         repairs.try_starts(relaxation, starts[relaxation.name][FIRST:MORE])
+        if relaxation.name in repairs.found:
+            repairs.try_starts(relaxation, repairs.starts(relaxation)[:MORE])
         repairs.go_on(relaxation)
     reasons = [_reason(scene, relaxation, repairs.settled(relaxation)) for relaxation in repairs.relaxations]
     return sorted(reasons, key=lambda reason: _share(scene, reason))

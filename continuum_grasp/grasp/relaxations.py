@@ -57,6 +57,14 @@ class Relaxation:
     additive: bool = True
     """Whether the amount has the unit of the limit; False: it is a part of it."""
     repair: str = "{key} = {needed:.4g} {unit}"
+    without: Callable[[GraspScene], GraspScene] | None = None
+    """The scene without what is in the way, where no key of it can be changed by the amount."""
+
+    def eased(self, scene: GraspScene, amount: float) -> GraspScene:
+        """The scene to start from; the same one where nothing is known to be in the way."""
+        if self.without is not None:
+            return self.without(scene)
+        return scene if self.measured else self.relaxed(scene, amount)
 
     def value(self, scene: GraspScene, amount: float) -> float:
         """The limit after it has given way by ``amount``."""
@@ -155,6 +163,12 @@ def _into_object(name: str) -> bool:
 
 def _unchanged(scene: GraspScene, amount: float) -> GraspScene:
     return scene
+
+
+def _without_obstacles(scene: GraspScene) -> GraspScene:
+    """Without the supports that the object must not touch."""
+    kept = {name: support for name, support in scene.supports.items() if support.touch != "off"}
+    return scene if len(kept) == len(scene.supports) else _with(scene, supports=kept)
 
 
 def _max_tension(scene: GraspScene) -> float:
@@ -259,6 +273,7 @@ RELAXATIONS = (
         lambda s: 0.5 * s.object.size,
         measured=True,
         excuses=lambda name: name.startswith("penetration into ") and not _into_object(name),
+        without=_without_obstacles,
         repair="make room of {needed:.2g} m at the support (a shorter finger, another base or support)",
     ),
     Relaxation(

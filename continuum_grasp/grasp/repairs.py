@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate import Certificate, certify
+from continuum_grasp.grasp.certificate import certify
 from continuum_grasp.grasp.confirm import least_amount
 from continuum_grasp.grasp.ipopt import Attempt
 from continuum_grasp.grasp.modes import contact_modes
@@ -82,27 +82,31 @@ class Repairs:
         return [relaxation for relaxation in RELAXATIONS if relaxation.name in self.found]
 
     def starts(self, relaxation: Relaxation) -> list[Start]:
-        """Starts of the scene whose limit has given way, those of different branches first; those of the search, if no
-        key of the scene holds the limit.
+        """Starts of the scene whose limit has given way, those of different branches first: by as much as was found, or
+        well beyond what is likely. Where no key of the scene holds the limit, those of the search, too.
         """
+        best = self.found.get(relaxation.name)
+        amount = relaxation.start(self.scene) if best is None else best.amount
+        eased = relaxation.eased(self.scene, amount)
+        known: list[Start] = []
         if relaxation.measured:
-            tried = sorted(self._search.tried, key=lambda t: t.attempt.badness)
-            return _spread([t.attempt.start for t in tried])
-        eased = relaxation.relaxed(self.scene, relaxation.start(self.scene))
+            known = _spread([t.attempt.start for t in sorted(self._search.tried, key=lambda t: t.attempt.badness)])
+        if eased is self.scene:
+            return known
         search = Search(eased, self._search.until)
-        by_mode = [_spread(search.starts_of(mode)) for mode in contact_modes(eased)]
+        made = [_spread(search.starts_of(mode)) for mode in contact_modes(eased)]
         self._search.start_seconds += search.start_seconds
-        return [start for rank in zip_longest(*by_mode) for start in rank if start is not None]
+        return [start for rank in zip_longest(*made, known) for start in rank if start is not None]
 
     def try_starts(self, relaxation: Relaxation, starts: Iterable[Start]) -> None:
         """Let one limit give way as little as can be, from every start."""
         for start in starts:
             if self._search.late:
                 return
-            self._try(relaxation, start, amount=relaxation.start(self.scene))
+            self._try(relaxation, start, amount=relaxation.start(self.scene), iterations=HASTY)
 
     def go_on(self, relaxation: Relaxation) -> None:
-        """Go on where the iterations were used up, or fingers not yet kept clear to the end."""
+        """Go on where the iterations were used up."""
         done: list[float] = []
         for attempt in self._open.pop(relaxation.name, []):
             amount = self._search.solver(attempt.start).given(self.scene, attempt.x, relaxation)
@@ -110,7 +114,8 @@ class Repairs:
                 return
             if not any(math.isclose(amount, other, rel_tol=SAME) for other in done):
                 done.append(amount)
-                self._try(relaxation, attempt.start, amount=amount, features=attempt.features, x0=attempt.x)
+                options = {"features": attempt.features, "x0": attempt.x, "iterations": 2 * HASTY}
+                self._try(relaxation, attempt.start, amount=amount, **options)
 
     def _try(self, relaxation: Relaxation, start: Start, *, amount: float, **options: Any) -> None:
         name, search = relaxation.name, self._search
@@ -119,7 +124,6 @@ class Repairs:
             self.scene,
             start,
             search.until,
-            iterations=HASTY,
             relaxed={name: relaxation.most},
             given={name: amount},
             **options,
@@ -133,10 +137,9 @@ class Repairs:
         amount, best = solver.given(self.scene, attempt.x, relaxation), self.found.get(name)
         if amount < min(math.inf if best is None else best.amount, relaxation.most * (1.0 - SHORT)):
             arrays = solver.reader.arrays(self.scene, attempt.start, attempt.x, attempt.numbers)
-            if self._holds(relaxation, amount, arrays):
+            amount = max(amount, self._depth(relaxation, arrays))
+            if (best is None or amount < best.amount) and self._holds(relaxation, amount, arrays):
                 self.found[name] = Repair(amount, arrays, attempt)
-            elif relaxation.excuses is not None:
-                self._open.setdefault(name, []).append(attempt)
 
     def settled(self, relaxation: Relaxation) -> Repair:
         """The best, confirmed by linear programming where that can tell; whether its posture needs no repair after all
@@ -156,15 +159,18 @@ class Repairs:
 
     def _holds(self, relaxation: Relaxation, amount: float, arrays: Mapping[str, Array]) -> bool:
         """Whether the certificate confirms the grasp, but for what the relaxation excuses."""
-        certificate = certify(relaxation.relaxed(self.scene, amount), arrays)
-        return all(self._excused(relaxation, amount, certificate, check.name) for check in certificate.failed)
+        failed = certify(relaxation.relaxed(self.scene, amount), arrays).failed
+        return all(relaxation.excuses is not None and relaxation.excuses(check.name) for check in failed)
 
-    def _excused(self, relaxation: Relaxation, amount: float, certificate: Certificate, name: str) -> bool:
-        if relaxation.excuses is None or not relaxation.excuses(name):
-            return False
-        length = min(setup.finger.rod.length for setup in self.scene.setups)
-        check = certificate[name]
-        return check.value <= amount / length + 2.0 * check.limit
+    def _depth(self, relaxation: Relaxation, arrays: Mapping[str, Array]) -> float:
+        """How much of what the relaxation excuses there is, by the certificate [m]: places that are kept clear may swap
+        to the last, and the amount be too small.
+        """
+        if relaxation.excuses is None:
+            return 0.0
+        lengths = {setup.name: setup.finger.rod.length for setup in self.scene.setups}
+        failed = [check for check in certify(self.scene, arrays).failed if relaxation.excuses(check.name)]
+        return max((check.value * lengths[check.name.split(", ")[-1]] for check in failed), default=0.0)
 
 
 def _spread(starts: list[Start]) -> list[Start]:
