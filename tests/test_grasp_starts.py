@@ -15,6 +15,7 @@ from continuum_grasp.grasp.starts import make_starts, reach_report, support_cont
 from continuum_grasp.grasp.starts_force import Block, Loads, imbalance
 from continuum_grasp.scene.grasp import GraspScene
 
+pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
 LENGTH = 0.2
 SHAPES = {
     "circle": {"shape": "circle", "diameter": 0.08},
@@ -428,3 +429,25 @@ def test_bounded_least_squares_of_forces():
         truth = lsq_linear(system, right, (low, high))
         assert left[k] == pytest.approx(math.sqrt(2.0 * truth.cost), rel=5e-3, abs=2e-3)
         assert np.all((forces[k] >= low) & (forces[k] <= high))
+
+
+def test_pinching_fingers_start_in_balance():
+    scene = scene_of(
+        SHAPES["superellipse"],
+        {
+            "a": finger_at(-0.15, -0.06, -0.5 * math.pi, contacts={"middle": "off"}),
+            "b": finger_at(-0.15, 0.06, -0.5 * math.pi, contacts={"middle": "off"}),
+        },
+        gravity={"mode": "planar", "vector": (0.0, -9.81)},
+    )
+    start = starts_of(scene)[0]
+    check_touching(scene, start)
+    force, moment = 0.1 * -9.81j, 0.0
+    for name, contact in start.contacts.items():
+        n, f, _ = start.forces[name]
+        normal = np.exp(1j * contact.normal_angle)
+        force -= (n + 1j * f) * normal
+        moment -= (np.conj(complex(*contact.point)) * (n + 1j * f) * normal).imag
+        assert abs(f) <= 0.5 * n + 1e-9
+    assert abs(force) < 0.02 * 0.981
+    assert abs(moment) < 0.02 * 0.981 * 0.05

@@ -22,7 +22,9 @@ _PER_FINGER = {2: 14, 3: 8, 4: 6}
 _FIRST, _IMPROVED = 64, 3
 
 
-def combine(loads: Loads, blocks: list[Block], supports: Block, features: list[Array]) -> Combined:
+def combine(
+    loads: Loads, blocks: list[Block], supports: Block, features: list[Array], paired: bool = False
+) -> Combined:
     """Weigh combinations of the postures of all fingers.
 
     Parameters
@@ -33,9 +35,11 @@ def combine(loads: Loads, blocks: list[Block], supports: Block, features: list[A
     supports : Block
     features : list of ndarray, (P, F)
         That tell the postures of a finger apart.
+    paired : bool
+        Only the first of each together, the second, and so on.
     """
-    if len(blocks) == 1:
-        return _weigh(loads, blocks, supports, [np.arange(len(blocks[0].needed))])
+    if len(blocks) == 1 or paired:
+        return _weigh(loads, blocks, supports, [np.arange(len(block.needed)) for block in blocks])
     alone = [_alone(loads, block) for block in blocks]
     if len(blocks) == 2 and supports.onto.shape[2] == 0 and all(block.single for block in blocks):
         return _weigh(loads, blocks, supports, _opposed(loads, alone))

@@ -12,6 +12,7 @@ from continuum_grasp.grasp.starts_candidates import Candidates, find_candidates,
 from continuum_grasp.grasp.starts_combine import combine, doubt
 from continuum_grasp.grasp.starts_force import finger_block, loads_of, support_block
 from continuum_grasp.grasp.starts_order import spread_order
+from continuum_grasp.grasp.starts_polish import polished
 from continuum_grasp.grasp.starts_poses import base_poses
 from continuum_grasp.grasp.starts_supports import support_contacts
 from continuum_grasp.scene.grasp import GraspScene
@@ -25,7 +26,7 @@ _BALANCED = 3e-3
 """What is left where a posture is in balance but for the price of its tension."""
 _NEARLY = 0.05
 """Violation, about in lengths of the finger, up to which a posture may have a good one next to it."""
-_ENOUGH, _BEST, _POSES, _FEW = 6, 12, 2, 8
+_ENOUGH, _BEST, _POLISHED, _POSES, _FEW = 6, 12, 16, 2, 8
 """Balanced starts from which on nothing is refined; how many are refined, and at how many poses."""
 _ROUNDS, _ONE_ROUND = (2.0, 0.7), (1.0,)
 """Sizes of the changes with which they are refined, the latter for several fingers that are close to balance."""
@@ -74,6 +75,7 @@ class Weighing:
     def __init__(self, scene: GraspScene, on: frozenset[str]) -> None:
         self.scene, self.on = scene, on
         self.setups, self.loads = scene.setups, loads_of(scene)
+        self._supported = any(wall.name in on for wall in scene.walls) or any(peg.name in on for peg in scene.pegs)
         self._touches = [(tuple(n in on for n in s.middle_names), s.tip_name in on) for s in self.setups]
 
     def at_pose(self, pose: Pose, number: int) -> Weighed | None:
@@ -93,11 +95,24 @@ class Weighing:
         out: list[Weighed] = []
         poses = sorted(found, key=lambda at: float(at.score.min()))[:_POSES]
         for at in poses:
+            better = self._polished(at)
+            if better is not None:
+                out.append(better)
+                continue
             close = len(self.setups) > 1 and at.left.min() < _CLOSE
             for scale in _ONE_ROUND if close else _ROUNDS:
                 at = self._next_to(at, scale)
                 out.append(at)
         return out
+
+    def _polished(self, at: Weighed) -> Weighed | None:
+        """The best sets of several fingers that touch with their tips alone, brought nearer to balance."""
+        if len(self.setups) == 1 or self._supported:
+            return None
+        best = spread_order(at.score, at.features, _POLISHED)
+        sets = [c.take(i[best]) for c, i in zip(at.candidates, at.index, strict=True)]
+        better = polished(self.scene, self.loads, self.setups, sets, at.pose)
+        return None if better is None else self._weigh(at.pose, better, paired=True)
 
     def _next_to(self, at: Weighed, scale: float) -> Weighed:
         best = spread_order(at.score, at.features, _BEST)
@@ -110,13 +125,13 @@ class Weighing:
             more.append(some if near is None else near.take(_least_violation(near)))
         return self._weigh(at.pose, more)
 
-    def _weigh(self, pose: Pose, found: list[Candidates]) -> Weighed:
+    def _weigh(self, pose: Pose, found: list[Candidates], paired: bool = False) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
         blocks = [
             finger_block(self.scene, self.loads, setup, candidates, pose)
             for setup, candidates in zip(self.setups, found, strict=True)
         ]
-        index, left, cost, forces = combine(self.loads, blocks, supports, [c.features for c in found])
+        index, left, cost, forces = combine(self.loads, blocks, supports, [c.features for c in found], paired)
         wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
         score = doubt(left) + cost + np.where(wrong > 0.0, 0.5 + 10.0 * np.minimum(wrong, 0.2), 0.0)
         size = self.scene.object.size
