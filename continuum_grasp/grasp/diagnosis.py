@@ -79,7 +79,7 @@ def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
     Returns
     -------
     list of Reason
-        Sorted by how small a part of the limit is missing.
+        Those that the scene has a number for first, by how small a factor is missing.
     """
     repairs = Repairs(scene, search)
     starts: dict[str, list[Start]] = {}
@@ -95,7 +95,7 @@ def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
             repairs.try_starts(relaxation, repairs.starts(relaxation)[:MORE])
         repairs.go_on(relaxation)
     reasons = [_reason(scene, relaxation, repairs.settled(relaxation)) for relaxation in repairs.relaxations]
-    return sorted(reasons, key=lambda reason: _share(scene, reason))
+    return sorted(reasons, key=_rank)
 
 
 def _reason(scene: GraspScene, relaxation: Relaxation, repair: Repair) -> Reason:
@@ -108,10 +108,12 @@ def _reason(scene: GraspScene, relaxation: Relaxation, repair: Repair) -> Reason
     return Reason(relaxation.name, relaxation.key, relaxation.unit, limit, needed, text, advice, confirmed)
 
 
-def _share(scene: GraspScene, reason: Reason) -> float:
-    """How far the limit is off, as a part of itself, or of what is usual where the limit is zero."""
-    usual = next(r.start(scene) for r in RELAXATIONS if r.name == reason.name)
-    return abs(reason.needed - reason.limit) / (abs(reason.limit) or usual)
+def _rank(reason: Reason) -> tuple[bool, float, int]:
+    """Limits that the scene has a number for come first, by the factor that they are off; then the order of trial."""
+    order = [relaxation.name for relaxation in RELAXATIONS].index(reason.name)
+    if reason.limit <= 0.0 or reason.needed <= 0.0:
+        return True, 0.0, order
+    return False, round(abs(math.log(reason.needed / reason.limit)), 2), order
 
 
 def _sensible(scene: GraspScene) -> Iterator[Relaxation]:

@@ -168,10 +168,6 @@ class GraspResult:
         closest, or empty.
     certificate : Certificate, optional
         Independent verification of these numbers.
-    sensitivity : tuple of Sensitivity
-        How the answer changes with friction, mass and pose; empty where the solver stopped early.
-    fine : Change, optional
-        What a fine model changes, where that was asked for.
     violated : tuple of str
         Broken constraints by name with their amounts, where there is no grasp.
     reasons : tuple of Reason
@@ -180,6 +176,10 @@ class GraspResult:
         What to try.
     statistics : dict
         Times, iterations, starts.
+    sensitivity : tuple of Sensitivity
+        How the answer changes with friction, mass and pose; empty where the solver stopped early.
+    fine : Change, optional
+        What a fine model changes, where that was asked for.
     """
 
     scene: GraspScene
@@ -187,12 +187,12 @@ class GraspResult:
     message: str
     arrays: Mapping[str, Array] = field(default_factory=dict)
     certificate: Certificate | None = None
-    sensitivity: tuple[Sensitivity, ...] = ()
-    fine: Change | None = None
     violated: tuple[str, ...] = ()
     reasons: tuple[Reason, ...] = ()
     advice: str = ""
     statistics: Mapping[str, Any] = field(default_factory=dict)
+    sensitivity: tuple[Sensitivity, ...] = ()
+    fine: Change | None = None
 
     @cached_property
     def quality(self) -> Quality:

@@ -201,7 +201,7 @@ class Finger(Value):
             )
         if self.strain_limit is not None and self.rod.diameter is None:
             raise ValueError("strain_limit needs rod.diameter")
-        if self.tendons is not None and self.half_thickness is not None and self.tendons.offset > self.half_thickness:
+        if self.tendons is not None and 0.0 < (self.half_thickness or 0.0) < self.tendons.offset:
             doubt(
                 f"tendons.offset = {self.tendons.offset:g} m is more than half_thickness = {self.half_thickness:g} m: "
                 "the tendons run outside the finger"
