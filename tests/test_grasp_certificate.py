@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp.grasp as grasp_room
-from continuum_grasp.grasp.certificate import certify
+from continuum_grasp.grasp.verification.certificate import certify
 from continuum_grasp.scene.objects import Ellipse, Freedom, Polygon, RoundedPolygon, Superellipse
 
 

@@ -6,9 +6,9 @@ import certificate_cases as cases
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp.clearance import depth_in_line, depth_in_object, depth_in_wall
-from continuum_grasp.grasp.dense_rod import DenseRod
-from continuum_grasp.grasp.surfaces import PlacedObject
+from continuum_grasp.grasp.verification.clearance import depth_in_line, depth_in_object, depth_in_wall
+from continuum_grasp.grasp.verification.dense_rod import DenseRod
+from continuum_grasp.grasp.verification.surfaces import PlacedObject
 from continuum_grasp.scene.objects import Box, Circle, Ellipse
 from continuum_grasp.scene.supports import Line
 

@@ -10,9 +10,9 @@ from certificate_cases import HALF, OFFSET, UPRIGHT, pinched_box, squeezed_disc,
 from grasp_scenes import CONFIGS
 
 from continuum_grasp.grasp import Status, certify, optimize_grasp
-from continuum_grasp.grasp.confirm import confirm, least_amount
-from continuum_grasp.grasp.posture_statics import PostureStatics
-from continuum_grasp.grasp.relaxations import RELAXATIONS
+from continuum_grasp.grasp.programme.relaxations import RELAXATIONS
+from continuum_grasp.grasp.reasons.confirm import confirm, least_amount
+from continuum_grasp.grasp.reasons.posture_statics import PostureStatics
 from continuum_grasp.grasp.result import Reason
 from continuum_grasp.scene.load import load
 

@@ -15,7 +15,7 @@ from continuum_grasp.grasp import optimize_grasp
 
 PRESS = """
     import os, signal, sys
-    from continuum_grasp.grasp import ipopt
+    from continuum_grasp.grasp.programme import ipopt
 
     def press(run, iteration):
         "Ctrl-C inside the solver, at an iteration of a run (both from 1)."

@@ -15,11 +15,11 @@ from numpy.testing import assert_allclose
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.fine import with_elements
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.obstacles import nearest, smooth_support
-from continuum_grasp.grasp.resistance import resistance
+from continuum_grasp.grasp.programme.obstacles import nearest, smooth_support
+from continuum_grasp.grasp.programme.surface import SurfacePoint, features, nearest_feature
+from continuum_grasp.grasp.quality.resistance import resistance
 from continuum_grasp.grasp.search import Search
-from continuum_grasp.grasp.starts_found import start_from
-from continuum_grasp.grasp.surface import SurfacePoint, features, nearest_feature
+from continuum_grasp.grasp.starts.starts_found import start_from
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import (
     Circle,

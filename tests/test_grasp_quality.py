@@ -12,12 +12,12 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.conic_program import Cones, solve_conic
-from continuum_grasp.grasp.linear_program import solve_linear
-from continuum_grasp.grasp.mag_like import mag_like
-from continuum_grasp.grasp.object_balance import greatest_mass, least_friction
-from continuum_grasp.grasp.quality import grasp_quality
-from continuum_grasp.grasp.wrench_space import WrenchSpace, wrench_space
+from continuum_grasp.grasp.quality.conic_program import Cones, solve_conic
+from continuum_grasp.grasp.quality.linear_program import solve_linear
+from continuum_grasp.grasp.quality.mag_like import mag_like
+from continuum_grasp.grasp.quality.object_balance import greatest_mass, least_friction
+from continuum_grasp.grasp.quality.quality import grasp_quality
+from continuum_grasp.grasp.quality.wrench_space import WrenchSpace, wrench_space
 from continuum_grasp.results.plain import plain
 from continuum_grasp.scene.grasp import GraspContacts, OutOfPlaneGravity, PlanarGravity
 

@@ -17,12 +17,12 @@ from typer.testing import CliRunner
 
 import continuum_grasp.grasp
 from continuum_grasp.cli import app
-from continuum_grasp.grasp.html import result_page
-from continuum_grasp.grasp.report import result_text, result_yaml, save_result
-from continuum_grasp.grasp.report_files import save_pictures
+from continuum_grasp.grasp.report.html import result_page
+from continuum_grasp.grasp.report.report import result_text, result_yaml, save_result
+from continuum_grasp.grasp.report.report_files import save_pictures
+from continuum_grasp.grasp.report.shown import further_advice
+from continuum_grasp.grasp.report.yaml_text import yaml_text
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
-from continuum_grasp.grasp.shown import further_advice
-from continuum_grasp.grasp.yaml_text import yaml_text
 from continuum_grasp.plotting.grasp import plot_grasp
 from continuum_grasp.plotting.grasp_polygon import plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp_view import GraspView

@@ -11,12 +11,12 @@ from grasp_elastica import Hand, designed, disturbed, stored
 from grasp_hand_made import LENGTH, STIFFNESS, arrays_of, make_finger, straight_finger
 from scipy.optimize import brentq
 
-from continuum_grasp.grasp.object_balance import greatest_mass
-from continuum_grasp.grasp.quality import grasp_quality
-from continuum_grasp.grasp.resistance import resistance, resistance_polygon
-from continuum_grasp.grasp.response import GraspResponse
-from continuum_grasp.grasp.response_limits import difference_range
-from continuum_grasp.grasp.rolling import Rolling, surface_curvature
+from continuum_grasp.grasp.quality.object_balance import greatest_mass
+from continuum_grasp.grasp.quality.quality import grasp_quality
+from continuum_grasp.grasp.quality.resistance import resistance, resistance_polygon
+from continuum_grasp.grasp.quality.response import GraspResponse
+from continuum_grasp.grasp.quality.response_limits import difference_range
+from continuum_grasp.grasp.quality.rolling import Rolling, surface_curvature
 from continuum_grasp.scene.grasp import GraspContacts, GraspScene, NoGravity, OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects import Box, Circle, Ellipse, Part
 from continuum_grasp.scene.supports import Palm, Point

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from continuum_grasp.grasp.certificate import certify
-from continuum_grasp.grasp.stability import contact_stability
+from continuum_grasp.grasp.verification.certificate import certify
+from continuum_grasp.grasp.verification.stability import contact_stability
 from continuum_grasp.scene.finger import Rod
 from continuum_grasp.scene.objects import Box, Circle, Polygon
 from continuum_grasp.scene.supports import Palm, Point

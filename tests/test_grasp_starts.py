@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from continuum_grasp.grasp.scan_task import ALLOWED
-from continuum_grasp.grasp.shapes import Frame, make_shape
-from continuum_grasp.grasp.starts import make_starts, reach_report, support_contacts, touching_supports
-from continuum_grasp.grasp.starts_force import Block, Loads, imbalance
+from continuum_grasp.grasp.starts.scan_task import ALLOWED
+from continuum_grasp.grasp.starts.shapes import Frame, make_shape
+from continuum_grasp.grasp.starts.starts import make_starts, reach_report, support_contacts, touching_supports
+from continuum_grasp.grasp.starts.starts_force import Block, Loads, imbalance
 from continuum_grasp.scene.grasp import GraspScene
 
 pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")

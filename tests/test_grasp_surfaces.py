@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp.surfaces import PlacedObject, nearest, segment_distance, support_point
+from continuum_grasp.grasp.verification.surfaces import PlacedObject, nearest, segment_distance, support_point
 from continuum_grasp.scene.objects import Box, Circle, Ellipse, Part, Polygon, RoundedPolygon, Superellipse, Union
 
 AT = {"mass": 0.1, "position": (0.02, -0.01), "angle": 0.3}

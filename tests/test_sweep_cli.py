@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from continuum_grasp import optimize_grasp, sweep_table
 from continuum_grasp.cli import app
-from continuum_grasp.grasp.shown import quality_of
+from continuum_grasp.grasp.report.shown import quality_of
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
 from tests.sweep_cases import MUG

@@ -42,8 +42,8 @@ def grasp(
 
     with output.busy("searching"):
         result = optimize_grasp(scene, raise_on_failure=False, fine=fine)
-    from continuum_grasp.grasp.report import save_result
-    from continuum_grasp.grasp.report_files import save_pictures
+    from continuum_grasp.grasp.report.report import save_result
+    from continuum_grasp.grasp.report.report_files import save_pictures
 
     save_result(result, folder, quality=False)  # the grasp is safe before what can be computed again
     files = []

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.search import Search, Tried
-from continuum_grasp.grasp.starts_found import start_from
+from continuum_grasp.grasp.starts.starts_found import start_from
 from continuum_grasp.scene.grasp import FingerSetup, GraspFinger, GraspScene
 from continuum_grasp.scene.simulate import Fidelity
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import product
 
-from continuum_grasp.grasp.starts import touching_supports
+from continuum_grasp.grasp.starts.starts import touching_supports
 from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["MOST", "contact_modes"]

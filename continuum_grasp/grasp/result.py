@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.certificate import Certificate
+from continuum_grasp.grasp.verification.certificate import Certificate
 from continuum_grasp.scene.grasp import GraspScene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from continuum_grasp.grasp.fine import Change
-    from continuum_grasp.grasp.quality import Quality
+    from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.sensitivity import Sensitivity
 
 __all__ = ["Contact", "FingerPosture", "GraspResult", "Reason", "Status"]
@@ -203,7 +203,7 @@ class GraspResult:
         InputError
             There is no verified grasp.
         """
-        from continuum_grasp.grasp.quality import grasp_quality
+        from continuum_grasp.grasp.quality.quality import grasp_quality
 
         if not self.solved:
             raise InputError(f"there is no grasp whose quality could be told (status {self.status.value})")
@@ -288,7 +288,7 @@ class GraspResult:
 
     def table(self) -> str:
         """The result as text: forces, verification, reasons."""
-        from continuum_grasp.grasp.report import result_text
+        from continuum_grasp.grasp.report.report import result_text
 
         return result_text(self)
 
@@ -306,7 +306,7 @@ class GraspResult:
         OSError
             The files cannot be written.
         """
-        from continuum_grasp.grasp.report import save_result
+        from continuum_grasp.grasp.report.report import save_result
 
         return save_result(self, folder, quality=quality)
 
@@ -322,7 +322,7 @@ class GraspResult:
         -------
         matplotlib.axes.Axes
         """
-        from continuum_grasp.grasp.shown import resisted_forces
+        from continuum_grasp.grasp.report.shown import resisted_forces
         from continuum_grasp.plotting.grasp import plot_grasp, save_grasp_plot
 
         resisted = resisted_forces(self)

@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 from continuum_grasp.errors import InputError, Interrupted, SolverError
-from continuum_grasp.grasp.diagnosis import find_reasons, out_of_reach
 from continuum_grasp.grasp.fine import ELEMENTS, asked_tolerance, resolve_elements, with_elements, with_fine
-from continuum_grasp.grasp.ipopt import Attempt
+from continuum_grasp.grasp.programme.ipopt import Attempt
+from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities

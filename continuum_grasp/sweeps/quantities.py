@@ -50,7 +50,7 @@ def _quality(result: Any) -> Any:
     from continuum_grasp.grasp import GraspResult
 
     if isinstance(result, GraspResult):
-        from continuum_grasp.grasp.shown import quality_of
+        from continuum_grasp.grasp.report.shown import quality_of
 
         return quality_of(result)
     return result.quality

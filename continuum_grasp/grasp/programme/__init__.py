@@ -1,0 +1,1 @@
+"""The grasp as a nonlinear programme, and IPOPT on it."""

@@ -1,0 +1,1 @@
+"""Indices of quality and resistance to disturbances, by numpy and linear programming."""

@@ -1,0 +1,156 @@
+"""A multi-aspect grasp index: object, configuration and kinetics for a task; the definition is this toolkit's own.
+
+The index of Cheraghpour, Moosavian and Nahvi (2011) has the same three aspects. Its formula was not available here; the
+one below is not theirs, hence the name. See ``docs/grasp_quality.md``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.quality.bent_finger import BentFinger
+from continuum_grasp.grasp.quality.contact_set import ContactSet
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+
+__all__ = ["MagLike", "mag_like"]
+
+Array = NDArray[Any]
+
+TRANSLATION = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+"""Carrying the object without turning it, in both directions."""
+
+
+@dataclass(frozen=True)
+class MagLike:
+    """The index and its three aspects, each from 0 to 1 and the geometric mean over the tasks.
+
+    Attributes
+    ----------
+    object_aspect : float
+        How little of the contact forces is spent on the moment that the task's force has about the contacts' centre.
+    configuration_aspect : float
+        How well the fingers' shapes suit motions along the task, against their best direction.
+    kinetic_aspect : float
+        Share of the kinetic energy that is the object's.
+    tasks : tuple of (float, float, float)
+        Directions of motion: x, y, and turning times ``torque_scale``.
+    """
+
+    object_aspect: float
+    configuration_aspect: float
+    kinetic_aspect: float
+    tasks: tuple[tuple[float, float, float], ...]
+
+    @property
+    def value(self) -> float:
+        """Geometric mean of the aspects [1]."""
+        return float(np.cbrt(self.object_aspect * self.configuration_aspect * self.kinetic_aspect))
+
+
+def mag_like(
+    scene: GraspScene, arrays: Mapping[str, Any], tasks: Sequence[tuple[float, float, float]] = TRANSLATION
+) -> MagLike:
+    """The index of a grasp; only contacts with fingers count.
+
+    Parameters
+    ----------
+    scene : GraspScene
+        The object's moment of inertia is taken to be that of a disc of radius ``object.size``.
+    arrays : mapping
+        Of the grasp.
+    tasks : sequence of (float, float, float), optional
+        Directions of motion of the object: x and y of the centre of mass, and turning times ``scene.torque_scale``.
+    """
+    contacts = ContactSet.of(scene, arrays)
+    touching = [k for k in range(contacts.count) if contacts.finger_of(k) is not None]
+    directions = tuple((float(a), float(b), float(c)) for a, b, c in tasks)
+    if not touching or not directions:
+        return MagLike(0.0, 0.0, 0.0, directions)
+    mobilities = [
+        _mobility(setup, arrays, contacts, mine)
+        for setup in scene.setups
+        if (mine := [k for k in touching if contacts.finger_of(k) == setup.name])
+    ]
+    mass = scene.object.mass
+    inertia = np.array([mass, mass, 0.5 * mass * scene.object.size**2])
+    found = []
+    for direction in directions:
+        twist = np.asarray(direction) / np.linalg.norm(direction) / np.array([1.0, 1.0, scene.torque_scale])
+        energy = float(twist @ (inertia * twist))
+        bending, moving = zip(*(mobility.along(twist) for mobility in mobilities), strict=True)
+        whole = energy + float(sum(moving))
+        found.append(
+            (
+                _object_aspect(contacts.arms[touching], inertia * twist),
+                float(np.prod(bending)) ** (1.0 / len(bending)),
+                energy / whole if whole > 0.0 else 0.0,
+            )
+        )
+    aspects = np.prod(np.array(found), axis=0) ** (1.0 / len(found))
+    return MagLike(float(aspects[0]), float(aspects[1]), float(aspects[2]), directions)
+
+
+def _object_aspect(arms: Array, wrench: Array) -> float:
+    """Least squares of contact forces for a wrench: the part that is left if its force acted at their centre."""
+    centre = arms.mean(axis=0)
+    spread = float(((arms - centre) ** 2).sum())
+    off = float(centre[0] * wrench[1] - centre[1] * wrench[0])
+    force = float(wrench[:2] @ wrench[:2]) / len(arms)
+    size = float(np.hypot(*arms.T).max())
+    if spread <= 1e-24 * max(size, 1e-300) ** 2:
+        return 1.0 if wrench[2] == 0.0 and abs(off) <= 1e-12 * size * float(np.hypot(*wrench[:2])) else 0.0
+    wanted = force + float(wrench[2]) ** 2 / spread
+    return wanted / (wanted + off**2 / spread) if wanted > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class _Mobility:
+    """How one finger's contacts move: c of them."""
+
+    grasp: Array
+    """(2 c, 3) velocities of the contact points per twist of the object."""
+    compliance: Array
+    """(2 c, 2 c) motions per contact force with the rod's stiffness."""
+    mobility: Array
+    """(2 c, 2 c) the same with the finger's inertia."""
+
+    def along(self, twist: Array) -> tuple[float, float]:
+        """Configuration aspect, and the finger's energy (twice), of a motion."""
+        motion = self.grasp @ twist
+        size = float(motion @ motion)
+        if size == 0.0:
+            return 1.0, 0.0
+        best = float(np.linalg.eigvalsh(self.compliance)[-1])
+        heavy = float(np.linalg.eigvalsh(self.mobility)[-1]) if self.mobility.any() else 0.0
+        energy = _cost(motion, self.mobility, heavy) if heavy > 0.0 else 0.0
+        return min(1.0, size / (_cost(motion, self.compliance, best) * best)), energy
+
+
+def _cost(motion: Array, matrix: Array, greatest: float) -> float:
+    """Motion @ inverse @ motion; very large, not infinite, for a motion that the finger cannot follow."""
+    return float(motion @ np.linalg.solve(matrix + 1e-12 * greatest * np.eye(len(matrix)), motion))
+
+
+def _mobility(setup: FingerSetup, arrays: Mapping[str, Any], contacts: ContactSet, mine: Sequence[int]) -> _Mobility:
+    own = {key: arrays[f"{setup.name}.{key}"] for key in ("family", "q", "lengths", "tip_curvature", "base")}
+    finger = BentFinger(setup.finger, own, [float(contacts.stations[k]) for k in mine])
+    thickness = setup.finger.thickness_radius
+    rows, grasp = [], []
+    for k in mine:
+        section = finger.section(float(contacts.stations[k]))
+        rows.append(section.shift - thickness * np.outer(contacts.across[k], section.turn))
+        x, y = contacts.arms[k]
+        grasp.append(np.array([[1.0, 0.0, -y], [0.0, 1.0, x]]))
+    jacobian = np.concatenate(rows)
+    inertia = finger.inertia()
+    inertia += 1e-12 * np.trace(inertia) / len(inertia) * np.eye(len(inertia))
+    return _Mobility(
+        np.concatenate(grasp),
+        jacobian @ np.linalg.solve(finger.bending, jacobian.T),
+        jacobian @ np.linalg.solve(inertia, jacobian.T) if inertia.any() else np.zeros((len(jacobian), len(jacobian))),
+    )

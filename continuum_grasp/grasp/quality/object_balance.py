@@ -1,0 +1,220 @@
+"""What the contacts alone could do for the object where everything stays in place: least friction, greatest mass.
+
+Only the object's balance counts: fingers and supports are taken to push with any normal force up to its limit. So the
+least friction found here is never above, and the greatest mass never below, what the fingers can really do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import NumericalError
+from continuum_grasp.grasp.quality.conic_program import ROUNDS, Cones, solve_conic
+from continuum_grasp.grasp.quality.contact_set import ContactSet
+from continuum_grasp.grasp.quality.linear_program import solve_linear
+from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity
+
+__all__ = ["LeastFriction", "greatest_mass", "least_friction"]
+
+Array = NDArray[Any]
+
+MOST = 1e4
+"""Friction coefficients above this are no answer."""
+_SLACK = 1e-9
+"""Excess over a cone, as a part of the weight, that is none."""
+
+
+@dataclass(frozen=True)
+class LeastFriction:
+    """Answer of `least_friction`.
+
+    Attributes
+    ----------
+    factor : float
+        What all friction coefficients must be multiplied with, at least; infinite where none is enough.
+    coefficients : dict
+        The coefficients by contact that this makes [1].
+    forces : ndarray, shape (C, 3)
+        Forces that then balance the object: N, f, lift [N]; NaN where none do.
+    """
+
+    factor: float
+    coefficients: dict[str, float]
+    forces: Array
+
+    @property
+    def enough(self) -> bool:
+        """Whether the scene's own friction is enough for the object's balance."""
+        return self.factor <= 1.0 + 1e-9
+
+
+def least_friction(
+    scene: GraspScene, arrays: Mapping[str, Any], *, same: bool = False, tolerance: float = 1e-8
+) -> LeastFriction:
+    """Least friction with which contact forces within their limits could balance the object where it is.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    arrays : mapping
+        Of a grasp: object's pose, contacts and their normals; forces and fingers are not looked at.
+    same : bool, optional
+        True: one coefficient for all contacts in place of the scene's, ``factor`` being that coefficient. False: the
+        scene's coefficients times a common factor; contacts without friction stay so.
+    tolerance : float, optional
+        Relative.
+
+    Raises
+    ------
+    NumericalError
+        The programmes could not tell.
+    """
+    contacts = ContactSet.of(scene, arrays)
+    balance = _Balance(scene, contacts)
+    base = np.ones(contacts.count) if same else contacts.friction
+    rough = float(base.max(initial=0.0))
+    forces, factor = balance.forces(0.0 * base), 0.0
+    if forces is None:
+        factor = math.inf
+        for trial in (1.0, 10.0, 1e2, 1e3, MOST) if rough > 0.0 else ():
+            forces = balance.forces(base * trial / rough)
+            if forces is not None:
+                factor = balance.used(forces, base)
+                break
+    while forces is not None and factor > 0.0:  # down from one balance to the next, which presses harder and rubs less
+        better = balance.forces(base * factor * (1.0 - tolerance))
+        if better is None:
+            break
+        forces, factor = better, min(balance.used(better, base), factor * (1.0 - tolerance))
+    found = np.full((contacts.count, 3), np.nan) if forces is None else forces
+    coefficients = {n: float(factor * mu) if mu > 0.0 else 0.0 for n, mu in zip(contacts.names, base, strict=True)}
+    return LeastFriction(float(factor), coefficients, found)
+
+
+def greatest_mass(scene: GraspScene, arrays: Mapping[str, Any]) -> float:
+    """Greatest mass that contact forces within their limits could hold where everything is [kg].
+
+    Infinite without gravity; 0 where the contacts can balance no weight at all.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    arrays : mapping
+        Of a grasp, as in `least_friction`.
+    """
+    contacts = ContactSet.of(scene, arrays)
+    balance = _Balance(scene, contacts)
+    if balance.weight_per_mass == 0.0:
+        return float("inf")
+    return balance.greatest(contacts.friction)
+
+
+class _Balance:
+    """The object's balance over (N, f, lift) of each contact and the mass, in units of a force and of its weight."""
+
+    def __init__(self, scene: GraspScene, contacts: ContactSet) -> None:
+        count = contacts.count
+        lifted = isinstance(scene.gravity, OutOfPlaneGravity)
+        direction = np.zeros(3)
+        self.weight_per_mass = 0.0
+        if isinstance(scene.gravity, OutOfPlaneGravity):
+            self.weight_per_mass = scene.gravity.magnitude
+        elif scene.gravity.mode == "planar":
+            direction[:2] = scene.gravity.vector
+            self.weight_per_mass = float(np.hypot(*direction[:2]))
+            direction /= max(self.weight_per_mass, 1e-300)
+        self.count, self.lifted = count, lifted
+        most = float(contacts.normal_max.max(initial=0.0)) or 1.0
+        self.weight = scene.object.mass * self.weight_per_mass
+        self.force = self.weight if 0.0 < self.weight < most else most
+        length = max(float(np.abs(contacts.arms).max(initial=0.0)), 1e-300)
+        rows = np.zeros((6, 3 * count + 1))
+        grasp = contacts.wrench_map() / np.array([1.0, 1.0, length])[:, None, None]
+        rows[:3, :-1].reshape(3, count, 3)[:, :, :2] = grasp
+        rows[:3, -1] = direction
+        if lifted:
+            lifts = rows[3:, :-1].reshape(3, count, 3)
+            lifts[0, :, 2] = 1.0
+            rows[3, -1] = -1.0
+            if scene.gravity.tilt == "balance":  # type: ignore[union-attr]
+                lifts[1:, :, 2] = contacts.arms.T / length
+        self.rows = rows
+        self.normal_max = contacts.normal_max / self.force
+        matrix = np.zeros((count, 2, 3 * count + 1))
+        width = np.zeros((count, 3 * count + 1))
+        for k in range(count):
+            matrix[k, 0, 3 * k + 1] = 1.0
+            matrix[k, 1, 3 * k + 2] = 1.0 if lifted else 0.0
+            width[k, 3 * k] = 1.0
+        self.cones = Cones.made(matrix, np.zeros((count, 2)), width, np.zeros(count))
+        self._unit_width = width
+
+    def forces(self, friction: Array) -> Array | None:
+        """Forces (C, 3) [N] that balance the object's own weight, None where there are none.
+
+        Over N, and friction forces as parts of their coefficients, the greatest excess over a cone is made as small
+        as can be.
+        """
+        size, weight = 3 * self.count, self.weight / self.force
+        turned = np.ones((self.count, 3))
+        turned[:, 1:] = friction[:, None]
+        rows = np.column_stack([self.rows[:, :-1] * turned.ravel(), np.zeros(6)])
+        lower, upper = self._bounds(weight, weight)
+        lower[-1], upper[-1] = -float(self.normal_max.max(initial=0.0)), 2.0 * float(self.normal_max.sum()) + 1.0
+        cones = self.cones
+        cones.width = np.column_stack([self._unit_width[:, :-1], np.ones(self.count)])
+        for _ in range(ROUNDS):
+            planes, limit = cones.planes()
+            found = solve_linear(
+                np.append(np.zeros(size), 1.0),
+                np.concatenate([rows, planes]),
+                np.concatenate([-self.rows[:, -1] * weight, np.full(limit.size, -np.inf)]),
+                np.concatenate([-self.rows[:, -1] * weight, limit]),
+                lower,
+                upper,
+            )
+            if found.status == "infeasible" or (found.optimal and found.x[-1] > _SLACK):
+                return None
+            if not found.optimal:
+                break
+            shares = found.x[:-1].reshape(self.count, 3)
+            if (np.hypot(shares[:, 1], shares[:, 2]) - shares[:, 0]).max(initial=0.0) <= 2.0 * _SLACK:
+                return np.asarray(shares * turned * self.force)
+            if not cones.cut(found.x):
+                return np.asarray(shares * turned * self.force)
+        raise NumericalError("the balance of the object could not be told from imbalance")
+
+    def used(self, forces: Array, base: Array) -> float:
+        """Greatest friction per normal force and coefficient."""
+        rubbing = np.hypot(forces[:, 1], forces[:, 2])
+        live = (rubbing > _SLACK * self.force) & (base > 0.0)
+        return float((rubbing[live] / np.maximum(base[live] * forces[live, 0], 1e-300)).max(initial=0.0))
+
+    def greatest(self, friction: Array) -> float:
+        """Greatest mass [kg]."""
+        most = float(self.normal_max.sum()) * (1.0 + float(friction.max(initial=0.0))) + 1.0
+        lower, upper = self._bounds(0.0, most)
+        cost = np.zeros(3 * self.count + 1)
+        cost[-1] = -1.0
+        cones = Cones(
+            self.cones.matrix, self.cones.offset, self._unit_width * friction[:, None], self.cones.room, self.cones.cuts
+        )
+        found = solve_conic(cost, self.rows, 0.0, 0.0, lower, upper, cones)
+        if not found.optimal:  # without weight nothing has to push
+            raise NumericalError("the greatest mass could not be computed")
+        return max(0.0, float(found.x[-1])) * self.force / self.weight_per_mass
+
+    def _bounds(self, least: float, most: float) -> tuple[Array, Array]:
+        lower, upper = np.zeros(3 * self.count + 1), np.zeros(3 * self.count + 1)
+        reach = np.repeat(1e6 * self.normal_max[:, None], 2, axis=1)
+        lower[:-1].reshape(-1, 3)[:, 1:] = -reach
+        upper[:-1].reshape(-1, 3)[:, 0] = self.normal_max
+        upper[:-1].reshape(-1, 3)[:, 1:] = reach if self.lifted else reach * np.array([1.0, 0.0])
+        lower[-1], upper[-1] = least, most
+        return lower, upper

@@ -1,0 +1,173 @@
+"""Everything that says how good a grasp is, in one place; what costs time is computed when it is first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.quality.contact_set import ContactSet
+from continuum_grasp.grasp.quality.mag_like import MagLike, mag_like
+from continuum_grasp.grasp.quality.resistance import Resistance, resistance, resistance_polygon
+from continuum_grasp.grasp.quality.response import GraspResponse
+from continuum_grasp.grasp.quality.wrench_space import WrenchSpace, wrench_space
+from continuum_grasp.scene.grasp import GraspScene
+
+__all__ = ["Quality", "grasp_quality"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Indices of a grasp; definitions and sources are in ``docs/grasp_quality.md``.
+
+    Attributes
+    ----------
+    scene : GraspScene
+    arrays : mapping
+        Of the grasp.
+    """
+
+    scene: GraspScene = field(repr=False)
+    arrays: Mapping[str, Any] = field(repr=False)
+
+    @property
+    def torque_scale(self) -> float:
+        """Length that turns a moment into the force that counts as much [m]."""
+        return float(self.scene.torque_scale)
+
+    @cached_property
+    def wrench_space(self) -> WrenchSpace:
+        """Wrenches of all contacts, supports included."""
+        return wrench_space(self.scene, self.arrays)
+
+    @property
+    def epsilon_l1(self) -> float:
+        """Ferrari-Canny quality with normal forces that add up to one; negative: no force closure [1]."""
+        return self.wrench_space.epsilon_l1
+
+    @property
+    def epsilon_linf(self) -> float:
+        """Ferrari-Canny quality with normal forces of up to one each; 0: no force closure [1]."""
+        return self.wrench_space.epsilon_linf
+
+    @property
+    def min_weight(self) -> float:
+        """Min-weight metric; 0: no force closure [1]."""
+        return self.wrench_space.min_weight
+
+    @cached_property
+    def response(self) -> GraspResponse:
+        """How the grasp gives way to a small wrench."""
+        return GraspResponse(self.scene, self.arrays)
+
+    @cached_property
+    def resistance(self) -> Resistance:
+        """Greatest multiples of the scene's disturbances that fingers and tendons resist."""
+        return resistance(self.scene, self.arrays, response=self.response)
+
+    @cached_property
+    def resistance_polygon(self) -> Array:
+        """Greatest pure forces at the centre of mass, in 36 directions, shape (36, 2) [N]."""
+        return resistance_polygon(self.scene, self.arrays, response=self.response)
+
+    @cached_property
+    def friction_margins(self) -> dict[str, float]:
+        """1 - |friction force| / (coefficient * normal force) by contact; contacts without friction are left out."""
+        contacts = ContactSet.of(self.scene, self.arrays)
+        margins = {}
+        for name, (normal, friction, lift), mu in zip(contacts.names, contacts.forces, contacts.friction, strict=True):
+            if mu > 0.0:
+                margins[name] = float(1.0 - np.hypot(friction, lift) / (mu * normal)) if normal > 0.0 else 0.0
+        return margins
+
+    @property
+    def friction_margin(self) -> float:
+        """Least of the friction margins; 0: a contact is about to slip [1]."""
+        return min(self.friction_margins.values(), default=0.0)
+
+    @cached_property
+    def tension_margin(self) -> float:
+        """Least of 1 - tension / greatest tension over the tendons [1]."""
+        margins = [
+            1.0 - float(np.max(self.arrays[f"{setup.name}.tensions"])) / setup.finger.tendons.max_tension
+            for setup in self.scene.setups
+            if setup.finger.tendons is not None
+        ]
+        return min(margins, default=1.0)
+
+    @cached_property
+    def normal_force_spread(self) -> float:
+        """(greatest - least) / greatest normal force; 0: all contacts press alike [1]."""
+        normal = ContactSet.of(self.scene, self.arrays).forces[:, 0]
+        most = float(normal.max(initial=0.0))
+        return 0.0 if most <= 0.0 else float(1.0 - normal.min() / most)
+
+    @cached_property
+    def mag_like(self) -> MagLike:
+        """Multi-aspect index, of this toolkit's own definition, for carrying the object without turning it."""
+        return mag_like(self.scene, self.arrays)
+
+    def rows(self) -> tuple[tuple[str, float, str, str], ...]:
+        """Name, value, unit and meaning of every index, for tables."""
+        held = self.resistance
+        tendons = "tensions chosen anew" if held.tendons == "retensioned" else "tendons locked"
+        per = f"moments per {self.torque_scale:.3g} m"
+        return (
+            ("disturbance_margin", held.least, "1", f"least multiple of the disturbances that is resisted; {tendons}"),
+            ("friction_margin", self.friction_margin, "1", "share of the friction cone that is left, worst contact"),
+            ("tension_margin", self.tension_margin, "1", "share of the greatest tension that is left, worst tendon"),
+            ("normal_force_spread", self.normal_force_spread, "1", "(greatest - least) / greatest normal force"),
+            ("epsilon_l1", self.epsilon_l1, "1", f"Ferrari-Canny, normal forces add up to one; {per}; < 0: no closure"),
+            ("epsilon_linf", self.epsilon_linf, "1", f"Ferrari-Canny, normal forces up to one each; {per}"),
+            (
+                "min_weight",
+                self.min_weight,
+                "1",
+                "least weight of a cone edge in the best balance of all; 0: no closure",
+            ),
+            (
+                "mag_like",
+                self.mag_like.value,
+                "1",
+                "multi-aspect index, own definition; object, configuration, kinetics",
+            ),
+        )
+
+    def data(self) -> dict[str, Any]:
+        """Everything as plain numbers, strings, lists and mappings; factors without a limit are infinite."""
+        held, mag = self.resistance, self.mag_like
+        return {
+            **{name: value for name, value, _, _ in self.rows()},
+            "torque_scale": self.torque_scale,
+            "friction_margins": self.friction_margins,
+            "resistance": {
+                "tendons": held.tendons,
+                "stable": held.stable,
+                "wrenches": held.wrenches.tolist(),
+                "factors": held.factors.tolist(),
+                "limiting": [list(words) for words in held.limiting],
+            },
+            "mag_like_aspects": {
+                "object": mag.object_aspect,
+                "configuration": mag.configuration_aspect,
+                "kinetic": mag.kinetic_aspect,
+            },
+        }
+
+
+def grasp_quality(scene: GraspScene, arrays: Mapping[str, Any]) -> Quality:
+    """Indices of a grasp from its stored numbers.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    arrays : mapping
+        Of the grasp, as a run folder stores them.
+    """
+    return Quality(scene, arrays)

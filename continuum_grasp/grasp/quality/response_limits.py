@@ -1,0 +1,180 @@
+"""The limits that a grasp meets as it gives way: cones, normal forces, tensions, and how far things may move."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.quality.conic_program import Cones, solve_conic
+from continuum_grasp.grasp.quality.ray import way, way_in_cone
+from continuum_grasp.grasp.quality.response import Change, GraspResponse, Tendons
+from continuum_grasp.scene.grasp import FingerSetup
+
+__all__ = ["ResponseLimits", "difference_range"]
+
+Array = NDArray[Any]
+
+UNLIMITED = 1e4
+"""A disturbance that makes forces this many times the greatest limit of a contact is not limited."""
+TURN = 3.0
+_CALM = 1e-7
+"""Cost of a change of tension beside that of the factor, both scaled."""
+_ACTIVE = 1e-6
+"""Part of the force scale within which a limit counts as reached."""
+
+Answer = tuple[float, tuple[str, ...], Array]
+"""Greatest factor, what limits it, motion of the object there."""
+_NOWHERE = np.full(3, np.nan)
+
+
+class ResponseLimits:
+    """Limits of contact forces, tensions and motions along the response.
+
+    Parameters
+    ----------
+    response : GraspResponse
+    tendons : {"retensioned", "locked"}
+    give : float
+        As in `continuum_grasp.grasp.quality.resistance.resistance`; infinite for none.
+    """
+
+    def __init__(self, response: GraspResponse, tendons: Tendons, give: float) -> None:
+        contacts = response.contacts
+        self.names, self.setups = contacts.names, response.setups
+        self.unit: Change = response.to_wrenches(tendons)
+        self.retensioned: Change | None = response.to_tensions() if tendons == "retensioned" else None
+        self.forces = contacts.forces
+        self.friction, self.normal_max = contacts.friction, contacts.normal_max
+        self.scale = max(float(np.abs(contacts.forces).max(initial=0.0)), 1e-3 * float(contacts.normal_max.max()))
+        slack = _ACTIVE * self.scale
+        over = np.hypot(self.forces[:, 1], self.forces[:, 2]) - self.friction * self.forces[:, 0]
+        self.room = np.where((over > 0.0) & (over < 10.0 * slack), over, 0.0)  # what rounding put outside is let be
+        self.low = np.where(self.forces[:, 0] > -slack, np.minimum(self.forces[:, 0], 0.0), 0.0)
+        near = self.forces[:, 0] < self.normal_max + slack
+        self.high = np.where(near, np.maximum(self.normal_max, self.forces[:, 0]), self.normal_max)
+        ranges = [
+            difference_range(setup, pair, tendons) for setup, pair in zip(self.setups, response.tensions, strict=True)
+        ]
+        self.ranges = np.array(ranges).reshape(-1, 2)
+        size = response.scene.object.size
+        self.reach = give * np.array([size, size, 1.0, *(TURN for _ in self.setups)])
+        """Greatest motions of the object and turns of the tips."""
+        self._cuts: list[tuple[int, Array]] | None = None
+
+    def greatest(self, wrench: Array) -> Answer:
+        """Greatest factor of a wrench, what limits it, and the motion of the object there."""
+        along = self.unit.forces @ wrench
+        motion = np.concatenate([self.unit.pose @ wrench, self.unit.bends @ wrench])
+        if self.retensioned is None:
+            return self._ray(along, self.unit.differences @ wrench, motion)
+        return self._programme(along, motion, self.retensioned)
+
+    def _ray(self, along: Array, differences: Array, motion: Array) -> Answer:
+        """Forces and tensions change in proportion: the first limit that is met."""
+        still = np.zeros(len(self.setups))
+        if (np.hypot(*self.forces[:, 1:].T) > self.friction * self.forces[:, 0] + self.room).any():
+            return 0.0, self._reached(self.forces, still, 0.0 * motion), np.zeros(3)
+        ways = [math.inf]
+        for k in range(len(self.names)):
+            dn, df = along[k]
+            ways.append(way(self.forces[k, 0], dn, self.low[k], self.high[k]))
+            ways.append(way_in_cone(self.forces[k], dn, df, self.friction[k], self.room[k]))
+        ways += [way(0.0, d, a, b) for d, (a, b) in zip(differences, self.ranges, strict=True)]
+        ways += [way(0.0, d, -most, most) for d, most in zip(motion, self.reach, strict=True)]
+        factor = max(0.0, min(ways))
+        if factor * max(float(np.abs(along).max(initial=0.0)), 1e-300) > UNLIMITED * float(self.normal_max.max()):
+            return math.inf, (), _NOWHERE
+        forces = self.forces.copy()
+        forces[:, :2] += factor * along
+        return factor, self._reached(forces, factor * differences, factor * motion), factor * motion[:3]
+
+    def _programme(self, along: Array, motion: Array, retensioned: Change) -> Answer:
+        """Tensions are free within their limits: the greatest factor by a conic programme over it and by how much they
+        grow and fall; of all ways to get there, the one that changes them least.
+        """
+        count, free = len(self.names), np.flatnonzero(self.ranges[:, 1] > self.ranges[:, 0])
+        reach = float(np.abs(along).max(initial=0.0))
+        if reach == 0.0:
+            return math.inf, (), _NOWHERE
+        unit, spans = self.scale / reach, np.abs(self.ranges[free]).max(axis=1)
+        both = np.concatenate([spans, -spans])
+        effect = np.zeros((count, 2, 1 + both.size))
+        effect[:, :, 0] = along / reach
+        effect[:, :, 1:] = np.tile(retensioned.forces[:, :, free], 2) * both / self.scale
+        moved = np.tile(np.concatenate([retensioned.pose, retensioned.bends])[:, free], 2) * both
+        moves = np.column_stack([motion * unit, moved])
+        matrix = np.zeros_like(effect)
+        matrix[:, 0] = effect[:, 1]
+        cones = Cones.made(
+            matrix,
+            self.forces[:, 1:] / self.scale,
+            self.friction[:, None] * effect[:, 0],
+            (self.friction * self.forces[:, 0] + self.room) / self.scale,
+        )
+        if self._cuts is not None:
+            cones.cuts = list(self._cuts)
+        most = UNLIMITED * float(self.normal_max.max()) / self.scale
+        normal, bound = self.forces[:, 0], np.where(np.isfinite(self.reach), 1.0, np.inf)
+        scaled = moves / np.where(np.isfinite(self.reach), self.reach, 1.0)[:, None]
+        rows = np.concatenate([effect[:, 0], scaled])
+        row_low = np.concatenate([(self.low - normal) / self.scale, -bound])
+        row_high = np.concatenate([(self.high - normal) / self.scale, bound])
+        upper = np.concatenate([[most], self.ranges[free, 1] / spans, -self.ranges[free, 0] / spans])
+        found = solve_conic(np.append(-1.0, np.full(both.size, _CALM)), rows, row_low, row_high, 0.0, upper, cones)
+        changes = np.zeros(len(self.setups))
+        if found.status == "infeasible":
+            return 0.0, self._reached(self.forces, changes, 0.0 * motion), np.zeros(3)
+        if not found.optimal:
+            return math.nan, ("not computed",), _NOWHERE
+        self._cuts = cones.cuts
+        if found.x[0] >= most * (1.0 - 1e-9):
+            return math.inf, (), _NOWHERE
+        forces = self.forces.copy()
+        forces[:, :2] += self.scale * (effect @ found.x)
+        changes[free] = (found.x[1:] * both).reshape(2, -1).sum(axis=0)
+        way_there = moves @ found.x
+        return float(found.x[0] * unit), self._reached(forces, changes, way_there), way_there[:3]
+
+    def _reached(self, forces: Array, changes: Array, motion: Array) -> tuple[str, ...]:
+        """Names of the limits that are reached or passed."""
+        slack, words = _ACTIVE * max(self.scale, float(np.abs(forces).max(initial=0.0))), []
+        for k, name in enumerate(self.names):
+            normal, friction, lift = forces[k]
+            if normal <= self.low[k] + slack:
+                words.append(f"{name} parts")
+            elif math.hypot(friction, lift) >= self.friction[k] * normal + self.room[k] - slack:
+                words.append(f"{name} slips")
+            if normal >= self.high[k] - slack:
+                words.append(f"{name} is pressed too hard")
+        for setup, change, (least, most) in zip(self.setups, changes, self.ranges, strict=True):
+            if change <= least + _ACTIVE * (most - least) or change >= most - _ACTIVE * (most - least):
+                words.append(f"{setup.name} is at its tension limit")
+        far = np.abs(motion) >= self.reach * (1.0 - _ACTIVE)
+        words += ["the object moves"] if far[:3].any() else []
+        words += [f"{setup.name} bends" for setup, much in zip(self.setups, far[3:], strict=True) if much]
+        return tuple(words)
+
+
+def difference_range(setup: FingerSetup, tensions: Array, tendons: Tendons) -> tuple[float, float]:
+    """By how much tension 1 less tension 2 may change [N].
+
+    Locked antagonists share a change equally, until one would fall below the least tension; it stays there and the
+    other takes the rest.
+    """
+    held = setup.finger.tendons
+    if held is None:
+        return 0.0, 0.0
+    least, most, used = held.min_tension, held.max_tension, setup.finger.tendons_used
+    now = float(tensions[0] - tensions[1])
+    if used != "both":
+        low, high = (least - now, most - now) if used == "left" else (-most - now, -least - now)
+    elif tendons == "retensioned":
+        low, high = least - most - now, most - least - now
+    else:
+        spare = np.maximum(most - tensions, 0.0), np.maximum(tensions - least, 0.0)
+        high = float(min(2.0 * spare[0][0], spare[0][0] + spare[1][1]))
+        low = -float(min(2.0 * spare[0][1], spare[0][1] + spare[1][0]))
+    return min(low, 0.0), max(high, 0.0)

@@ -1,0 +1,218 @@
+"""The numbers of reasons, found once more by linear programming at the posture that the optimiser ended at.
+
+Where shapes and places are given, every equation of a grasp is linear in tensions and contact forces. So the least
+tension, friction coefficient or normal force limit, the greatest mass, and the least moment that tilts, are optima of
+linear programmes (with second-order cones out of the plane), which need no start and know no local optima. Nothing is
+shared with the optimiser: the equations are the certificate's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.programme.relaxations import RELAXATIONS
+from continuum_grasp.grasp.quality.conic_program import Cones, solve_conic
+from continuum_grasp.grasp.quality.linear_program import LinearOutcome
+from continuum_grasp.grasp.reasons.posture_statics import PostureStatics
+from continuum_grasp.grasp.verification.check import EQUILIBRIUM
+from continuum_grasp.scene.grasp import GraspScene
+
+__all__ = ["Confirmed", "confirm", "least_amount"]
+
+Array = NDArray[Any]
+
+OFF = 0.2 * EQUILIBRIUM
+"""By what part equations may be off: a given posture is never exact, and with many elements there are more equations
+than forces. Well below what the certificate lets pass."""
+PRECISION = 1e-6
+"""Of a friction coefficient, relative."""
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """What a linear programme says of a reason.
+
+    Attributes
+    ----------
+    amount : float
+        Least amount by which the limit must give way at the posture.
+    arrays : dict
+        The posture with the tensions and contact forces of that amount.
+    """
+
+    amount: float
+    arrays: dict[str, Array]
+
+
+def confirm(name: str, scene: GraspScene, arrays: Mapping[str, Any], amount: float) -> float | None:
+    """What a limit would have to be at a posture, by linear programming.
+
+    Parameters
+    ----------
+    name : str
+        Of the relaxation.
+    scene : GraspScene
+        With its limit as it is.
+    arrays : mapping
+        Of the grasp that there is with the relaxed limit, as `continuum_grasp.grasp.certify` takes them.
+    amount : float
+        By how much the limit gave way there.
+
+    Returns
+    -------
+    float or None
+        In the unit of the limit, as ``Relaxation.value`` gives; None where no linear programme can tell: for limits of
+        the shape, and where the programme fails.
+    """
+    found = least_amount(name, scene, arrays, amount)
+    if found is None:
+        return None
+    return next(r for r in RELAXATIONS if r.name == name).value(scene, found.amount)
+
+
+def least_amount(name: str, scene: GraspScene, arrays: Mapping[str, Any], amount: float) -> Confirmed | None:
+    """By how much a limit must give way at least at a posture, and the forces that then hold; see `confirm`."""
+    ask = _ASKED.get(name)
+    if ask is None:
+        return None
+    statics = PostureStatics.of(scene, arrays)
+    found = ask(_Programme(statics), amount)
+    if found is None:
+        return None
+    least, x = found
+    tensions, forces = x[: statics.tensions].reshape(-1, 2), x[statics.tensions :].reshape(-1, 3)
+    changed = {key: np.asarray(value) for key, value in arrays.items()} | {"contact_forces": forces * statics.force}
+    for setup, pair in zip(scene.setups, tensions, strict=True):
+        changed[f"{setup.name}.tensions"] = pair * statics.force
+    return Confirmed(least, changed)
+
+
+class _Programme:
+    """Programmes over the tensions and forces x and the amount z, which comes last."""
+
+    def __init__(self, statics: PostureStatics) -> None:
+        self.statics = statics
+        self.size = statics.own.size
+        self.normals = np.arange(statics.tensions, self.size, 3)
+        self._cuts: list[tuple[int, Array]] | None = None
+
+    def least(
+        self,
+        *,
+        along: Array | None = None,
+        most: float = np.inf,
+        give: Array | None = None,
+        tilted: bool = False,
+        added: float = 0.0,
+    ) -> LinearOutcome:
+        """Least z for which x keeps everything.
+
+        Parameters
+        ----------
+        along : ndarray, shape (m,), optional
+            What z adds to the rows.
+        most : float
+            Of z.
+        give : ndarray of int, optional
+            Indices of tensions or forces whose upper limits z is added to.
+        tilted : bool
+            The norm of the tilting moment may be z, instead of zero.
+        added : float
+            To all friction coefficients.
+        """
+        s, size = self.statics, self.size
+        rows = np.column_stack([s.rows, np.zeros(len(s.rows)) if along is None else along])
+        middle, wide = s.right - s.weight, np.full(len(s.rows), OFF)
+        blocks, lower, upper = [rows], [middle - wide], [middle + wide]
+        if not tilted and s.balances_tilt:
+            blocks.append(np.column_stack([s.tilt, np.zeros(2)]))
+            lower.append(np.full(2, -OFF))
+            upper.append(np.full(2, OFF))
+        highest = np.append(s.most, most)
+        if give is not None and give.size:
+            room = np.zeros((give.size, size + 1))
+            room[np.arange(give.size), give], room[:, -1] = 1.0, -1.0
+            blocks.append(room)
+            lower.append(np.full(give.size, -np.inf))
+            upper.append(s.most[give])
+            highest[give] = np.inf
+        cost = np.zeros(size + 1)
+        cost[-1] = 1.0
+        cones = self._cones(s.friction + added, tilted)
+        bounds = np.append(s.least, 0.0), highest
+        return solve_conic(cost, np.concatenate(blocks), np.concatenate(lower), np.concatenate(upper), *bounds, cones)
+
+    def _cones(self, friction: Array, tilted: bool) -> Cones:
+        count = self.normals.size
+        matrix, width = np.zeros((count + tilted, 2, self.size + 1)), np.zeros((count + tilted, self.size + 1))
+        for k, n in enumerate(self.normals):
+            matrix[k, 0, n + 1] = 1.0
+            matrix[k, 1, n + 2] = float(self.statics.most[n + 2] > 0.0)
+            width[k, n] = friction[k]
+        if tilted:
+            matrix[-1, :, :-1] = self.statics.tilt
+            width[-1, -1] = 1.0
+        cones = Cones.made(matrix, np.zeros((count + tilted, 2)), width, np.zeros(count + tilted))
+        if self._cuts is not None:  # tangent planes hold for every coefficient
+            cones.cuts = self._cuts
+        self._cuts = cones.cuts
+        return cones
+
+
+def _found(outcome: LinearOutcome, unit: float) -> tuple[float, Array] | None:
+    return (max(0.0, float(outcome.x[-1])) * unit, outcome.x[:-1]) if outcome.optimal else None
+
+
+def _tension(programme: _Programme, amount: float) -> tuple[float, Array] | None:
+    s = programme.statics
+    used = np.flatnonzero(s.most[: s.tensions] > 0.0)
+    return _found(programme.least(give=used), s.force)
+
+
+def _normal_force(programme: _Programme, amount: float) -> tuple[float, Array] | None:
+    return _found(programme.least(give=programme.normals), programme.statics.force)
+
+
+def _mass(programme: _Programme, amount: float) -> tuple[float, Array] | None:
+    return _found(programme.least(along=-programme.statics.weight, most=1.0), 1.0)
+
+
+def _tilt(programme: _Programme, amount: float) -> tuple[float, Array] | None:
+    return _found(programme.least(tilted=True), programme.statics.moment)
+
+
+def _friction(programme: _Programme, amount: float) -> tuple[float, Array] | None:
+    """By halving: whether forces hold is a programme for each coefficient."""
+    high, best = 0.0, None
+    for more in (1e-5, 1e-3, 1e-1):
+        high = amount * (1.0 + more)
+        best = programme.least(added=high)
+        if best.optimal:
+            break
+    if best is None or not best.optimal:
+        return None
+    low, guess = 0.0, amount * (1.0 - 1e-5)
+    while high - low > PRECISION * (high + float(programme.statics.friction.max(initial=0.0))):
+        found = programme.least(added=guess)
+        if found.status == "infeasible":
+            low = guess
+        elif found.optimal:
+            high, best = guess, found
+        else:
+            return None
+        guess = 0.5 * (low + high)
+    return high, best.x[:-1]
+
+
+_ASKED: dict[str, Callable[[_Programme, float], tuple[float, Array] | None]] = {
+    "tension": _tension,
+    "friction": _friction,
+    "mass": _mass,
+    "normal force": _normal_force,
+    "tilt balance": _tilt,
+}

@@ -1,0 +1,134 @@
+"""Why a scene has no grasp: each limit is given way to alone, and what it then takes is the reason."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from continuum_grasp.grasp.programme.relaxations import RELAXATIONS, Relaxation
+from continuum_grasp.grasp.reasons.repairs import Repair, Repairs
+from continuum_grasp.grasp.result import Reason
+from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.starts.starts import Start
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene, OutOfPlaneGravity
+from continuum_grasp.scene.objects import Freedom
+
+__all__ = ["find_reasons", "out_of_reach"]
+
+FIRST, MORE = 4, 8
+"""Starts per limit, and per limit that makes a grasp, or per limit again if none does."""
+
+
+def out_of_reach(scene: GraspScene) -> Reason | None:
+    """The exact test of distance: no shape at all can touch."""
+    worst: tuple[float, float, float] | None = None
+    for setup in scene.setups:
+        needed = "on" in (*setup.middles, setup.tip) or len(scene.setups) == 1
+        distance, reach = _distance(scene, setup), _reach(setup)
+        if needed and distance > reach and (worst is None or distance - reach > worst[0]):
+            worst = distance - reach, distance, reach
+    if worst is None:
+        return None
+    missing, distance, reach = worst
+    text = f"the object is out of reach: it is {distance:.4g} m from the base, {reach:.4g} m can be reached"
+    repair = f"bring object and base nearer to each other, by {missing:.4g} m at least"
+    return Reason("reach", "object.position", "m", distance, reach, text, repair)
+
+
+def _reach(setup: FingerSetup) -> float:
+    """How far from its base a finger can touch at most [m]."""
+    length = setup.finger.rod.length
+    middle = setup.middle_bounds[1] if "on" in setup.middles else length
+    return min(middle, length) + setup.finger.thickness_radius
+
+
+def _distance(scene: GraspScene, setup: FingerSetup) -> float:
+    """Least distance between a base and the object's surface [m]; a lower bound where a pose is free."""
+    x, y = setup.finger.base.position
+    thing = scene.object
+    if thing.free is None and setup.finger.base_free is None:
+        return thing.distance((x, y))
+    c, s = math.cos(thing.angle), math.sin(thing.angle)
+    com = (
+        thing.position[0] + c * thing.com[0] - s * thing.com[1],
+        thing.position[1] + s * thing.com[0] + c * thing.com[1],
+    )
+    turns = thing.free is not None and thing.free.angle is not None
+    away = math.dist((x, y), com) - thing.size if turns else thing.distance((x, y))
+    slack = math.dist(com, thing.position) if turns else 0.0
+    return away - slack - _shift(thing.free, thing.position) - _shift(setup.finger.base_free, (x, y))
+
+
+def _shift(free: Freedom | None, at: tuple[float, float]) -> float:
+    """How far a pose may move at most [m]."""
+    if free is None:
+        return 0.0
+    spans = [max(b[1] - v, v - b[0]) if b else 0.0 for b, v in zip((free.x, free.y), at, strict=True)]
+    return math.hypot(*spans)
+
+
+def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
+    """The limits each of which, given way to alone, makes a grasp that the certificate confirms.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    search : Search
+        A search without success; its starts are used, and grasps that turn up after all are added to it.
+
+    Returns
+    -------
+    list of Reason
+        Those that the scene has a number for first, by how small a factor is missing.
+    """
+    repairs = Repairs(scene, search)
+    starts: dict[str, list[Start]] = {}
+    for relaxation in _sensible(scene):
+        if search.late:
+            break
+        starts[relaxation.name] = repairs.starts(relaxation)
+        repairs.try_starts(relaxation, starts[relaxation.name][:FIRST])
+    for relaxation in repairs.relaxations or [r for r in RELAXATIONS if r.name in starts]:
+        repairs.go_on(relaxation)
+        repairs.try_starts(relaxation, starts[relaxation.name][FIRST:MORE])
+        if relaxation.name in repairs.found:
+            repairs.try_starts(relaxation, repairs.starts(relaxation)[:MORE])
+        repairs.go_on(relaxation)
+    reasons = [_reason(scene, relaxation, repairs.settled(relaxation)) for relaxation in repairs.relaxations]
+    return sorted(reasons, key=_rank)
+
+
+def _reason(scene: GraspScene, relaxation: Relaxation, repair: Repair) -> Reason:
+    limit, needed = relaxation.limit(scene), relaxation.value(scene, repair.amount)
+    text, confirmed = relaxation.sentence(scene, repair.amount), None
+    if repair.confirmed is not None:
+        confirmed = relaxation.value(scene, repair.confirmed)
+        text += f" ({confirmed:.4g} by linear programming at that posture)"
+    advice = relaxation.advice(scene, repair.amount)
+    return Reason(relaxation.name, relaxation.key, relaxation.unit, limit, needed, text, advice, confirmed)
+
+
+def _rank(reason: Reason) -> tuple[bool, float, int]:
+    """Limits that the scene has a number for come first, by the factor that they are off; then the order of trial."""
+    order = [relaxation.name for relaxation in RELAXATIONS].index(reason.name)
+    if reason.limit <= 0.0 or reason.needed <= 0.0:
+        return True, 0.0, order
+    return False, round(abs(math.log(reason.needed / reason.limit)), 2), order
+
+
+def _sensible(scene: GraspScene) -> Iterator[Relaxation]:
+    for relaxation in RELAXATIONS:
+        if relaxation.name == "mass" and scene.weight == 0.0:
+            continue
+        if relaxation.name == "tilt balance" and not _balances_tilt(scene):
+            continue
+        if relaxation.name == "room at the supports" and not scene.supports:
+            continue
+        if relaxation.name == "strain" and all(f.strain_limit is None for f in scene.named_fingers.values()):
+            continue
+        yield relaxation
+
+
+def _balances_tilt(scene: GraspScene) -> bool:
+    gravity = scene.gravity
+    return isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance" and scene.object.mass > 0

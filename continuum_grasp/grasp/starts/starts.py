@@ -1,0 +1,114 @@
+"""Starting points for the search: postures that touch, from geometry alone (numpy only).
+
+For each pose of the object that is tried, the postures of every finger are found on their own, combined, and ranked by
+how nearly contact forces and tensions within their limits could balance them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts.starts_force import contact_forces
+from continuum_grasp.grasp.starts.starts_order import spread_order
+from continuum_grasp.grasp.starts.starts_poses import object_poses
+from continuum_grasp.grasp.starts.starts_random import fallback, shaken
+from continuum_grasp.grasp.starts.starts_reach import Reach, reach_report
+from continuum_grasp.grasp.starts.starts_supports import support_contacts, touching_supports
+from continuum_grasp.grasp.starts.starts_values import ContactStart, FingerStart, Start
+from continuum_grasp.grasp.starts.starts_weighing import Weighed, Weighing
+from continuum_grasp.scene.grasp import GraspScene
+
+__all__ = [
+    "ContactStart",
+    "FingerStart",
+    "Reach",
+    "Start",
+    "make_starts",
+    "reach_report",
+    "support_contacts",
+    "touching_supports",
+]
+
+Array = NDArray[Any]
+
+_STEP = 1e-9
+"""Part of the length within which a curvature that steps changes."""
+
+
+def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.random.Generator) -> list[Start]:
+    """Starting points with given contacts.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    on : frozenset of str
+        Names of the contacts wanted: those of fingers, and walls and pegs.
+    count : int
+        How many starts.
+    rng : numpy.random.Generator
+        For poses and starts at random; an equal one gives equal starts.
+
+    Returns
+    -------
+    list of Start
+        ``count`` starts, the most promising first, then such that differ from those before. Their labels: "scan"
+        touches everywhere it should and keeps clear; "near" does so as nearly as was found; "random" is one of these,
+        changed at random.
+    """
+    weighing = Weighing(scene, on)
+    found = [at for k, pose in enumerate(object_poses(scene, on)) if (at := weighing.at_pose(pose, k)) is not None]
+    found += weighing.refined(found)
+    starts: list[Start] = []
+    if found:
+        score = np.concatenate([at.score for at in found])
+        order = spread_order(score, np.concatenate([at.features for at in found]), count)
+        owner = np.repeat(np.arange(len(found)), [len(at.score) for at in found])
+        first = np.cumsum([0, *(len(at.score) for at in found)])
+        starts = [_as_start(weighing, found[owner[k]], k - int(first[owner[k]])) for k in order]
+    if not starts:
+        starts = [fallback(scene, weighing.setups, on)]
+    return shaken(scene, weighing.setups, on, starts, count, rng)
+
+
+def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
+    scene, on = weighing.scene, weighing.on
+    fingers: dict[str, FingerStart] = {}
+    contacts: dict[str, ContactStart] = {}
+    forces: dict[str, tuple[float, float, float]] = {}
+    tensions: dict[str, tuple[float, float]] = {}
+    loads, place, balanced = weighing.loads, 0, at.forces[row]
+    for setup, candidates, index in zip(weighing.setups, at.candidates, at.index, strict=True):
+        posture = int(index[row])
+        length = setup.finger.rod.length
+        knots, bent = candidates.knots[posture], candidates.curvatures[posture]
+        kept = np.concatenate([[True], (np.diff(knots) > 1e-9) | (np.abs(np.diff(bent)) > 1e-12)])
+        knots, bent = knots[kept], bent[kept]
+        knots[:-1] -= _STEP * (np.diff(knots) <= 0.0)
+        x, y, angle = (float(v) for v in candidates.bases[posture])
+        fingers[setup.name] = FingerStart(
+            (x, y, angle),
+            tuple(float(s) * length for s in candidates.joints[posture]),
+            (int(candidates.sides[posture]),) * len(setup.middles),
+            tuple(float(s) * length for s in knots),
+            tuple(float(k) / length for k in bent),
+        )
+        names = [n for n in (*setup.middle_names, setup.tip_name) if n in on]
+        size = len(names) * loads.edges
+        forces |= contact_forces(scene, loads, names, balanced[place : place + size])
+        one, two = (float(t) for t in balanced[place + size : place + size + 2])
+        tensions[setup.name] = one, two
+        place += size + 2
+        for column, name in enumerate(names):
+            point = complex(candidates.points[posture, column])
+            contacts[name] = ContactStart(
+                int(candidates.parts[posture, column]),
+                (point.real, point.imag),
+                float(np.remainder(candidates.angles[posture, column] + np.pi, 2 * np.pi) - np.pi),
+            )
+    touched = support_contacts(scene, at.pose, on)
+    forces |= contact_forces(scene, loads, list(touched), balanced[place:])
+    contacts |= touched
+    return Start("near" if at.wrong[row] > 0.0 else "scan", at.pose, fingers, contacts, forces, tensions)

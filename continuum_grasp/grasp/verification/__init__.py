@@ -1,0 +1,1 @@
+"""Verification of a grasp by numpy alone, apart from the search."""
