@@ -355,7 +355,7 @@ def test_pictures_of_a_failure(tmp_path):
 def test_command_saves_a_failure_and_says_so(tmp_path, monkeypatch, status):
     result = failed()
     result = GraspResult(result.scene, status, "too heavy", result.arrays, None, (), (REASON,), "Use two.")
-    monkeypatch.setattr(continuum_grasp.grasp, "optimize_grasp", lambda scene, raise_on_failure: result)
+    monkeypatch.setattr(continuum_grasp.grasp, "optimize_grasp", lambda scene, **options: result)
     config = str(ROOT / "configs" / "grasp" / "heavy_bottle.yaml")
     done = CliRunner().invoke(app, ["grasp", config, "--out", str(tmp_path)])
     assert done.exit_code == 1

@@ -76,8 +76,8 @@ WRONG = {
     "actuation": (lambda: cg.Actuation(), "Actuation: give exactly one of tip_moment and tensions"),
     "object": (lambda: Circle(shape="circle", diameter=0.0, mass=1, position=(0, 0)), "Circle: diameter: out of range"),
     "contacts": (
-        lambda: GraspContacts(friction=0.5, normal_force_max=1.0, middle="off", tip="off"),
-        "GraspContacts: at least one of middle and tip",
+        lambda: GraspContacts(friction=0.5, normal_force_max=1.0, middle_range=(0.1, 0.05)),
+        "GraspContacts: middle_range must increase",
     ),
 }
 

@@ -1,9 +1,9 @@
 """How far a disturbance may grow until a contact slips, parts or is pressed too hard, a tendon is at its limit, or the
 grasp gives way too much.
 
-The fingers move as `continuum_grasp.grasp.quality.response` says: to first order, contacts sticking until the first one
-does not. What soft fingers do far from the stored grasp it cannot tell, so how far things move is limited too. Forces out of
-the plane stay as they are.
+The fingers move as `continuum_grasp.grasp.quality.response` says: to first order, contacts sticking until the first
+one does not. What soft fingers do far from the stored grasp it cannot tell, so how far things move is limited too.
+Forces out of the plane stay as they are.
 """
 
 from __future__ import annotations
