@@ -77,7 +77,7 @@ WRONG = {
     "object": (lambda: Circle(shape="circle", diameter=0.0, mass=1, position=(0, 0)), "Circle: diameter: out of range"),
     "contacts": (
         lambda: GraspContacts(friction=0.5, normal_force_max=1.0, middle_range=(0.1, 0.05)),
-        "GraspContacts: middle_range must increase",
+        "GraspContacts: middle_range: middle_range must increase",
     ),
 }
 
