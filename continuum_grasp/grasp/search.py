@@ -128,10 +128,12 @@ class Search:
     def _from_least_tension(self) -> None:
         """Other aims start from grasps with least tension, which are found more surely."""
         before = Search(self.scene.model_copy(update={"objective": "least_tension"}), self.until)
-        before.run()
-        self.build_seconds += before.build_seconds
-        self.start_seconds += before.start_seconds
-        self.fallback = before.best
+        try:
+            before.run()
+        finally:  # also on Ctrl-C
+            self.build_seconds += before.build_seconds
+            self.start_seconds += before.start_seconds
+            self.fallback = before.best
         for held in sorted(before.good, key=lambda t: t.attempt.objective)[:HELD]:
             if self.late:
                 return
