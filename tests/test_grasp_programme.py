@@ -33,7 +33,8 @@ from continuum_grasp.scene import (
     Tendons,
 )
 from continuum_grasp.scene.load import load
-from continuum_grasp.scene.objects import Freedom, Part
+from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.parts import Part
 from continuum_grasp.scene.simulate import Fidelity
 
 SHARP = Part(((-0.05, -0.03), (0.05, -0.03), (0.05, 0.03), (-0.05, 0.03)))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from continuum_grasp.grasp.verification.surfaces import PlacedObject, nearest, segment_distance, support_point
-from continuum_grasp.scene.objects import Box, Circle, Ellipse, Part, Polygon, RoundedPolygon, Superellipse, Union
+from continuum_grasp.scene.objects import Box, Circle, Ellipse, Polygon, RoundedPolygon, Superellipse, Union
+from continuum_grasp.scene.parts import Part
 
 AT = {"mass": 0.1, "position": (0.02, -0.01), "angle": 0.3}
 CORNERS = ((0.0, 0.0), (0.06, 0.01), (0.05, 0.05), (0.01, 0.04))

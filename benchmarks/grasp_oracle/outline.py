@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.scene.objects import Part
+from continuum_grasp.scene.parts import Part
 
 Array = NDArray[Any]
 CORNERS = 0.05

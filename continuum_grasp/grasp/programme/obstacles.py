@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.scene.objects import Part
+from continuum_grasp.scene.parts import Part
 
 __all__ = ["CORNERS", "Nearest", "nearest", "separation", "smooth_support"]
 

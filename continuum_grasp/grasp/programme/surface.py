@@ -18,7 +18,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.scene.objects import Part
+from continuum_grasp.scene.parts import Part
 
 __all__ = ["Feature", "SurfacePoint", "features", "nearest_feature"]
 

@@ -15,7 +15,7 @@ from continuum_grasp.grasp.programme.problem import FingerState, GraspProblem
 from continuum_grasp.grasp.programme.values import Units
 from continuum_grasp.grasp.starts.scan_curves import sample
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects import Part
+from continuum_grasp.scene.parts import Part
 
 __all__ = ["Sight", "Surroundings"]
 

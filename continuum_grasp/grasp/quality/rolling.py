@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.quality.bent_finger import Section
 from continuum_grasp.grasp.quality.contact_set import ContactSet, object_part
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.objects import Part
+from continuum_grasp.scene.parts import Part
 
 __all__ = ["Rolling", "finger_rolling", "support_rolling", "surface_curvature"]
 

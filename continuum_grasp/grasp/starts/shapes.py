@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.scene.objects import Part
+from continuum_grasp.scene.parts import Part
 
 __all__ = ["Frame", "PolygonShape", "Shape", "SuperellipseShape", "Walk", "make_shape"]
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from continuum_grasp.grasp.starts.shapes import Frame, make_shape
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects import Freedom, Part
+from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.parts import Part
 
 __all__ = ["Reach", "reach_report"]
 

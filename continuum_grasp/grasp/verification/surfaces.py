@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.scene.objects import GraspObject, Part
+from continuum_grasp.scene.objects import GraspObject
+from continuum_grasp.scene.parts import Part
 
 __all__ = ["Nearest", "PlacedObject", "nearest", "segment_distance", "support_point"]
 
