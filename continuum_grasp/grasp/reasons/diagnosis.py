@@ -17,6 +17,8 @@ __all__ = ["find_reasons", "out_of_reach"]
 
 FIRST, MORE = 4, 8
 """Starts per limit, and per limit that makes a grasp, or per limit again if none does."""
+RARE = 1.0
+"""Friction coefficient that few surfaces have."""
 
 
 def out_of_reach(scene: GraspScene) -> Reason | None:
@@ -109,9 +111,12 @@ def _reason(scene: GraspScene, relaxation: Relaxation, repair: Repair) -> Reason
 
 
 def _rank(reason: Reason) -> tuple[bool, float, int]:
-    """Limits that the scene has a number for come first, by the factor that they are off; then the order of trial."""
+    """Limits that the scene has a number for come first, by the factor that they are off, and then in order of trial;
+    a friction that few surfaces have comes after them.
+    """
     order = [relaxation.name for relaxation in RELAXATIONS].index(reason.name)
-    if reason.limit <= 0.0 or reason.needed <= 0.0:
+    rare = reason.name == "friction" and reason.needed > RARE
+    if rare or reason.limit <= 0.0 or reason.needed <= 0.0:
         return True, 0.0, order
     return False, round(abs(math.log(reason.needed / reason.limit)), 2), order
 
