@@ -1,5 +1,6 @@
-"""The physics of the finger, written once as CasADi expressions."""
+"""The physics of the finger and of what it touches, written once as CasADi expressions."""
 
 from continuum_grasp.model.finger_model import FingerModel
+from continuum_grasp.model.system import System
 
-__all__ = ["FingerModel"]
+__all__ = ["FingerModel", "System"]

@@ -199,6 +199,29 @@ class Equations:
         places = [Place(k, fractions[j, k]) for k in range(elements) for j in range(count)]
         return [self.to_world(self.chain.position(place)) for place in places]
 
+    def section_at(self, place: Place) -> tuple[Vec, Scalar]:
+        """World position [m] and angle [rad] of a section."""
+        angle: Scalar = self._par["base_angle"]
+        for bend in self.bends[: place.link]:
+            angle = plus(angle, bend)
+        section = self.chain.links[place.link].link.section(place.fraction)
+        angle = plus(angle, _dot(section.angles, self._family.shape(place.link, self.full)))
+        return self.to_world(self.chain.position(place)), angle
+
+    @cached_property
+    def range_use(self) -> list[Scalar]:
+        """Share of the declared bending range that each element uses."""
+        use: list[Scalar] = []
+        for k, reach in enumerate(self._made.ranges):
+            bends = self._family.shape(k, self.full)
+            if self._made.family_name != "arc":
+                bends = [self.lengths[k] * bend for bend in bends]
+            peak = ca.fabs(ca.SX(bends[0]))
+            for bend in bends[1:]:
+                peak = ca.fmax(peak, ca.fabs(ca.SX(bend)))
+            use.append(peak / reach)
+        return use
+
     # -- forces --------------------------------------------------------------------------------------------------
 
     @cached_property

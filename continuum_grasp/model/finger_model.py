@@ -294,17 +294,7 @@ class FingerModel:
     @cached_property
     def range_use(self) -> ca.Function:
         """Share of the declared bending range that each element uses; above 1 the series lose their accuracy."""
-        eq = self._equations
-        use: list[Scalar] = []
-        for k, reach in enumerate(self.ranges):
-            bends = self.structure.family.shape(k, eq.full)
-            if self.family != "arc":
-                bends = [eq.lengths[k] * bend for bend in bends]
-            peak = ca.fabs(ca.SX(bends[0]))
-            for bend in bends[1:]:
-                peak = ca.fmax(peak, ca.fabs(ca.SX(bend)))
-            use.append(peak / reach)
-        return self._function("range_use", "q u p", use=use)
+        return self._function("range_use", "q u p", use=self._equations.range_use)
 
     @cached_property
     def statics(self) -> ca.Function:
