@@ -10,6 +10,30 @@ from typing import TYPE_CHECKING
 from continuum_grasp._lazy import lazy_names
 
 _ROOMS = {
+    "continuum_grasp.scene.control": (
+        "Bounds",
+        "ControlScene",
+        "Controller",
+        "Cost",
+        "DiscZone",
+        "HalfPlaneZone",
+        "Horizon",
+        "InputLimits",
+        "Penalty",
+        "ShapeWeight",
+    ),
+    "continuum_grasp.scene.estimator": (
+        "BendingSensors",
+        "Disturbed",
+        "Estimator",
+        "Measured",
+    ),
+    "continuum_grasp.scene.plant": ("Plant",),
+    "continuum_grasp.scene.reference": (
+        "CircleReference",
+        "Reference",
+        "RowSamples",
+    ),
     "continuum_grasp.scene.finger": (
         "BasePose",
         "Damping",
@@ -55,6 +79,20 @@ _ROOMS = {
 __all__ = [name for names in _ROOMS.values() for name in names]
 
 if TYPE_CHECKING:
+    from continuum_grasp.scene.control import Bounds as Bounds
+    from continuum_grasp.scene.control import Controller as Controller
+    from continuum_grasp.scene.control import ControlScene as ControlScene
+    from continuum_grasp.scene.control import Cost as Cost
+    from continuum_grasp.scene.control import DiscZone as DiscZone
+    from continuum_grasp.scene.control import HalfPlaneZone as HalfPlaneZone
+    from continuum_grasp.scene.control import Horizon as Horizon
+    from continuum_grasp.scene.control import InputLimits as InputLimits
+    from continuum_grasp.scene.control import Penalty as Penalty
+    from continuum_grasp.scene.control import ShapeWeight as ShapeWeight
+    from continuum_grasp.scene.estimator import BendingSensors as BendingSensors
+    from continuum_grasp.scene.estimator import Disturbed as Disturbed
+    from continuum_grasp.scene.estimator import Estimator as Estimator
+    from continuum_grasp.scene.estimator import Measured as Measured
     from continuum_grasp.scene.finger import BasePose as BasePose
     from continuum_grasp.scene.finger import Damping as Damping
     from continuum_grasp.scene.finger import Finger as Finger
@@ -86,6 +124,10 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.objects import RoundedPolygon as RoundedPolygon
     from continuum_grasp.scene.objects import Superellipse as Superellipse
     from continuum_grasp.scene.objects import Union as Union
+    from continuum_grasp.scene.plant import Plant as Plant
+    from continuum_grasp.scene.reference import CircleReference as CircleReference
+    from continuum_grasp.scene.reference import Reference as Reference
+    from continuum_grasp.scene.reference import RowSamples as RowSamples
     from continuum_grasp.scene.simulate import Fidelity as Fidelity
     from continuum_grasp.scene.simulate import Initial as Initial
     from continuum_grasp.scene.simulate import Scene as Scene

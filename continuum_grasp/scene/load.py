@@ -18,10 +18,11 @@ from continuum_grasp.scene.yaml_loader import read_yaml
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
+    from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.grasp import GraspScene
     from continuum_grasp.scene.sweep import Sweep
 
-    Loaded: TypeAlias = Scene | GraspScene | Finger | Sweep
+    Loaded: TypeAlias = Scene | GraspScene | ControlScene | Finger | Sweep
 
 __all__ = ["assembled", "changed", "kind_of", "load", "load_placed", "model_of", "scene_of", "validated"]
 
@@ -35,7 +36,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
     ----------
     path : path-like
         A YAML file: a scene for simulation, one with parameters to ``estimate``, a grasp (it has an ``object``), a
-        sweep (it names a ``scene``) or a finger (it has a ``rod``).
+        closed loop (it has a ``controller``), a sweep (it names a ``scene``) or a finger (it has a ``rod``).
         Where it says ``finger: other.yaml`` or ``finger: {extends: other.yaml, ...}``, that file is read,
         relative to the file that names it; keys given beside ``extends`` replace those of the other file,
         mappings key by key.
@@ -45,7 +46,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
 
     Returns
     -------
-    Scene, IdentifyScene, GraspScene, Sweep or Finger
+    Scene, IdentifyScene, GraspScene, ControlScene, Sweep or Finger
         By the content of the file; frozen, all values in SI units.
 
     Raises
@@ -109,17 +110,21 @@ def scene_of(given: Scene | str | os.PathLike[str]) -> Scene:
         raise InputError(f"expected a Scene or the path of its file, got {given!r:.80}")
     loaded = load(Path(given))
     if not isinstance(loaded, Scene):
-        got = {"GraspScene": "a grasp", "Sweep": "a sweep"}.get(type(loaded).__name__, "a finger alone")
+        got = {"GraspScene": "a grasp", "Sweep": "a sweep", "ControlScene": "a closed loop"}.get(
+            type(loaded).__name__, "a finger alone"
+        )
         raise InputError(f"expected a scene (finger, gravity, ...), got {got}", file=os.fspath(given))
     return loaded
 
 
 def kind_of(data: Any) -> str:
-    """``grasp``, ``sweep``, ``identify``, ``simulate`` or ``finger``: what kind of configuration the data is."""
+    """``mpc``, ``grasp``, ``sweep``, ``identify``, ``simulate`` or ``finger``: what kind of configuration it is."""
     if isinstance(data, dict):
+        if "controller" in data:
+            return "mpc"
         if "scene" in data or "vary" in data or "sample" in data:
             return "sweep"
-        if "object" in data:
+        if "object" in data and "contact_law" not in data:
             return "grasp"
         if "estimate" in data:
             return "identify"
@@ -152,8 +157,12 @@ def model_of(kind: str) -> type[BaseModel]:
         from continuum_grasp.scene.sweep import Sweep
 
         return Sweep
+    if kind == "mpc":
+        from continuum_grasp.scene.control import ControlScene
+
+        return ControlScene
     raise InputError(
-        f"no such kind of configuration: expected simulate, identify, grasp, sweep or finger, got {kind!r}"
+        f"no such kind of configuration: expected simulate, identify, grasp, mpc, sweep or finger, got {kind!r}"
     )
 
 

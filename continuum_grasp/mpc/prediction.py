@@ -1,0 +1,181 @@
+"""The finger as a controller sees it: states, inputs, and parameters that change at run time."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.model import System
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.loads import MomentLoad
+from continuum_grasp.simulation.spectrum import sample_shapes
+
+__all__ = ["Prediction"]
+
+Array = NDArray[np.float64]
+
+
+class Prediction:
+    """The model of a controller.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene.
+
+    Attributes
+    ----------
+    system : System
+        Finger and, where the scene has one, object.
+    nx, nu, np : int
+        Numbers of states, inputs and parameters.
+    x_names, u_names, p_names : tuple of str
+        Name and unit of each entry.
+    p_nominal : tuple of float
+        Nominal parameters: those that the scene names, then known forces (zero), then the missing tip moment (zero).
+
+    Notes
+    -----
+    x is that of the system; for a finger without tendons whose input lags, tip moment and its rate follow its q and qd.
+    u is the tip moment or the two tensions that are commanded. All functions take (x, u, p).
+
+    Raises
+    ------
+    InputError
+        If a matched tip has no lag: its moment would jump, and the tip with it.
+    """
+
+    def __init__(self, scene: ControlScene) -> None:
+        self.scene = scene
+        finger, fidelity = scene.finger, scene.fidelity
+        estimated = scene.estimator.disturbances if scene.estimator is not None else None
+        self._couple = estimated is not None and estimated.tip_moment is not None
+        tip_force = bool(scene.contacts) or (estimated is not None and estimated.tip_force is not None)
+        self._own_lag = scene.controller.input.time_constant if finger.tendons is None else None
+        family = fidelity.family or self._default_family()
+        if family == "matched_clothoid" and scene.lag is None:
+            raise InputError(
+                "a matched tip moves with the tip moment and cannot follow one that jumps: give the drive a lag "
+                "(controller.input.time_constant or finger.tendons.time_constant), or take clothoid or arc",
+                key="fidelity.family",
+            )
+        self.system = System(
+            finger,
+            contacts=scene.contacts,
+            gravity=scene.gravity,
+            family=family,
+            elements=fidelity.elements,
+            bending_range=fidelity.bending_range,
+            accuracy=fidelity.accuracy,
+            parameters=scene.parameters,
+            loads=[MomentLoad(at=finger.rod.length, moment=0.0)] if self._couple else [],
+            tip_force=tip_force,
+            input_rates=(family == "matched_clothoid" and self._own_lag is not None) or None,
+        )
+        system = self.system
+        own = ["tip_moment [N m]", "tip_moment_rate [N m/s]"] if self._own_lag is not None else []
+        self.x_names = (*system.x_names, *own)
+        self.u_names = ("tension_1 [N]", "tension_2 [N]") if finger.tendons is not None else ("tip_moment [N m]",)
+        extra = ["missing_tip_moment [N m]"] if self._couple else []
+        self.p_names = (*system.p_names, *system.w_names, *extra)
+        self.p_nominal = (*system.p_nominal, *[0.0] * (system.nw + len(extra)))
+        self.nx, self.nu, self.np = len(self.x_names), len(self.u_names), len(self.p_names)
+        self.x, self.u, self.p = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu), ca.SX.sym("p", self.np)
+
+    def _default_family(self) -> str:
+        tendons = self.scene.finger.tendons
+        rubs = tendons is not None and tendons.friction > 0.0
+        return "clothoid" if rubs or self.scene.lag is None else "matched_clothoid"
+
+    # -- what the system takes ----------------------------------------------------------------------------------------
+
+    @cached_property
+    def _moment(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Tip moment that acts, its rate and acceleration, where the lag is the controller's own."""
+        time = self._own_lag or 1.0
+        moment, rate = self.x[-2], self.x[-1]
+        return moment, rate, (self.u - moment) / time**2 - 2.0 * rate / time
+
+    @cached_property
+    def _arguments(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """x, u, w and p of the system."""
+        system = self.system
+        couple = [self.p[-1]] if self._couple else []
+        x, value = self.x[: system.nx], [self.u]
+        blocks = [ca.vertcat(*value, *couple)]
+        if self._own_lag is not None:
+            blocks = [ca.vertcat(v, *[c if k == 0 else 0.0 for c in couple]) for k, v in enumerate(self._moment)]
+        u = ca.vertcat(*blocks)[: system.nu]
+        return x, u, self.p[system.np : system.np + system.nw], self.p[: system.np]
+
+    def _function(self, name: str, **outputs: ca.SX) -> ca.Function:
+        values = ca.cse([ca.densify(ca.SX(v)) for v in outputs.values()])
+        return ca.Function(name, [self.x, self.u, self.p], values, ["x", "u", "p"], list(outputs))
+
+    # -- functions ----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def dynamics(self) -> ca.Function:
+        """Time derivative of x."""
+        own = [] if self._own_lag is None else self._moment[1:]
+        return self._function("dynamics", xd=ca.vertcat(self.system.forward_dynamics(*self._arguments), *own))
+
+    @cached_property
+    def tip(self) -> ca.Function:
+        """World position of the tip, r (2) [m]."""
+        x, u, _, p = self._arguments
+        return self._function("tip", r=self.system.tip(x, u, p))
+
+    def sections(self, at: tuple[float, ...]) -> ca.Function:
+        """World positions r (2, K) [m] and angles (K) [rad] of the sections at positions along the finger [m]."""
+        x, u, _, p = self._arguments
+        r, angle = self.system.sections(at)(x, u, p)
+        return self._function("sections", r=r, angle=angle)
+
+    @cached_property
+    def bending(self) -> ca.Function:
+        """Bending angle of each element [rad]."""
+        x, u, _, p = self._arguments
+        return self._function("bending", bend=self.system.bending(x, u, p))
+
+    @cached_property
+    def bending_rate(self) -> ca.Function:
+        """Rate of the bending angle of each element [rad/s]."""
+        x, u, _, p = self._arguments
+        bend = self.system.bending(x, u, p)
+        return self._function("bending_rate", rate=ca.jtimes(bend, self.x, self.dynamics(self.x, self.u, self.p)))
+
+    @cached_property
+    def curvature(self) -> ca.Function:
+        """Curvature at the nodes of clothoids, or of each arc [1/m]."""
+        x, u, _, p = self._arguments
+        return self._function("curvature", kappa=self.system.curvature(x, u, p))
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """Places where the finger may touch the object."""
+        return tuple(name for name in self.system.touch_names if name.startswith("finger."))
+
+    @cached_property
+    def contact_force(self) -> ca.Function:
+        """Normal force at each place where the finger may touch the object [N]."""
+        force = self.system.touch(*self._arguments)[1][: len(self.contact_names)]
+        return self._function("contact_force", f=force)
+
+    # -- states -------------------------------------------------------------------------------------------------------
+
+    def at_rest(self, q: ArrayLike, u: ArrayLike) -> Array:
+        """State at rest with coordinates q (n) and a drive that has followed the input u (nu)."""
+        shape, inputs = np.asarray(q, dtype=float), np.asarray(u, dtype=float)
+        own = [] if self._own_lag is None else [inputs[0], 0.0]
+        given = np.zeros(self.system.nu)
+        given[: inputs.size] = inputs
+        return np.array([*self.system.state(q=shape.tolist(), u=given.tolist()), *own])
+
+    def shapes(self, count: int) -> Array:
+        """Coordinates (count, n) of the straight finger and of shapes within half the bending range."""
+        return sample_shapes(self.system.finger_model, np.zeros(self.system.finger_model.n))[:count]

@@ -1,0 +1,74 @@
+"""From dynamics, outputs and rows to the functions of a stage."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+__all__ = ["cost_function", "step_function", "terminal_function"]
+
+
+def step_function(dynamics: ca.Function, nx: int) -> ca.Function:
+    """One Runge-Kutta step of order 4 with its derivatives, by the variational equations.
+
+    Parameters
+    ----------
+    dynamics : casadi.Function
+        (x, u, p) -> xd of the first entries of x; the last entries, if any, take over the input (first nu of them).
+    nx : int
+        Number of states.
+
+    Returns
+    -------
+    casadi.Function
+        (x, u, p, h) -> xn, A, B.
+    """
+    x, u, p = ca.SX.sym("x", nx), ca.SX.sym("u", dynamics.size1_in(1)), ca.SX.sym("p", dynamics.size1_in(2))
+    h = ca.SX.sym("h")
+    rate = dynamics(x, u, p)
+    nd = rate.numel()
+    slope = ca.Function(
+        "slope", [x, u, p], ca.cse([rate, ca.jacobian(rate, x)[:, :nd], ca.jacobian(rate, u)]), {"allow_free": False}
+    )
+    start, held = x[:nd], x[nd:]
+    state, by_x, by_u = start, ca.SX.eye(nd), ca.SX(nd, u.numel())
+    total, total_x, total_u = ca.SX(nd, 1), ca.SX(nd, nd), ca.SX(nd, u.numel())
+    for weight, ahead in ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)):
+        k, f_x, f_u = slope(ca.vertcat(state, held), u, p)
+        k_x, k_u = ca.mtimes(f_x, by_x), ca.mtimes(f_x, by_u) + f_u
+        total, total_x, total_u = total + weight * k, total_x + weight * k_x, total_u + weight * k_u
+        state, by_x, by_u = start + ahead * h * k, ca.SX.eye(nd) + ahead * h * k_x, ahead * h * k_u
+    following = ca.vertcat(start + h / 6 * total, u[: nx - nd])
+    a = ca.diagcat(ca.SX.eye(nd) + h / 6 * total_x, ca.SX(nx - nd, nx - nd))
+    b = ca.vertcat(h / 6 * total_u, ca.SX.eye(u.numel())[: nx - nd, :])
+    expressions = [ca.densify(e) for e in ca.cse([following, a, b])]
+    return ca.Function("stage_step", [x, u, p, h], expressions, ["x", "u", "p", "h"], ["xn", "A", "B"])
+
+
+def cost_function(outputs: ca.Function, rows: ca.Function, stage: float) -> ca.Function:
+    """Cost and rows of a stage; see ``Stages.cost``."""
+    x, u, p = (ca.SX.sym(name, outputs.size1_in(k)) for k, name in enumerate("xup"))
+    r, weights = ca.SX.sym("r", outputs.numel_out(0)), ca.SX.sym("W", outputs.numel_out(0))
+    z = ca.vertcat(x, u)
+    expressions = _expanded(outputs(x, u, p), rows(x, u, p), z, r, stage * weights)
+    names = ["l", "g", "H", "c", "C"]
+    return ca.Function("stage_cost", [x, u, p, r, weights], expressions, ["x", "u", "p", "r", "W"], names)
+
+
+def terminal_function(outputs: ca.Function, rows: ca.Function, nt: int, ns: int) -> ca.Function:
+    """Cost and rows of the last node; see ``Stages.terminal``."""
+    x, u, p = (ca.SX.sym(name, outputs.size1_in(k)) for k, name in enumerate("xup"))
+    r, weights = ca.SX.sym("r", outputs.numel_out(0)), ca.SX.sym("T", outputs.numel_out(0))
+    y, c = outputs(x, u, p)[:nt], rows(x, u, p)[:ns]
+    expressions = _expanded(y, c, x, r[:nt], weights[:nt])
+    names = ["l", "g", "H", "c", "C"]
+    return ca.Function("terminal_cost", [x, p, r, weights], expressions, ["x", "p", "r", "T"], names)
+
+
+def _expanded(y: ca.SX, c: ca.SX, z: ca.SX, r: ca.SX, weights: ca.SX) -> list[ca.SX]:
+    """Half the weighted squares of the errors, gradient, Gauss-Newton Hessian; rows and their Jacobian."""
+    error, slope = y - r, ca.jacobian(y, z)
+    weighted = weights * error
+    gradient = ca.mtimes(slope.T, weighted)
+    hessian = ca.mtimes(slope.T, ca.mtimes(ca.diag(weights), slope))
+    expressions = [0.5 * ca.dot(error, weighted), gradient, hessian, c, ca.jacobian(c, z)]
+    return [ca.densify(e) for e in ca.cse([ca.SX(e) for e in expressions])]

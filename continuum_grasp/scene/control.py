@@ -1,0 +1,285 @@
+"""A finger under control: cost, bounds and horizon of a nonlinear model predictive controller."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from continuum_grasp.scene.estimator import Estimator
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.plant import Plant
+from continuum_grasp.scene.reference import Reference, RowSamples
+from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.value import Length, NonNegative, Positive, Real, Value, Vector2
+
+__all__ = [
+    "Bounds",
+    "ControlScene",
+    "Controller",
+    "Cost",
+    "DiscZone",
+    "HalfPlaneZone",
+    "Horizon",
+    "InputLimits",
+    "Penalty",
+    "ShapeWeight",
+    "Weight",
+]
+
+
+def _running(value: Any) -> Any:
+    """A bare number is the running weight."""
+    return {"running": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+class _Weight(Value):
+    running: NonNegative = 0.0
+    """Cost per second of half the squared error, per unit squared."""
+    terminal: NonNegative = 0.0
+    """The same at the end of the horizon, once."""
+
+
+Weight = Annotated[_Weight, BeforeValidator(_running)]
+
+
+class ShapeWeight(_Weight):
+    """Positions along the finger that are to follow set-points."""
+
+    at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
+    """Positions along the finger [m]."""
+
+
+class Cost(Value):
+    """Weights of half the squared errors; what has no weight costs no instruction."""
+
+    tip: Weight | None = None
+    """World position of the tip [1/m2]."""
+    bending: Weight | None = None
+    """Bending angle of each element [1/rad2]."""
+    shape: ShapeWeight | None = None
+    """World positions along the finger [1/m2]."""
+    speed: Weight | None = None
+    """Bending rate of each element, towards zero [s2/rad2]."""
+    contact_force: Weight | None = None
+    """Normal force at each place where the finger may touch the object [1/N2]."""
+    effort: NonNegative | None = None
+    """Input away from ``reference.input`` [1/N2, or 1/(N m)2 of the tip moment]."""
+    input_rate: NonNegative | None = None
+    """Change of the input per time, towards zero [s2/N2, or s2/(N m)2]."""
+
+    @model_validator(mode="after")
+    def _something(self) -> Cost:
+        if all(w is None for w in (self.tip, self.bending, self.shape, self.contact_force)):
+            raise ValueError("a controller needs something to follow: tip, bending, shape or contact_force")
+        if not self.effort and not self.input_rate:
+            raise ValueError("give effort or input_rate a weight greater than 0: without either inputs are not unique")
+        return self
+
+
+class Penalty(Value):
+    """Price of leaving a bound, per share of its scale; large enough, the bound is kept wherever that is possible."""
+
+    linear: NonNegative = 100.0
+    """Per share."""
+    quadratic: NonNegative = 1000.0
+    """Of half the squared share."""
+
+
+class _Zone(Value):
+    of: Literal["tip", "backbone"] = "tip"
+    """What must stay out: the tip, or also four sections of every element."""
+    clearance: NonNegative = 0.0
+    """Distance that is kept from the edge [m]."""
+    penalty: Penalty | Literal["hard"] = Penalty()
+
+
+class HalfPlaneZone(_Zone):
+    """All behind a line."""
+
+    type: Literal["half_plane"]
+    point: Vector2
+    """A world point of the line [m]."""
+    normal_angle: Real
+    """World angle of the normal that points out of the zone [rad]."""
+
+
+class DiscZone(_Zone):
+    """A disc."""
+
+    type: Literal["disc"]
+    center: Vector2
+    """World position of its centre [m]."""
+    radius: Positive
+    """[m]"""
+
+
+Zone = Annotated[HalfPlaneZone | DiscZone, Field(discriminator="type")]
+
+
+class Bounds(Value):
+    """What must not be left; the input's own limits are those of ``controller.input``."""
+
+    curvature: Positive | Literal["finger"] | None = "finger"
+    """Greatest curvature [1/m]; finger: that of its strain limit and of the model's bending range; null: none."""
+    speed: Positive | None = None
+    """Greatest bending rate of an element [rad/s]."""
+    keep_out: dict[str, Zone] = Field(default_factory=dict)
+    """Zones by name."""
+    penalty: Penalty | Literal["hard"] = Penalty()
+    """Of curvature and speed."""
+
+
+class InputLimits(Value):
+    """Limits of the input; tensions are limited by ``finger.tendons`` alone."""
+
+    moment_max: Positive | None = None
+    """Greatest tip moment, either way, of a finger without tendons [N m]."""
+    rate_max: Positive | None = None
+    """Greatest change of the input per time [N/s or N m/s]."""
+    time_constant: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
+    """Lag with which the tip moment of a finger without tendons follows [s]; that of tendons is their own."""
+
+
+class Horizon(Value):
+    """Time grid of the prediction."""
+
+    stages: Annotated[int, Field(ge=2, le=500)] = 30
+    stage: Annotated[float, Field(ge=1e-5, le=10.0)] = 0.01
+    """Length of one stage, over which the input is constant [s]."""
+    substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
+    """Runge-Kutta steps per stage; None: as many as the stiffness asks for."""
+
+
+class Controller(Value):
+    """Nonlinear model predictive control by real-time iterations."""
+
+    period: Annotated[float, Field(ge=1e-6, le=10.0)] | None = None
+    """Time from one command to the next [s]; None: a stage."""
+    horizon: Horizon = Horizon()
+    cost: Cost
+    input: InputLimits = InputLimits()
+    bounds: Bounds = Bounds()
+    iterations: Annotated[int, Field(ge=1, le=100)] = 20
+    """Greatest number of interior-point iterations per quadratic programme."""
+    deadline: Positive | None = None
+    """Time after which a command counts as late [s]; None: the period."""
+
+    @model_validator(mode="after")
+    def _commensurate(self) -> Controller:
+        if self.period is not None and self.period > self.horizon.stage * self.horizon.stages:
+            raise ValueError(f"period = {self.period} s is longer than the whole horizon")
+        return self
+
+    @property
+    def step(self) -> float:
+        """Time from one command to the next [s]."""
+        return self.horizon.stage if self.period is None else self.period
+
+
+class ControlScene(Value):
+    """A finger, its controller and estimator, and the plant on which they are tried."""
+
+    schema_version: Literal[1]
+    name: str | None = None
+    finger: Finger
+    """As the controller knows it."""
+    gravity: Vector2
+    """World gravity [m/s2]."""
+    contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
+    """Positions along the finger where known forces act or an object may touch [m]; element boundaries."""
+    fidelity: Fidelity = Fidelity()
+    """Of the controller's model."""
+    parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    """Model parameters that stay run-time arguments of the controller."""
+    controller: Controller
+    reference: Reference = Reference()
+    estimator: Estimator | None = None
+    """None: the controller is given the state."""
+    initial: Initial = Initial(pose="rest")
+    plant: Plant = Plant()
+    loads: Annotated[tuple[ForceLoad, ...], Field(strict=False)] = ()
+    """Forces on the plant that the controller does not know."""
+    duration: Positive | None = None
+    """Of the closed loop [s]."""
+
+    @model_validator(mode="after")
+    def _sense(self) -> ControlScene:
+        finger, asked = self.finger, self.controller
+        length = finger.rod.length
+        if any(b <= a for a, b in zip(self.contacts, self.contacts[1:], strict=False)):
+            raise ValueError(f"contacts must increase along the finger, got {list(self.contacts)}")
+        for k, at in enumerate(self.contacts):
+            if at >= length:
+                raise ValueError(
+                    f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
+                )
+        if finger.tendons is None and asked.input.moment_max is None:
+            raise ValueError(
+                "controller.input.moment_max is needed: the greatest tip moment of a finger without tendons"
+            )
+        for name in ("moment_max", "time_constant"):
+            if finger.tendons is not None and getattr(asked.input, name) is not None:
+                raise ValueError(f"controller.input.{name} is for a finger without tendons; see finger.tendons")
+        if self.fidelity.tolerance is not None:
+            raise ValueError("fidelity.tolerance is not for controllers: give family and elements")
+        self._check_references()
+        if self.estimator is not None:
+            self._check_estimator(self.estimator)
+        for k, load in enumerate(self.loads):
+            if load.at > length * (1 + 1e-12):
+                raise ValueError(f"loads[{k}].at = {load.at} m is beyond the finger's length of {length} m")
+        return self
+
+    def _check_references(self) -> None:
+        cost, given = self.controller.cost, self.reference
+        for name in ("tip", "shape", "contact_force"):
+            if getattr(cost, name) is not None and getattr(given, name) is None:
+                raise ValueError(f"reference.{name} is needed: controller.cost.{name} tracks it")
+            if getattr(cost, name) is None and getattr(given, name) is not None:
+                raise ValueError(f"reference.{name} is tracked by nothing: give controller.cost.{name} a weight")
+        if cost.shape is not None and given.shape is not None:
+            width = given.shape.width if isinstance(given.shape, RowSamples) else len(given.shape)
+            if width != 2 * len(cost.shape.at):
+                raise ValueError(f"reference.shape needs x, y of {len(cost.shape.at)} sections, got {width} numbers")
+            for k, at in enumerate(cost.shape.at):
+                if at > self.finger.rod.length * (1 + 1e-9):
+                    raise ValueError(f"controller.cost.shape.at[{k}] = {at} m is beyond the finger")
+        if given.input is not None:
+            width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
+            if width != (1 if self.finger.tendons is None else 2):
+                raise ValueError(f"reference.input: expected the tip moment or two tensions, got {width} numbers")
+
+    def _check_estimator(self, estimator: Estimator) -> None:
+        sensors = estimator.measured.bending
+        for k, at in enumerate(sensors.at if sensors is not None else ()):
+            if at > self.finger.rod.length * (1 + 1e-9):
+                raise ValueError(f"estimator.measured.bending.at[{k}] = {at} m is beyond the finger")
+        if estimator.disturbances.bending_stiffness is not None and "bending_stiffness" not in self.parameters:
+            raise ValueError("estimator.disturbances.bending_stiffness needs parameters: [bending_stiffness]")
+        if estimator.disturbances.contact_force is not None and not self.contacts:
+            raise ValueError("estimator.disturbances.contact_force needs contacts")
+        if estimator.measured.tension is not None and self.lag is None:
+            raise ValueError("estimator.measured.tension needs a lag; without one the tension is the command itself")
+        periods = estimator.delay / self.controller.step
+        if abs(periods - round(periods)) > 1e-6 * max(1.0, periods):
+            raise ValueError(
+                f"estimator.delay = {estimator.delay} s is no whole number of control periods of "
+                f"{self.controller.step} s"
+            )
+
+    @property
+    def lag(self) -> float | None:
+        """Time constant of the drive [s]; None where it follows at once."""
+        tendons = self.finger.tendons
+        return self.controller.input.time_constant if tendons is None else tendons.time_constant
+
+    @property
+    def curvature_limit(self) -> float:
+        """Greatest curvature that the bounds allow, beside the bending range of the model [1/m]."""
+        asked = self.controller.bounds.curvature
+        if asked is None:
+            return math.inf
+        return self.finger.curvature_limit if asked == "finger" else asked

@@ -1,0 +1,35 @@
+"""What a controller is tried on: a finer model that differs from what the controller knows."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from continuum_grasp.scene.simulate import Fidelity
+from continuum_grasp.scene.value import NonNegative, Positive, Value
+
+__all__ = ["Plant"]
+
+
+class Plant(Value):
+    """How the plant differs from what the controller knows."""
+
+    fidelity: Fidelity = Fidelity(family="clothoid", elements=8)
+    """Of the plant's model."""
+    stiffness: Positive = 1.0
+    """Bending stiffness per that of the controller's finger [1]."""
+    damping: Positive = 1.0
+    """Damping per that of the controller's finger [1]."""
+    tip_mass: NonNegative = 0.0
+    """Mass at the tip that the controller does not know [kg]."""
+    tendon_friction: NonNegative | None = None
+    """Capstan friction coefficient of the tendons [1]; None: as the controller knows it."""
+    time_constant: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
+    """Lag of the tendons [s]; None: as the controller knows it."""
+    noise: NonNegative = 1.0
+    """Measurement noise per that of ``estimator.measured`` [1]."""
+    delay: NonNegative | None = None
+    """Age of measurements when they arrive [s]; None: ``estimator.delay``."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Of the noise."""
