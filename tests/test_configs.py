@@ -15,7 +15,7 @@ from continuum_grasp.scene.yaml_loader import read_yaml
 ROOT = Path(__file__).parents[1]
 CONFIGS = sorted((ROOT / "configs").glob("*/*.yaml"))
 ANYTHING: dict[str, object] = {}
-FOLDER_OF = {"finger": "fingers", "simulate": "simulate", "identify": "identify", "grasp": "grasp", "sweep": "sweep"}
+FOLDER_OF = {**{kind: kind for kind in KINDS}, "finger": "fingers"}
 
 
 def test_there_are_configurations():
