@@ -28,6 +28,12 @@ _ROOMS = {
         "Estimator",
         "Measured",
     ),
+    "continuum_grasp.scene.mission": (
+        "MissionController",
+        "MissionScene",
+        "Phases",
+        "Trials",
+    ),
     "continuum_grasp.scene.plant": ("Plant",),
     "continuum_grasp.scene.reference": (
         "CircleReference",
@@ -116,6 +122,10 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.loads import MomentLoad as MomentLoad
     from continuum_grasp.scene.loads import Samples as Samples
     from continuum_grasp.scene.loads import VectorSamples as VectorSamples
+    from continuum_grasp.scene.mission import MissionController as MissionController
+    from continuum_grasp.scene.mission import MissionScene as MissionScene
+    from continuum_grasp.scene.mission import Phases as Phases
+    from continuum_grasp.scene.mission import Trials as Trials
     from continuum_grasp.scene.objects import Box as Box
     from continuum_grasp.scene.objects import Circle as Circle
     from continuum_grasp.scene.objects import Ellipse as Ellipse

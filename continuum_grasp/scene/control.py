@@ -13,6 +13,7 @@ from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.plant import Plant
 from continuum_grasp.scene.reference import Reference, RowSamples
 from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Real, Value, Vector2
 
 __all__ = [
@@ -179,8 +180,8 @@ class Controller(Value):
         return self.horizon.stage if self.period is None else self.period
 
 
-class ControlScene(Value):
-    """A finger, its controller and estimator, and the plant on which they are tried."""
+class ControlScene(Surroundings):
+    """A finger, its controller and estimator, what it can touch, and the plant on which they are tried."""
 
     schema_version: Literal[1]
     name: str | None = None
@@ -189,7 +190,8 @@ class ControlScene(Value):
     gravity: Vector2
     """World gravity [m/s2]."""
     contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
-    """Positions along the finger where known forces act or an object may touch [m]; element boundaries."""
+    """Positions along the finger where known forces act [m]; element boundaries. These and the tip are where it touches
+    an object."""
     fidelity: Fidelity = Fidelity()
     """Of the controller's model."""
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
@@ -240,6 +242,8 @@ class ControlScene(Value):
                 raise ValueError(f"reference.{name} is needed: controller.cost.{name} tracks it")
             if getattr(cost, name) is None and getattr(given, name) is not None:
                 raise ValueError(f"reference.{name} is tracked by nothing: give controller.cost.{name} a weight")
+        if cost.contact_force is not None and self.object is None:
+            raise ValueError("controller.cost.contact_force needs an object that is touched")
         if cost.shape is not None and given.shape is not None:
             width = given.shape.width if isinstance(given.shape, RowSamples) else len(given.shape)
             if width != 2 * len(cost.shape.at):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Iterable
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -20,13 +21,24 @@ if TYPE_CHECKING:
 
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.grasp import GraspScene
+    from continuum_grasp.scene.mission import MissionScene
     from continuum_grasp.scene.sweep import Sweep
 
-    Loaded: TypeAlias = Scene | GraspScene | ControlScene | Finger | Sweep
+    Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | Finger | Sweep
 
 __all__ = ["assembled", "changed", "kind_of", "load", "load_placed", "model_of", "scene_of", "validated"]
 
 _VERSION = 1
+_MODELS = {
+    "simulate": ("simulate", "Scene"),
+    "identify": ("identify", "IdentifyScene"),
+    "grasp": ("grasp", "GraspScene"),
+    "mpc": ("control", "ControlScene"),
+    "mission": ("mission", "MissionScene"),
+    "sweep": ("sweep", "Sweep"),
+    "finger": ("finger", "Finger"),
+}
+"""Per kind of configuration, the file and the name of its model."""
 
 
 def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
@@ -36,7 +48,8 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
     ----------
     path : path-like
         A YAML file: a scene for simulation, one with parameters to ``estimate``, a grasp (it has an ``object``), a
-        closed loop (it has a ``controller``), a sweep (it names a ``scene``) or a finger (it has a ``rod``).
+        closed loop (it has a ``controller``), a mission (that and a ``grasp``), a sweep (it names a ``scene``) or a
+        finger (it has a ``rod``).
         Where it says ``finger: other.yaml`` or ``finger: {extends: other.yaml, ...}``, that file is read,
         relative to the file that names it; keys given beside ``extends`` replace those of the other file,
         mappings key by key.
@@ -46,7 +59,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
 
     Returns
     -------
-    Scene, IdentifyScene, GraspScene, ControlScene, Sweep or Finger
+    Scene, IdentifyScene, GraspScene, ControlScene, MissionScene, Sweep or Finger
         By the content of the file; frozen, all values in SI units.
 
     Raises
@@ -110,18 +123,21 @@ def scene_of(given: Scene | str | os.PathLike[str]) -> Scene:
         raise InputError(f"expected a Scene or the path of its file, got {given!r:.80}")
     loaded = load(Path(given))
     if not isinstance(loaded, Scene):
-        got = {"GraspScene": "a grasp", "Sweep": "a sweep", "ControlScene": "a closed loop"}.get(
-            type(loaded).__name__, "a finger alone"
-        )
+        got = {
+            "GraspScene": "a grasp",
+            "Sweep": "a sweep",
+            "ControlScene": "a closed loop",
+            "MissionScene": "a mission",
+        }.get(type(loaded).__name__, "a finger alone")
         raise InputError(f"expected a scene (finger, gravity, ...), got {got}", file=os.fspath(given))
     return loaded
 
 
 def kind_of(data: Any) -> str:
-    """``mpc``, ``grasp``, ``sweep``, ``identify``, ``simulate`` or ``finger``: what kind of configuration it is."""
+    """``mission``, ``mpc``, ``grasp``, ``sweep``, ``identify``, ``simulate`` or ``finger``: what kind of file it is."""
     if isinstance(data, dict):
         if "controller" in data:
-            return "mpc"
+            return "mission" if "grasp" in data else "mpc"
         if "scene" in data or "vary" in data or "sample" in data:
             return "sweep"
         if "object" in data and "contact_law" not in data:
@@ -141,29 +157,11 @@ def model_of(kind: str) -> type[BaseModel]:
     InputError
         Where there is no such kind.
     """
-    if kind == "simulate":
-        return Scene
-    if kind == "finger":
-        return Finger
-    if kind == "grasp":
-        from continuum_grasp.scene.grasp import GraspScene
-
-        return GraspScene
-    if kind == "identify":
-        from continuum_grasp.scene.identify import IdentifyScene
-
-        return IdentifyScene
-    if kind == "sweep":
-        from continuum_grasp.scene.sweep import Sweep
-
-        return Sweep
-    if kind == "mpc":
-        from continuum_grasp.scene.control import ControlScene
-
-        return ControlScene
-    raise InputError(
-        f"no such kind of configuration: expected simulate, identify, grasp, mpc, sweep or finger, got {kind!r}"
-    )
+    if kind in _MODELS:
+        room, name = _MODELS[kind]
+        found: type[BaseModel] = getattr(import_module(f"continuum_grasp.scene.{room}"), name)
+        return found
+    raise InputError(f"no such kind of configuration: expected one of {', '.join(_MODELS)}, got {kind!r}")
 
 
 def assembled(path: str | Path, changes: Iterable[Change]) -> Document:
@@ -201,9 +199,26 @@ def changed(document: Document, changes: Iterable[Change], path: str | Path) -> 
 def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
     for where, new in changes:
         if len(where) > 1:
-            _put_in_fingers(document, main)
+            _put_in_files(document, main)
         apply_override(document, where, new)
+    _put_in_files(document, main)
+
+
+def _put_in_files(document: Document, main: Path) -> None:
+    """Put in place what stands in other files: fingers, and the grasp of a mission."""
     _put_in_fingers(document, main)
+    target = document.value.get("grasp")
+    if isinstance(target, str):
+        place = document.places[("grasp",)]
+        file = (Path(place.file).parent if place.line is not None else main.parent) / target
+        if not file.is_file():
+            raise place.error(f"no such grasp file: {os.path.normpath(file)}", ("grasp",))
+        inner = assembled(file, ())
+        if kind_of(inner.value) != "grasp":
+            raise place.error(
+                f"expected a grasp (finger, object, ...), got a file of kind {kind_of(inner.value)}", ("grasp",)
+            )
+        document.put(("grasp",), inner)
 
 
 def _put_in_fingers(document: Document, main: Path) -> None:

@@ -11,7 +11,7 @@ from continuum_grasp.scene.load import model_of
 
 __all__ = ["KINDS", "json_schema", "schema_text", "write_schemas"]
 
-KINDS = ("simulate", "identify", "grasp", "mpc", "sweep", "finger")
+KINDS = ("simulate", "identify", "grasp", "mpc", "mission", "sweep", "finger")
 
 _Node = dict[str, Any]
 _SUFFIX = "Changes"
@@ -23,7 +23,7 @@ def json_schema(kind: str) -> _Node:
     Parameters
     ----------
     kind : str
-        ``simulate``, ``identify``, ``grasp``, ``mpc``, ``sweep`` or ``finger``.
+        ``simulate``, ``identify``, ``grasp``, ``mpc``, ``mission``, ``sweep`` or ``finger``.
 
     Returns
     -------
@@ -49,6 +49,9 @@ def json_schema(kind: str) -> _Node:
         }
         schema["required"] = ["schema_version"]
         schema["anyOf"] = [{"required": ["rod"]}, {"required": ["extends"]}]
+    elif kind == "mission":
+        path = {"type": "string", "description": "Path of a grasp file, relative to this file."}
+        schema["properties"]["grasp"] = {"anyOf": [path, {"$ref": "#/$defs/GraspScene"}]}
     elif kind != "sweep":
         own = "GraspFinger" if kind == "grasp" else "Finger"
         changes = _changes(own, definitions)

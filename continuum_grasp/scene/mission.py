@@ -1,0 +1,115 @@
+"""A whole grasp under control: approach, squeeze, lift, hold against disturbances, release."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from continuum_grasp.scene.control import Bounds, Horizon, InputLimits
+from continuum_grasp.scene.estimator import Estimator
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.plant import Plant
+from continuum_grasp.scene.surroundings import ContactLaw
+from continuum_grasp.scene.value import Length, NonNegative, Positive, Value
+
+__all__ = ["MissionController", "MissionScene", "Phases", "Trials"]
+
+
+class Phases(Value):
+    """How long each phase lasts; set-points move smoothly within a phase."""
+
+    approach: Positive = 0.8
+    """From the straight finger until it is about to touch [s]."""
+    squeeze: Positive = 0.8
+    """Until the contact forces are those of the grasp [s]."""
+    lift: Positive = 0.3
+    """While the table under the object sinks away [s]."""
+    hold: Positive = 1.0
+    """Before anything pulls [s]."""
+    pull: Positive = 0.4
+    """Each disturbance: a quarter to grow, half to stay, a quarter to fade [s]."""
+    rest: Positive = 0.2
+    """After each disturbance [s]."""
+    lower: Positive = 0.3
+    """While the table comes back [s]."""
+    release: Positive = 0.8
+    """Until the finger is straight again [s]."""
+
+
+class MissionController(Value):
+    """The controller in all phases."""
+
+    period: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.01
+    """Time from one command to the next [s]."""
+    horizon: Horizon = Horizon(stages=20)
+    elements: Annotated[tuple[int, int], Field(strict=False)] = (1, 1)
+    """Matched clothoids before and after the middle contact."""
+    input: InputLimits = InputLimits()
+    bounds: Bounds = Bounds()
+    posture: Positive = 50.0
+    """Weight of the bending angles while nothing is touched [1/rad2]."""
+    force: Positive = 1.0
+    """Weight of the contact forces while the object is held [1/N2]."""
+    speed: NonNegative = 0.05
+    """Weight of the bending rates [s2/rad2]."""
+    effort: Positive = 0.001
+    """Weight of the tensions away from those of the grasp [1/N2]."""
+    input_rate: NonNegative = 1e-5
+    """Weight of the tensions' rates [s2/N2]."""
+    deadline: Positive | None = None
+    """Time after which a command counts as late [s]; None: the period."""
+
+
+class Trials(Value):
+    """Plants that differ at random, each evenly within its range either way."""
+
+    count: Annotated[int, Field(ge=1, le=100_000)] = 100
+    stiffness: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.10
+    """Of the bending stiffness [1]."""
+    damping: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.30
+    """Of the damping [1]."""
+    mass: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.10
+    """Of the object's mass [1]."""
+    friction: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.10
+    """Of all friction coefficients between finger, object and supports [1]."""
+    position: NonNegative = 0.001
+    """Of each coordinate of where the object stands [m]."""
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+class MissionScene(Value):
+    """A grasp that is optimised first, and then carried out by a controller on a plant."""
+
+    schema_version: Literal[1]
+    name: str | None = None
+    grasp: GraspScene
+    """The grasp, or the path of its file relative to this file: one finger with a tendon drive and its tip and one
+    middle contact on the object."""
+    contact_law: ContactLaw
+    """As the controller knows it; friction is that of the plant's object."""
+    controller: MissionController = MissionController()
+    estimator: Estimator
+    plant: Plant = Plant()
+    object_mass: Positive | None = None
+    """Mass of the object in the plant [kg]; None: that of the grasp."""
+    table_friction: NonNegative = 0.3
+    """Friction coefficient between the object and the table on which it stands until it is held [1]."""
+    touching: Annotated[tuple[Length, ...], Field(strict=False)] = ()
+    """More positions along the plant's finger where it may touch the object [m]."""
+    phases: Phases = Phases()
+    pull: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
+    """Share of the disturbances that the certificate promises to resist, pulled one after the other."""
+    trials: Trials = Trials()
+
+    @model_validator(mode="after")
+    def _sense(self) -> MissionScene:
+        fingers = self.grasp.setups
+        if len(fingers) != 1:
+            raise ValueError(f"grasp: a mission is for one finger, the grasp has {len(fingers)}")
+        if self.grasp.gravity.mode != "out_of_plane":
+            raise ValueError("grasp.gravity: a mission lifts the object off a table: expected mode out_of_plane")
+        tendons = fingers[0].finger.tendons
+        if tendons is None or tendons.time_constant is None:
+            raise ValueError("grasp: the finger needs tendons with a time_constant")
+        return self
