@@ -116,6 +116,26 @@ class Chain:
             omega = plus(omega, times(angle, rate))
         return omega
 
+    def end_velocities(self, rates: Sequence[Scalar]) -> list[tuple[Vec, Scalar]]:
+        """Velocity and angular velocity of the end section of each link.
+
+        Parameters
+        ----------
+        rates : sequence of scalars
+            Rates of the global coordinates.
+        """
+        found: list[tuple[Vec, Scalar]] = []
+        moved = ZERO
+        omega: Scalar = 0.0
+        for k, span in enumerate(self.spans):
+            local = [rates[a] for a in self.coordinates[k]]
+            moved = moved + span.scaled(omega)
+            for arm, rate in zip(self._end_arms[k], local, strict=True):
+                moved = moved + arm.scaled(rate)
+            omega = self._spin_after(k, omega, local)
+            found.append((moved.perp(), omega))
+        return found
+
     # -- kinetics ------------------------------------------------------------------------------------------------
 
     @cached_property

@@ -248,7 +248,13 @@ class Equations:
                 forces.append(Force(place, back.apply(Vec(self.w[start], self.w[start + 1]))))
             elif vector == "w":
                 moments.append(Moment(place, self.w[start]))
-        return forces, moments
+        touching = self.contact_loads
+        return forces + touching[0], moments + touching[1]
+
+    @property
+    def contact_loads(self) -> tuple[list[Force], list[Moment]]:
+        """Forces and moments that follow from the state; none on a finger alone."""
+        return [], []
 
     @cached_property
     def rest(self) -> list[Scalar]:

@@ -12,27 +12,31 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.chain import column
-from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.finger_model import FingerModel
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.planar import Scalar, Vec
+from continuum_grasp.model.system_equations import SystemEquations
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.surroundings import Surroundings
 
 __all__ = ["System"]
 
 
 class System:
-    """A finger as one system of equations of motion xd = f(x, u, w, p).
+    """A finger, and where there is one the object that it touches, as one system xd = f(x, u, w, p).
 
     All functions are SX functions of the whole state with named inputs and outputs; inputs that a system does not need
     are empty. Unlike those of ``FingerModel``, they take the tip moment that acts, which is in x where the tendons have
-    a time constant, rather than the one that is commanded.
+    a time constant, rather than the one that is commanded. Without an object the system is the finger, instruction by
+    instruction.
 
     Parameters
     ----------
     given : Scene or Finger
-        What the system is made of.
+        What the system is made of. A scene has its surroundings.
+    surroundings : Surroundings, optional
+        Object, supports and contact law; those of the scene where not given.
     **keywords
         As of ``FingerModel``.
 
@@ -45,22 +49,39 @@ class System:
         Name and unit of each entry.
     p_nominal : list of float
         Nominal values of ``p``.
+    touch_names : list of str
+        What may touch the object: ``finger.1`` and so on at the stations ``contacts``, ``finger.tip``, then the
+        supports by name (``<support>.1`` and so on per corner of a polygon, ``<edge>.start`` and ``<edge>.end``).
 
     Notes
     -----
-    ====================  =============  ================================================================
+    ====================  =============  ====================================================================
     function              inputs         outputs
-    ====================  =============  ================================================================
+    ====================  =============  ====================================================================
     forward_dynamics      x, u, w, p     xd (nx) [x/s]
     linearization         x, u, w, p     A (nx, nx) [1/s x/x], B (nx, nu) [1/s x/u]
     tip                   x, u, p        r (2) [m], world
     bending               x, u, p        bend of each element [rad]
     curvature             x, u, p        kappa [1/m]: at the nodes of clothoids, one per arc
     range_use             x, u, p        use of the declared bending range, per element [1]
+    touch                 x, u, w, p     per contact: gap [m], normal_force [N], friction [N], lift [N],
+                                         force (2, K) [N] and point (2, K) [m], world
     energy                x, u, p        kinetic, potential [J]
-    ====================  =============  ================================================================
+    ====================  =============  ====================================================================
 
     ``sections`` gives the function of places along the finger.
+
+    x = [x of the finger, then of an object that moves its pose x, y [m] and angle [rad] (of its frame, world), its
+    height z [m] where gravity acts out of the plane, and their rates, then the friction states of each contact: the
+    elastic displacement along the surface, and out of the plane, as a share of that at which it slips]. w = [w of the
+    finger, then world force [N] and moment about the centre of mass [N m] on an object that moves].
+
+    A station of the finger is a disc of the finger's half thickness round its centre line. ``friction`` acts on what
+    touches the object, along the object's outward normal turned by +90 degrees; ``lift`` and ``force`` act on the
+    object. The force on the finger is the opposite one and acts at the same ``point`` on the finger's surface, so its
+    couple about the centre line bends the finger too. At the tip of ``matched_clothoid`` that couple is left out (the
+    tip's curvature would depend on itself), and with it the turning of the tip in its velocity of slip, so that no
+    power appears. Supports touch the object only, not the finger; elements touch at their stations only.
 
     Raises
     ------
@@ -68,18 +89,35 @@ class System:
         If the pieces do not fit together.
     """
 
-    def __init__(self, given: Scene | Finger, **keywords: Any) -> None:
+    def __init__(self, given: Scene | Finger, *, surroundings: Surroundings | None = None, **keywords: Any) -> None:
         self.finger_model = FingerModel(given, **keywords)
-        model, made = self.finger_model, self.finger_model.structure
-        self._equations = Equations(made)
+        if surroundings is None and isinstance(given, Scene):
+            surroundings = given
+        self.surroundings = surroundings if surroundings is not None and surroundings.object is not None else None
+        model = self.finger_model
+        self._equations = SystemEquations(model.structure, self.surroundings)
+        pairs, body = self._equations.pairs, self._equations.body
+        self.touch_names = [pair.name for pair in pairs]
         self.n, self.nu, self.np = model.n, model.nu, model.np
-        self.x_names = list(model.x_names)
-        self.w_names = list(model.w_names)
+        self.x_names = [*model.x_names, *(body.x_names if body else []), *(z for pair in pairs for z in pair.z_names)]
+        self.w_names = [*model.w_names, *(body.w_names if body else [])]
         self.u_names, self.p_names, self.p_nominal = model.u_names, model.p_names, model.p_nominal
         self.nx, self.nw = len(self.x_names), len(self.w_names)
 
-    def state(self, q: ArrayLike | None = None, qd: ArrayLike | None = None, u: ArrayLike | None = None) -> list[float]:
-        """A state whose tendon lag is at rest.
+    @property
+    def object_states(self) -> slice:
+        """Where in x the object's pose is: x, y, angle, and z where it can slide out of the plane; empty if fixed."""
+        body = self._equations.body
+        return slice(self.finger_model.nx, self.finger_model.nx + (len(body.start) if body else 0))
+
+    def state(
+        self,
+        q: ArrayLike | None = None,
+        qd: ArrayLike | None = None,
+        u: ArrayLike | None = None,
+        pose: ArrayLike | None = None,
+    ) -> list[float]:
+        """A state whose tendon lag and object are at rest and whose contacts have no friction yet.
 
         Parameters
         ----------
@@ -87,6 +125,8 @@ class System:
             Bending coordinates and their rates; zero where not given.
         u : (nu,) array_like, optional
             Input that the lag has reached; zero where not given.
+        pose : array_like, optional
+            Pose of a moving object: x, y [m], angle [rad] (and z [m]); where it is in its surroundings if not given.
 
         Returns
         -------
@@ -103,7 +143,11 @@ class System:
         tendons = self.finger_model.finger.tendons
         if self.finger_model.structure.lagged and tendons is not None:
             x += [(inputs[0] - inputs[1]) * tendons.offset, 0.0]
-        return x
+        start = self._equations.body.start if self._equations.body else []
+        if pose is not None:
+            given = np.asarray(pose, dtype=float).ravel()
+            start = _vector("pose", np.append(given, start[given.size :]), len(start))
+        return [*x, *start, *[0.0] * (self.nx - len(x) - len(start))]
 
     # -- functions -----------------------------------------------------------------------------------------------
 
@@ -173,20 +217,24 @@ class System:
 
     @cached_property
     def energy(self) -> ca.Function:
-        """Kinetic and potential energy [J]."""
-        eq = self._equations
-        return self._function("energy", "x u p", kinetic=eq.kinetic_energy, potential=eq.potential_energy)
+        """Kinetic and potential energy [J], with those of the object and of the surfaces pressed in."""
+        kinetic, potential = self._equations.energies
+        return self._function("energy", "x u p", kinetic=kinetic, potential=potential)
 
     @cached_property
     def touch(self) -> ca.Function:
-        """Contacts: none without an object."""
-        names = ("gap", "normal_force", "friction", "lift")
-        return self._function("touch", "x u w p", **{key: [] for key in names}, force=ca.SX(2, 0), point=ca.SX(2, 0))
-
-    @property
-    def touch_names(self) -> list[str]:
-        """Names of the contacts."""
-        return []
+        """Gaps [m] and forces [N] of the contacts."""
+        pairs = self._equations.pairs
+        return self._function(
+            "touch",
+            "x u w p",
+            gap=[pair.gap for pair in pairs],
+            normal_force=[pair.normal_force for pair in pairs],
+            friction=[pair.tangential for pair in pairs],
+            lift=[pair.lift for pair in pairs],
+            force=ca.horzcat(ca.SX(2, 0), *[pair.force.scaled(-1.0).column() for pair in pairs]),
+            point=ca.horzcat(ca.SX(2, 0), *[pair.point.column() for pair in pairs]),
+        )
 
 
 def _vector(name: str, value: ArrayLike | None, size: int) -> list[float]:

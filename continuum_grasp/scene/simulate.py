@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, Load, Samples
+from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.value import Length, Positive, Real, Value, Vector2, doubt
 
 __all__ = ["Fidelity", "Initial", "Scene", "Timing"]
@@ -111,8 +112,8 @@ class Timing(Value):
         return self
 
 
-class Scene(Value):
-    """One finger with gravity, contacts, loads and, for a simulation, initial state and time."""
+class Scene(Surroundings):
+    """One finger with gravity, contacts, loads and, for a simulation, what it can touch, initial state and time."""
 
     schema_version: Literal[1]
     name: str | None = None
@@ -120,7 +121,8 @@ class Scene(Value):
     gravity: Vector2
     """World gravity [m/s2]."""
     contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
-    """Positions along the finger where contact forces may act [m]; element boundaries."""
+    """Positions along the finger where contact forces may act [m]; element boundaries. These and the tip are where it
+    touches an object."""
     fidelity: Fidelity = Fidelity()
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Names of model parameters that stay run-time arguments of the generated functions."""
@@ -148,6 +150,8 @@ class Scene(Value):
             self._check_actuation(self.actuation)
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
+        if self.object is not None and self.fidelity.tolerance is not None:
+            raise ValueError("fidelity.tolerance is not measured with an object; give family and elements")
         lengths = self.fidelity.elements
         if isinstance(lengths, tuple) and abs(sum(lengths) - length) > 1e-9 * length:
             raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")

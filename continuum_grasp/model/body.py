@@ -1,0 +1,112 @@
+"""The object as a rigid body in the plane, fixed or moving, which may also slide out of the plane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import casadi as ca
+
+from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, minus, plus, times
+from continuum_grasp.scene.objects import GraspObject
+from continuum_grasp.scene.surroundings import Surroundings
+
+__all__ = ["Body"]
+
+_POSE = ("object_x [m]", "object_y [m]", "object_angle [rad]", "object_z [m]")
+_RATES = ("object_x_rate [m/s]", "object_y_rate [m/s]", "object_angle_rate [rad/s]", "object_z_rate [m/s]")
+
+
+class Body:
+    """Pose, motion and inertia of the object.
+
+    The pose is that of the object's frame: the world position of its origin and its angle.
+
+    Parameters
+    ----------
+    thing : GraspObject
+    around : Surroundings
+        What the object is in.
+    """
+
+    def __init__(self, thing: GraspObject, around: Surroundings) -> None:
+        self.thing, self._around = thing, around
+        self.moves = around.object_moves
+        self.sinks = around.out_of_plane_gravity > 0.0
+        """Whether it can slide out of the plane."""
+        count = (4 if self.sinks else 3) if self.moves else 0
+        self.pose, self.rates = ca.SX.sym("pose", count), ca.SX.sym("rates", count)
+        self.wrench = ca.SX.sym("wrench", 3 if self.moves else 0)
+        self.x_names = [*_POSE[:count], *_RATES[:count]]
+        self.w_names = ["object_force_x [N]", "object_force_y [N]", "object_moment [N m]"] if self.moves else []
+        self.start = [*thing.pose, *([0.0] if self.sinks else [])] if self.moves else []
+
+        self.omega: Scalar = 0.0
+        if self.moves:
+            self.position = Vec(self.pose[0], self.pose[1])
+            self.turn = Rotation(ca.cos(self.pose[2]), ca.sin(self.pose[2]))
+            self.velocity, self.omega = Vec(self.rates[0], self.rates[1]), self.rates[2]
+        else:
+            angle = thing.angle
+            self.position = Vec(*thing.position)
+            self.turn = Rotation(1.0, 0.0) if angle == 0.0 else Rotation(math.cos(angle), math.sin(angle))
+            self.velocity = ZERO
+        self.climb: Scalar = self.rates[3] if self.moves and self.sinks else 0.0
+        """Rate of its height [m/s]."""
+        self.arm = self.turn.apply(Vec(*thing.com))
+        """From the origin of its frame to its centre of mass, world."""
+
+    def local(self, at: Vec) -> Vec:
+        """A world point in the object's frame."""
+        return self.turn.transposed().apply(at - self.position)
+
+    def velocity_at(self, at: Vec) -> Vec:
+        """Velocity of the body at a world point."""
+        if not self.moves:
+            return ZERO
+        return self.velocity + (at - self.position).perp().scaled(self.omega)
+
+    def state_rate(self, gravity: Vec, forces: Sequence[tuple[Vec, Vec]], lifts: Sequence[Scalar]) -> list[Scalar]:
+        """Rates of pose and rates.
+
+        Parameters
+        ----------
+        gravity : Vec
+            World gravity in the plane [m/s2].
+        forces : sequence of (point, force)
+            World forces on the body [N] and the world points where they act.
+        lifts : sequence of scalars
+            Forces out of the plane [N].
+        """
+        if not self.moves:
+            return []
+        mass, center = self.thing.mass, self.position + self.arm
+        total = Vec(self.wrench[0], self.wrench[1])
+        moment: Scalar = self.wrench[2]
+        for point, force in forces:
+            total = total + force
+            moment = plus(moment, (point - center).cross(force))
+        spin = moment / self._around.inertia
+        back = self.arm.perp().scaled(spin) - self.arm.scaled(times(self.omega, self.omega))
+        acceleration = total.scaled(1.0 / mass) + gravity - back
+        rates = [self.rates[k] for k in range(self.rates.numel())]
+        found = [*rates, acceleration.x, acceleration.y, spin]
+        if self.sinks:
+            lift: Scalar = 0.0
+            for each in lifts:
+                lift = plus(lift, each)
+            found.append(times(1.0 / mass, lift) - self._around.out_of_plane_gravity)
+        return found
+
+    def energy(self, gravity: Vec) -> tuple[Scalar, Scalar]:
+        """Kinetic energy, and potential of the weight above the world's origin [J]."""
+        if not self.moves:
+            return 0.0, 0.0
+        mass, center = self.thing.mass, self.velocity + self.arm.perp().scaled(self.omega)
+        square = plus(center.dot(center), times(self.climb, self.climb))
+        kinetic = 0.5 * mass * square + 0.5 * self._around.inertia * self.omega**2
+        weight = times(mass, gravity.dot(self.position + self.arm))
+        potential = minus(0.0, weight)
+        if self.sinks:
+            potential = plus(potential, mass * self._around.out_of_plane_gravity * self.pose[3])
+        return kinetic, potential

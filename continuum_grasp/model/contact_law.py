@@ -1,0 +1,115 @@
+"""How touching surfaces press and rub, as expressions of gap, velocities and friction states.
+
+Normal force: K. H. Hunt, F. R. E. Crossley, Coefficient of restitution interpreted as damping in vibroimpact,
+J. Appl. Mech. 42 (1975), doi:10.1115/1.3423596, with a linear spring whose onset is rounded. Friction: an elastic
+displacement with return to the cone, after P. Dupont, V. Hayward, B. Armstrong, F. Altpeter, Single state elastoplastic
+friction models, IEEE Trans. Automat. Contr. 47 (2002), doi:10.1109/TAC.2002.1000274, here for one or two directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from continuum_grasp.model.planar import Scalar, plus, times
+from continuum_grasp.scene.surroundings import ContactLaw
+
+__all__ = ["friction_rate", "friction_share", "normal_force", "stored_energy"]
+
+_ELASTIC = 0.5
+"""Share of the cone up to which friction is elastic."""
+_RELAXATION = 100.0
+"""Rate at which an open contact forgets its tangential displacement [1/s]."""
+
+
+def normal_force(law: ContactLaw, gap: Scalar, gap_rate: Scalar) -> Scalar:
+    """Normal force [N], zero or positive.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    gap, gap_rate : scalars
+        Distance of the surfaces [m], negative where they overlap, and its rate [m/s].
+    """
+    rounding = law.rounding
+    t, beyond = _onset(law, gap)
+    depth = 2.0 * rounding * t**3 * (1.0 - 0.5 * t) + beyond
+    if law.dissipation == 0.0:
+        return law.stiffness * depth
+    return law.stiffness * depth * ca.fmax(0.0, 1.0 - law.dissipation * gap_rate)
+
+
+def stored_energy(law: ContactLaw, gap: Scalar) -> Scalar:
+    """Energy of the spring in normal direction [J]."""
+    rounding = law.rounding
+    t, beyond = _onset(law, gap)
+    return law.stiffness * (
+        (2.0 * rounding) ** 2 * t**4 * (0.25 - 0.1 * t) + beyond * (plus(times(0.5, beyond), rounding))
+    )
+
+
+def _onset(law: ContactLaw, gap: Scalar) -> tuple[ca.SX, ca.SX]:
+    """How far the onset has got, 0 to 1, and the depth beyond it [m]."""
+    rounding = law.rounding
+    t = ca.fmin(ca.fmax((0.5 / rounding) * (rounding - gap), 0.0), 1.0)
+    return ca.SX(t), ca.SX(ca.fmax(-gap - rounding, 0.0))
+
+
+def friction_share(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
+    """Friction force per direction, as a share of the limit: a vector of size up to one that points with the slip.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    z : sequence of scalars
+        Friction states, one per direction; none with a slip speed.
+    v : sequence of scalars
+        Velocities of slip [m/s].
+    """
+    if law.displacement is None:
+        size = ca.sqrt(plus(_square(v), law.slip_speed**2 if law.slip_speed else 0.0))
+        return [each / size for each in v]
+    if law.dissipation == 0.0:
+        return list(z)
+    elastic = _elastic_velocity(z, v)
+    damped = [plus(each, times(law.dissipation, rate)) for each, rate in zip(z, elastic, strict=True)]
+    size = ca.sqrt(ca.fmax(1.0, _square(damped)))
+    return [each / size for each in damped]
+
+
+def friction_rate(law: ContactLaw, gap: Scalar, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
+    """Rates of the friction states [1/s].
+
+    While the surfaces touch, z' = (v - b(|z|) max(0, v.z) z) / displacement, where b rises smoothly from 0 at half the
+    cone to 1 on it: z stays in the unit disc, springs back below half, and turns into the direction of a steady slip.
+    An open contact forgets.
+    """
+    if law.displacement is None:
+        return []
+    # Zero at a gap of three times the rounding, one from where there is a force.
+    near = ca.fmin(ca.fmax((0.5 / law.rounding) * (3.0 * law.rounding - gap), 0.0), 1.0)
+    touching = near * near * (3.0 - 2.0 * near)
+    elastic = _elastic_velocity(z, v)
+    return [
+        touching * (rate / law.displacement) - (1.0 - touching) * (_RELAXATION * each)
+        for each, rate in zip(z, elastic, strict=True)
+    ]
+
+
+def _elastic_velocity(z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
+    """Part of the slip that goes into the elastic displacement [m/s]."""
+    low = _ELASTIC**2
+    t = ca.fmin(ca.fmax((_square(z) - low) / (1.0 - low), 0.0), 1.0)
+    outward: Scalar = 0.0
+    for a, b in zip(z, v, strict=True):
+        outward = plus(outward, times(a, b))
+    lost = t * t * (3.0 - 2.0 * t) * ca.fmax(0.0, outward)
+    return [b - lost * a for a, b in zip(z, v, strict=True)]
+
+
+def _square(values: Sequence[Scalar]) -> Scalar:
+    total: Scalar = 0.0
+    for value in values:
+        total = plus(total, times(value, value))
+    return total

@@ -1,0 +1,100 @@
+"""The equations of motion of a finger together with the object that it touches."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import casadi as ca
+
+from continuum_grasp.model.body import Body
+from continuum_grasp.model.chain import Force, Moment, Place
+from continuum_grasp.model.equations import Equations
+from continuum_grasp.model.layout import place_at
+from continuum_grasp.model.planar import Scalar, Vec, plus
+from continuum_grasp.model.structure import Structure
+from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs
+from continuum_grasp.scene.surroundings import Surroundings
+
+__all__ = ["SystemEquations"]
+
+
+class SystemEquations(Equations):
+    """Equations of a finger and of its object, if there is one; the state goes on where that of the finger ends.
+
+    Parameters
+    ----------
+    structure : Structure
+        The make-up of the finger's model.
+    surroundings : Surroundings or None
+    """
+
+    def __init__(self, structure: Structure, surroundings: Surroundings | None) -> None:
+        super().__init__(structure)
+        self._around = surroundings
+        self.body: Body | None = None
+        if surroundings is None or surroundings.object is None:
+            return
+        self.body = Body(surroundings.object, surroundings)
+        self.x = ca.vertcat(self.x, self.body.pose, self.body.rates, *[pair.z for pair in self.pairs])
+        self.w = ca.vertcat(self.w, self.body.wrench)
+
+    @cached_property
+    def _stations(self) -> list[tuple[Place, Station]]:
+        """Where the finger may touch."""
+        made, radius = self._made, self._made.finger.thickness_radius
+        places = [(f"finger.{k + 1}", place_at(at, made.lengths)) for k, at in enumerate(made.contacts)]
+        motions = self.chain.end_velocities(self.full_rates)
+        found = []
+        for name, place in [*places, ("finger.tip", made.tip)]:
+            center, (velocity, spin) = self.to_world(self.chain.position(place)), motions[place.link]
+            rolls = not (made.matched and place is made.tip)
+            found.append((place, Station(name, center, self.turn.apply(velocity), spin if rolls else 0.0, radius)))
+        return found
+
+    @cached_property
+    def pairs(self) -> list[Pair]:
+        """What can touch: stations of the finger first, then supports."""
+        around, body = self._around, self.body
+        if around is None or body is None or around.contact_law is None:
+            return []
+        law = around.contact_law
+        stations = [disc_pair(body, law, station) for _, station in self._stations]
+        return stations + support_pairs(body, law, around.walls, around.pegs)
+
+    @cached_property
+    def contact_loads(self) -> tuple[list[Force], list[Moment]]:
+        """Contact forces on the finger, with their couples about the centre line where the tip is free."""
+        if self.body is None:
+            return [], []
+        back = self.turn.transposed()
+        forces, moments = [], []
+        for (place, station), pair in zip(self._stations, self.pairs, strict=False):
+            forces.append(Force(place, back.apply(pair.force)))
+            if not (self._made.matched and place is self._made.tip):
+                moments.append(Moment(place, (pair.point - station.center).cross(pair.force)))
+        return forces, moments
+
+    @cached_property
+    def _world_gravity(self) -> Vec:
+        return Vec(*self._par.vector("gravity"))
+
+    @cached_property
+    def state_rate(self) -> list[Scalar]:
+        """Derivative of the state."""
+        rates = list(super().state_rate)
+        if self.body is None:
+            return rates
+        forces = [(pair.point, pair.force.scaled(-1.0)) for pair in self.pairs]
+        rates += self.body.state_rate(self._world_gravity, forces, [pair.lift for pair in self.pairs])
+        return rates + [rate for pair in self.pairs for rate in pair.z_rate]
+
+    @cached_property
+    def energies(self) -> tuple[Scalar, Scalar]:
+        """Kinetic and potential energy [J], with those of the object and of the surfaces pressed in."""
+        kinetic, potential = self.kinetic_energy, self.potential_energy
+        if self.body is not None:
+            moving, weight = self.body.energy(self._world_gravity)
+            kinetic, potential = plus(kinetic, moving), plus(potential, weight)
+            for pair in self.pairs:
+                potential = plus(potential, pair.stored_energy)
+        return kinetic, potential

@@ -1,0 +1,176 @@
+"""Which surfaces can touch: every station of the finger and every support against the object."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+from continuum_grasp.model.body import Body
+from continuum_grasp.model.contact_law import friction_rate, friction_share, normal_force, stored_energy
+from continuum_grasp.model.planar import ZERO, Scalar, Vec, minus, times
+from continuum_grasp.model.surface import lowest_points, nearest
+from continuum_grasp.scene.supports import Peg, Wall
+from continuum_grasp.scene.surroundings import ContactLaw
+
+__all__ = ["Pair", "Station", "disc_pair", "support_pairs"]
+
+
+@dataclass(frozen=True)
+class Station:
+    """A disc of the finger: world centre, its velocity, angular velocity, and radius [m]."""
+
+    name: str
+    center: Vec
+    velocity: Vec
+    spin: Scalar
+    radius: float
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A place of the object's surface and what may touch it there.
+
+    Attributes
+    ----------
+    name : str
+    gap : scalar
+        Distance of the surfaces [m], negative where they overlap.
+    normal : Vec
+        Outward normal of the object, world.
+    point : Vec
+        Where the force acts, world [m].
+    velocity : Vec
+        Of the object against what touches it, at the point, world [m/s].
+    climb : scalar
+        The same out of the plane [m/s].
+    friction : float
+        Coefficient [1].
+    law : ContactLaw
+    z : casadi.SX
+        Friction states: along the normal turned by +90 degrees, then out of the plane, where the object can move so.
+    sinks : bool
+        Whether there is friction out of the plane.
+    """
+
+    name: str
+    gap: Scalar
+    normal: Vec
+    point: Vec
+    velocity: Vec
+    climb: Scalar
+    friction: float
+    law: ContactLaw
+    z: ca.SX
+    sinks: bool
+
+    @property
+    def z_names(self) -> list[str]:
+        """Name and unit of each friction state."""
+        return [f"{self.name}.{word} [1]" for word in ("slide", "climb")[: self.z.numel()]]
+
+    @cached_property
+    def normal_force(self) -> Scalar:
+        """[N]"""
+        return normal_force(self.law, self.gap, minus(0.0, self.normal.dot(self.velocity)))
+
+    @cached_property
+    def _slip(self) -> list[Scalar]:
+        """Velocity of the object along the surface, and out of the plane."""
+        along = self.normal.perp().dot(self.velocity)
+        return [along, self.climb] if self.sinks else [along]
+
+    @cached_property
+    def _states(self) -> list[Scalar]:
+        return [self.z[k] for k in range(self.z.numel())]
+
+    @cached_property
+    def _friction(self) -> list[Scalar]:
+        """Forces against the slip, per direction [N]."""
+        if self.friction == 0.0:
+            return [0.0 for _ in self._slip]
+        limit = times(self.friction, self.normal_force)
+        return [times(limit, share) for share in friction_share(self.law, self._states, self._slip)]
+
+    @property
+    def tangential(self) -> Scalar:
+        """Friction on what touches the object, along the normal turned by +90 degrees [N]."""
+        return self._friction[0]
+
+    @property
+    def lift(self) -> Scalar:
+        """Friction out of the plane, on the object [N]."""
+        return minus(0.0, self._friction[1]) if self.sinks else 0.0
+
+    @cached_property
+    def force(self) -> Vec:
+        """Force on what touches the object, world [N]; the object bears the opposite."""
+        return self.normal.scaled(self.normal_force) + self.normal.perp().scaled(self.tangential)
+
+    @cached_property
+    def z_rate(self) -> list[Scalar]:
+        """Rates of the friction states [1/s]."""
+        return friction_rate(self.law, self.gap, self._states, self._slip) if self.z.numel() else []
+
+    @property
+    def stored_energy(self) -> Scalar:
+        """Of the normal spring [J]."""
+        return stored_energy(self.law, self.gap)
+
+
+def disc_pair(body: Body, law: ContactLaw, disc: Station, friction: float | None = None) -> Pair:
+    """A disc against the nearest part of the object."""
+    found = nearest(body.thing.parts, body.local(disc.center))
+    normal = body.turn.apply(found.normal)
+    lever = normal.scaled(-disc.radius)
+    point = disc.center + lever
+    other = disc.velocity + lever.perp().scaled(disc.spin)
+    gap = minus(found.distance, disc.radius)
+    return _pair(disc.name, body, law, gap, normal, point, body.velocity_at(point) - other, friction)
+
+
+def support_pairs(body: Body, law: ContactLaw, walls: Sequence[Wall], pegs: Sequence[Peg]) -> list[Pair]:
+    """The supports against the object.
+
+    A wall meets the farthest point of a disc or a superellipse, and every corner of a polygon, since a face may lie on
+    it. The ends of an edge are points.
+    """
+    pairs = []
+    for wall in walls:
+        down = Vec(*(-v for v in wall.normal))
+        local = body.turn.transposed().apply(down)
+        points = [p for part in body.thing.parts for p in lowest_points(part, local)]
+        for k, place in enumerate(points):
+            point = body.position + body.turn.apply(place)
+            offset = point - Vec(*wall.point)
+            gap = minus(0.0, down.dot(offset))
+            if wall.half_length < float("inf"):
+                gap = ca.fmax(gap, ca.fabs(ca.SX(down.perp().dot(offset))) - wall.half_length)
+            name = wall.name if len(points) == 1 else f"{wall.name}.{k + 1}"
+            pairs.append(_pair(name, body, law, gap, down, point, body.velocity_at(point), wall.friction))
+        if wall.half_length < float("inf"):
+            for word, end in zip(("start", "end"), wall.ends, strict=True):
+                disc = Station(f"{wall.name}.{word}", Vec(*end), ZERO, 0.0, 0.0)
+                pairs.append(disc_pair(body, law, disc, wall.friction))
+    for peg in pegs:
+        disc = Station(peg.name, Vec(*peg.position), ZERO, 0.0, peg.radius)
+        pairs.append(disc_pair(body, law, disc, peg.friction))
+    return pairs
+
+
+def _pair(
+    name: str,
+    body: Body,
+    law: ContactLaw,
+    gap: Scalar,
+    normal: Vec,
+    point: Vec,
+    velocity: Vec,
+    friction: float | None,
+) -> Pair:
+    own = law.friction if friction is None else friction
+    has_state = own > 0.0 and law.displacement is not None
+    z = ca.SX.sym(name, (2 if body.sinks else 1) if has_state else 0)
+    return Pair(name, gap, normal, point, velocity, body.climb, own, law, z, body.sinks)

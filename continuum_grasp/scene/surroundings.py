@@ -1,0 +1,144 @@
+"""What a finger can touch in motion: an object, what else holds it, and how surfaces press and rub."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from continuum_grasp.scene.objects import GraspObject
+from continuum_grasp.scene.parts import Point
+from continuum_grasp.scene.supports import Peg, Support, Wall
+from continuum_grasp.scene.value import Extent, NonNegative, Positive, Value, doubt
+
+__all__ = ["ContactLaw", "Surroundings"]
+
+_PRESLIDING = 1e-4
+"""Displacement before slip where nothing is said [m]."""
+
+
+class ContactLaw(Value):
+    """How two surfaces that touch press and rub.
+
+    The normal force is ``stiffness * s(d) * max(0, 1 + dissipation * d_rate)`` for a depth ``d``; s(d) = d but for
+    a smooth onset within ``rounding`` of touching.
+    """
+
+    stiffness: Annotated[float, Field(ge=1e-3, le=1e9)]
+    """Normal force per depth [N/m]."""
+    friction: NonNegative
+    """Coulomb friction coefficient [1]; that of a support counts where it has its own."""
+    dissipation: NonNegative = 1.0
+    """Share by which the normal force grows per speed of approach [s/m] (Hunt and Crossley); the same damps the
+    tangential displacement before slip. A body that lands with a small speed v leaves with about
+    v (1 - 2/3 dissipation v)."""
+    rounding: Extent = 1e-5
+    """The force begins at a gap of this much and is linear from a depth of this much on [m]; in between its second
+    derivative is continuous."""
+    presliding: Extent | None = None
+    """Displacement that would reach the friction cone, if it were elastic up to there [m]: a contact below it springs
+    back and does not creep. None: 0.1 mm, where no ``slip_speed`` is given."""
+    slip_speed: Annotated[float, Field(ge=1e-9, le=1e3)] | None = None
+    """In place of ``presliding``: the friction force grows smoothly with the speed of slip and has about 70 % of its
+    limit at this one [m/s]. It needs no state, but what it holds creeps."""
+
+    @model_validator(mode="after")
+    def _one_friction(self) -> ContactLaw:
+        if self.presliding is not None and self.slip_speed is not None:
+            raise ValueError("presliding and slip_speed exclude each other: give one, or none for 0.1 mm of presliding")
+        if not 10.0 <= self.stiffness <= 1e7:
+            doubt(f"contact_law.stiffness = {self.stiffness:g} N/m is that of no fingertip (expected: N/m)")
+        if self.rounding > 1e-3:
+            doubt(f"contact_law.rounding = {self.rounding:g} m is more than a millimetre (expected: m)")
+        if self.friction > 3.0:
+            doubt(f"contact_law.friction = {self.friction:g} is more than surfaces have")
+        return self
+
+    @property
+    def displacement(self) -> float | None:
+        """Displacement before slip [m]; None where friction has no state."""
+        if self.slip_speed is not None:
+            return None
+        return _PRESLIDING if self.presliding is None else self.presliding
+
+
+class Surroundings(Value):
+    """An object, fixed or free to move in the plane, and the supports that it can touch.
+
+    The finger touches the object; supports touch the object only, the finger passes through them.
+    """
+
+    object: GraspObject | None = None
+    """What the finger can touch; None: nothing."""
+    supports: Annotated[dict[str, Support], Field(default_factory=dict, max_length=8)]
+    """Fixed walls, edges, points and grooves by name, which a moving object can touch."""
+    contact_law: ContactLaw | None = None
+    """How the object's surface presses and rubs; needed with an object."""
+    object_moves: bool = False
+    """Whether the object moves, as a rigid body in the plane; it is fixed where not."""
+    out_of_plane_gravity: NonNegative = 0.0
+    """Gravity perpendicular to the plane [m/s2]: the weight of a moving object is then carried by friction alone. The
+    object slides out of the plane where that does not suffice, but never tilts; the finger is stiff that way."""
+    moment_of_inertia: Positive | None = None
+    """Of a moving object about its centre of mass [kg m2]; None: that of its mass spread evenly over its shape (over
+    each part by its area, for a union)."""
+
+    @model_validator(mode="after")
+    def _complete(self) -> Surroundings:
+        thing = self.object
+        if thing is None:
+            given = [key for key in ("supports", "contact_law", "moment_of_inertia") if getattr(self, key)]
+            given += [key for key in ("object_moves", "out_of_plane_gravity") if getattr(self, key)]
+            if given:
+                raise ValueError(f"{given[0]} has no meaning without an object")
+            return self
+        if self.contact_law is None:
+            raise ValueError("contact_law is missing: an object needs its stiffness and friction")
+        if thing.free is not None:
+            raise ValueError("object.free is for grasps; here the object starts where position and angle say")
+        if self.object_moves and thing.mass < 1e-9:
+            raise ValueError("object.mass must be positive for an object that moves")
+        if not self.object_moves:
+            given = [key for key in ("moment_of_inertia", "out_of_plane_gravity") if getattr(self, key)]
+            if given or self.supports:
+                raise ValueError(f"{(given or ['supports'])[0]} has no meaning for a fixed object: set object_moves")
+        return self
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia of the object about its centre of mass [kg m2]; zero without an object."""
+        if self.moment_of_inertia is not None or self.object is None:
+            return self.moment_of_inertia or 0.0
+        return self.object.mass * _squared_gyration(self.object)
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        """All straight supports."""
+        return tuple(wall for name, support in self.supports.items() for wall in support.walls(name))
+
+    @property
+    def pegs(self) -> tuple[Peg, ...]:
+        """All round supports."""
+        return tuple(peg for name, support in self.supports.items() for peg in support.pegs(name))
+
+
+def _squared_gyration(thing: GraspObject) -> float:
+    """Mean squared distance of the shape from the centre of mass [m2]."""
+    area = second = 0.0
+    for part in thing.parts:
+        own, moment = _area_moment(part.outline(720), thing.com)
+        area, second = area + own, second + moment
+    return second / area
+
+
+def _area_moment(outline: list[Point], about: Point) -> tuple[float, float]:
+    """Area of a polygon and its polar second moment about a point."""
+    area = second = 0.0
+    points = [(x - about[0], y - about[1]) for x, y in outline]
+    for (ax, ay), (bx, by) in pairwise([*points, points[0]]):
+        cross = ax * by - bx * ay
+        area += 0.5 * cross
+        second += cross * (ax * ax + ax * bx + bx * bx + ay * ay + ay * by + by * by) / 12.0
+    return math.fabs(area), math.fabs(second)
