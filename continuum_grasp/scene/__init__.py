@@ -34,6 +34,15 @@ _ROOMS = {
         "Phases",
         "Trials",
     ),
+    "continuum_grasp.scene.plan": (
+        "DurationRange",
+        "FineCheck",
+        "Goal",
+        "PlanBounds",
+        "PlanInput",
+        "PlanScene",
+        "PlanSolver",
+    ),
     "continuum_grasp.scene.plant": ("Plant",),
     "continuum_grasp.scene.reference": (
         "CircleReference",
@@ -134,6 +143,13 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.objects import RoundedPolygon as RoundedPolygon
     from continuum_grasp.scene.objects import Superellipse as Superellipse
     from continuum_grasp.scene.objects import Union as Union
+    from continuum_grasp.scene.plan import DurationRange as DurationRange
+    from continuum_grasp.scene.plan import FineCheck as FineCheck
+    from continuum_grasp.scene.plan import Goal as Goal
+    from continuum_grasp.scene.plan import PlanBounds as PlanBounds
+    from continuum_grasp.scene.plan import PlanInput as PlanInput
+    from continuum_grasp.scene.plan import PlanScene as PlanScene
+    from continuum_grasp.scene.plan import PlanSolver as PlanSolver
     from continuum_grasp.scene.plant import Plant as Plant
     from continuum_grasp.scene.reference import CircleReference as CircleReference
     from continuum_grasp.scene.reference import Reference as Reference

@@ -22,9 +22,10 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.grasp import GraspScene
     from continuum_grasp.scene.mission import MissionScene
+    from continuum_grasp.scene.plan import PlanScene
     from continuum_grasp.scene.sweep import Sweep
 
-    Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | Finger | Sweep
+    Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | PlanScene | Finger | Sweep
 
 __all__ = ["assembled", "changed", "kind_of", "load", "load_placed", "model_of", "scene_of", "validated"]
 
@@ -35,6 +36,7 @@ _MODELS = {
     "grasp": ("grasp", "GraspScene"),
     "mpc": ("control", "ControlScene"),
     "mission": ("mission", "MissionScene"),
+    "plan": ("plan", "PlanScene"),
     "sweep": ("sweep", "Sweep"),
     "finger": ("finger", "Finger"),
 }
@@ -48,8 +50,8 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
     ----------
     path : path-like
         A YAML file: a scene for simulation, one with parameters to ``estimate``, a grasp (it has an ``object``), a
-        closed loop (it has a ``controller``), a mission (that and a ``grasp``), a sweep (it names a ``scene``) or a
-        finger (it has a ``rod``).
+        closed loop (it has a ``controller``), a mission (that and a ``grasp``), a plan (it has a ``goal``), a sweep
+        (it names a ``scene``) or a finger (it has a ``rod``).
         Where it says ``finger: other.yaml`` or ``finger: {extends: other.yaml, ...}``, that file is read,
         relative to the file that names it; keys given beside ``extends`` replace those of the other file,
         mappings key by key.
@@ -128,16 +130,19 @@ def scene_of(given: Scene | str | os.PathLike[str]) -> Scene:
             "Sweep": "a sweep",
             "ControlScene": "a closed loop",
             "MissionScene": "a mission",
+            "PlanScene": "a plan",
         }.get(type(loaded).__name__, "a finger alone")
         raise InputError(f"expected a scene (finger, gravity, ...), got {got}", file=os.fspath(given))
     return loaded
 
 
 def kind_of(data: Any) -> str:
-    """``mission``, ``mpc``, ``grasp``, ``sweep``, ``identify``, ``simulate`` or ``finger``: what kind of file it is."""
+    """What kind of configuration it is, as in ``KINDS`` of ``scene.schema``."""
     if isinstance(data, dict):
         if "controller" in data:
             return "mission" if "grasp" in data else "mpc"
+        if "goal" in data:
+            return "plan"
         if "scene" in data or "vary" in data or "sample" in data:
             return "sweep"
         if "object" in data and "contact_law" not in data:
@@ -205,7 +210,7 @@ def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
 
 
 def _put_in_files(document: Document, main: Path) -> None:
-    """Put in place what stands in other files: fingers, and the grasp of a mission."""
+    """Put in place what stands in other files: fingers, and the grasp of a mission or plan."""
     _put_in_fingers(document, main)
     target = document.value.get("grasp")
     if isinstance(target, str):

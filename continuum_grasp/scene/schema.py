@@ -11,7 +11,7 @@ from continuum_grasp.scene.load import model_of
 
 __all__ = ["KINDS", "json_schema", "schema_text", "write_schemas"]
 
-KINDS = ("simulate", "identify", "grasp", "mpc", "mission", "sweep", "finger")
+KINDS = ("simulate", "identify", "grasp", "mpc", "mission", "plan", "sweep", "finger")
 
 _Node = dict[str, Any]
 _SUFFIX = "Changes"
@@ -23,7 +23,7 @@ def json_schema(kind: str) -> _Node:
     Parameters
     ----------
     kind : str
-        ``simulate``, ``identify``, ``grasp``, ``mpc``, ``mission``, ``sweep`` or ``finger``.
+        ``simulate``, ``identify``, ``grasp``, ``mpc``, ``mission``, ``plan``, ``sweep`` or ``finger``.
 
     Returns
     -------

@@ -1,0 +1,309 @@
+"""A motion to be planned as a whole: from where, to what, at what price and within which limits."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from continuum_grasp.scene.control import Bounds, Cost, DiscZone, HalfPlaneZone, InputLimits, Penalty
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.reference import CircleReference, Reference, Row, RowSamples
+from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.surroundings import Surroundings
+from continuum_grasp.scene.value import Length, NonNegative, Positive, Value, Vector2
+
+__all__ = [
+    "Aim",
+    "DurationRange",
+    "FineCheck",
+    "Goal",
+    "PlanBounds",
+    "PlanDiscZone",
+    "PlanHalfPlaneZone",
+    "PlanInput",
+    "PlanScene",
+    "PlanSolver",
+    "PointAim",
+    "ShapeAim",
+]
+
+
+def _exact(value: Any) -> Any:
+    """A bare row is what must be reached exactly."""
+    return {"value": value} if isinstance(value, list | tuple) else value
+
+
+class _Aim(Value):
+    weight: Positive | None = None
+    """Price of half the squared error, per unit squared; None: reached exactly."""
+
+
+class RowAim(_Aim):
+    """Numbers that are to be reached."""
+
+    value: Row
+
+
+class PointAim(_Aim):
+    """A point that is to be reached."""
+
+    value: Vector2
+    """World position [m]."""
+
+
+class ShapeAim(_Aim):
+    """Points along the finger that are to be reached."""
+
+    at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
+    """Positions along the finger [m]."""
+    value: Annotated[tuple[Vector2, ...], Field(strict=False, min_length=1)]
+    """Their world positions [m]."""
+
+    @model_validator(mode="after")
+    def _as_many(self) -> ShapeAim:
+        if len(self.value) != len(self.at):
+            raise ValueError(f"value: expected as many points as at ({len(self.at)}), got {len(self.value)}")
+        return self
+
+
+Aim = Annotated[RowAim, BeforeValidator(_exact)]
+TipAim = Annotated[PointAim, BeforeValidator(_exact)]
+
+
+class Goal(Value):
+    """Where the motion ends."""
+
+    end: Literal["moving", "still", "held"] = "still"
+    """moving: with any speed; still: all rates are zero; held: the accelerations too, so that the finger stays there
+    under its last input."""
+    tip: TipAim | None = None
+    """World position of the tip [m]."""
+    bending: Aim | None = None
+    """Bending angle of each element of the model [rad]."""
+    shape: ShapeAim | None = None
+    contact_force: Aim | None = None
+    """Normal force at each place where the finger may touch the object, from base to tip [N]."""
+    input: Aim | None = None
+    """Last input: tip moment [N m] or tensions [N]."""
+
+
+class DurationRange(Value):
+    """A duration that is to be found."""
+
+    least: Positive
+    """[s]"""
+    most: Positive
+    """[s]"""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> DurationRange:
+        if self.least >= self.most:
+            raise ValueError(f"least = {self.least} s must be less than most = {self.most} s")
+        return self
+
+
+class PlanInput(InputLimits):
+    """Limits of the input, and how it runs over an interval."""
+
+    form: Literal["hold", "linear"] = "hold"
+    """hold: constant over an interval; linear: a straight line, without jumps from ``initial`` on."""
+    initial: Row | None = None
+    """Input before the motion begins; None: no tip moment, or the least tensions."""
+
+
+class PlanHalfPlaneZone(HalfPlaneZone):
+    """All behind a line; hard where no price is given."""
+
+    penalty: Penalty | Literal["hard"] = "hard"
+
+
+class PlanDiscZone(DiscZone):
+    """A disc; hard where no price is given."""
+
+    penalty: Penalty | Literal["hard"] = "hard"
+
+
+_PlanZone = Annotated[PlanHalfPlaneZone | PlanDiscZone, Field(discriminator="type")]
+
+
+class PlanBounds(Bounds):
+    """What must not be left at the nodes of the grid; prices of soft bounds are per share and second."""
+
+    keep_out: dict[str, _PlanZone] = Field(default_factory=dict)  # type: ignore[assignment]
+    """Zones by name."""
+    penalty: Penalty | Literal["hard"] = "hard"
+    """Of curvature and speed."""
+
+
+class PlanSolver(Value):
+    """IPOPT, and what it is given."""
+
+    hessian: Literal["exact", "gauss_newton"] = "exact"
+    """gauss_newton: without the curvature of the motion and of the bounds."""
+    tolerance: Annotated[float, Field(ge=1e-12, le=1e-2)] = 1e-8
+    max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 500
+    """Per start."""
+    time_limit: Positive = 120.0
+    """Of all starts together [s]."""
+    starts: Annotated[int, Field(ge=1, le=9)] | None = None
+    """Paths from which the search begins, the direct one first; None: one, or five where there are zones. The best
+    plan counts."""
+    substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
+    """Runge-Kutta steps per interval of multiple shooting; None: as many as the stiffness asks for."""
+    points: Literal["radau", "legendre"] = "radau"
+    """Collocation points."""
+    degree: Annotated[int, Field(ge=2, le=9)] = 3
+    """Number of collocation points per interval."""
+
+
+class FineCheck(Value):
+    """The inputs of the plan played to a finely integrated model."""
+
+    tolerance: Annotated[float, Field(ge=1e-9, le=1.0)] = 1e-3
+    """Deviation of the tip from the plan, per finger length, from which on there is a warning."""
+    finer: Fidelity | None = None
+    """A finer model on which the inputs are tried too."""
+
+
+class PlanScene(Surroundings):
+    """A finger that is to move from an initial state to a goal, and what it can touch."""
+
+    schema_version: Literal[1]
+    name: str | None = None
+    finger: Finger
+    gravity: Vector2
+    """World gravity [m/s2]."""
+    contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
+    """Positions along the finger where loads act [m]; element boundaries. These and the tip are where it touches an
+    object."""
+    fidelity: Fidelity = Fidelity()
+    parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    """Model parameters that stay arguments of the model."""
+    initial: Initial = Initial(pose="rest")
+    input: PlanInput = PlanInput()
+    bounds: PlanBounds = PlanBounds()
+    loads: Annotated[tuple[ForceLoad, ...], Field(strict=False)] = ()
+    """Known forces at places of ``contacts`` or at the tip; over time only where the duration is given."""
+    goal: Goal
+    objective: Literal["least_time", "least_effort", "least_input_rate", "tracking"] = "least_effort"
+    """least_time: the duration; least_effort: integral of the squared input away from ``input.initial``;
+    least_input_rate: integral of its squared rate; tracking: ``cost`` about ``reference``."""
+    cost: Cost | None = None
+    """Weights of ``tracking``."""
+    reference: Reference = Reference()
+    """Set-points of ``tracking`` over time."""
+    smoothing: NonNegative = 1e-3
+    """Price of input changes beside ``least_time``, whose inputs would not be unique: the plan is this share of the
+    duration, or less, longer for smooth inputs."""
+    duration: Positive | DurationRange
+    """[s]"""
+    intervals: Annotated[int, Field(ge=2, le=5000)] = 50
+    method: Literal["multiple_shooting", "collocation"] = "multiple_shooting"
+    solver: PlanSolver = PlanSolver()
+    check: FineCheck = FineCheck()
+
+    @model_validator(mode="after")
+    def _sense(self) -> PlanScene:
+        finger, length = self.finger, self.finger.rod.length
+        if any(b <= a for a, b in zip(self.contacts, self.contacts[1:], strict=False)):
+            raise ValueError(f"contacts must increase along the finger, got {list(self.contacts)}")
+        for k, at in enumerate(self.contacts):
+            if at >= length:
+                raise ValueError(
+                    f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
+                )
+        if finger.tendons is None and self.input.moment_max is None:
+            raise ValueError("input.moment_max is needed: the greatest tip moment of a finger without tendons")
+        for name in ("moment_max", "time_constant"):
+            if finger.tendons is not None and getattr(self.input, name) is not None:
+                raise ValueError(f"input.{name} is for a finger without tendons; see finger.tendons")
+        if self.fidelity.tolerance is not None:
+            raise ValueError("fidelity.tolerance is not for plans: give family and elements")
+        self._check_inputs()
+        self._check_goal()
+        self._check_objective()
+        self._check_loads()
+        return self
+
+    def _check_inputs(self) -> None:
+        width = 1 if self.finger.tendons is None else 2
+        aim = self.goal.input
+        least, most = self.input_limits
+        for key, row in (("input.initial", self.input.initial), ("goal.input", aim.value if aim else None)):
+            if row is None:
+                continue
+            if len(row) != width:
+                raise ValueError(f"{key}: expected the tip moment or two tensions, got {len(row)} numbers")
+            for value in row:
+                if not least <= value <= most:
+                    raise ValueError(f"{key}: {value} is outside the limits of the input, {least} to {most}")
+
+    def _check_goal(self) -> None:
+        shape = self.goal.shape
+        for k, at in enumerate(shape.at if shape is not None else ()):
+            if at > self.finger.rod.length * (1 + 1e-9):
+                raise ValueError(f"goal.shape.at[{k}] = {at} m is beyond the finger")
+        anything = (self.goal.tip, self.goal.bending, shape, self.goal.contact_force)
+        if self.objective != "tracking" and all(aim is None for aim in anything):
+            raise ValueError("goal: give tip, bending, shape or contact_force (only tracking may do without)")
+
+    def _check_objective(self) -> None:
+        free = isinstance(self.duration, DurationRange)
+        if self.objective == "least_time" and not free:
+            raise ValueError("duration: least_time needs a range, {least: ..., most: ...}")
+        if self.objective == "tracking" and free:
+            raise ValueError("duration: tracking needs a number, since its reference runs in time")
+        if (self.cost is not None) != (self.objective == "tracking"):
+            raise ValueError("cost belongs to objective: tracking, which needs it")
+        if self.cost is None:
+            return
+        for name in ("tip", "shape", "contact_force"):
+            if (getattr(self.cost, name) is None) != (getattr(self.reference, name) is None):
+                raise ValueError(f"cost.{name} and reference.{name} need each other")
+        if self.cost.shape is not None and self.reference.shape is not None:
+            given = self.reference.shape
+            width = given.width if isinstance(given, RowSamples) else len(given)
+            if width != 2 * len(self.cost.shape.at):
+                raise ValueError(f"reference.shape needs x, y of {len(self.cost.shape.at)} sections, got {width}")
+
+    def _check_loads(self) -> None:
+        places = (*self.contacts, self.finger.rod.length)
+        for k, load in enumerate(self.loads):
+            if not any(abs(load.at - at) <= 1e-9 * self.finger.rod.length for at in places):
+                raise ValueError(f"loads[{k}].at = {load.at} m: expected one of contacts or the tip, {list(places)}")
+            if load.follows:
+                raise ValueError(f"loads[{k}].follows is not for plans")
+            if not isinstance(load.force, tuple) and isinstance(self.duration, DurationRange):
+                raise ValueError(f"loads[{k}].force: a force over time needs a duration that is given")
+
+    @property
+    def input_limits(self) -> tuple[float, float]:
+        """Least and greatest tip moment [N m] or tension [N]."""
+        tendons = self.finger.tendons
+        if tendons is not None:
+            return tendons.min_tension, tendons.max_tension
+        most = self.input.moment_max or 0.0
+        return -most, most
+
+    @property
+    def initial_input(self) -> tuple[float, ...]:
+        """Input before the motion begins."""
+        if self.input.initial is not None:
+            return self.input.initial
+        return (0.0,) if self.finger.tendons is None else (self.input_limits[0],) * 2
+
+    @property
+    def duration_range(self) -> tuple[float, float]:
+        """Shortest and longest duration [s]."""
+        given = self.duration
+        return (given.least, given.most) if isinstance(given, DurationRange) else (given, given)
+
+    @property
+    def runs_in_time(self) -> bool:
+        """Whether references or loads vary over time."""
+        varying = (RowSamples, CircleReference)
+        given = self.reference
+        rows = (given.tip, given.bending, given.shape, given.contact_force, given.input)
+        return any(isinstance(row, varying) for row in rows) or any(not isinstance(v.force, tuple) for v in self.loads)
