@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.finger_model import FingerModel
+from continuum_grasp.model.finger_model import FUNCTIONS, FingerModel
+from continuum_grasp.model.system import SYSTEM_FUNCTIONS, System
 
-__all__ = ["Sections", "finite", "model_of", "positive", "whole"]
+__all__ = ["Sections", "finite", "functions_of", "model_of", "positive", "whole"]
 
 _SNAP = 1e-9
 """Part of the finger's length by which a position may lie off it."""
@@ -75,6 +76,17 @@ def model_of(given: Any) -> FingerModel:
     if not isinstance(given, FingerModel):
         raise InputError(f"expected a FingerModel, got {type(given).__name__} {given!r:.60}")
     return given
+
+
+def functions_of(given: Any) -> tuple[str, ...]:
+    """Names of the functions of a model or system.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+    """
+    return SYSTEM_FUNCTIONS if isinstance(given, System) else FUNCTIONS if model_of(given) else ()
 
 
 def whole(name: str, value: Any) -> int:

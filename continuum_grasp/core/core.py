@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.call import Caller, pointers, real_array, shaped
-from continuum_grasp.core.checks import Sections, finite, model_of, positive, whole
+from continuum_grasp.core.checks import Sections, finite, functions_of, positive, whole
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
 from continuum_grasp.core.integrators import METHODS, step_function
 from continuum_grasp.core.precision import SingleRange, check_solvable, precision_of
 from continuum_grasp.core.rollouts import Rollouts, row, signal
 from continuum_grasp.core.source import batch_source, entry, function_source, rollout_source, rollouts_source
 from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.model.finger_model import FUNCTIONS, FingerModel
+from continuum_grasp.model import FingerModel, System
 
 __all__ = ["Core", "compile"]
 
@@ -33,12 +33,12 @@ class _Warned:
     reasons: ClassVar[set[str]] = set()
 
 
-def compile(model: FingerModel, functions: Sequence[str] | None = None, *, precision: str = "double") -> Core:
+def compile(model: FingerModel | System, functions: Sequence[str] | None = None, *, precision: str = "double") -> Core:
     """Compile a model for this machine.
 
     Parameters
     ----------
-    model : FingerModel
+    model : FingerModel or System
         The model.
     functions : sequence of str, optional
         Functions to compile now; the others are compiled when they are first called. The forward dynamics where
@@ -73,14 +73,14 @@ class Core:
 
     Attributes
     ----------
-    model : FingerModel
+    model : FingerModel or System
     compiled : bool
         Whether the code is compiled.
     precision : {"double", "float"}
 
     Parameters
     ----------
-    model : FingerModel
+    model : FingerModel or System
         The model.
     compiled : bool
         False: run on the virtual machine all the same, which is sooner done for a few calls of a large model.
@@ -96,8 +96,9 @@ class Core:
         few digits for them.
     """
 
-    def __init__(self, model: FingerModel, *, compiled: bool = True, precision: str = "double") -> None:
-        self.model = model_of(model)
+    def __init__(self, model: FingerModel | System, *, compiled: bool = True, precision: str = "double") -> None:
+        self._names = functions_of(model)
+        self.model: Any = model
         self.precision = precision_of(precision)
         self._compiler: Compiler | None = find_compiler() if compiled else None
         self._callers: dict[str, Caller] = {}
@@ -110,13 +111,19 @@ class Core:
             _warn(why_no_compiler())
 
     @property
+    def _finger_model(self) -> FingerModel:
+        return self.model.finger_model if isinstance(self.model, System) else self.model
+
+    @property
     def compiled(self) -> bool:
         """Whether the code is compiled."""
         return self._compiler is not None
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        if name not in FUNCTIONS:
-            raise AttributeError(f"a core has no {name!r}; its functions are {', '.join(FUNCTIONS)}")
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name not in self._names:
+            raise AttributeError(f"a core has no {name!r}; its functions are {', '.join(self._names)}")
         return self._caller(name)
 
     def prepare(self, name: str) -> Caller:
@@ -131,8 +138,8 @@ class Core:
 
     def _caller(self, name: str) -> Caller:
         """Caller of a function that may not be compiled yet."""
-        if name not in FUNCTIONS:
-            raise InputError(f"unknown function {name!r}: expected one of {', '.join(FUNCTIONS)}")
+        if name not in self._names:
+            raise InputError(f"unknown function {name!r}: expected one of {', '.join(self._names)}")
         if name not in self._callers:
             function = getattr(self.model, name)
             nominal = np.array(self.model.p_nominal)
@@ -142,7 +149,7 @@ class Core:
             if self.precision == "float":
                 checks.append(SingleRange.of(function).check)
                 if name in ("forward_dynamics", "linearization"):
-                    check_solvable(self.model)
+                    check_solvable(self._finger_model)
             self._callers[name] = Caller(
                 function,
                 lambda: self._library(lambda: function_source(function, self.precision)),
@@ -291,7 +298,7 @@ class Core:
         step = self.step_function(method)
         if (method, single) not in self._rollouts:
             if self.precision == "float":
-                check_solvable(self.model)
+                check_solvable(self._finger_model)
             write = rollout_source if single else rollouts_source
             library = self._library(lambda: write(step, self.precision))
             self._rollouts[method, single] = Rollouts(step, library, single)

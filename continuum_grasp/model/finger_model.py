@@ -331,9 +331,12 @@ MATRICES = frozenset(
         "waypoints.r",
         "linearization.A",
         "linearization.B",
+        "pressed_linearization.A",
+        "touch.force",
+        "touch.point",
     )
 )
-"""Outputs that are matrices, whatever their size; all others are vectors."""
+"""Outputs of finger models and systems that are matrices, whatever their size; all others are vectors."""
 
 
 def _matrix(rows: Sequence[Sequence[Scalar]]) -> ca.SX:

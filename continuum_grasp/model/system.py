@@ -20,7 +20,7 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
 
-__all__ = ["System"]
+__all__ = ["SYSTEM_FUNCTIONS", "System"]
 
 
 class System:
@@ -55,9 +55,9 @@ class System:
 
     Notes
     -----
-    ====================  =============  ====================================================================
+    ===================== =============  ====================================================================
     function              inputs         outputs
-    ====================  =============  ====================================================================
+    ===================== =============  ====================================================================
     forward_dynamics      x, u, w, p     xd (nx) [x/s]
     linearization         x, u, w, p     A (nx, nx) [1/s x/x], B (nx, nu) [1/s x/u]
     tip                   x, u, p        r (2) [m], world
@@ -67,7 +67,9 @@ class System:
     touch                 x, u, w, p     per contact: gap [m], normal_force [N], friction [N], lift [N],
                                          force (2, K) [N] and point (2, K) [m], world
     energy                x, u, p        kinetic, potential [J]
-    ====================  =============  ====================================================================
+    pressed_linearization x, u, w, p,    A (nx, nx) with every gap smaller by press (K) [m], for the stiffness of
+                          press          contacts that are open
+    ===================== =============  ====================================================================
 
     ``sections`` gives the function of places along the finger.
 
@@ -170,6 +172,14 @@ class System:
         return self._function("linearization", "x u w p", A=ca.jacobian(rate, eq.x), B=ca.jacobian(rate, eq.u))
 
     @cached_property
+    def pressed_linearization(self) -> ca.Function:
+        """Jacobian A of the state derivative as if the gaps were smaller by ``press`` (K) [m]."""
+        eq = SystemEquations(self.finger_model.structure, self.surroundings, pressed=True)
+        slope = ca.jacobian(column(eq.state_rate), eq.x)
+        names = ["x", "u", "w", "p", "press"]
+        return ca.Function("pressed_linearization", [getattr(eq, name) for name in names], [slope], names, ["A"])
+
+    @cached_property
     def tip(self) -> ca.Function:
         """World position of the tip [m]."""
         return self._function("tip", "x u p", r=self._equations.tip_position)
@@ -235,6 +245,10 @@ class System:
             force=ca.horzcat(ca.SX(2, 0), *[pair.force.scaled(-1.0).column() for pair in pairs]),
             point=ca.horzcat(ca.SX(2, 0), *[pair.point.column() for pair in pairs]),
         )
+
+
+SYSTEM_FUNCTIONS = tuple(name for name, value in vars(System).items() if isinstance(value, cached_property))
+"""Names of a system's functions."""
 
 
 def _vector(name: str, value: ArrayLike | None, size: int) -> list[float]:

@@ -26,17 +26,22 @@ class SystemEquations(Equations):
     structure : Structure
         The make-up of the finger's model.
     surroundings : Surroundings or None
+    pressed : bool
+        Whether the run-time numbers ``press`` [m], one per contact, make the gaps smaller.
     """
 
-    def __init__(self, structure: Structure, surroundings: Surroundings | None) -> None:
+    def __init__(self, structure: Structure, surroundings: Surroundings | None, *, pressed: bool = False) -> None:
         super().__init__(structure)
-        self._around = surroundings
+        self._around, self._pressed = surroundings, pressed
+        self.press = ca.SX(0, 1)
         self.body: Body | None = None
         if surroundings is None or surroundings.object is None:
             return
         self.body = Body(surroundings.object, surroundings)
         self.x = ca.vertcat(self.x, self.body.pose, self.body.rates, *[pair.z for pair in self.pairs])
         self.w = ca.vertcat(self.w, self.body.wrench)
+        if self._pressed:
+            self.press = ca.vertcat(*[pair.press for pair in self.pairs])
 
     @cached_property
     def _stations(self) -> list[tuple[Place, Station]]:
@@ -59,7 +64,8 @@ class SystemEquations(Equations):
             return []
         law = around.contact_law
         stations = [disc_pair(body, law, station) for _, station in self._stations]
-        return stations + support_pairs(body, law, around.walls, around.pegs)
+        pairs = stations + support_pairs(body, law, around.walls, around.pegs)
+        return [pair.pressed() for pair in pairs] if self._pressed else pairs
 
     @cached_property
     def contact_loads(self) -> tuple[list[Force], list[Moment]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
@@ -53,6 +53,8 @@ class Pair:
         Friction states: along the normal turned by +90 degrees, then out of the plane, where the object can move so.
     sinks : bool
         Whether there is friction out of the plane.
+    press : casadi.SX
+        What the gap is made smaller by [m]; empty where it is what it is.
     """
 
     name: str
@@ -65,6 +67,12 @@ class Pair:
     law: ContactLaw
     z: ca.SX
     sinks: bool
+    press: ca.SX = field(default_factory=ca.SX)
+
+    def pressed(self) -> Pair:
+        """The same with a gap that is smaller by a run-time number ``press``."""
+        press = ca.SX.sym("press")
+        return replace(self, gap=self.gap - press, press=press)
 
     @property
     def z_names(self) -> list[str]:
