@@ -1,0 +1,269 @@
+"""The equations of motion of a plant: those of a finer finger, with the drive between command and tendon."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.model import System
+from continuum_grasp.model.layout import element_lengths
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.finger import Finger, PointMass, Rod
+from continuum_grasp.scene.loads import Actuation
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.initial import initial_state
+from continuum_grasp.simulation.signals import Signals
+
+__all__ = ["PlantModel", "plant_scene"]
+
+Array = NDArray[np.float64]
+
+
+def plant_scene(scene: ControlScene) -> Scene:
+    """The finger of a plant in its surroundings, under the loads that the controller does not know.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene; ``plant`` says how the plant differs from the controller's finger.
+
+    Returns
+    -------
+    Scene
+        Its input is the one at rest: least tensions, or no tip moment. Damping per arc becomes material damping that
+        does as much to the controller's elements, so that it does not depend on those of the plant.
+    """
+    tendons = scene.finger.tendons
+    rest = None if tendons is None else Actuation(tensions=(tendons.min_tension, tendons.min_tension))
+    return Scene(
+        schema_version=1,
+        name=scene.name,
+        finger=_plant_finger(scene),
+        gravity=scene.gravity,
+        fidelity=scene.plant.fidelity,
+        actuation=rest,
+        initial=scene.initial,
+        loads=scene.loads,
+    )
+
+
+def _plant_finger(scene: ControlScene) -> Finger:
+    finger, plant = scene.finger, scene.plant
+    rod, damping, tendons = finger.rod, finger.damping, finger.tendons
+    elements = element_lengths(rod.length, scene.contacts, scene.fidelity.elements)
+    material = damping.material + damping.per_arc * rod.length / len(elements)
+    changes: dict[str, Any] = {
+        "rod": Rod(
+            length=rod.length,
+            diameter=rod.diameter,
+            linear_density=rod.mass_per_length,
+            bending_stiffness=rod.stiffness * plant.stiffness,
+            rotary_inertia=rod.inertia_per_length,
+        ),
+        "damping": damping.model_copy(update={"material": material * plant.damping, "per_arc": 0.0}),
+    }
+    if plant.tip_mass > 0.0:
+        changes["masses"] = (*finger.masses, PointMass(at=rod.length, mass=plant.tip_mass))
+    if tendons is None and (plant.tendon_friction is not None or plant.time_constant is not None):
+        key = "tendon_friction" if plant.tendon_friction is not None else "time_constant"
+        raise InputError("is for a finger with tendons", key=f"plant.{key}")
+    if tendons is not None:
+        own = {"friction": plant.tendon_friction, "time_constant": plant.time_constant}
+        changes["tendons"] = tendons.model_copy(update={k: v for k, v in own.items() if v is not None})
+    return finger.model_copy(update=changes)
+
+
+class PlantModel:
+    """The plant as functions of its state x, the command u and forces w.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene.
+
+    Attributes
+    ----------
+    scene : Scene
+        The plant's finger in its surroundings.
+    system : System
+        Its equations of motion.
+    nx, nu, nw : int
+        Numbers of states, inputs and forces.
+    x_names, u_names, w_names : tuple of str
+        Name and unit of each entry.
+    dynamics : casadi.Function
+        (x, u, w, p) -> xd; p is empty.
+    linearization : casadi.Function
+        (x, u, w, p) -> A, B.
+
+    Notes
+    -----
+    x is that of the system, then the state of the drive: for tendons that lag, the mean tension and its rate (their
+    difference is in the system's x); for a tip moment that lags, the moment and its rate.
+
+    Raises
+    ------
+    InputError
+        If a matched tip has no lag: it would be thrown by inputs that jump.
+    """
+
+    def __init__(self, scene: ControlScene) -> None:
+        self.control, self.scene = scene, plant_scene(scene)
+        finger = self.scene.finger
+        tendons = finger.tendons
+        self._lag = scene.controller.input.time_constant if tendons is None else tendons.time_constant
+        family = scene.plant.fidelity.family
+        if family == "matched_clothoid" and self._lag is None:
+            raise InputError(
+                "a matched tip is thrown by inputs that jump: give the drive a lag, or take clothoid",
+                key="plant.fidelity.family",
+            )
+        own_lag = tendons is None and self._lag is not None
+        rates = family == "matched_clothoid" and own_lag
+        self.system = System(self.scene, family=family, input_rates=rates or None)
+        names: tuple[str, ...] = ()
+        if own_lag:
+            names = ("tip_moment [N m]", "tip_moment_rate [N m/s]")
+        elif self._lag is not None:
+            names = ("mean_tension [N]", "mean_tension_rate [N/s]")
+        self.x_names = (*self.system.x_names, *names)
+        self.u_names = ("tip_moment [N m]",) if tendons is None else ("tension_1 [N]", "tension_2 [N]")
+        self.w_names = tuple(self.system.w_names)
+        self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
+        self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
+        self._w, self._p = ca.SX.sym("w", self.nw), ca.SX.sym("p", 0)
+        self._signals = Signals(self.scene, self.system.finger_model)
+
+    # -- the drive ----------------------------------------------------------------------------------------------------
+
+    @property
+    def lags(self) -> bool:
+        """Whether the input acts late."""
+        return self._lag is not None
+
+    @cached_property
+    def _drive(self) -> ca.SX:
+        """Rates of the drive's own states."""
+        if self._lag is None:
+            return ca.SX(0, 1)
+        value, rate = self._x[-2], self._x[-1]
+        asked = self._u[0] if self.nu == 1 else 0.5 * (self._u[0] + self._u[1])
+        return ca.vertcat(rate, (asked - value) / self._lag**2 - 2.0 * rate / self._lag)
+
+    @cached_property
+    def _acting(self) -> ca.SX:
+        """Input of the system."""
+        if self._lag is None or self.nu == 2:
+            return self._u
+        value = ca.vertcat(self._x[-2], self._drive)
+        return value[: self.system.nu]
+
+    # -- functions ----------------------------------------------------------------------------------------------------
+
+    def function(self, name: str, **outputs: ca.SX) -> ca.Function:
+        """A function (x, u, w) of expressions in ``arguments``."""
+        values = ca.cse([ca.densify(ca.SX(v)) for v in outputs.values()])
+        return ca.Function(name, [self._x, self._u, self._w], values, ["x", "u", "w"], list(outputs))
+
+    @property
+    def arguments(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Symbols x, u and w."""
+        return self._x, self._u, self._w
+
+    @property
+    def _of_system(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        return self._x[: self.system.nx], self._acting, self._p
+
+    @cached_property
+    def _rate(self) -> ca.SX:
+        x, u, p = self._of_system
+        return ca.vertcat(self.system.forward_dynamics(x, u, self._w, p), self._drive)
+
+    @cached_property
+    def dynamics(self) -> ca.Function:
+        """State derivative."""
+        value = ca.cse([ca.densify(self._rate)])
+        return ca.Function("dynamics", [self._x, self._u, self._w, self._p], value, ["x", "u", "w", "p"], ["xd"])
+
+    @cached_property
+    def linearization(self) -> ca.Function:
+        """Jacobians of the state derivative with respect to state and input."""
+        given = [self._x, self._u, self._w, self._p]
+        values = [ca.densify(e) for e in ca.cse([ca.jacobian(self._rate, v) for v in given[:2]])]
+        return ca.Function("linearization", given, values, ["x", "u", "w", "p"], ["A", "B"])
+
+    @cached_property
+    def tip(self) -> ca.SX:
+        """World position of the tip (2) [m]."""
+        return self.system.tip(*self._of_system)
+
+    def sections(self, at: Sequence[float]) -> tuple[ca.SX, ca.SX]:
+        """World positions (2, K) [m] and angles (K) [rad] of sections at positions along the finger [m]."""
+        r, angle = self.system.sections(tuple(at))(*self._of_system)
+        return r, angle
+
+    def angle_rates(self, at: Sequence[float]) -> ca.SX:
+        """Rates of the angles of sections [rad/s]."""
+        return ca.jtimes(self.sections(at)[1], self._x, self._rate)
+
+    @cached_property
+    def curvature(self) -> ca.SX:
+        """Curvature at the nodes of clothoids, or of each arc [1/m]."""
+        return self.system.curvature(*self._of_system)
+
+    @cached_property
+    def range_use(self) -> ca.SX:
+        """Share of the declared bending range that each element uses."""
+        return self.system.range_use(*self._of_system)
+
+    @cached_property
+    def contact_force(self) -> ca.SX:
+        """Normal force at each place where the finger may touch the object [N]."""
+        x, u, p = self._of_system
+        count = sum(name.startswith("finger.") for name in self.system.touch_names)
+        return self.system.touch(x, u, self._w, p)[1][:count]
+
+    @cached_property
+    def drive(self) -> ca.SX:
+        """What the drive exerts: both tensions [N], or the tip moment [N m]."""
+        if self._lag is None:
+            return self._u
+        tendons = self.scene.finger.tendons
+        if tendons is None:
+            return self._x[-2]
+        half = 0.5 * self._x[2 * self.system.n] / tendons.offset
+        return ca.vertcat(self._x[-2] + half, self._x[-2] - half)
+
+    # -- values -------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def rest_input(self) -> Array:
+        """Input at time zero: least tensions, or no moment."""
+        return self._signals.u(0.0)[0][: self.nu]
+
+    @cached_property
+    def start(self) -> Array:
+        """State at time zero (nx)."""
+        model = self.system.finger_model
+        x = initial_state(self.scene, model)
+        n = model.n
+        given = np.zeros(self.system.nu)
+        given[: self.nu] = self.rest_input
+        own = [float(np.mean(self.rest_input)), 0.0] if self._lag is not None else []
+        return np.array([*self.system.state(q=x[:n], qd=x[n : 2 * n], u=given), *own])
+
+    def forces(self, t: ArrayLike) -> Array:
+        """Forces w (T, nw) at instants (T,) [s]."""
+        known = self._signals.w(t)
+        return np.hstack([known, np.zeros((len(known), self.nw - known.shape[1]))])
+
+    @property
+    def steady(self) -> bool:
+        """Whether no load varies."""
+        return self._signals.constant
