@@ -21,6 +21,12 @@ _ELASTIC = 0.5
 """Share of the cone up to which friction is elastic."""
 _RELAXATION = 100.0
 """Rate at which an open contact forgets its tangential displacement [1/s]."""
+_SLOW = 100.0
+"""Rate of slip, per displacement, up to which contacts below the elastic share spring back without loss [1/s]."""
+_SHORTEST = 1e-3
+"""Least time in which friction turns with a fast slip [s]; it bounds the stiffness of the states."""
+_TINY = 1e-24
+"""Keeps roots differentiable [m2/s2]."""
 
 
 def normal_force(law: ContactLaw, gap: Scalar, gap_rate: Scalar) -> Scalar:
@@ -72,7 +78,7 @@ def friction_share(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) ->
         return [each / size for each in v]
     if law.dissipation == 0.0:
         return list(z)
-    elastic = _elastic_velocity(z, v)
+    elastic = _elastic_velocity(law, z, v)
     damped = [plus(each, times(law.dissipation, rate)) for each, rate in zip(z, elastic, strict=True)]
     size = ca.sqrt(ca.fmax(1.0, _square(damped)))
     return [each / size for each in damped]
@@ -81,30 +87,34 @@ def friction_share(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) ->
 def friction_rate(law: ContactLaw, gap: Scalar, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
     """Rates of the friction states [1/s].
 
-    While the surfaces touch, z' = (v - b(|z|) max(0, v.z) z) / displacement, where b rises smoothly from 0 at half the
-    cone to 1 on it: z stays in the unit disc, springs back below half, and turns into the direction of a steady slip.
-    An open contact forgets.
+    While the surfaces touch, z' = (v - lost(z, v) z) / (displacement + |v| 1 ms). At a slow slip, lost is
+    b(|z|) max(0, v.z), where b rises smoothly from 0 at half the cone to 1 on it: below half the contact springs back,
+    whatever shakes it. At a fast one it is |v|, so that the state is linear in z. Either way z stays in the unit disc
+    and turns into the direction of a steady slip. An open contact forgets.
     """
     if law.displacement is None:
         return []
     # Zero at a gap of three times the rounding, one from where there is a force.
     near = ca.fmin(ca.fmax((0.5 / law.rounding) * (3.0 * law.rounding - gap), 0.0), 1.0)
     touching = near * near * (3.0 - 2.0 * near)
-    elastic = _elastic_velocity(z, v)
-    return [
-        touching * (rate / law.displacement) - (1.0 - touching) * (_RELAXATION * each)
-        for each, rate in zip(z, elastic, strict=True)
-    ]
+    speed = ca.sqrt(plus(_square(v), _TINY))
+    pace = touching / (law.displacement + _SHORTEST * speed)
+    fade = (1.0 - touching) * _RELAXATION
+    elastic = _elastic_velocity(law, z, v)
+    return [pace * rate - fade * each for each, rate in zip(z, elastic, strict=True)]
 
 
-def _elastic_velocity(z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
+def _elastic_velocity(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
     """Part of the slip that goes into the elastic displacement [m/s]."""
-    low = _ELASTIC**2
+    low, square = _ELASTIC**2, _square(v)
     t = ca.fmin(ca.fmax((_square(z) - low) / (1.0 - low), 0.0), 1.0)
     outward: Scalar = 0.0
     for a, b in zip(z, v, strict=True):
         outward = plus(outward, times(a, b))
-    lost = t * t * (3.0 - 2.0 * t) * ca.fmax(0.0, outward)
+    slow_limit = (_SLOW * (law.displacement or 0.0)) ** 2
+    fast = square / plus(square, slow_limit)
+    slow_loss = t * t * (3.0 - 2.0 * t) * ca.fmax(0.0, outward)
+    lost = slow_loss + fast * (ca.sqrt(plus(square, _TINY)) - slow_loss)
     return [b - lost * a for a, b in zip(z, v, strict=True)]
 
 

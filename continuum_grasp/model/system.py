@@ -112,6 +112,11 @@ class System:
         body = self._equations.body
         return slice(self.finger_model.nx, self.finger_model.nx + (len(body.start) if body else 0))
 
+    @property
+    def friction_states(self) -> slice:
+        """Where in x the friction states are."""
+        return slice(self.finger_model.nx + 2 * (self.object_states.stop - self.object_states.start), self.nx)
+
     def state(
         self,
         q: ArrayLike | None = None,
@@ -175,7 +180,7 @@ class System:
     def pressed_linearization(self) -> ca.Function:
         """Jacobian A of the state derivative as if the gaps were smaller by ``press`` (K) [m]."""
         eq = SystemEquations(self.finger_model.structure, self.surroundings, pressed=True)
-        slope = ca.jacobian(column(eq.state_rate), eq.x)
+        slope = ca.densify(ca.jacobian(column(eq.state_rate), eq.x))
         names = ["x", "u", "w", "p", "press"]
         return ca.Function("pressed_linearization", [getattr(eq, name) for name in names], [slope], names, ["A"])
 

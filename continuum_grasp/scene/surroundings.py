@@ -72,7 +72,7 @@ class Surroundings(Value):
 
     object: GraspObject | None = None
     """What the finger can touch; None: nothing."""
-    supports: Annotated[dict[str, Support], Field(default_factory=dict, max_length=8)]
+    supports: dict[str, Support] = Field(default_factory=dict, max_length=8)
     """Fixed walls, edges, points and grooves by name, which a moving object can touch."""
     contact_law: ContactLaw | None = None
     """How the object's surface presses and rubs; needed with an object."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.structure import tip_is_thrown
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.statics import equilibrium
 
@@ -16,14 +17,14 @@ __all__ = ["initial_state", "start_warnings"]
 Array = NDArray[np.float64]
 
 
-def initial_state(scene: Scene, model: FingerModel) -> Array:
-    """State of a scene at time zero.
+def initial_state(scene: Scene, model: FingerModel | System) -> Array:
+    """State of a scene at time zero; an object is at rest, and contacts have no friction yet.
 
     Parameters
     ----------
     scene : Scene
-        The scene.
-    model : FingerModel
+        The scene. An initial equilibrium is that of the finger alone.
+    model : FingerModel or System
         Its model.
 
     Returns
@@ -37,6 +38,9 @@ def initial_state(scene: Scene, model: FingerModel) -> Array:
     SolverError
         If an initial equilibrium is not found.
     """
+    if isinstance(model, System):
+        own = initial_state(scene, model.finger_model)
+        return np.concatenate([own, model.state()[len(own) :]])
     signals = Signals(scene, model)
     u = signals.u(0.0)[0]
     initial, n = scene.initial, model.n
@@ -68,6 +72,7 @@ def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:
 
 
 def _as_modelled(scene: Scene, model: FingerModel) -> Scene:
-    """The scene with the elements of the model."""
+    """The scene with the elements of the model, without an object."""
+    nothing = {name: field.get_default(call_default_factory=True) for name, field in Surroundings.model_fields.items()}
     made = {"family": model.family, "elements": model.lengths, "accuracy": model.structure.accuracy}
-    return scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update=made)})
+    return scene.model_copy(update={**nothing, "fidelity": scene.fidelity.model_copy(update=made)})

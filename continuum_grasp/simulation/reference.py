@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import Interrupted, NumericalError
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, System
 
 __all__ = ["integrate_reference"]
 
@@ -22,12 +22,12 @@ Array = NDArray[np.float64]
 _RELATIVE, _ABSOLUTE = 1e-11, 1e-12
 
 
-def integrate_reference(model: FingerModel, x0: Array, step: float, u: Array, w: Array) -> Array:
+def integrate_reference(model: FingerModel | System, x0: Array, step: float, u: Array, w: Array) -> Array:
     """Integrate with CVODES (backward differentiation, relative tolerance 1e-11).
 
     Parameters
     ----------
-    model : FingerModel
+    model : FingerModel or System
     x0 : (nx,) ndarray
     step : float
         Time between kept states [s].

@@ -89,6 +89,8 @@ class Signals:
         Model of that scene.
     loads : sequence of loads, optional
         Values of the model's loads, one for each; the model's own where not given.
+    nw : int, optional
+        Size of ``w``, of which the model's is the beginning and the rest is zero; the model's where not given.
 
     Raises
     ------
@@ -96,8 +98,11 @@ class Signals:
         If an input would move a matched tip with infinite acceleration.
     """
 
-    def __init__(self, scene: Scene, model: FingerModel, loads: Sequence[Load] | None = None) -> None:
+    def __init__(
+        self, scene: Scene, model: FingerModel, loads: Sequence[Load] | None = None, *, nw: int | None = None
+    ) -> None:
         self._model = model
+        self._nw = model.nw if nw is None else nw
         self._values: list[float | Samples] = self._actuation(scene)
         self._loads = list(zip(model.loads if loads is None else loads, model.load_entries, strict=True))
         couples = [load for load, (vector, _) in self._loads if vector == "u"]
@@ -161,7 +166,7 @@ class Signals:
     def w(self, t: ArrayLike) -> Array:
         """Forces (T, nw) at instants (T,)."""
         instants = np.atleast_1d(np.asarray(t, dtype=float))
-        rows = np.zeros((len(instants), self._model.nw))
+        rows = np.zeros((len(instants), self._nw))
         for load, (vector, start) in self._loads:
             if vector != "w":
                 continue

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from continuum_grasp.core import Core
 from continuum_grasp.core.integrators import RK4_STABLE
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene, Timing
+from continuum_grasp.simulation.contact_spectrum import pressed_radius, telling_states
 from continuum_grasp.simulation.initial import initial_state, start_warnings
 from continuum_grasp.simulation.limits import LOST, limit_warnings
 from continuum_grasp.simulation.reference import integrate_reference
@@ -50,8 +51,8 @@ def simulate(scene: Scene | str | PathLike[str], *, progress: Progress | None = 
     Returns
     -------
     Trajectory
-        States at every output step. Its ``warnings`` tell when an element left its declared bending range or exceeded
-        the strain limit.
+        States at every output step, with those of an object that moves and of the contacts' friction. Its ``warnings``
+        tell when an element left its declared bending range or exceeded the strain limit.
 
     Raises
     ------
@@ -90,15 +91,17 @@ class _Run:
     def __init__(self, scene: Scene, time: Timing, model: FingerModel, progress: Progress | None) -> None:
         self._scene, self._time, self._model = scene, time, model
         self._progress = progress or (lambda share: None)
-        self._core = Core(model)
-        self._signals = Signals(scene, model)
+        self._system = System(scene) if scene.object is not None else None
+        self._moving = self._system or model
+        self._core = Core(self._moving)
+        self._signals = Signals(scene, model, nw=self._moving.nw)
         self._steps = round(time.duration / time.step)
         self._p = np.array(model.p_nominal)
 
     def trajectory(self) -> Trajectory:
         """Integrate and check."""
         started = perf_counter()
-        x0 = initial_state(self._scene, self._model)
+        x0 = initial_state(self._scene, self._moving)
         plan: _Plan | None = self._choose(x0)
         while plan is not None:
             used = plan
@@ -142,7 +145,10 @@ class _Run:
 
     def _choose(self, x0: Array) -> _Plan:
         """Method and sub-steps from the spectral radius about the start, over the instants at which inputs turn."""
-        radius = self._radius(sample_shapes(self._model, x0[: self._model.n]))
+        shapes = sample_shapes(self._model, x0[: self._model.n])
+        bent = np.tile(x0, (4, 1))
+        bent[1:, : self._model.n] = shapes[1:4]
+        radius = max(self._radius(shapes), self._contact_radius(bent))
         asked = self._time.method
         if asked in ("implicit", "reference"):
             return _Plan(asked, 1, radius)
@@ -157,6 +163,10 @@ class _Run:
             return None, error
         shapes = states[:: max(1, len(states) // 12), : self._model.n]
         radius = max(plan.radius, self._radius(shapes))
+        if self._system is not None:
+            at = np.arange(len(states)) * self._time.step
+            told = telling_states(self._core, states, self._signals.u(at), self._signals.w(at))
+            radius = max(radius, self._contact_radius(told))
         wanted = self._wanted(radius)
         if error is None and radius * self._time.step / plan.substeps <= RK4_STABLE:
             return None, None
@@ -184,8 +194,16 @@ class _Run:
         core, signals, radius = Core(self._model, compiled=False), self._signals, 0.0
         for k, t in enumerate(signals.instants(self._time.duration)):
             some = finite if k == 0 else finite[:4]
-            radius = max(radius, spectral_radius(core, some, signals.u(t)[0], signals.w(t)[0], self._p))
+            w = signals.w(t)[0, : self._model.nw]
+            radius = max(radius, spectral_radius(core, some, signals.u(t)[0], w, self._p))
         return radius
+
+    def _contact_radius(self, states: Array) -> float:
+        """Spectral radius of finger, object and contacts over some states; zero without an object."""
+        if self._system is None:
+            return 0.0
+        core = Core(self._system, compiled=False)
+        return pressed_radius(core, states, self._signals.u(0.0)[0], self._signals.w(0.0)[0], self._p)
 
     def _integrate(self, x0: Array, plan: _Plan) -> tuple[Array, _Stop | None]:
         """States, whole or until the error."""
@@ -210,7 +228,7 @@ class _Run:
             u, w = self._inputs(start * h, count, substeps)
             try:
                 if method == "reference":
-                    part = integrate_reference(self._model, parts[-1][-1], h, u, w)
+                    part = integrate_reference(self._moving, parts[-1][-1], h, u, w)
                 else:
                     part = self._core.rollout(parts[-1][-1], count, h, u=u, w=w, substeps=substeps, method=method)
             except NumericalError as error:
@@ -240,11 +258,11 @@ class _Run:
 
     def _result(self, states: Array) -> Trajectory:
         t: Array = np.linspace(0.0, (len(states) - 1) * self._time.step, len(states))
-        return Trajectory(t, states, self._signals.u(t), self._signals.w(t), self._model, self._scene)
+        return Trajectory(t, states, self._signals.u(t), self._signals.w(t), self._model, self._scene, self._system)
 
     def _range_use(self, result: Trajectory) -> Array:
         """Share of the declared bending range that each element uses (T, elements)."""
-        return np.asarray(self._core.batch("range_use", result.q, result.acting, None))
+        return np.asarray(result.core.batch("range_use", result.q, result.acting, None))
 
     def _lost_error(self, result: Trajectory, use: Array) -> NumericalError:
         k = int(np.argmax(use[-1]))

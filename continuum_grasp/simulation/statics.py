@@ -59,11 +59,13 @@ def equilibrium(
     Raises
     ------
     InputError
-        If guess, side or model do not fit.
+        If guess, side or model do not fit, or if the scene has an object.
     SolverError
         If no equilibrium is reached, or only one that is bent far beyond the declared range.
     """
     scene = scene_of(scene)
+    if scene.object is not None:
+        raise InputError("statics and modes know no contact: leave the object out", key="object")
     if model is not None and extra_loads:
         raise InputError("give extra_loads, or a model that has them among its loads, not both")
     if model is None:

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core import Core
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.contacts import ContactForces
 
 __all__ = ["Trajectory"]
 
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A motion at T instants; SI units, world frame.
+    """A motion of a finger, and of the object that it touches where there is one, at T instants; SI units, world frame.
 
     Attributes
     ----------
@@ -37,6 +38,8 @@ class Trajectory:
         Forces at contacts, tip and loads.
     model : FingerModel
     scene : Scene
+    system : System or None
+        The finger with its object; None without one.
     status : {"finished", "stopped"}
         ``stopped``: the motion ended early; the error that was raised says why.
     warnings : tuple of str
@@ -50,9 +53,15 @@ class Trajectory:
     w: Array
     model: FingerModel
     scene: Scene
+    system: System | None = None
     status: str = "finished"
     warnings: tuple[str, ...] = ()
     statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def moving(self) -> FingerModel | System:
+        """What the states are those of: the system, or the finger alone."""
+        return self.system or self.model
 
     @property
     def n(self) -> int:
@@ -62,17 +71,17 @@ class Trajectory:
     @property
     def x_names(self) -> list[str]:
         """Name and unit of each state."""
-        return self.model.x_names
+        return self.moving.x_names
 
     @property
     def u_names(self) -> list[str]:
         """Name and unit of each input."""
-        return self.model.u_names
+        return self.moving.u_names
 
     @property
     def w_names(self) -> list[str]:
         """Name and unit of each force component."""
-        return self.model.w_names
+        return self.moving.w_names
 
     @property
     def length(self) -> float:
@@ -86,8 +95,13 @@ class Trajectory:
 
     @cached_property
     def core(self) -> Core:
-        """The compiled model."""
+        """The compiled model of the finger."""
         return Core(self.model)
+
+    @cached_property
+    def system_core(self) -> Core:
+        """The compiled system; the compiled model without an object."""
+        return self.core if self.system is None else Core(self.system)
 
     @property
     def q(self) -> Array:
@@ -97,7 +111,7 @@ class Trajectory:
     @cached_property
     def acting(self) -> Array:
         """Inputs (T, nu) that act on the shape: with a tendon lag, the tensions that give the lagged moment."""
-        if self.x.shape[1] == 2 * self.n:
+        if self.model.nx == 2 * self.n:
             return self.u
         tendons = self.model.finger.tendons
         acting = self.u.copy()
@@ -112,18 +126,35 @@ class Trajectory:
 
     @cached_property
     def _energies(self) -> tuple[Array, Array]:
-        kinetic, potential = self.core.batch("energy", self.x, self.u, None)
+        kinetic, potential = self.system_core.batch("energy", self.x, self.u, None)
         return np.asarray(kinetic)[:, 0], np.asarray(potential)[:, 0]
 
     @property
     def kinetic(self) -> Array:
-        """Kinetic energy (T,) [J]."""
+        """Kinetic energy (T,) [J], with that of the object."""
         return self._energies[0]
 
     @property
     def potential(self) -> Array:
-        """Elastic energy and potential of the weight (T,) [J]."""
+        """Elastic energy, with that of pressed surfaces, and potential of the weight (T,) [J]."""
         return self._energies[1]
+
+    @cached_property
+    def object_pose(self) -> Array | None:
+        """Pose of the object (T, 3): x, y [m] and angle [rad] of its frame in the world, (T, 4) with its height z [m]
+        where it can slide out of the plane; None without an object.
+        """
+        if self.system is None or self.scene.object is None:
+            return None
+        columns = self.system.object_states
+        if columns.start == columns.stop:
+            return np.tile(self.scene.object.pose, (len(self.t), 1))
+        return self.x[:, columns]
+
+    @cached_property
+    def contacts(self) -> ContactForces | None:
+        """What the contacts of the object bear; None without an object."""
+        return None if self.system is None else ContactForces.of(self.system_core, self.x, self.u, self.w)
 
     def backbone(self, indices: ArrayLike, points: int = 50) -> Array:
         """Backbones (len(indices), points, 2) at some of the instants [m]."""
@@ -134,7 +165,10 @@ class Trajectory:
         return np.asarray(self.core.batch("position", q, u, s)).reshape(len(chosen), points, 2)
 
     def loads_at(self, index: int) -> list[tuple[Array, Array, str]]:
-        """Forces at one instant: position (2,) [m], force (2,) in the world [N], and kind."""
+        """Forces at one instant: position (2,) [m], force (2,) in the world [N], and kind.
+
+        Contacts of the finger with an object act on the finger, supports on the object.
+        """
         places = [(at, "contact", 2 * k) for k, at in enumerate(self.model.contacts)]
         if self.model.structure.tip_force:
             places.append((self.length, "tip", 2 * len(places)))
@@ -151,6 +185,8 @@ class Trajectory:
                 c, s = np.cos(angle), np.sin(angle)
                 force = np.array([[c, -s], [s, c]]) @ force
             found.append((self._point(q, u, load.at), force, "load"))
+        if self.contacts is not None:
+            found += self.contacts.at(index)
         return [(at, force, kind) for at, force, kind in found if np.any(force != 0.0)]
 
     def _point(self, q: Array, u: Array, at: float) -> Array:
@@ -158,6 +194,8 @@ class Trajectory:
 
     def save(self, folder: str | Path) -> Path:
         """Write ``result.npz`` and ``meta.json`` into a folder, atomically.
+
+        With an object, ``result.npz`` has ``object_pose`` and the arrays of ``contacts`` too.
 
         Returns
         -------
@@ -175,6 +213,10 @@ class Trajectory:
             "kinetic": self.kinetic,
             "potential": self.potential,
         }
+        contact_names: list[str] = []
+        if self.contacts is not None and self.object_pose is not None:
+            contact_names = list(self.contacts.names)
+            arrays |= {"object_pose": self.object_pose, **self.contacts.arrays()}
         meta = {
             "config": self.scene.model_dump(mode="json"),
             "status": self.status,
@@ -186,12 +228,13 @@ class Trajectory:
                 "x_names": self.x_names,
                 "u_names": self.u_names,
                 "w_names": self.w_names,
+                "contact_names": contact_names,
             },
         }
         return write_run(folder, arrays, meta)
 
     def plot(self, folder: str | Path) -> list[Path]:
-        """Draw tip path, coordinates, energies and snapshots into a folder."""
+        """Draw tip path, coordinates, energies, snapshots and, with an object, contact forces into a folder."""
         from continuum_grasp.plotting import save_simulation_pictures
 
         return save_simulation_pictures(self, Path(folder))

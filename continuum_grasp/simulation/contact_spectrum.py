@@ -1,0 +1,87 @@
+"""How fast contacts make a system: what an explicit step must resolve beside the finger itself."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.core import Core
+from continuum_grasp.model import System
+
+__all__ = ["pressed_radius", "telling_states"]
+
+Array = NDArray[np.float64]
+
+_EVEN, _EXTREME = 12, 6
+_LOST = 2.0
+"""Friction state beyond which a step was too long to mean anything."""
+
+
+def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:
+    """Largest absolute eigenvalue of the linearised motion over some states [1/s].
+
+    Parameters
+    ----------
+    core : Core
+        Of a system with contacts.
+    states : (count, nx) ndarray
+    u, w, p : ndarray
+        Input, forces and parameters.
+
+    Returns
+    -------
+    float
+        The largest over the states as they are, and over these at rest with the open contacts closed; infinite where
+        the numbers are not finite.
+    """
+    system: System = core.model
+    if system.surroundings is None or system.surroundings.contact_law is None:
+        return 0.0
+    full = 1.001 * system.surroundings.contact_law.rounding
+    largest = 0.0
+    for x in np.atleast_2d(states):
+        gap = core.touch(x, u, w, p)[0]
+        still = _at_rest(system, x)
+        closing = np.maximum(gap + full, 0.0)
+        for at, press in ((x, np.zeros_like(gap)), (still, closing)):
+            slope = core.pressed_linearization(at, u, w, p, press)
+            if not np.all(np.isfinite(slope)):
+                return math.inf
+            largest = max(largest, float(np.abs(np.linalg.eigvals(slope)).max()))
+    return largest
+
+
+def telling_states(core: Core, states: Array, u: Array, w: Array) -> Array:
+    """Some states of a motion: evenly spread, and those of the greatest normal forces and of the fastest friction.
+
+    Parameters
+    ----------
+    core : Core
+        Of a system with contacts.
+    states : (T, nx) ndarray
+    u, w : ndarray
+        Inputs and forces (T, size).
+    """
+    system: System = core.model
+    friction = system.friction_states
+    sane = np.all(np.isfinite(states), axis=1) & np.all(np.abs(states[:, friction]) < _LOST, axis=1)
+    finite = np.flatnonzero(sane)
+    chosen = [finite[:: max(1, len(finite) // _EVEN)]]
+    rows = states[finite], u[finite], w[finite]
+    forces = np.asarray(core.batch("touch", *rows)[1]).sum(axis=1)
+    chosen.append(finite[np.argsort(forces)[-_EXTREME:]])
+    if friction.start < friction.stop:
+        rates = np.abs(np.asarray(core.batch("forward_dynamics", *rows))[:, friction]).max(axis=1)
+        chosen.append(finite[np.argsort(rates)[-_EXTREME:]])
+    return states[np.unique(np.concatenate(chosen))]
+
+
+def _at_rest(system: System, x: Array) -> Array:
+    """The state without velocities: contacts that close would be damped by those that they do not close with."""
+    still, n = x.copy(), system.n
+    still[n : 2 * n] = 0.0
+    pose = system.object_states
+    still[pose.stop : system.friction_states.start] = 0.0
+    return still

@@ -1,0 +1,68 @@
+"""What the contacts of an object bear during a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.core import Core
+
+__all__ = ["ContactForces"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """Gaps and forces of K contacts at T instants.
+
+    Attributes
+    ----------
+    names : tuple of str
+        ``finger.1`` and so on, ``finger.tip``, then the supports.
+    gap : (T, K) ndarray
+        Distance of the surfaces [m], negative where they are pressed together.
+    normal_force : (T, K) ndarray
+        [N]
+    friction : (T, K) ndarray
+        In the plane, on what touches the object, along the object's outward normal turned by +90 degrees [N].
+    lift : (T, K) ndarray
+        Friction out of the plane, on the object [N].
+    force : (T, 2, K) ndarray
+        World force on the object in the plane [N].
+    point : (T, 2, K) ndarray
+        Where it acts, world [m].
+    """
+
+    names: tuple[str, ...]
+    gap: Array
+    normal_force: Array
+    friction: Array
+    lift: Array
+    force: Array
+    point: Array
+
+    @staticmethod
+    def of(core: Core, x: Array, u: Array, w: Array) -> ContactForces:
+        """Those of a compiled system at states x (T, nx), inputs u and forces w."""
+        return ContactForces(tuple(core.model.touch_names), *(np.asarray(v) for v in core.batch("touch", x, u, w)))
+
+    @property
+    def shear(self) -> Array:
+        """Size of the friction force, in and out of the plane (T, K) [N]."""
+        return np.hypot(self.friction, self.lift)
+
+    def at(self, index: int) -> list[tuple[Array, Array, str]]:
+        """Forces in the plane at one instant: position (2,) [m], force (2,) [N], and on what: finger or object."""
+        found = []
+        for k, name in enumerate(self.names):
+            on_finger = name.startswith("finger.")
+            force = self.force[index, :, k] * (-1.0 if on_finger else 1.0)
+            found.append((self.point[index, :, k], force, "contact" if on_finger else "support"))
+        return found
+
+    def arrays(self) -> dict[str, Array]:
+        """The arrays under the names that they are saved by."""
+        return {f"contact_{one.name}": getattr(self, one.name) for one in fields(self) if one.name != "names"}
