@@ -14,6 +14,7 @@ from continuum_grasp.scene.surroundings import Surroundings
 __all__ = ["Body"]
 
 _POSE = ("object_x [m]", "object_y [m]", "object_angle [rad]", "object_z [m]")
+_WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]", "table_height [m]")
 _RATES = ("object_x_rate [m/s]", "object_y_rate [m/s]", "object_angle_rate [rad/s]", "object_z_rate [m/s]")
 
 
@@ -36,9 +37,11 @@ class Body:
         """Whether it can slide out of the plane."""
         count = (4 if self.sinks else 3) if self.moves else 0
         self.pose, self.rates = ca.SX.sym("pose", count), ca.SX.sym("rates", count)
-        self.wrench = ca.SX.sym("wrench", 3 if self.moves else 0)
+        stands = around.table is not None
+        self.wrench = ca.SX.sym("wrench", (4 if stands else 3) if self.moves else 0)
+        """World force, moment about the centre of mass, and the height of the table."""
         self.x_names = [*_POSE[:count], *_RATES[:count]]
-        self.w_names = ["object_force_x [N]", "object_force_y [N]", "object_moment [N m]"] if self.moves else []
+        self.w_names = [*_WRENCH[: self.wrench.numel()]]
         self.start = [*thing.pose, *([0.0] if self.sinks else [])] if self.moves else []
 
         self.omega: Scalar = 0.0

@@ -51,7 +51,8 @@ class System:
         Nominal values of ``p``.
     touch_names : list of str
         What may touch the object: ``finger.1`` and so on at the stations ``contacts``, ``finger.tip``, then the
-        supports by name (``<support>.1`` and so on per corner of a polygon, ``<edge>.start`` and ``<edge>.end``).
+        supports by name (``<support>.1`` and so on per corner of a polygon, ``<edge>.start`` and ``<edge>.end``), then
+        ``table``.
 
     Notes
     -----
@@ -65,7 +66,7 @@ class System:
     curvature             x, u, p        kappa [1/m]: at the nodes of clothoids, one per arc
     range_use             x, u, p        use of the declared bending range, per element [1]
     touch                 x, u, w, p     per contact: gap [m], normal_force [N], friction [N], lift [N],
-                                         force (2, K) [N] and point (2, K) [m], world
+                                         force (2, K) [N], point (2, K) [m] and normal (2, K), world
     energy                x, u, p        kinetic, potential [J]
     pressed_linearization x, u, w, p,    A (nx, nx) with every gap smaller by press (K) [m], for the stiffness of
                           press          contacts that are open
@@ -76,7 +77,8 @@ class System:
     x = [x of the finger, then of an object that moves its pose x, y [m] and angle [rad] (of its frame, world), its
     height z [m] where gravity acts out of the plane, and their rates, then the friction states of each contact: the
     elastic displacement along the surface, and out of the plane, as a share of that at which it slips]. w = [w of the
-    finger, then world force [N] and moment about the centre of mass [N m] on an object that moves].
+    finger, then world force [N] and moment about the centre of mass [N m] on an object that moves, then the height of
+    the table under it [m]].
 
     A station of the finger is a disc of the finger's half thickness round its centre line. ``friction`` acts on what
     touches the object, along the object's outward normal turned by +90 degrees; ``lift`` and ``force`` act on the
@@ -249,6 +251,7 @@ class System:
             lift=[pair.lift for pair in pairs],
             force=ca.horzcat(ca.SX(2, 0), *[pair.force.scaled(-1.0).column() for pair in pairs]),
             point=ca.horzcat(ca.SX(2, 0), *[pair.point.column() for pair in pairs]),
+            normal=ca.horzcat(ca.SX(2, 0), *[pair.normal.column() for pair in pairs]),
         )
 
 

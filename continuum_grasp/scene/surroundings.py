@@ -13,7 +13,7 @@ from continuum_grasp.scene.parts import Point
 from continuum_grasp.scene.supports import Peg, Support, Wall
 from continuum_grasp.scene.value import Extent, NonNegative, Positive, Value, doubt
 
-__all__ = ["ContactLaw", "Surroundings"]
+__all__ = ["ContactLaw", "Surroundings", "Table"]
 
 _PRESLIDING = 1e-4
 """Displacement before slip where nothing is said [m]."""
@@ -64,6 +64,13 @@ class ContactLaw(Value):
         return _PRESLIDING if self.presliding is None else self.presliding
 
 
+class Table(Value):
+    """What an object stands on, parallel to the plane, where gravity acts out of it; it reaches up to height zero."""
+
+    friction: NonNegative
+    """Coulomb friction coefficient between it and the object [1]."""
+
+
 class Surroundings(Value):
     """An object, fixed or free to move in the plane, and the supports that it can touch.
 
@@ -81,6 +88,8 @@ class Surroundings(Value):
     out_of_plane_gravity: NonNegative = 0.0
     """Gravity perpendicular to the plane [m/s2]: the weight of a moving object is then carried by friction alone. The
     object slides out of the plane where that does not suffice, but never tilts; the finger is stiff that way."""
+    table: Table | None = None
+    """What carries the weight out of the plane of an object that moves; None: nothing but friction."""
     moment_of_inertia: Positive | None = None
     """Of a moving object about its centre of mass [kg m2]; None: that of its mass spread evenly over its shape (over
     each part by its area, for a union)."""
@@ -90,7 +99,7 @@ class Surroundings(Value):
         thing = self.object
         if thing is None:
             given = [key for key in ("supports", "contact_law", "moment_of_inertia") if getattr(self, key)]
-            given += [key for key in ("object_moves", "out_of_plane_gravity") if getattr(self, key)]
+            given += [key for key in ("object_moves", "out_of_plane_gravity", "table") if getattr(self, key)]
             if given:
                 raise ValueError(f"{given[0]} has no meaning without an object")
             return self
@@ -100,6 +109,8 @@ class Surroundings(Value):
             raise ValueError("object.free is for grasps; here the object starts where position and angle say")
         if self.object_moves and thing.mass < 1e-9:
             raise ValueError("object.mass must be positive for an object that moves")
+        if self.table is not None and not self.out_of_plane_gravity:
+            raise ValueError("table has no meaning without out_of_plane_gravity")
         if not self.object_moves:
             given = [key for key in ("moment_of_inertia", "out_of_plane_gravity") if getattr(self, key)]
             if given or self.supports:
