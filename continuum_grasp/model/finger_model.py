@@ -333,6 +333,7 @@ MATRICES = frozenset(
         "linearization.B",
         "pressed_linearization.A",
         "touch.force",
+        "touch.normal",
         "touch.point",
     )
 )

@@ -47,7 +47,9 @@ class ContactForces:
     @staticmethod
     def of(core: Core, x: Array, u: Array, w: Array) -> ContactForces:
         """Those of a compiled system at states x (T, nx), inputs u and forces w."""
-        return ContactForces(tuple(core.model.touch_names), *(np.asarray(v) for v in core.batch("touch", x, u, w)))
+        found = dict(zip(core.model.touch.name_out(), core.batch("touch", x, u, w), strict=True))
+        wanted = [one.name for one in fields(ContactForces) if one.name != "names"]
+        return ContactForces(tuple(core.model.touch_names), **{name: np.asarray(found[name]) for name in wanted})
 
     @property
     def shear(self) -> Array:
