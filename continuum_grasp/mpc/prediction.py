@@ -65,6 +65,7 @@ class Prediction:
             )
         self.system = System(
             finger,
+            surroundings=scene if scene.object is not None else None,
             contacts=scene.contacts,
             gravity=scene.gravity,
             family=family,
@@ -101,7 +102,7 @@ class Prediction:
         return moment, rate, (self.u - moment) / time**2 - 2.0 * rate / time
 
     @cached_property
-    def _arguments(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    def arguments(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """x, u, w and p of the system."""
         system = self.system
         couple = [self.p[-1]] if self._couple else []
@@ -122,37 +123,37 @@ class Prediction:
     def dynamics(self) -> ca.Function:
         """Time derivative of x."""
         own = [] if self._own_lag is None else self._moment[1:]
-        return self._function("dynamics", xd=ca.vertcat(self.system.forward_dynamics(*self._arguments), *own))
+        return self._function("dynamics", xd=ca.vertcat(self.system.forward_dynamics(*self.arguments), *own))
 
     @cached_property
     def tip(self) -> ca.Function:
         """World position of the tip, r (2) [m]."""
-        x, u, _, p = self._arguments
+        x, u, _, p = self.arguments
         return self._function("tip", r=self.system.tip(x, u, p))
 
     def sections(self, at: tuple[float, ...]) -> ca.Function:
         """World positions r (2, K) [m] and angles (K) [rad] of the sections at positions along the finger [m]."""
-        x, u, _, p = self._arguments
+        x, u, _, p = self.arguments
         r, angle = self.system.sections(at)(x, u, p)
         return self._function("sections", r=r, angle=angle)
 
     @cached_property
     def bending(self) -> ca.Function:
         """Bending angle of each element [rad]."""
-        x, u, _, p = self._arguments
+        x, u, _, p = self.arguments
         return self._function("bending", bend=self.system.bending(x, u, p))
 
     @cached_property
     def bending_rate(self) -> ca.Function:
         """Rate of the bending angle of each element [rad/s]."""
-        x, u, _, p = self._arguments
+        x, u, _, p = self.arguments
         bend = self.system.bending(x, u, p)
         return self._function("bending_rate", rate=ca.jtimes(bend, self.x, self.dynamics(self.x, self.u, self.p)))
 
     @cached_property
     def curvature(self) -> ca.Function:
         """Curvature at the nodes of clothoids, or of each arc [1/m]."""
-        x, u, _, p = self._arguments
+        x, u, _, p = self.arguments
         return self._function("curvature", kappa=self.system.curvature(x, u, p))
 
     @property
@@ -162,9 +163,15 @@ class Prediction:
 
     @cached_property
     def contact_force(self) -> ca.Function:
-        """Normal force at each place where the finger may touch the object [N]."""
-        force = self.system.touch(*self._arguments)[1][: len(self.contact_names)]
-        return self._function("contact_force", f=force)
+        """Normal force at each place where the finger may touch the object, known forces included [N]."""
+        touch, known = self.system.touch(*self.arguments), self.arguments[2]
+        forces = []
+        for k, _ in enumerate(self.contact_names):
+            force = touch[1][k]
+            if known.numel():
+                force = force + ca.dot(touch[6][:, k], known[2 * k : 2 * k + 2])
+            forces.append(force)
+        return self._function("contact_force", f=ca.vertcat(*forces))
 
     # -- states -------------------------------------------------------------------------------------------------------
 

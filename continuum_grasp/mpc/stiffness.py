@@ -12,10 +12,16 @@ from continuum_grasp.mpc.prediction import Prediction
 __all__ = ["fastest_rate"]
 
 _SAMPLES = 16
+_PRESSED = 10.0
+"""Normal force at which contacts are taken to be [N]; their damping grows with it."""
+
+Array = NDArray[np.float64]
 
 
-def fastest_rate(model: Prediction, u_min: NDArray[np.float64], u_max: NDArray[np.float64]) -> float:
-    """Largest absolute eigenvalue of the linearised motion over shapes of half the bending range at rest [1/s].
+def fastest_rate(model: Prediction, u_min: Array, u_max: Array) -> float:
+    """Largest absolute eigenvalue of the linearised motion [1/s].
+
+    Taken over shapes of half the bending range at rest, with all contacts closed where there is an object.
 
     Parameters
     ----------
@@ -33,16 +39,30 @@ def fastest_rate(model: Prediction, u_min: NDArray[np.float64], u_max: NDArray[n
     NumericalError
         If the model's numbers are not finite.
     """
-    slope = ca.Function(
-        "slope", [model.x, model.u, model.p], [ca.jacobian(model.dynamics(model.x, model.u, model.p), model.x)]
-    )
+    slope = _pressed(model) if model.system.surroundings is not None else _free(model)
     rng = np.random.default_rng(0)
-    spread = model.shapes(_SAMPLES)
-    largest = 0.0
-    for shape in spread:
+    largest = 0.0 if model.scene.lag is None else 1.0 / model.scene.lag
+    for shape in model.shapes(_SAMPLES):
         u = rng.uniform(u_min, u_max)
         a = np.array(slope(model.at_rest(shape, u), u, model.p_nominal))
         if not np.all(np.isfinite(a)):
             raise NumericalError("the linearised motion is not finite", state=shape)
         largest = max(largest, float(np.abs(np.linalg.eigvals(a)).max()))
     return largest
+
+
+def _free(model: Prediction) -> ca.Function:
+    """Jacobian of the motion as it is."""
+    given = [model.x, model.u, model.p]
+    return ca.Function("slope", given, [ca.jacobian(model.dynamics(*given), model.x)])
+
+
+def _pressed(model: Prediction) -> ca.Function:
+    """Jacobian of the system's motion as if every contact were pressed."""
+    system, around = model.system, model.system.surroundings
+    law = None if around is None else around.contact_law
+    depth = 0.0 if law is None else law.rounding + _PRESSED / law.stiffness
+    x, u, w, p = model.arguments
+    gap = system.touch(x, u, w, p)[0]
+    slope = system.pressed_linearization(x, u, w, p, gap + depth)
+    return ca.Function("slope", [model.x, model.u, model.p], [slope])
