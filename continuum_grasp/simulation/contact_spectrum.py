@@ -10,13 +10,47 @@ from numpy.typing import NDArray
 from continuum_grasp.core import Core
 from continuum_grasp.model import System
 
-__all__ = ["pressed_radius", "telling_states"]
+__all__ = ["contact_frequency", "pressed_radius", "telling_states"]
 
 Array = NDArray[np.float64]
 
 _EVEN, _EXTREME = 12, 6
 _LOST = 2.0
 """Friction state beyond which a step was too long to mean anything."""
+
+
+def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:
+    """Fastest oscillation that the springs of closed contacts would make by themselves [rad/s].
+
+    Parameters
+    ----------
+    core : Core
+        Of a system with contacts.
+    states : (count, nx) ndarray
+    u, w, p : ndarray
+        Input, forces and parameters.
+
+    Returns
+    -------
+    float
+        The largest over the states, all contacts closed; elastic forces of the finger are left out.
+    """
+    system: System = core.model
+    n, pose = system.n, system.object_states
+    count = pose.stop - pose.start
+    places = np.r_[0:n, pose]
+    accelerations = np.r_[n : 2 * n, pose.stop : pose.stop + count]
+    largest = 0.0
+    for x in np.atleast_2d(states):
+        still = _at_rest(system, x)
+        gap = core.touch(still, u, w, p)[0]
+        closed, opened = gap + _full(system), -np.abs(gap) - 1.0
+        slopes = [core.pressed_linearization(still, u, w, p, press) for press in (closed, opened)]
+        springs = (slopes[0] - slopes[1])[np.ix_(accelerations, places)]
+        if not np.all(np.isfinite(springs)):
+            return math.inf
+        largest = max(largest, math.sqrt(float(np.abs(np.linalg.eigvals(springs)).max(initial=0.0))))
+    return largest
 
 
 def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:
@@ -37,14 +71,11 @@ def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> f
         the numbers are not finite.
     """
     system: System = core.model
-    if system.surroundings is None or system.surroundings.contact_law is None:
-        return 0.0
-    full = 1.001 * system.surroundings.contact_law.rounding
     largest = 0.0
     for x in np.atleast_2d(states):
         gap = core.touch(x, u, w, p)[0]
         still = _at_rest(system, x)
-        closing = np.maximum(gap + full, 0.0)
+        closing = np.maximum(gap + _full(system), 0.0)
         for at, press in ((x, np.zeros_like(gap)), (still, closing)):
             slope = core.pressed_linearization(at, u, w, p, press)
             if not np.all(np.isfinite(slope)):
@@ -76,6 +107,12 @@ def telling_states(core: Core, states: Array, u: Array, w: Array) -> Array:
         rates = np.abs(np.asarray(core.batch("forward_dynamics", *rows))[:, friction]).max(axis=1)
         chosen.append(finite[np.argsort(rates)[-_EXTREME:]])
     return states[np.unique(np.concatenate(chosen))]
+
+
+def _full(system: System) -> float:
+    """Depth from which on a contact has all of its stiffness [m]."""
+    law = system.surroundings.contact_law if system.surroundings else None
+    return 1.001 * law.rounding if law else 0.0
 
 
 def _at_rest(system: System, x: Array) -> Array:

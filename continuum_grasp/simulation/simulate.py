@@ -17,7 +17,7 @@ from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene, Timing
-from continuum_grasp.simulation.contact_spectrum import pressed_radius, telling_states
+from continuum_grasp.simulation.contact_spectrum import contact_frequency, pressed_radius, telling_states
 from continuum_grasp.simulation.initial import initial_state, start_warnings
 from continuum_grasp.simulation.limits import LOST, limit_warnings
 from continuum_grasp.simulation.reference import integrate_reference
@@ -34,6 +34,10 @@ _IMPLICIT_FROM = 40
 """Sub-steps per output step from which on the implicit method is chosen."""
 _MOST_SUBSTEPS = 10_000
 """Sub-steps per output step beyond which rk4 is refused."""
+_MOST_IMPLICIT = 256
+"""Sub-steps per output step of the implicit method, which contacts need to be resolved."""
+_FINER = 4
+"""Factor by which they grow where a motion with contacts is not finite."""
 _CHUNK = 200_000
 """Sub-steps between two calls of ``progress``."""
 
@@ -97,6 +101,7 @@ class _Run:
         self._signals = Signals(scene, model, nw=self._moving.nw)
         self._steps = round(time.duration / time.step)
         self._p = np.array(model.p_nominal)
+        self._implicit_substeps = 1
 
     def trajectory(self) -> Trajectory:
         """Integrate and check."""
@@ -150,15 +155,19 @@ class _Run:
         bent[1:, : self._model.n] = shapes[1:4]
         radius = max(self._radius(shapes), self._contact_radius(bent))
         asked = self._time.method
-        if asked in ("implicit", "reference"):
+        self._implicit_substeps = self._wanted(self._contact_frequency(bent))
+        if asked == "reference":
             return _Plan(asked, 1, radius)
         wanted = self._wanted(radius)
-        if asked == "auto" and wanted > _IMPLICIT_FROM:
-            return _Plan("implicit", 1, radius)
+        if asked == "implicit" or (asked == "auto" and wanted > _IMPLICIT_FROM):
+            return self._implicit(radius)
         return _Plan("rk4", min(wanted, _MOST_SUBSTEPS), radius)
 
     def _judged(self, plan: _Plan, states: Array, error: _Stop | None) -> tuple[_Plan | None, _Stop | None]:
         """A finer plan where the motion turned out to be faster than rk4 can follow, and what is wrong if none is."""
+        if plan.method == "implicit" and isinstance(error, NumericalError) and self._system is not None:
+            self._implicit_substeps = _FINER * plan.substeps
+            return (self._implicit(plan.radius) if self._implicit_substeps <= _MOST_IMPLICIT else None), error
         if plan.method != "rk4" or isinstance(error, Interrupted):
             return None, error
         shapes = states[:: max(1, len(states) // 12), : self._model.n]
@@ -171,7 +180,7 @@ class _Run:
         if error is None and radius * self._time.step / plan.substeps <= RK4_STABLE:
             return None, None
         if self._time.method == "auto" and (wanted > _IMPLICIT_FROM or wanted <= plan.substeps):
-            return _Plan("implicit", 1, radius), error
+            return self._implicit(radius), error
         if plan.substeps < wanted <= _MOST_SUBSTEPS:
             return _Plan("rk4", wanted, radius), error
         if wanted > _MOST_SUBSTEPS:
@@ -183,6 +192,9 @@ class _Run:
             )
             return None, NumericalError(message, time=end, state=states[-1])
         return None, error
+
+    def _implicit(self, radius: float) -> _Plan:
+        return _Plan("implicit", min(self._implicit_substeps, _MOST_IMPLICIT), radius)
 
     def _wanted(self, radius: float) -> int:
         """Sub-steps, one more than the most at the most."""
@@ -204,6 +216,13 @@ class _Run:
             return 0.0
         core = Core(self._system, compiled=False)
         return pressed_radius(core, states, self._signals.u(0.0)[0], self._signals.w(0.0)[0], self._p)
+
+    def _contact_frequency(self, states: Array) -> float:
+        """What implicit steps must resolve of the contacts [rad/s]; zero without an object."""
+        if self._system is None:
+            return 0.0
+        core = Core(self._system, compiled=False)
+        return contact_frequency(core, states, self._signals.u(0.0)[0], self._signals.w(0.0)[0], self._p)
 
     def _integrate(self, x0: Array, plan: _Plan) -> tuple[Array, _Stop | None]:
         """States, whole or until the error."""
