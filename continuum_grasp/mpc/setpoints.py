@@ -63,7 +63,7 @@ def set_points(
     Parameters
     ----------
     scene : ControlScene
-        Its ``reference`` says what is to be followed; what it leaves out is zero, but for tensions, which are the least.
+        Its ``reference`` says what is to be followed; what it leaves out is zero, tensions are the least.
     stages : Stages
         The controller's problem.
     prediction : Prediction

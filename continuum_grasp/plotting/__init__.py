@@ -9,6 +9,17 @@ from __future__ import annotations
 
 from continuum_grasp.plotting.accuracy import plot_accuracy
 from continuum_grasp.plotting.animation import animate
+from continuum_grasp.plotting.control import (
+    plot_bounds,
+    plot_control_path,
+    plot_controller_times,
+    plot_disturbances,
+    plot_inputs,
+    plot_tracking,
+    plot_tracking_error,
+    save_control_pictures,
+)
+from continuum_grasp.plotting.control_frames import animate_control
 from continuum_grasp.plotting.coordinates import plot_coordinates
 from continuum_grasp.plotting.energy import plot_energy
 from continuum_grasp.plotting.modes import plot_modes
@@ -18,12 +29,21 @@ from continuum_grasp.plotting.tip_path import plot_tip_path
 
 __all__ = [
     "animate",
+    "animate_control",
     "plot_accuracy",
+    "plot_bounds",
+    "plot_control_path",
+    "plot_controller_times",
     "plot_coordinates",
+    "plot_disturbances",
     "plot_energy",
+    "plot_inputs",
     "plot_modes",
     "plot_snapshots",
     "plot_tip_path",
+    "plot_tracking",
+    "plot_tracking_error",
+    "save_control_pictures",
     "save_picture",
     "save_simulation_pictures",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.plotting.drawable import DrawableTrajectory
+from continuum_grasp.plotting.drawable import DrawableControl, DrawableTrajectory
 from continuum_grasp.plotting.frames import frames
 from continuum_grasp.results import replacing
 
@@ -24,12 +24,13 @@ __all__ = ["animate"]
 
 
 def animate(
-    trajectory: DrawableTrajectory,
+    trajectory: DrawableTrajectory | DrawableControl,
     path: str | os.PathLike[str],
     fps: float = 30.0,
     *,
     speed: float = 1.0,
     width: int = 640,
+    draw: Callable[[Any, NDArray[Any], int], Iterator[NDArray[Any]]] = frames,
 ) -> Path:
     """Write an animation of the moving finger with the path of its tip and the forces on it.
 
@@ -46,6 +47,8 @@ def animate(
         Seconds of motion per second of animation; 0.1 is ten times slowed down.
     width : int
         Width of the frames [pixels], from 160 on.
+    draw : callable
+        What draws the frames, with the arguments and the yield of ``frames``.
 
     Returns
     -------
@@ -76,7 +79,7 @@ def animate(
     duration = float(t[-1] - t[0]) / speed
     moments = t[0] + speed * np.arange(max(1, int(np.floor(duration * fps * (1 + 1e-12))) + 1)) / fps
     indices = np.abs(t[None, :] - moments[:, None]).argmin(axis=1)
-    pictures = frames(trajectory, indices, width)
+    pictures = draw(trajectory, indices, width)
     with replacing(target) as temporary:
         if ffmpeg is None:
             _write_gif(temporary, pictures, len(indices), fps)

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["DrawableModes", "DrawableTrajectory"]
+__all__ = ["DrawableControl", "DrawableModes", "DrawableTrajectory"]
 
 
 class DrawableTrajectory(Protocol):
@@ -50,6 +50,14 @@ class DrawableTrajectory(Protocol):
         """What was simulated; where it has ``finger.masses``, they are drawn."""
 
     @property
+    def object_pose(self) -> NDArray[Any] | None:
+        """Pose of the object (T, 3 or 4): x, y [m], angle [rad]; None without one."""
+
+    @property
+    def contacts(self) -> Any:
+        """Its contacts: ``names``, ``normal_force`` and ``shear`` (T, K) [N]; None without an object."""
+
+    @property
     def name(self) -> str | None:
         """Title of the pictures."""
 
@@ -82,3 +90,98 @@ class DrawableModes(Protocol):
     @property
     def stable(self) -> bool:
         """Whether the equilibrium is stable."""
+
+
+class DrawableControl(Protocol):
+    """A closed loop of K control periods; SI units, world frame."""
+
+    @property
+    def t(self) -> NDArray[Any]:
+        """Instants (K + 1,) [s]."""
+
+    @property
+    def u(self) -> NDArray[Any]:
+        """Commands (K, nu)."""
+
+    @property
+    def u_names(self) -> Sequence[str]:
+        """Name and unit of each command."""
+
+    @property
+    def u_min(self) -> NDArray[Any]:
+        """Least commands (nu,)."""
+
+    @property
+    def u_max(self) -> NDArray[Any]:
+        """Greatest commands (nu,)."""
+
+    @property
+    def r(self) -> NDArray[Any]:
+        """Set-points (K + 1, nr)."""
+
+    @property
+    def tracked(self) -> NDArray[Any]:
+        """What they are for (K + 1, nr)."""
+
+    @property
+    def r_names(self) -> Sequence[str]:
+        """Name and unit of each set-point."""
+
+    @property
+    def tip(self) -> NDArray[Any]:
+        """Tip positions (K + 1, 2) [m]."""
+
+    @property
+    def tip_reference(self) -> NDArray[Any] | None:
+        """Set-points of the tip (K + 1, 2) [m], where there are any."""
+
+    @property
+    def plan_tip(self) -> NDArray[Any]:
+        """Predicted tip paths (K, N + 1, 2) [m]."""
+
+    @property
+    def bounds(self) -> Sequence[Any]:
+        """Bounds with name, unit, excess (K + 1,) and scale."""
+
+    @property
+    def disturbance_names(self) -> Sequence[str]:
+        """Name and unit of each estimated disturbance."""
+
+    @property
+    def disturbance(self) -> NDArray[Any]:
+        """Estimated disturbances (K, nd)."""
+
+    @property
+    def disturbance_std(self) -> NDArray[Any]:
+        """Their standard deviations (K, nd)."""
+
+    @property
+    def phase_names(self) -> Sequence[str]:
+        """Names of the phases of a step."""
+
+    @property
+    def phase_times(self) -> NDArray[Any]:
+        """Time that each took (K, phases) [s]."""
+
+    @property
+    def length(self) -> float:
+        """Length of the finger [m]."""
+
+    @property
+    def scene(self) -> Any:
+        """The scene, with ``controller.bounds.keep_out`` and ``finger.masses``."""
+
+    @property
+    def object_pose(self) -> NDArray[Any] | None:
+        """Pose of the object (T, 3 or 4): x, y [m], angle [rad]; None without one."""
+
+    @property
+    def contacts(self) -> Any:
+        """Its contacts: ``names``, ``normal_force`` and ``shear`` (T, K) [N]; None without an object."""
+
+    @property
+    def name(self) -> str | None:
+        """Title of the pictures."""
+
+    def backbone(self, indices: ArrayLike, points: int = 50) -> NDArray[Any]:
+        """Backbones (len(indices), points, 2) of the plant [m]."""

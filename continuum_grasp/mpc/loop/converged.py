@@ -1,6 +1,6 @@
-"""The same controller with every problem solved to convergence by IPOPT: what a real-time iteration is measured against.
+"""The same controller with every problem solved to convergence by IPOPT.
 
-It needs the state: an estimator is no part of it.
+A real-time iteration is measured against it. It needs the state: an estimator is no part of it.
 """
 
 from __future__ import annotations

@@ -120,4 +120,5 @@ class Integration:
                 state=last,
                 result=states[0, : kept[0] + 1],
             )
-        return states[0]
+        found: Array = states[0]
+        return found

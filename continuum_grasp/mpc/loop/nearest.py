@@ -55,4 +55,6 @@ def _angles(model: Prediction, at: tuple[float, ...]) -> ca.Function:
     rate = ca.jtimes(angle, model.x, model.dynamics(model.x, model.u, model.p))
     full = ca.Function("angles", [model.x, model.u, model.p], [angle, rate])
     x = ca.SX.sym("x", model.nx)
-    return ca.Function("angles", [x], full(x, ca.DM.zeros(model.nu), ca.DM(model.p_nominal)))
+    values = full.call([x, ca.SX(ca.DM.zeros(model.nu)), ca.SX(ca.DM(model.p_nominal))])
+    found: ca.Function = ca.Function("angles", [x], values)
+    return found

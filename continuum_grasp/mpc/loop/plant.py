@@ -96,14 +96,15 @@ class Plant:
             raise InputError(f"u: expected {self.model.nu} finite entries, got {command.tolist()}")
         substeps = self.method.substeps
         states = self._integration.advance(self.x, command, self.t, self.period, substeps)
-        instants = self.t + self.period / substeps * np.arange(1, substeps + 1)
+        instants = np.asarray(self.t + self.period / substeps * np.arange(1, substeps + 1), dtype=float)
         self._remember(instants, states[1:], command)
         self.x, self.t, self._u = states[-1], self.t + self.period, command
         return states
 
     def replayed(self, x: Array, u: Array, start: float, refinement: int = 2) -> Array:
         """State at the end of a period that began in another state, by finer steps; the plant stays as it is."""
-        return self._integration.advance(x, u, start, self.period, refinement * self.method.substeps)[-1]
+        found: Array = self._integration.advance(x, u, start, self.period, refinement * self.method.substeps)[-1]
+        return found
 
     def _remember(self, instants: Array, states: Array, u: Array) -> None:
         """Keep what measurements may still show."""

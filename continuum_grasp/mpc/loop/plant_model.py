@@ -261,7 +261,9 @@ class PlantModel:
     def forces(self, t: ArrayLike) -> Array:
         """Forces w (T, nw) at instants (T,) [s]."""
         known = self._signals.w(t)
-        return np.hstack([known, np.zeros((len(known), self.nw - known.shape[1]))])
+        rows: Array = np.zeros((len(known), self.nw))
+        rows[:, : known.shape[1]] = known
+        return rows
 
     @property
     def steady(self) -> bool:

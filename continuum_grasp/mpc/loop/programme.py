@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -57,7 +56,9 @@ class Programme:
         slack = self._z[self._count :]
         weights, end_weights = ca.DM(s.weights), ca.DM(s.terminal_weights)
         early, gaps, gap_slopes = [nodes[0][: s.nx] - self._p[: s.nx]], [], []
-        cost, gradient, hessian = ca.MX(0), [], []
+        cost = ca.MX(0)
+        gradient: list[ca.MX] = []
+        hessian: list[ca.MX] = []
         rows: list[ca.MX] = []
         row_slopes: list[tuple[int, ca.MX]] = []
         for k in range(n):

@@ -25,11 +25,12 @@ _FINE = 64
 
 @dataclass(frozen=True)
 class Bound:
-    """Amount by which a bound is exceeded (K,), negative within it, in its unit."""
+    """Amount by which a bound is exceeded (K,), negative within it, in its unit; ``scale`` is a large amount."""
 
     name: str
     unit: str
     excess: Array
+    scale: float
 
 
 class Readings:
@@ -114,22 +115,26 @@ class Readings:
         scene, bounds = self._scene, self._scene.controller.bounds
         unit = self._stages.u_names[0].split("[")[1][:-1]
         beyond = np.maximum(u - self._stages.u_max, self._stages.u_min - u).max(axis=1)
-        found = [Bound("input", unit, beyond)]
+        span = float(np.max(self._stages.u_max - self._stages.u_min))
+        found = [Bound("input", unit, beyond, span)]
         most = scene.controller.input.rate_max
         if most is not None:
-            found.append(Bound("input rate", f"{unit}/s", np.abs(u - held).max(axis=1) / period - most))
+            change = np.abs(u - held).max(axis=1) / period
+            found.append(Bound("input rate", f"{unit}/s", change - most, most))
         if bounds.curvature is not None and math.isfinite(scene.curvature_limit):
+            most = scene.curvature_limit
             kappa = self._map(self._plant.function("kappa", k=self._plant.curvature), x, u, w)
-            found.append(Bound("curvature", "1/m", np.abs(kappa).max(axis=1) - scene.curvature_limit))
+            found.append(Bound("curvature", "1/m", np.abs(kappa).max(axis=1) - most, most))
         if bounds.speed is not None:
             rates = ca.vertcat(0.0, self._plant.angle_rates(self._edges.tolist()))
             function = self._plant.function("speed", r=rates[1:] - rates[:-1])
-            found.append(Bound("speed", "rad/s", np.abs(self._map(function, x, u, w)).max(axis=1) - bounds.speed))
+            most = bounds.speed
+            found.append(Bound("speed", "rad/s", np.abs(self._map(function, x, u, w)).max(axis=1) - most, most))
         if bounds.keep_out:
             fine = self._sections(np.linspace(0.0, self._length, _FINE + 1)[1:], x, u, w)
             for name, zone in bounds.keep_out.items():
                 points = fine if zone.of == "backbone" else fine[:, -1:]
-                found.append(Bound(name, "m", self._depth(zone, points).max(axis=1)))
+                found.append(Bound(name, "m", self._depth(zone, points).max(axis=1), self._length))
         return found
 
     def _depth(self, zone: Zone, points: Array) -> Array:

@@ -47,7 +47,7 @@ class Record:
         """The result so far."""
         plant, model, stages, count = self._plant, self._model, self._stages, len(self._commands)
         commands = self._commands
-        t = self._start + plant.period * np.arange(count + 1)
+        t = np.asarray(self._start + plant.period * np.arange(count + 1), dtype=float)
         x = np.array(self._states[: count + 1])
         u = np.array([c.u for c in commands]).reshape(count, stages.nu)
         rest = plant.model.rest_input
@@ -66,7 +66,7 @@ class Record:
             w=w,
             y=np.array(self._measured).reshape(count, len(plant.sensors.names)),
             estimate=_stack([c.estimate.x_hat for c in commands], count),
-            disturbance=_stack([c.estimate.p_hat for c in commands], count),
+            parameters=_stack([c.estimate.p_hat for c in commands], count),
             std=_stack([c.estimate.std for c in commands], count),
             r=references,
             tracked=readings.tracked(x, last, w, held),
@@ -85,6 +85,7 @@ class Record:
             u_names=stages.u_names,
             y_names=plant.sensors.names,
             r_names=stages.r_names,
+            p_names=stages.p_names,
             u_min=stages.u_min,
             u_max=stages.u_max,
             weights=stages.weights,
@@ -113,11 +114,11 @@ class Record:
 
     def _plant_error(self, x: Array, u: Array, t: Array, readings: Readings) -> float:
         """Greatest change of the tip over single periods when the plant takes half as long steps [m]."""
-        chosen = np.unique(np.linspace(0, len(u) - 1, min(len(u), _CHECKED)).astype(int)) if len(u) else []
-        finer = np.array([self._plant.replayed(x[k], u[k], float(t[k])) for k in chosen]).reshape(-1, x.shape[1])
-        if not len(finer):
+        if not len(u):
             return 0.0
-        after = np.array(chosen) + 1
+        chosen = np.unique(np.linspace(0, len(u) - 1, min(len(u), _CHECKED)).astype(int))
+        finer = np.array([self._plant.replayed(x[k], u[k], float(t[k])) for k in chosen])
+        after = chosen + 1
         w = self._plant.model.forces(t[after])
         moved = readings.tip(finer, u[chosen], w) - readings.tip(x[after], u[chosen], w)
         return float(np.linalg.norm(moved, axis=1).max())

@@ -26,7 +26,7 @@ _ARRAYS = (
     "w",
     "y",
     "estimate",
-    "disturbance",
+    "parameters",
     "std",
     "r",
     "tracked",
@@ -54,7 +54,7 @@ class ControlRun:
         Forces on the plant that the controller does not know.
     y : (K, ny) ndarray
         Measurements as they arrived.
-    estimate, disturbance, std : ndarray
+    estimate, parameters, std : ndarray
         Estimated state and parameters of the controller's model, and standard deviations, row by row.
     r, tracked : (K + 1, nr) ndarray
         Set-points, and what they are for, on the plant.
@@ -87,7 +87,7 @@ class ControlRun:
     w: Array
     y: Array
     estimate: Array
-    disturbance: Array
+    parameters: Array
     std: Array
     r: Array
     tracked: Array
@@ -106,6 +106,7 @@ class ControlRun:
     u_names: tuple[str, ...]
     y_names: tuple[str, ...]
     r_names: tuple[str, ...]
+    p_names: tuple[str, ...]
     u_min: Array
     u_max: Array
     weights: Array
@@ -137,6 +138,30 @@ class ControlRun:
             return None
         k = self.r_names.index("tip_x [m]")
         return self.r[:, k : k + 2]
+
+    @cached_property
+    def _disturbed(self) -> list[int]:
+        """Which parameters are estimated."""
+        estimator = self.scene.estimator
+        asked = {} if estimator is None else estimator.disturbances.model_dump(exclude_none=True)
+        begins = {"tip_moment": "missing_tip_moment", "tip_force": "tip_", "contact_force": "contact_"}
+        starts = tuple(begins.get(name, name) for name in asked)
+        return [k for k, name in enumerate(self.p_names) if starts and name.startswith(starts)]
+
+    @property
+    def disturbance_names(self) -> tuple[str, ...]:
+        """Name and unit of each parameter that is estimated."""
+        return tuple(self.p_names[k] for k in self._disturbed)
+
+    @property
+    def disturbance(self) -> Array:
+        """Estimated parameters (K, nd)."""
+        return self.parameters[:, self._disturbed]
+
+    @property
+    def disturbance_std(self) -> Array:
+        """Their standard deviations (K, nd)."""
+        return self.std[:, self.std.shape[1] - len(self._disturbed) :]
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -186,7 +211,7 @@ class ControlRun:
             "events": [list(event) for event in self.events],
             "anomalies": {str(k): list(words) for k, words in enumerate(self.anomalies) if words},
             "names": {
-                **{key: list(getattr(self, f"{key}_names")) for key in ("x", "u", "y", "r", "phase")},
+                **{key: list(getattr(self, f"{key}_names")) for key in ("x", "u", "y", "r", "p", "phase")},
                 "bounds": [f"{b.name} [{b.unit}]" for b in self.bounds],
             },
         }
@@ -219,5 +244,5 @@ class ControlRun:
         return animate_control(self, Path(path), fps)
 
 
-_GOOD = frozenset(("solved", "iteration_limit", "soft_row_violated"))
+_GOOD = frozenset(("solved", "iteration_limit", "row_violated"))
 """Statuses of commands that come from the solver."""

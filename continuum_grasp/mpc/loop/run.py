@@ -115,7 +115,7 @@ def _loop(
     control: Controls, plant: Plant, plan: Schedule, record: Record, steps: int, progress: Callable[[float], None]
 ) -> NumericalError | Interrupted | None:
     """Run until the end, or until what stopped it."""
-    ahead = control.stages.stage * np.arange(control.stages.stages + 1)
+    ahead = np.asarray(control.stages.stage * np.arange(control.stages.stages + 1), dtype=float)
     plan.enter(plant.t, control, plant)
     try:
         for k in range(steps):

@@ -1,0 +1,132 @@
+"""``continuum-grasp mpc``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set, Verbose
+from continuum_grasp.cli.output import Output, run_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from continuum_grasp.mpc.loop.result import ControlRun
+    from continuum_grasp.scene.control import ControlScene
+
+__all__ = ["mpc"]
+
+
+def mpc(
+    config: Config,
+    out: Out = None,
+    changes: Set = None,
+    animation: Annotated[
+        str | None,
+        typer.Option("--animate", metavar="gif|mp4", help="Write an animation too; mp4 needs ffmpeg."),
+    ] = None,
+    compare: Annotated[
+        bool,
+        typer.Option("--compare", help="Run the same with the paper's two arcs, and with NMPC solved to convergence."),
+    ] = False,
+    seed: Annotated[
+        int | None, typer.Option("--seed", metavar="N", help="Seed of the noise (default: as in the configuration).")
+    ] = None,
+    pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")] = True,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Control a finger in closed loop with a finer model of it: saves the run, prints how well it went, draws it."""
+    from continuum_grasp.errors import InputError, Interrupted, NumericalError
+
+    output = Output(as_json, quiet, verbose)
+    if animation not in (None, "gif", "mp4"):
+        raise InputError(f"expected gif or mp4, got {animation!r}", key="--animate")
+    seeding = [] if seed is None else [f"plant.seed={seed}"]
+    scene = _scene(config, [*(changes or ()), *seeding])
+    folder = run_folder(out, config)
+
+    from continuum_grasp.mpc.loop.run import closed_loop
+
+    try:
+        with output.busy("controlling") as report:
+            run = closed_loop(scene, progress=report)
+    except (NumericalError, Interrupted) as error:
+        if error.result is not None:
+            error.result.save(folder)
+            typer.echo(f"what was computed until then is in {folder}", err=True)
+        raise
+    run.save(folder)
+    with output.busy("drawing"):
+        files = run.plot(folder) if pictures else []
+        if animation:
+            files.append(run.animate(folder / f"animation.{animation}"))
+    others = _others(scene, output) if compare else {}
+    _report(run, others, folder, files, output)
+
+
+def _scene(config: Path, changes: Iterable[str]) -> ControlScene:
+    from continuum_grasp.errors import InputError
+    from continuum_grasp.scene.control import ControlScene
+    from continuum_grasp.scene.load import load
+
+    scene = load(config, changes)
+    if not isinstance(scene, ControlScene):
+        raise InputError(f"expected a closed loop (finger, controller, ...), got a {type(scene).__name__}",
+            file=str(config))
+    if scene.duration is None:
+        raise InputError("a closed loop needs a duration [s]", file=str(config), key="duration")
+    return scene
+
+
+def _others(scene: ControlScene, output: Output) -> dict[str, ControlRun]:
+    from continuum_grasp.mpc.loop.compare import compared
+
+    with output.busy("comparing") as report:
+        return compared(scene, progress=report)
+
+
+def _report(
+    run: ControlRun, others: dict[str, ControlRun], folder: Path, files: list[Path], output: Output
+) -> None:
+    found = run.metrics()
+    output.warn(run.warnings)
+    output.pairs({"status": run.ended, "time": f"{run.t[-1]:g} s in {len(run.u)} periods of {1e3 * run.period:g} ms"})
+    output.say("")
+    rows = found.rows()
+    output.table(rows[0], rows[1:])
+    output.say("")
+    output.pairs(found.pairs())
+    if others:
+        output.say("")
+        output.table(*_comparison({"this controller": run, **others}))
+    output.pairs({"saved in": folder, "pictures": ", ".join(file.name for file in files) or "none"})
+    statistics: dict[str, Any] = dict(run.statistics)
+    output.statistics(statistics)
+    output.result(
+        status=run.ended,
+        folder=str(folder),
+        files=[str(file) for file in files],
+        duration=float(run.t[-1]),
+        metrics=asdict(found),
+        compared={name: asdict(other.metrics()) for name, other in others.items()},
+        warnings=list(run.warnings),
+        statistics=statistics,
+    )
+
+
+def _comparison(runs: dict[str, ControlRun]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """One line per controller."""
+    rows = []
+    for name, run in runs.items():
+        found = run.metrics()
+        first = found.tracking[0]
+        total = 1e6 * float(run.phase_times.sum(axis=1).mean()) if run.phase_times.size else 0.0
+        values = (f"{found.cost:.5g}", f"{1e3 * first.rms:.3g}", f"{1e3 * first.final:.3g}", f"{total:.4g}")
+        rows.append((name, *values))
+    unit = next(iter(runs.values())).metrics().tracking[0].unit
+    return ("controller", "cost", f"r.m.s. [1e-3 {unit}]", f"final [1e-3 {unit}]", "mean time [us]"), rows
