@@ -21,6 +21,7 @@ _ROOMS = {
         "InputLimits",
         "Penalty",
         "ShapeWeight",
+        "Weight",
     ),
     "continuum_grasp.scene.estimator": (
         "BendingSensors",
@@ -104,6 +105,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.control import InputLimits as InputLimits
     from continuum_grasp.scene.control import Penalty as Penalty
     from continuum_grasp.scene.control import ShapeWeight as ShapeWeight
+    from continuum_grasp.scene.control import Weight as Weight
     from continuum_grasp.scene.estimator import BendingSensors as BendingSensors
     from continuum_grasp.scene.estimator import Disturbed as Disturbed
     from continuum_grasp.scene.estimator import Estimator as Estimator

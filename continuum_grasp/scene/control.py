@@ -36,17 +36,19 @@ def _running(value: Any) -> Any:
     return {"running": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-class _Weight(Value):
+class Weight(Value):
+    """What an error costs."""
+
     running: NonNegative = 0.0
     """Cost per second of half the squared error, per unit squared."""
     terminal: NonNegative = 0.0
     """The same at the end of the horizon, once."""
 
 
-Weight = Annotated[_Weight, BeforeValidator(_running)]
+Weighted = Annotated[Weight, BeforeValidator(_running)]
 
 
-class ShapeWeight(_Weight):
+class ShapeWeight(Weight):
     """Positions along the finger that are to follow set-points."""
 
     at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
@@ -56,15 +58,15 @@ class ShapeWeight(_Weight):
 class Cost(Value):
     """Weights of half the squared errors; what has no weight costs no instruction."""
 
-    tip: Weight | None = None
+    tip: Weighted | None = None
     """World position of the tip [1/m2]."""
-    bending: Weight | None = None
+    bending: Weighted | None = None
     """Bending angle of each element [1/rad2]."""
     shape: ShapeWeight | None = None
     """World positions along the finger [1/m2]."""
-    speed: Weight | None = None
+    speed: Weighted | None = None
     """Bending rate of each element, towards zero [s2/rad2]."""
-    contact_force: Weight | None = None
+    contact_force: Weighted | None = None
     """Normal force at each place where the finger may touch the object [1/N2]."""
     effort: NonNegative | None = None
     """Input away from ``reference.input`` [1/N2, or 1/(N m)2 of the tip moment]."""

@@ -50,7 +50,9 @@ class MissionController(Value):
     posture: Positive = 50.0
     """Weight of the bending angles while nothing is touched [1/rad2]."""
     force: Positive = 1.0
-    """Weight of the contact forces while the object is held [1/N2]."""
+    """Weight of the contact force while the object is held [1/N2]."""
+    held: Literal["middle", "tip"] = "middle"
+    """Contact whose normal force is held at that of the grasp; one drive cannot hold both."""
     speed: NonNegative = 0.05
     """Weight of the bending rates [s2/rad2]."""
     effort: Positive = 0.001
@@ -91,6 +93,8 @@ class MissionScene(Value):
     controller: MissionController = MissionController()
     estimator: Estimator
     plant: Plant = Plant()
+    drive_tension: Positive | None = None
+    """Greatest tension of the drive [N], where the grasp keeps some in reserve; None: that of the grasp."""
     object_mass: Positive | None = None
     """Mass of the object in the plant [kg]; None: that of the grasp."""
     table_friction: NonNegative = 0.3

@@ -1,0 +1,195 @@
+"""From a grasp to what a controller has to know and do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.model import System
+from continuum_grasp.scene.control import Controller, ControlScene, Cost, Weight
+from continuum_grasp.scene.finger import BasePose, Finger
+from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.scene.objects import GraspObject
+from continuum_grasp.scene.reference import Reference
+from continuum_grasp.scene.simulate import Fidelity, Initial
+
+__all__ = ["Assignment", "assign"]
+
+Array = NDArray[np.float64]
+
+_LARGEST = 10.0
+"""Multiple of a wrench beyond which nothing is pulled with: what presses the object on a support is resisted anyhow."""
+_CLEARANCE = 0.003
+"""Distance from the object at which the approach ends [m]."""
+_DENSE = 60
+"""Places along the finger whose distance is looked at."""
+_STEPS = 200
+"""Moments that are tried."""
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """What is to be done.
+
+    Attributes
+    ----------
+    mission : MissionScene
+    grasp : GraspResult
+        The grasp that is carried out.
+    control : ControlScene
+        Finger, object and controller of all phases.
+    tensions : (2,) ndarray
+        Of the grasp [N].
+    before : (2,) ndarray
+        With which the finger is about to touch [N].
+    rest : (2,) ndarray
+        Least tensions [N].
+    bends : (2,) ndarray
+        Bending angles of the controller's elements when it is about to touch [rad].
+    forces : (2,) ndarray
+        Normal forces of the grasp at the middle contact and at the tip [N].
+    pulls : (K, 3) ndarray
+        Wrenches that are pulled with: world force x, y [N] and moment about the centre of mass [N m].
+    """
+
+    mission: MissionScene
+    grasp: GraspResult
+    control: ControlScene
+    tensions: Array
+    before: Array
+    rest: Array
+    bends: Array
+    forces: Array
+    pulls: Array
+
+
+def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignment:
+    """Optimise the grasp of a mission and say what its controller has to do.
+
+    Parameters
+    ----------
+    mission : MissionScene
+        The mission.
+    grasp : GraspResult, optional
+        The grasp, where it has been found already.
+
+    Returns
+    -------
+    Assignment
+
+    Raises
+    ------
+    SolverError
+        If there is no verified grasp.
+    InputError
+        If the grasp is not one that a mission can carry out.
+    """
+    found = optimize_grasp(mission.grasp) if grasp is None else grasp
+    if not found.solved:
+        raise SolverError("no grasp to carry out", status=found.status.value, advice=found.advice, result=found)
+    (name, posture), *_ = found.fingers.items()
+    contacts = {contact.name: contact for contact in found.contacts}
+    touching = [contacts.get(f"{name}.middle"), contacts.get(f"{name}.tip")]
+    if any(contact is None for contact in touching):
+        raise InputError("a mission needs a middle contact and one of the tip", key="grasp.contacts")
+    forces = np.array([contact.normal_force for contact in touching if contact is not None])
+    middle = float(touching[0].station) if touching[0] is not None and touching[0].station is not None else 0.0
+    finger = _finger(mission, posture.base)
+    control = _control_scene(mission, finger, _object(mission, found), middle, forces)
+    resistance = found.quality.resistance if found.quality is not None else None
+    if finger.tendons is None or resistance is None:
+        raise InputError("a mission needs tendons, and disturbances that the grasp resists", key="grasp")
+    tensions = np.array(posture.tensions)
+    side = 1.0 if tensions[0] >= tensions[1] else -1.0
+    moment = side * _about_to_touch(control, side)
+    rest = np.full(2, finger.tendons.min_tension)
+    pull = np.array([max(moment, 0.0), max(-moment, 0.0)]) / finger.tendons.offset
+    factors = np.minimum(np.asarray(resistance.factors), _LARGEST)
+    return Assignment(
+        mission=mission,
+        grasp=found,
+        control=control,
+        tensions=tensions,
+        before=rest + pull,
+        rest=rest,
+        bends=moment / finger.rod.stiffness * np.asarray(control.fidelity.elements),
+        forces=forces,
+        pulls=mission.pull * factors[:, None] * np.asarray(resistance.wrenches),
+    )
+
+
+def _finger(mission: MissionScene, base: Array) -> Finger:
+    """The finger of the grasp, as placed by it, with the whole range of its drive."""
+    given = mission.grasp.setups[0].finger
+    own = {name: getattr(given, name) for name in Finger.model_fields}
+    own["base"] = BasePose(position=(float(base[0]), float(base[1])), angle=float(base[2]))
+    if mission.drive_tension is not None and given.tendons is not None:
+        own["tendons"] = given.tendons.model_copy(update={"max_tension": mission.drive_tension})
+    return Finger(**own)
+
+
+def _object(mission: MissionScene, grasp: GraspResult) -> GraspObject:
+    x, y, angle = (float(v) for v in grasp.object_pose)
+    return mission.grasp.object.model_copy(update={"position": (x, y), "angle": angle, "free": None})
+
+
+def _control_scene(
+    mission: MissionScene, finger: Finger, thing: GraspObject, middle: float, forces: Array
+) -> ControlScene:
+    asked = mission.controller
+    before, after = asked.elements
+    beyond = finger.rod.length - middle
+    lengths = (*[middle / before] * before, *[beyond / after] * after)
+    cost = Cost(
+        bending=Weight(running=asked.posture),
+        contact_force=Weight(running=asked.force),
+        speed=Weight(running=asked.speed) if asked.speed else None,
+        effort=asked.effort,
+        input_rate=asked.input_rate,
+    )
+    return ControlScene(
+        schema_version=1,
+        name=mission.name,
+        finger=finger,
+        gravity=(0.0, 0.0),
+        contacts=(middle,),
+        object=thing,
+        contact_law=mission.contact_law.model_copy(update={"friction": 0.0}),
+        fidelity=Fidelity(family="matched_clothoid", elements=lengths),
+        controller=Controller(
+            period=asked.period,
+            horizon=asked.horizon,
+            cost=cost,
+            input=asked.input,
+            bounds=asked.bounds,
+            deadline=asked.deadline,
+        ),
+        reference=Reference(contact_force=tuple(float(f) for f in forces)),
+        estimator=mission.estimator,
+        initial=Initial(pose="straight"),
+        plant=mission.plant,
+    )
+
+
+def _about_to_touch(control: ControlScene, side: float) -> float:
+    """Size of the tip moment at which the free finger comes close to the object [N m]."""
+    finger, thing = control.finger, control.object
+    if thing is None or finger.tendons is None:
+        return 0.0
+    system = System(finger, gravity=(0.0, 0.0), family="clothoid", elements=1, tip_force=False)
+    where = system.sections(tuple(np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]))
+    most = (finger.tendons.max_tension - finger.tendons.min_tension) * finger.tendons.offset
+    reached = 0.0
+    for moment in np.linspace(0.0, most, _STEPS + 1):
+        shape = [side * moment / finger.rod.stiffness] * system.n
+        points = np.array(where(system.state(q=shape), [0.0, 0.0], [])[0]).T
+        gap = min(thing.distance((float(x), float(y))) for x, y in points) - finger.thickness_radius
+        if gap < _CLEARANCE:
+            break
+        reached = float(moment)
+    return reached
