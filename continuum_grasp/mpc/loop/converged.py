@@ -5,18 +5,20 @@ A real-time iteration is measured against it. It needs the state: an estimator i
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.mpc.controller import Estimate, Plan
 from continuum_grasp.mpc.loop.programme import Programme
 from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.problem import stages_of
+from continuum_grasp.mpc.status import Status
 from continuum_grasp.scene.control import ControlScene
 
 __all__ = ["Converged"]
@@ -26,26 +28,17 @@ Array = NDArray[np.float64]
 _TOLERANCE = 1e-8
 
 
-@dataclass(frozen=True)
-class _Plan:
-    x: Array
-    u: Array
-
-
-@dataclass(frozen=True)
-class _Estimate:
-    x_hat: Array
-    p_hat: Array
-    std: Array = field(default_factory=lambda: np.zeros(0))
+class _Times(NamedTuple):
+    total: float
 
 
 @dataclass(frozen=True)
 class _Command:
     u: Array
-    status: str
-    plan: _Plan
-    estimate: _Estimate
-    time: dict[str, float]
+    status: Status
+    plan: Plan
+    estimate: Estimate
+    time: _Times
     iterations: int
     violation: float
     anomalies: tuple[str, ...] = ()
@@ -120,7 +113,8 @@ class Converged:
         Returns
         -------
         Command
-            Its status is ``solved`` or ``failed``; where the solver failed, its last iterate is applied within limits.
+            Where the solver did not converge, its status is ``ITERATION_LIMIT``, and the last iterate is applied within
+            limits.
         """
         s, began = self.stages, perf_counter()
         state = np.asarray(measurement, dtype=float)
@@ -135,10 +129,10 @@ class Converged:
         self.times.append(perf_counter() - began)
         return _Command(
             u=self._held,
-            status="solved" if found.success else "failed",
-            plan=_Plan(found.x, found.u),
-            estimate=_Estimate(state, parameters),
-            time={"total": self.times[-1]},
+            status=Status.SOLVED if found.success else Status.ITERATION_LIMIT,
+            plan=Plan(found.x, found.u),
+            estimate=Estimate(state, parameters, None),
+            time=_Times(self.times[-1]),
             iterations=found.iterations,
             violation=found.violation,
         )

@@ -70,6 +70,8 @@ class Metrics:
         Root of the mean square of the input's rate [N/s or N m/s].
     violations : tuple of Violation
     times : tuple of Times
+    late : int
+        Steps that took longer than the deadline.
     statuses, anomalies : dict of str to int
         How often each occurred.
     """
@@ -81,6 +83,7 @@ class Metrics:
     input_unit: str
     violations: tuple[Violation, ...]
     times: tuple[Times, ...]
+    late: int
     statuses: dict[str, int]
     anomalies: dict[str, int]
 
@@ -106,6 +109,7 @@ class Metrics:
             "closed-loop cost": f"{self.cost:.6g}",
             "effort": f"{_amount(self.effort_rms, self.input_unit)} r.m.s.",
             "input rate": f"{_amount(self.rate_rms, self.input_unit + '/s')} r.m.s.",
+            "late": f"{self.late}",
             **words,
         }
 
@@ -129,6 +133,7 @@ def metrics_of(run: ControlRun) -> Metrics:
             for b in run.bounds
         ),
         times=tuple(_times(name, column) for name, column in zip(run.phase_names, run.phase_times.T, strict=False)),
+        late=int(np.sum(run.phase_times.sum(axis=1) > run.deadline)),
         statuses=dict(Counter(run.status)),
         anomalies=dict(Counter(word for words in run.anomalies for word in words)),
     )

@@ -56,7 +56,7 @@ class Record:
         w = plant.model.forces(t)
         readings = Readings(self._scene, plant.model, stages, model)
         references = np.array([*self._references, self._schedule.rows(t[-1:])[0]])
-        phases = tuple(commands[0].time) if count else ()
+        phases = tuple(commands[0].time._fields) if count else ()
         return ControlRun(
             scene=self._scene,
             readings=readings,
@@ -65,9 +65,9 @@ class Record:
             u=u,
             w=w,
             y=np.array(self._measured).reshape(count, len(plant.sensors.names)),
-            estimate=_stack([c.estimate.x_hat for c in commands], count),
-            parameters=_stack([c.estimate.p_hat for c in commands], count),
-            std=_stack([c.estimate.std for c in commands], count),
+            estimate=_stack([c.estimate.x for c in commands], count),
+            parameters=_stack([c.estimate.p for c in commands], count),
+            std=_stack([() if c.estimate.std is None else c.estimate.std for c in commands], count),
             r=references,
             tracked=readings.tracked(x, last, w, held),
             tip=readings.tip(x, last, w),
@@ -77,7 +77,7 @@ class Record:
             iterations=np.array([c.iterations for c in commands], dtype=np.int64),
             violation=np.array([c.violation for c in commands], dtype=float),
             phase_names=phases,
-            phase_times=_stack([np.array([c.time[name] for name in phases]) for c in commands], count),
+            phase_times=_stack([c.time for c in commands], count),
             anomalies=tuple(tuple(_word(a) for a in c.anomalies) for c in commands),
             events=tuple(self._schedule.events),
             ended=status,
@@ -108,7 +108,7 @@ class Record:
             return np.zeros((0, nodes, 2))
         plans = np.concatenate([c.plan.x[:, : model.nx] for c in self._commands])
         inputs = np.concatenate([np.vstack([c.plan.u, c.plan.u[-1:]]) for c in self._commands])
-        p = np.repeat([c.estimate.p_hat for c in self._commands], nodes, axis=0)
+        p = np.repeat([c.estimate.p for c in self._commands], nodes, axis=0)
         points = np.array(model.tip.map(len(plans))(plans.T, inputs.T, p.T)).T
         return points.reshape(-1, nodes, 2)
 

@@ -123,6 +123,11 @@ class ControlRun:
         """Length of the finger [m]."""
         return self.scene.finger.rod.length
 
+    @property
+    def deadline(self) -> float:
+        """Time after which a command counts as late [s]."""
+        return self.scene.controller.deadline or self.period
+
     @cached_property
     def _metrics(self) -> Metrics:
         return metrics_of(self)
