@@ -1,0 +1,71 @@
+/* Whether numbers can be used. That they are finite is told by their bits, which holds whatever the compiler assumes
+ * about arithmetic: NaN is not laundered by a comparison with a limit.
+ *
+ * `real` is set before this file is read, and CG_SINGLE defined if that is float.
+ */
+#ifndef CG_CHECKS_H
+#define CG_CHECKS_H
+#include <stdint.h>
+#include <string.h>
+
+enum {                        /* what became of a measurement */
+  CG_USED = 0,
+  CG_MISSING = 1,             /* NaN: not measured now */
+  CG_ABSURD = 2,              /* infinite, or beyond its limits */
+  CG_OUTLIER = 3,             /* too far from what was expected */
+  CG_REOPENED = 4,            /* used: too far for a while, so that it is the estimate that is doubted */
+  CG_ALONE = 5                /* good, but of no use without another that is not */
+};
+
+#ifdef CG_SINGLE
+typedef uint32_t cg_bits;
+#define CG_EXPONENT ((cg_bits)0x7f800000)
+#define CG_FRACTION ((cg_bits)0x007fffff)
+#else
+typedef uint64_t cg_bits;
+#define CG_EXPONENT ((cg_bits)0x7ff0000000000000)
+#define CG_FRACTION ((cg_bits)0x000fffffffffffff)
+#endif
+
+static inline cg_bits cg_bits_of(real a)
+{
+  cg_bits bits;
+  memcpy(&bits, &a, sizeof bits);
+  return bits;
+}
+
+static inline int cg_is_nan(real a)
+{
+  const cg_bits bits = cg_bits_of(a);
+  return (bits & CG_EXPONENT) == CG_EXPONENT && (bits & CG_FRACTION) != 0;
+}
+
+static inline int cg_finite(const real *a, int count)
+{
+  int good = 1;
+  for (int i = 0; i < count; ++i) good &= (cg_bits_of(a[i]) & CG_EXPONENT) != CG_EXPONENT;
+  return good;
+}
+
+/* Whether all numbers are finite and within their limits. */
+static inline int cg_within(const real *a, const real *least, const real *most, int count)
+{
+  int good = cg_finite(a, count);
+  for (int i = 0; good && i < count; ++i) good = a[i] >= least[i] && a[i] <= most[i];
+  return good;
+}
+
+/* Verdict on a measurement by itself. */
+static inline int cg_verdict(real a, real least, real most)
+{
+  return cg_is_nan(a) ? CG_MISSING : cg_within(&a, &least, &most, 1) ? CG_USED : CG_ABSURD;
+}
+
+/* Move a finite number into its limits; whether it was outside. */
+static inline int cg_limit(real *a, real least, real most)
+{
+  const int outside = *a < least || *a > most;
+  *a = *a < least ? least : *a > most ? most : *a;
+  return outside;
+}
+#endif

@@ -1,0 +1,195 @@
+/* Estimator, real-time iteration and fallback. See controller.h. */
+
+void controller_start(controller_state *state, const controller_settings *settings, const real *z0, const real *u0,
+                      const real *p)
+{
+  memset(state, 0, sizeof *state);
+  memcpy(state->u, u0, sizeof state->u);
+#if RTI_NP > 0
+  memcpy(state->p, p, sizeof state->p);
+#else
+  (void)p;
+#endif
+  for (int j = 0; j < RTI_NU; ++j) cg_limit(&state->u[j], settings->rti.u_min[j], settings->rti.u_max[j]);
+#if CONTROLLER_ESTIMATES
+  ekf_start(&state->ekf, &settings->ekf, z0, state->u);
+#else
+  memcpy(state->x, z0, sizeof state->x);
+#endif
+  state->started = 1;
+}
+
+static int controller_valid(const controller_settings *o)
+{
+  int good = cg_finite(&o->period, 1) && o->period > 0 && o->rti.stage > 0 && o->rti.substeps > 0;
+  for (int j = 0; good && j < RTI_NU; ++j)
+    good = cg_finite(&o->u_rate[j], 1) && o->u_rate[j] > 0 && cg_finite(&o->safe_rate[j], 1) && o->safe_rate[j] > 0
+        && o->rti.u_min[j] <= o->u_safe[j] && o->u_safe[j] <= o->rti.u_max[j];
+  return good && cg_finite(o->rti.u_min, RTI_NU) && cg_finite(o->rti.u_max, RTI_NU) && cg_finite(o->u_safe, RTI_NU);
+}
+
+/* Time of a plan that is over, in calls. */
+static int controller_patience(const controller_settings *o)
+{
+  return (int)((real)RTI_N * o->rti.stage / o->period + (real)0.5);
+}
+
+/* ---- what is given ---- */
+
+static uint32_t controller_check(controller_state *state, const controller_settings *o, const controller_input *in)
+{
+  uint32_t anomalies = in->late ? CONTROLLER_LATE : 0;
+#if RTI_NP > 0
+  if (cg_within(in->p, o->p_min, o->p_max, RTI_NP)) memcpy(state->p, in->p, sizeof state->p);
+  else anomalies |= CONTROLLER_BAD_PARAMETERS;
+#endif
+#if RTI_NR > 0
+  for (int k = 0; k <= RTI_N; ++k)
+    if (!cg_within(in->set_points + k * RTI_NR, o->r_min, o->r_max, RTI_NR)) anomalies |= CONTROLLER_BAD_SET_POINTS;
+#endif
+  if (in->applied) {
+    if (cg_within(in->applied, o->rti.u_min, o->rti.u_max, RTI_NU)) memcpy(state->u, in->applied, sizeof state->u);
+    else anomalies |= CONTROLLER_BAD_APPLIED;
+  }
+  return anomalies;
+}
+
+/* State and parameters from which to plan; whether they are known. */
+#if CONTROLLER_ESTIMATES
+static int controller_estimate(controller_state *state, controller_work *work, const controller_settings *o,
+                               const real *measurement, controller_output *out)
+{
+  real z[EKF_NZ];
+  const int result = ekf_step(&state->ekf, &work->ekf, &o->ekf, measurement, state->u, state->p, &out->ekf);
+  for (int j = 0; j < CONTROLLER_NM; ++j) out->verdict[j] = out->ekf.verdict[j];
+  if (out->ekf.limited) out->anomalies |= CONTROLLER_ESTIMATE_LIMITED;
+  int known = result == EKF_OK;
+  if (known && !ekf_now(&state->ekf, &work->ekf, &o->ekf, state->p, z)) {
+    ekf_restart(&state->ekf, &o->ekf);
+    known = 0;
+  }
+  if (!known) {
+    out->anomalies |= CONTROLLER_ESTIMATE_RESTARTED;
+    memcpy(z, state->ekf.z, sizeof z);
+  }
+  if (out->ekf.used) state->blind = 0;
+  memcpy(out->x, z, CONTROLLER_ND * sizeof *z);
+  const real *arg[] = {z, state->p};
+  real *res[] = {out->p};
+  estimated_parameters(arg, res, 0, 0, 0);
+  return known;
+}
+#else
+static int controller_estimate(controller_state *state, controller_work *work, const controller_settings *o,
+                               const real *measurement, controller_output *out)
+{
+  (void)work;
+  int known = 1;
+  for (int j = 0; j < CONTROLLER_NM; ++j) {
+    out->verdict[j] = cg_verdict(measurement[j], o->x_min[j], o->x_max[j]);
+    known &= out->verdict[j] == CG_USED;
+  }
+  if (known) {
+    memcpy(state->x, measurement, sizeof state->x);
+    state->blind = 0;
+  }
+  memcpy(out->x, state->x, sizeof state->x);
+#if RTI_NP > 0
+  memcpy(out->p, state->p, sizeof out->p);
+#endif
+  return known;
+}
+#endif
+
+static uint32_t controller_seen(const controller_output *out)
+{
+  static const uint32_t bits[] = {0, CONTROLLER_MISSING, CONTROLLER_ABSURD, CONTROLLER_OUTLIER, CONTROLLER_REOPENED, 0};
+  uint32_t seen = 0;
+  for (int j = 0; j < CONTROLLER_NM; ++j) seen |= bits[out->verdict[j]];
+  return seen;
+}
+
+/* ---- a new plan ---- */
+
+static int controller_iterate(controller_state *state, controller_work *work, const controller_settings *o,
+                              const controller_input *in, controller_output *out)
+{
+  const int fresh = !state->planned;
+  if (fresh) {
+    rti_start(&work->plan, out->x, state->u);
+    if (rti_rollout(&work->plan, &work->rti, &o->rti, out->x, out->p) < 0) rti_start(&work->plan, out->x, state->u);
+  } else {
+    memcpy(&work->plan, &state->plan, sizeof work->plan);
+    rti_shift(&work->plan, &o->rti, state->age);
+  }
+  int status = 0;
+  for (int k = 0; k < (fresh ? o->starts : 1) && status >= 0; ++k) {
+    const uint32_t begin = CONTROLLER_TICKS();
+    status = rti_prepare(&work->rti, &work->plan, &o->rti, out->p, in->set_points);
+    const uint32_t prepared = CONTROLLER_TICKS();
+    if (status >= 0) status = rti_feedback(&work->rti, &work->plan, &o->rti, out->x, &out->rti);
+    out->ticks[1] += prepared - begin;
+    out->ticks[2] += CONTROLLER_TICKS() - prepared;
+  }
+  if (status < 0 || !cg_finite(work->plan.u[0], RTI_NU)) return 0;
+  memcpy(&state->plan, &work->plan, sizeof state->plan);
+  state->planned = 1;
+  state->age = 0;
+  out->status = status;
+  return 1;
+}
+
+/* ---- the command ---- */
+
+static uint32_t controller_command(controller_state *state, const controller_settings *o, const real *wanted,
+                                   const real *rate, controller_output *out)
+{
+  uint32_t anomalies = 0;
+  for (int j = 0; j < RTI_NU; ++j) {
+    const real step = rate[j] * o->period, margin = (real)1e-6 * (o->rti.u_max[j] - o->rti.u_min[j]);
+    real u = wanted[j];
+    if (u < o->rti.u_min[j] - margin || u > o->rti.u_max[j] + margin) anomalies |= CONTROLLER_INPUT_LIMITED;
+    cg_limit(&u, o->rti.u_min[j], o->rti.u_max[j]);
+    if (u < state->u[j] - step - margin || u > state->u[j] + step + margin) anomalies |= CONTROLLER_RATE_LIMITED;
+    cg_limit(&u, state->u[j] - step, state->u[j] + step);
+    state->u[j] = out->u[j] = u;
+  }
+  return anomalies;
+}
+
+int controller_step(controller_state *state, controller_work *work, const controller_settings *settings,
+                    const controller_input *input, controller_output *output)
+{
+  const uint32_t begin = CONTROLLER_TICKS();
+  if (!state->started || !controller_valid(settings)) return output->status = CONTROLLER_INVALID;
+  memset(output, 0, sizeof *output);
+  const int patience = controller_patience(settings);
+  output->anomalies = controller_check(state, settings, input);
+  const uint32_t given = output->anomalies;
+  if (state->blind <= patience) ++state->blind;
+  const int known = controller_estimate(state, work, settings, input->measurement, output);
+  output->anomalies |= controller_seen(output);
+  if (state->blind > patience) output->anomalies |= CONTROLLER_BLIND;
+  for (int j = 0; j < RTI_NX - CONTROLLER_ND; ++j) output->x[CONTROLLER_ND + j] = state->u[j];
+  state->age += settings->period / settings->rti.stage;
+  if (state->age > (real)RTI_N - (real)1e-3 || state->blind > patience) state->planned = 0;
+  output->ticks[0] = CONTROLLER_TICKS() - begin;
+
+  const uint32_t stops = CONTROLLER_BAD_SET_POINTS | CONTROLLER_BAD_PARAMETERS | CONTROLLER_LATE;
+  int planned = 0;
+  if (known && !(given & stops) && state->blind <= patience) {
+    planned = controller_iterate(state, work, settings, input, output);
+    if (!planned) output->anomalies |= CONTROLLER_NOT_SOLVED;
+  }
+  if (!planned) output->status = state->planned ? CONTROLLER_PREVIOUS_PLAN : CONTROLLER_SAFE_RAMP;
+  if (output->status == CONTROLLER_SAFE_RAMP) {
+    real rate[RTI_NU];
+    for (int j = 0; j < RTI_NU; ++j)
+      rate[j] = settings->safe_rate[j] < settings->u_rate[j] ? settings->safe_rate[j] : settings->u_rate[j];
+    controller_command(state, settings, settings->u_safe, rate, output);
+  } else {
+    const int stage = (int)(state->age + (real)1e-3);
+    output->anomalies |= controller_command(state, settings, state->plan.u[stage], settings->u_rate, output);
+  }
+  return output->status;
+}

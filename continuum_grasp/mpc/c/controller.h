@@ -1,0 +1,142 @@
+/* A controller: estimator, real-time iteration, and what is done when one of them cannot.
+ *
+ * Each call of controller_step takes a measurement and gives the input to apply until the next call:
+ *
+ *   1. Parameters and set-points are checked: finite and within their limits. Bad parameters are replaced by the last
+ *      good ones.
+ *   2. The estimator takes the measurement and tells the state now and the disturbances, which go into the parameters
+ *      over the whole horizon. Without an estimator (CONTROLLER_ESTIMATES 0) the measurement is the state.
+ *   3. One real-time iteration from the last plan, moved on in time; after a start, some more from a plan at rest.
+ *   4. The first input of the plan, if it is finite, moved into the limits of input and rate.
+ *
+ * If something of 1 to 3 fails, or the last command came late, the last plan goes on as long as it lasts; after that,
+ * and whenever nothing was measured for as long as a plan lasts, the input goes at a bounded rate to the safe one. A
+ * command is finite and within the limits of input and rate in every case.
+ *
+ * status                       what the command is
+ * ---------------------------- -----------------------------------------------------------------------------------
+ *  0 CONTROLLER_SOLVED         of a new plan
+ *  1 CONTROLLER_ITERATION_LIMIT    of a new plan, whose quadratic programme was not solved to its tolerance
+ *  2 CONTROLLER_ROW_VIOLATED   of a new plan that leaves a soft bound
+ *  3 CONTROLLER_PREVIOUS_PLAN  of the last plan
+ *  4 CONTROLLER_SAFE_RAMP      on the way to the safe input
+ * -1 CONTROLLER_INVALID        none: the settings are not valid, or the controller was not started; u is not written
+ *
+ * anomalies (bits)             what was noticed
+ * ---------------------------- -----------------------------------------------------------------------------------
+ *   1 CONTROLLER_MISSING       an entry of the measurement is not there (NaN)
+ *   2 CONTROLLER_ABSURD        one is infinite or beyond its limits
+ *   4 CONTROLLER_OUTLIER       one is too far from what was expected
+ *   8 CONTROLLER_REOPENED      one was too far for a while; the estimate was moved to it
+ *  16 CONTROLLER_BLIND         nothing was measured for as long as a plan lasts
+ *  32 CONTROLLER_ESTIMATE_LIMITED      the estimate was moved into its limits
+ *  64 CONTROLLER_ESTIMATE_RESTARTED    the estimate was not finite; the estimator started again
+ * 128 CONTROLLER_BAD_SET_POINTS        a set-point is not finite or beyond its limits
+ * 256 CONTROLLER_BAD_PARAMETERS        a parameter is
+ * 512 CONTROLLER_BAD_APPLIED   the input that is said to have been applied is; the last command is assumed
+ * 1024 CONTROLLER_LATE         the last command was late
+ * 2048 CONTROLLER_NOT_SOLVED   the real-time iteration failed
+ * 4096 CONTROLLER_INPUT_LIMITED        the planned input was outside its limits
+ * 8192 CONTROLLER_RATE_LIMITED         the planned input was further from the last one than the rate allows
+ *
+ * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the
+ * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements); with an estimator those of ekf.h, and the generated
+ * function estimated_parameters. CONTROLLER_TICKS() may be a clock (uint32_t), of which phases are told.
+ */
+#ifndef CONTROLLER_H
+#define CONTROLLER_H
+#include "checks.h"
+
+#define CONTROLLER_PHASES 3
+#ifndef CONTROLLER_TICKS
+#define CONTROLLER_TICKS() 0u
+#endif
+
+enum {
+  CONTROLLER_SOLVED = 0,
+  CONTROLLER_ITERATION_LIMIT = 1,
+  CONTROLLER_ROW_VIOLATED = 2,
+  CONTROLLER_PREVIOUS_PLAN = 3,
+  CONTROLLER_SAFE_RAMP = 4,
+  CONTROLLER_INVALID = -1
+};
+
+enum {
+  CONTROLLER_MISSING = 1,
+  CONTROLLER_ABSURD = 2,
+  CONTROLLER_OUTLIER = 4,
+  CONTROLLER_REOPENED = 8,
+  CONTROLLER_BLIND = 16,
+  CONTROLLER_ESTIMATE_LIMITED = 32,
+  CONTROLLER_ESTIMATE_RESTARTED = 64,
+  CONTROLLER_BAD_SET_POINTS = 128,
+  CONTROLLER_BAD_PARAMETERS = 256,
+  CONTROLLER_BAD_APPLIED = 512,
+  CONTROLLER_LATE = 1024,
+  CONTROLLER_NOT_SOLVED = 2048,
+  CONTROLLER_INPUT_LIMITED = 4096,
+  CONTROLLER_RATE_LIMITED = 8192
+};
+
+typedef struct {
+  rti_settings rti;
+#if CONTROLLER_ESTIMATES
+  ekf_settings ekf;
+#endif
+  real period;                /* time from one command to the next [s] */
+  real u_rate[RTI_NU];        /* greatest change of the input per time; 1e30: none */
+  real u_safe[RTI_NU], safe_rate[RTI_NU];       /* where the ramp goes, and how fast */
+  real r_min[RTI_SIZE(RTI_NR)], r_max[RTI_SIZE(RTI_NR)];
+  real p_min[RTI_SIZE(RTI_NP)], p_max[RTI_SIZE(RTI_NP)];
+  real x_min[CONTROLLER_ND], x_max[CONTROLLER_ND];      /* of a measured state */
+  int starts;                 /* real-time iterations of a plan from rest */
+} controller_settings;
+
+typedef struct {
+  int started, planned;       /* whether there is a plan */
+  int blind;                  /* calls since something was measured */
+  real age;                   /* of the plan, in stages */
+  real u[RTI_NU], p[RTI_SIZE(RTI_NP)];  /* last input that was applied, last good parameters */
+  rti_plan plan;
+#if CONTROLLER_ESTIMATES
+  ekf_state ekf;
+#else
+  real x[CONTROLLER_ND];      /* last known state */
+#endif
+} controller_state;
+
+typedef struct {
+  rti_work rti;
+  rti_plan plan;
+#if CONTROLLER_ESTIMATES
+  ekf_work ekf;
+#endif
+} controller_work;
+
+typedef struct {
+  const real *measurement;    /* CONTROLLER_NM */
+  const real *set_points;     /* RTI_N + 1 rows of RTI_NR */
+  const real *p;              /* RTI_NP */
+  const real *applied;        /* RTI_NU: input that was applied since the last call; null: the last command */
+  int late;                   /* whether the last command came late */
+} controller_input;
+
+typedef struct {
+  real u[RTI_NU];
+  int status;
+  uint32_t anomalies;
+  int verdict[CONTROLLER_NM]; /* what became of each measurement, as in checks.h */
+  real x[RTI_NX], p[RTI_SIZE(RTI_NP)];  /* state and parameters that the plan starts from */
+  rti_report rti;
+#if CONTROLLER_ESTIMATES
+  ekf_report ekf;
+#endif
+  uint32_t ticks[CONTROLLER_PHASES];    /* of estimation, preparation, feedback */
+} controller_output;
+
+/* Start at a state (EKF_NZ with an estimator, else CONTROLLER_ND), with the input and parameters of before. */
+void controller_start(controller_state *state, const controller_settings *settings, const real *z0, const real *u0,
+                      const real *p);
+int controller_step(controller_state *state, controller_work *work, const controller_settings *settings,
+                    const controller_input *input, controller_output *output);
+#endif

@@ -1,0 +1,63 @@
+/* A controller on doubles, for Python. */
+#include "doubles.h"
+
+typedef struct {
+  controller_state state;
+  controller_settings settings;
+  controller_work work;
+  controller_output output;
+  real measurement[CONTROLLER_NM], p[RTI_SIZE(RTI_NP)], applied[RTI_NU];
+  real set_points[RTI_SIZE((RTI_N + 1) * RTI_NR)];
+} cg_object;
+
+#if CONTROLLER_ESTIMATES
+#define CG_START EKF_NZ
+#else
+#define CG_START CONTROLLER_ND
+#endif
+
+size_t cg_size(void) { return sizeof(cg_object); }
+size_t cg_state_size(void) { return sizeof(controller_state); }
+void cg_settings(cg_object *o, const double *values) { cg_fill(&o->settings, values); }
+
+/* in: z, u, p */
+void cg_start(cg_object *o, const double *in)
+{
+  real z[CG_START];
+  cg_take(o->p, cg_take(o->applied, cg_take(z, in, CG_START), RTI_NU), RTI_NP);
+  controller_start(&o->state, &o->settings, z, o->applied, o->p);
+}
+
+/* in: measurement, p, applied, set-points; flags: 1 late, 2 applied is given;
+ * out: anomalies, iterations, violation, residual, cost, ticks, u, x, p, verdicts, variances, innovations, their
+ * variances, plan */
+int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
+{
+  const controller_input given = {o->measurement, o->set_points, o->p, flags & 2 ? o->applied : 0, flags & 1};
+  controller_output *found = &o->output;
+  in = cg_take(o->measurement, in, CONTROLLER_NM);
+  in = cg_take(o->p, in, RTI_NP);
+  in = cg_take(o->applied, in, RTI_NU);
+  cg_take(o->set_points, in, (RTI_N + 1) * RTI_NR);
+  const int status = controller_step(&o->state, &o->work, &o->settings, &given, found);
+  *out++ = (double)found->anomalies;
+  *out++ = found->rti.iterations;
+  *out++ = (double)found->rti.violation;
+  *out++ = (double)found->rti.kkt;
+  *out++ = (double)found->rti.cost;
+  for (int k = 0; k < CONTROLLER_PHASES; ++k) *out++ = found->ticks[k];
+  out = cg_give(out, found->u, RTI_NU);
+  out = cg_give(out, found->x, RTI_NX);
+  out = cg_give(out, found->p, RTI_NP);
+  out = cg_give_whole(out, found->verdict, CONTROLLER_NM);
+#if CONTROLLER_ESTIMATES
+  real variance[EKF_NZ];
+  ekf_variance(&o->state.ekf, variance);
+  out = cg_give(out, variance, EKF_NZ);
+  out = cg_give(out, found->ekf.innovation, EKF_NY);
+  out = cg_give(out, found->ekf.variance, EKF_NY);
+#endif
+  out = cg_give(out, &o->state.plan.x[0][0], (RTI_N + 1) * RTI_NX);
+  cg_give(out, &o->state.plan.u[0][0], RTI_N * RTI_NU);
+  return status;
+}

@@ -1,0 +1,248 @@
+/* Extended Kalman filter. See ekf.h. */
+
+void ekf_start(ekf_state *state, const ekf_settings *settings, const real *z0, const real *u0)
+{
+  memset(state, 0, sizeof *state);
+  memcpy(state->z, z0, sizeof state->z);
+  memcpy(state->first, z0, sizeof state->first);
+  for (int k = 0; k < EKF_DELAY; ++k) memcpy(state->queue[k], u0, sizeof state->queue[k]);
+  for (int i = 0; i < EKF_NZ; ++i) {
+    state->U[i][i] = 1;
+    state->D[i] = settings->initial[i];
+  }
+}
+
+static void ekf_restart(ekf_state *state, const ekf_settings *settings)
+{
+  memcpy(state->z, state->first, sizeof state->z);
+  memset(state->U, 0, sizeof state->U);
+  memset(state->closed, 0, sizeof state->closed);
+  for (int i = 0; i < EKF_NZ; ++i) {
+    state->U[i][i] = 1;
+    state->D[i] = settings->initial[i];
+  }
+}
+
+static int ekf_limited(real *z, const ekf_settings *settings)
+{
+  int outside = 0;
+  for (int i = 0; i < EKF_NZ; ++i) outside |= cg_limit(&z[i], settings->z_min[i], settings->z_max[i]);
+  return outside;
+}
+
+/* U diag(D) U' = W diag(weight) W', by the modified Gram-Schmidt method from the last row to the first. */
+static void ekf_orthogonalise(ekf_state *state, ekf_work *work, int columns)
+{
+  real scaled[4 * EKF_NZ];
+  for (int j = EKF_NZ - 1; j >= 0; --j) {
+    real d = 0;
+    for (int k = 0; k < columns; ++k) {
+      scaled[k] = work->weight[k] * work->W[j][k];
+      d += scaled[k] * work->W[j][k];
+    }
+    state->D[j] = d;
+    state->U[j][j] = 1;
+    for (int i = 0; i < j; ++i) {
+      real dot = 0;
+      for (int k = 0; k < columns; ++k) dot += scaled[k] * work->W[i][k];
+      const real share = d > 0 ? dot / d : 0;
+      state->U[i][j] = share;
+      for (int k = 0; k < columns; ++k) work->W[i][k] -= share * work->W[j][k];
+    }
+  }
+}
+
+static void ekf_substep(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *u, const real *p,
+                        real h)
+{
+  const real *arg[] = {state->z, u, p, &h};
+  real *res[] = {work->next, work->F, work->G};
+  estimator_step(arg, res, 0, 0, 0);
+  memcpy(state->z, work->next, sizeof state->z);
+  int columns = EKF_NZ;
+  for (int j = 0; j < EKF_NZ; ++j) work->weight[j] = state->D[j];
+  for (int i = 0; i < EKF_NZ; ++i)
+    for (int j = 0; j < EKF_NZ; ++j) {
+      real sum = 0;
+      for (int k = 0; k <= j; ++k) sum += work->F[i + EKF_NZ * k] * state->U[k][j];
+      work->W[i][j] = sum;
+    }
+  for (int j = 0; j < EKF_NZ; ++j) {
+    if (!(settings->noise[j] > 0)) continue;
+    const real weight = settings->noise[j] * h / 6;
+    for (int i = 0; i < EKF_NZ; ++i) {
+      work->W[i][columns] = work->F[i + EKF_NZ * j];
+      work->W[i][columns + 1] = work->G[i + EKF_NZ * j];
+      work->W[i][columns + 2] = (real)(i == j);
+    }
+    work->weight[columns] = work->weight[columns + 2] = weight;
+    work->weight[columns + 1] = 4 * weight;
+    columns += 3;
+  }
+  ekf_orthogonalise(state, work, columns);
+}
+
+/* Take one scalar measurement with the row h of H, whose innovation and variance are known. */
+static void ekf_take(ekf_state *state, const real *h, real variance, real innovation)
+{
+  real f[EKF_NZ], v[EKF_NZ], gain[EKF_NZ];
+  for (int j = 0; j < EKF_NZ; ++j) {
+    f[j] = h[j];
+    for (int i = 0; i < j; ++i) f[j] += state->U[i][j] * h[i];
+    v[j] = state->D[j] * f[j];
+  }
+  real total = variance;
+  for (int j = 0; j < EKF_NZ; ++j) {
+    const real before = total, share = -f[j] / before;
+    total += f[j] * v[j];
+    state->D[j] *= before / total;
+    gain[j] = v[j];
+    for (int i = 0; i < j; ++i) {
+      const real old = state->U[i][j];
+      state->U[i][j] = old + gain[i] * share;
+      gain[i] += old * v[j];
+    }
+  }
+  for (int i = 0; i < EKF_NZ; ++i) state->z[i] += gain[i] / total * innovation;
+}
+
+/* Variance of h z. */
+static real ekf_spread(const ekf_state *state, const real *h)
+{
+  real sum = 0;
+  for (int j = 0; j < EKF_NZ; ++j) {
+    real f = h[j];
+    for (int i = 0; i < j; ++i) f += state->U[i][j] * h[i];
+    sum += f * f * state->D[j];
+  }
+  return sum;
+}
+
+static int ekf_judge(ekf_state *state, const ekf_settings *settings, const real *h, int row, ekf_report *report)
+{
+  const real square = report->innovation[row] * report->innovation[row];
+  const real spread = ekf_spread(state, h), variance = settings->variance[row];
+  const real gate = settings->gate * settings->gate;
+  report->variance[row] = spread + variance;
+  if (square <= gate * (spread + variance)) {
+    state->closed[row] = 0;
+    return CG_USED;
+  }
+  if (++state->closed[row] <= settings->patience) return CG_OUTLIER;
+  /* The estimate is as uncertain as it was wrong. */
+  const real scale = spread > 0 ? square / spread : 1;
+  for (int i = 0; scale > 1 && i < EKF_NZ; ++i) state->D[i] *= scale;
+  state->closed[row] = 0;
+  return CG_REOPENED;
+}
+
+/* Tell of each measurement in a compared quantity what became of it, unless that is known. */
+static void ekf_report_row(const ekf_settings *settings, int row, int verdict, ekf_report *report)
+{
+  for (int j = 0; j < EKF_NM; ++j) {
+    const real share = settings->mixing[row][j];
+    if ((share > 0 || share < 0) && report->verdict[j] == CG_USED) report->verdict[j] = verdict;
+  }
+}
+
+static int ekf_compare(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *y, const real *u,
+                       const real *p, ekf_report *report)
+{
+  real prior[EKF_NZ];
+  const real *arg[] = {state->z, u, p};
+  real *res[] = {work->y, work->H};
+  estimator_outputs(arg, res, 0, 0, 0);
+  if (!cg_finite(work->y, EKF_NY) || !cg_finite(work->H, EKF_NY * EKF_NZ)) return 0;
+  memcpy(prior, state->z, sizeof prior);
+  for (int row = 0; row < EKF_NY; ++row) {
+    real h[EKF_NZ], innovation = -work->y[row];
+    int verdict = CG_USED;
+    for (int j = 0; j < EKF_NM; ++j) {
+      const real share = settings->mixing[row][j];
+      if (!(share > 0 || share < 0)) continue;
+      if (report->verdict[j] == CG_USED) innovation += share * y[j];
+      else verdict = CG_ALONE;
+    }
+    if (verdict == CG_ALONE) {
+      ekf_report_row(settings, row, verdict, report);
+      continue;
+    }
+    for (int j = 0; j < EKF_NZ; ++j) {
+      h[j] = work->H[row + EKF_NY * j];
+      innovation -= h[j] * (state->z[j] - prior[j]);
+    }
+    report->innovation[row] = innovation;
+    verdict = ekf_judge(state, settings, h, row, report);
+    ekf_report_row(settings, row, verdict, report);
+    if (verdict == CG_OUTLIER) continue;
+    ekf_take(state, h, settings->variance[row], innovation);
+    ++report->used;
+  }
+  return 1;
+}
+
+int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *y, const real *u,
+             const real *p, ekf_report *report)
+{
+  const real h = settings->period / (real)settings->substeps;
+  const real *now = u;
+  memset(report, 0, sizeof *report);
+  if (!cg_finite(u, EKF_NU) || !cg_finite(p, EKF_NP)) return EKF_BAD_INPUT;
+  if (state->started) {
+    real applied[EKF_NU];
+    memcpy(applied, u, sizeof applied);
+#if EKF_DELAY > 0
+    memcpy(applied, state->queue[state->oldest], sizeof applied);
+    memcpy(state->queue[state->oldest], u, sizeof applied);
+    state->oldest = (state->oldest + 1) % EKF_DELAY;
+#endif
+    for (int k = 0; k < settings->substeps; ++k) ekf_substep(state, work, settings, applied, p, h);
+  }
+#if EKF_DELAY > 0
+  now = state->queue[state->oldest];
+#endif
+  for (int j = 0; j < EKF_NM; ++j) report->verdict[j] = cg_verdict(y[j], settings->y_min[j], settings->y_max[j]);
+  state->started = 1;
+  int good = cg_finite(state->z, EKF_NZ) && cg_finite(state->D, EKF_NZ);
+  if (good) {
+    report->limited = ekf_limited(state->z, settings);
+    good = ekf_compare(state, work, settings, y, now, p, report);
+  }
+  good = good && cg_finite(state->z, EKF_NZ) && cg_finite(state->D, EKF_NZ)
+      && cg_finite(&state->U[0][0], EKF_NZ * EKF_NZ);
+  if (good) {
+    report->limited |= ekf_limited(state->z, settings);
+    return EKF_OK;
+  }
+  report->used = 0;
+  ekf_restart(state, settings);
+  return EKF_RESTARTED;
+}
+
+int ekf_now(const ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *p, real *z)
+{
+  memcpy(z, state->z, sizeof state->z);
+#if EKF_DELAY > 0
+  const real h = settings->period / (real)settings->substeps;
+  for (int k = 0; k < EKF_DELAY; ++k) {
+    const real *u = state->queue[(state->oldest + k) % EKF_DELAY];
+    for (int i = 0; i < settings->substeps; ++i) {
+      const real *arg[] = {z, u, p, &h};
+      real *res[] = {work->next};
+      estimator_flow(arg, res, 0, 0, 0);
+      memcpy(z, work->next, sizeof work->next);
+    }
+  }
+#else
+  (void)work; (void)settings; (void)p;
+#endif
+  return cg_finite(z, EKF_NZ);
+}
+
+void ekf_variance(const ekf_state *state, real *variance)
+{
+  for (int i = 0; i < EKF_NZ; ++i) {
+    variance[i] = state->D[i];
+    for (int j = i + 1; j < EKF_NZ; ++j) variance[i] += state->U[i][j] * state->U[i][j] * state->D[j];
+  }
+}

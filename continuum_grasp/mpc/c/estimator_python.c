@@ -1,0 +1,49 @@
+/* An estimator on doubles, for Python. */
+#include "doubles.h"
+
+typedef struct { ekf_state state; ekf_settings settings; ekf_work work; ekf_report report; } cg_object;
+
+size_t cg_size(void) { return sizeof(cg_object); }
+size_t cg_state_size(void) { return sizeof(ekf_state); }
+void cg_settings(cg_object *o, const double *values) { cg_fill(&o->settings, values); }
+
+/* in: z, u */
+void cg_start(cg_object *o, const double *in)
+{
+  real z[EKF_NZ], u[EKF_NU];
+  cg_take(u, cg_take(z, in, EKF_NZ), EKF_NU);
+  ekf_start(&o->state, &o->settings, z, u);
+}
+
+/* in: y, u, p; out: limited, z now, parameters with the disturbances, verdicts, innovations, their variances; of the
+ * time of the measurement: z and covariance by rows */
+int cg_step(cg_object *o, const double *in, double *out)
+{
+  real y[EKF_NM], u[EKF_NU], p[EKF_SIZE(EKF_NP)], z[EKF_NZ];
+  cg_take(p, cg_take(u, cg_take(y, in, EKF_NM), EKF_NU), EKF_NP);
+  int status = ekf_step(&o->state, &o->work, &o->settings, y, u, p, &o->report);
+  if (status < 0) return status;
+  if (!ekf_now(&o->state, &o->work, &o->settings, p, z)) {
+    ekf_restart(&o->state, &o->settings);
+    memcpy(z, o->state.z, sizeof z);
+    status = EKF_RESTARTED;
+  }
+  const real *arg[] = {z, p};
+  real full[EKF_SIZE(EKF_NP)], *res[] = {full};
+  estimated_parameters(arg, res, 0, 0, 0);
+  out = cg_give_whole(out, &o->report.limited, 1);
+  out = cg_give(out, z, EKF_NZ);
+  out = cg_give(out, full, EKF_NP);
+  out = cg_give_whole(out, o->report.verdict, EKF_NM);
+  out = cg_give(out, o->report.innovation, EKF_NY);
+  out = cg_give(out, o->report.variance, EKF_NY);
+  out = cg_give(out, o->state.z, EKF_NZ);
+  for (int i = 0; i < EKF_NZ; ++i)
+    for (int j = 0; j < EKF_NZ; ++j) {
+      double sum = 0;
+      for (int k = i > j ? i : j; k < EKF_NZ; ++k)
+        sum += (double)o->state.U[i][k] * (double)o->state.U[j][k] * (double)o->state.D[k];
+      *out++ = sum;
+    }
+  return status;
+}

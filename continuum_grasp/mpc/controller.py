@@ -1,0 +1,355 @@
+"""A nonlinear model predictive controller with its estimator, in C."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from os import PathLike
+from time import perf_counter_ns
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.core.precision import precision_of
+from continuum_grasp.errors import InputError
+from continuum_grasp.mpc.arrays import control_scene, slices, vector
+from continuum_grasp.mpc.compiled import Compiled
+from continuum_grasp.mpc.controller_source import controller_source
+from continuum_grasp.mpc.estimation import estimation_of
+from continuum_grasp.mpc.estimator_settings import controller_fields, delay_periods
+from continuum_grasp.mpc.first_state import first_state, rest_input
+from continuum_grasp.mpc.prediction import Prediction
+from continuum_grasp.mpc.problem import stages_of
+from continuum_grasp.mpc.setpoints import SetPoints, set_points
+from continuum_grasp.mpc.statistics import Statistics
+from continuum_grasp.mpc.status import Anomaly, Status, texts
+from continuum_grasp.scene.control import ControlScene
+
+__all__ = ["Command", "Controller", "Estimate", "Plan"]
+
+Array = NDArray[np.float64]
+
+_STATUS = tuple(Status)
+_CHUNK = 128
+"""Periods for which set-points are evaluated at once."""
+_LATE, _APPLIED = 1, 2
+
+
+class Plan(NamedTuple):
+    """States (N + 1, nx) and inputs (N, nu) over the horizon."""
+
+    x: Array
+    u: Array
+
+
+class Estimate(NamedTuple):
+    """What the plan starts from.
+
+    Attributes
+    ----------
+    x : (nx,) ndarray
+        State, of the prediction's ``x_names``.
+    p : (np,) ndarray
+        Parameters with the estimated disturbances.
+    std : (nz,) ndarray or None
+        Standard deviations of states and disturbances at the time of the measurement; None without an estimator.
+    """
+
+    x: Array
+    p: Array
+    std: Array | None
+
+
+class Times(NamedTuple):
+    """Durations of the phases [s]."""
+
+    estimate: float
+    prepare: float
+    feedback: float
+
+
+class Command:
+    """What a controller answers.
+
+    Attributes
+    ----------
+    u : (nu,) ndarray
+        Tip moment [N m] or tensions [N] to apply until the next command; finite, within the limits of input and rate.
+    status : Status
+    """
+
+    __slots__ = ("_control", "_out", "status", "u")
+
+    def __init__(self, control: Controller, status: Status, out: Array) -> None:
+        self._control, self._out = control, out
+        self.status = status
+        self.u = out[control._parts["u"]]
+
+    def _part(self, name: str) -> Array:
+        return self._out[self._control._parts[name]]
+
+    @property
+    def fallback(self) -> bool:
+        """Whether there was no new plan."""
+        return self.status.fallback
+
+    @property
+    def plan(self) -> Plan:
+        """The last plan that was solved; all zero where there is none yet."""
+        stages = self._control.stages
+        x, u = self._part("plan_x"), self._part("plan_u")
+        return Plan(x.reshape(-1, stages.nx), u.reshape(-1, stages.nu))
+
+    @property
+    def estimate(self) -> Estimate:
+        """State and parameters."""
+        variance = self._part("variance")
+        std = np.sqrt(np.maximum(variance, 0.0)) if variance.size else None
+        return Estimate(self._part("x")[: self._control.stages.nd], self._part("p"), std)
+
+    @property
+    def time(self) -> Times:
+        """Durations of the phases."""
+        return Times(*(1e-9 * self._part("ticks")).tolist())
+
+    @property
+    def iterations(self) -> int:
+        """Factorisations of the quadratic programme beyond the first."""
+        return int(self._out[1])
+
+    @property
+    def violation(self) -> float:
+        """Largest violation of a soft row, in shares of its bound's scale."""
+        return float(self._out[2])
+
+    @property
+    def residual(self) -> float:
+        """Largest residual of the optimality conditions, relative."""
+        return float(self._out[3])
+
+    @property
+    def cost(self) -> float:
+        """Cost of the quadratic programme at its solution."""
+        return float(self._out[4])
+
+    @property
+    def anomaly(self) -> Anomaly:
+        """What was noticed."""
+        return Anomaly(int(self._out[0]))
+
+    @property
+    def anomalies(self) -> tuple[str, ...]:
+        """What was noticed, in words; those of measurements begin with their name."""
+        return texts(int(self._out[0]), self._part("verdict").tolist(), self._control.measurement_names)
+
+    @property
+    def innovation(self) -> tuple[Array, Array]:
+        """Measured minus expected of each compared quantity, taken one by one, and its variance (0: not compared)."""
+        return self._part("innovation"), self._part("innovation_variance")
+
+
+class Controller:
+    """Real-time iterations with an estimator and a fallback; all of a step runs in one C function.
+
+    Parameters
+    ----------
+    scene : ControlScene or path-like
+        The scene, or its YAML file.
+    precision : {"double", "float"}
+        What the C computes in.
+    deadline : float, optional
+        Duration of ``step`` after which its command counts as late [s], so that the next one is of the previous plan;
+        that of the scene (its period, where it says nothing) where not given, ``math.inf`` never.
+
+    Attributes
+    ----------
+    scene : ControlScene
+    prediction : Prediction
+        Its model.
+    stages : Stages
+        Its problem.
+    period : float
+        Time from one command to the next [s].
+    measurement_names : tuple of str
+        Name and unit of each entry of a measurement: tip, tensions (or tip moment), angles of sections; the model's
+        state where the scene has no estimator.
+    estimated_names : tuple of str
+        Name and unit of each entry of ``Estimate.std``: states, then disturbances.
+
+    Raises
+    ------
+    InputError
+        If the pieces of the scene do not fit together, or there is no C compiler.
+
+    Notes
+    -----
+    If something that is given cannot be used, an iteration fails, or the last command came late, the last plan goes on
+    as long as it lasts (N stages); after that, and whenever nothing was measured for as long, tensions go to the least
+    ones (the moment to zero) at a bounded rate: the whole range in half a second, or less by ``input.rate_max``. A
+    command is never non-finite or beyond the limits of input and rate.
+
+    Objects of their own may run in threads of their own; one object is for one thread at a time.
+    """
+
+    def __init__(
+        self,
+        scene: ControlScene | str | PathLike[str],
+        *,
+        precision: str = "double",
+        deadline: float | None = None,
+    ) -> None:
+        self.scene = control_scene(scene)
+        self.prediction = Prediction(self.scene)
+        self.stages = stages_of(self.scene, self.prediction)
+        self.precision = precision_of(precision)
+        estimation = None if self.scene.estimator is None else estimation_of(self.scene, self.prediction)
+        self.period = self.scene.controller.step
+        self.measurement_names = self.prediction.x_names if estimation is None else estimation.measurement_names
+        self.estimated_names = self.prediction.x_names if estimation is None else estimation.z_names
+        self._deadline = 1e9 * _deadline(self.scene, deadline)
+        fields = controller_fields(self.scene, self.prediction, self.stages, estimation)
+        source = controller_source(self.stages, estimation, delay_periods(self.scene), fields, self.precision)
+        n, s = self.stages.stages, self.stages
+        nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
+        given = {"measurement": len(self.measurement_names), "p": s.np, "applied": s.nu, "set_points": (n + 1) * s.nr}
+        parts = {"numbers": 5, "ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": len(self.measurement_names)}
+        parts |= {"variance": nz, "innovation": ny, "innovation_variance": ny}
+        parts |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
+        self._parts, inputs = slices(parts), slices(given)
+        self._c = Compiled(source, fields, sum(given.values()), sum(parts.values()))
+        self._measurement, self._p, self._applied, rows = (self._c.input[part] for part in inputs.values())
+        self._set_points = rows.reshape(n + 1, s.nr)
+        self._call = self._c.function("cg_controller_step")
+        self._first = first_state(self.scene, self.prediction)
+        self._nz = max(nz, s.nd)
+        self.reset()
+
+    def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
+        """Begin anew, at time zero of the scene's reference.
+
+        Parameters
+        ----------
+        state : (nx,) array_like, optional
+            State of the prediction from which the estimator starts; the scene's initial pose where not given.
+        u : (nu,) array_like, optional
+            Input that was applied before; least tensions or no moment where not given.
+
+        Raises
+        ------
+        InputError
+            If something has another size or is not finite.
+        """
+        z = np.zeros(self._nz)
+        z[: self.prediction.nx] = vector("state", self._first if state is None else state, self.prediction.nx)
+        before = vector("u", rest_input(self.scene) if u is None else u, self.stages.nu)
+        self._c.start(np.concatenate([z, before, self.stages.p_nominal]))
+        self._step, self._late = 0, False
+        self._counts = Statistics()
+
+    def step(
+        self,
+        measurement: ArrayLike | None,
+        reference: ArrayLike | None = None,
+        *,
+        p: ArrayLike | None = None,
+        applied: ArrayLike | None = None,
+        late: bool | None = None,
+    ) -> Command:
+        """The command for a measurement; to be called once per period.
+
+        Parameters
+        ----------
+        measurement : (ny,) array_like or None
+            What was measured, in the order of ``measurement_names``; NaN marks what was not, None stands for nothing.
+        reference : (nr,) or (N + 1, nr) array_like, optional
+            Set-points in the order of ``stages.r_names``, constant or of every node from now on; those of the scene at
+            its own clock (number of steps times the period) where not given.
+        p : (np,) array_like, optional
+            Parameters; nominal where not given.
+        applied : (nu,) array_like, optional
+            Input that was really applied since the last step; the last command where not given.
+        late : bool, optional
+            Whether the last command came too late, so that this one is of the previous plan; found by the deadline
+            where not given.
+
+        Returns
+        -------
+        Command
+
+        Raises
+        ------
+        InputError
+            If something has the wrong shape. Numbers that mean nothing raise nothing; see ``Command.anomalies``.
+        """
+        began = perf_counter_ns()
+        try:
+            self._measurement[:] = np.nan if measurement is None else measurement
+            self._p[:] = self.stages.p_nominal if p is None else p
+            self._set_points[:] = self._scheduled() if reference is None else reference
+            flags = _LATE if (self._late if late is None else late) else 0
+            if applied is not None:
+                self._applied[:] = applied
+                flags |= _APPLIED
+        except (ValueError, TypeError) as error:
+            raise self._shape_error(measurement, reference, p, applied) from error
+        c = self._c
+        status = self._call(c.address, c.input_address, flags, c.output_address)
+        if status < 0:
+            raise InputError("the settings of the controller are not valid")
+        self._step += 1
+        out = c.output.copy()
+        command = Command(self, _STATUS[status], out)
+        elapsed = perf_counter_ns() - began
+        self._late = elapsed > self._deadline
+        self._counts.add(status, out[0], out[5:8], elapsed, self._late)
+        return command
+
+    @property
+    def statistics(self) -> dict[str, Any]:
+        """Counts of statuses, anomalies, fallbacks and late steps since the last reset; durations of phases [s]."""
+        return self._counts.as_dict()
+
+    def save_state(self) -> bytes:
+        """All that the next command depends on."""
+        return self._c.save(self._step, int(self._late))
+
+    def restore(self, saved: bytes) -> None:
+        """Go on from a saved state.
+
+        Raises
+        ------
+        InputError
+            If it is none of this very problem.
+        """
+        self._step, late = self._c.restore(saved)
+        self._late = bool(late)
+
+    # -- set-points ---------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _reference(self) -> SetPoints:
+        return set_points(self.scene, self.stages, self.prediction)
+
+    def _scheduled(self) -> Array:
+        chunk, at = divmod(self._step, _CHUNK)
+        if getattr(self, "_chunk", None) != chunk:
+            ahead = self.stages.stage * np.arange(self.stages.stages + 1)
+            times = self.period * (chunk * _CHUNK + np.arange(_CHUNK))[:, None] + ahead
+            self._rows: Array = self._reference.rows(times.ravel()).reshape(_CHUNK, len(ahead), self.stages.nr)
+            self._chunk = chunk
+        rows: Array = self._rows[at]
+        return rows
+
+    def _shape_error(self, *given: Any) -> InputError:
+        s, rows = self.stages, self._set_points.shape
+        shapes = (f"({len(self._measurement)},)", f"({s.nr},) or {rows}", f"({s.np},)", f"({s.nu},)")
+        said = zip(("measurement", "reference", "p", "applied"), given, shapes, strict=True)
+        told = [f"{name}: expected {shape}, got {np.shape(v) or v!r}" for name, v, shape in said if v is not None]
+        return InputError("a step takes arrays of numbers; " + "; ".join(told))
+
+
+def _deadline(scene: ControlScene, given: float | None) -> float:
+    value = scene.controller.deadline or scene.controller.step if given is None else given
+    if not value > 0.0:
+        raise InputError(f"expected a time above 0 [s], got {value!r:.60}", key="deadline")
+    return float(value)
