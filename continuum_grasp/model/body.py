@@ -28,10 +28,19 @@ class Body:
     thing : GraspObject
     around : Surroundings
         What the object is in.
+    mass : scalar, optional
+        Mass [kg]; that of the object where not given. The moment of inertia grows with it.
+    grip : scalar
+        Factor of all friction coefficients [1].
     """
 
-    def __init__(self, thing: GraspObject, around: Surroundings) -> None:
+    def __init__(
+        self, thing: GraspObject, around: Surroundings, mass: Scalar | None = None, grip: Scalar = 1.0
+    ) -> None:
         self.thing, self._around = thing, around
+        self.grip = grip
+        self.mass: Scalar = thing.mass if mass is None else mass
+        self.inertia: Scalar = around.inertia if mass is None else (around.inertia / thing.mass) * mass
         self.moves = around.object_moves
         self.sinks = around.out_of_plane_gravity > 0.0
         """Whether it can slide out of the plane."""
@@ -83,13 +92,13 @@ class Body:
         """
         if not self.moves:
             return []
-        mass, center = self.thing.mass, self.position + self.arm
+        mass, center = self.mass, self.position + self.arm
         total = Vec(self.wrench[0], self.wrench[1])
         moment: Scalar = self.wrench[2]
         for point, force in forces:
             total = total + force
             moment = plus(moment, (point - center).cross(force))
-        spin = moment / self._around.inertia
+        spin = moment / self.inertia
         back = self.arm.perp().scaled(spin) - self.arm.scaled(times(self.omega, self.omega))
         acceleration = total.scaled(1.0 / mass) + gravity - back
         rates = [self.rates[k] for k in range(self.rates.numel())]
@@ -105,9 +114,9 @@ class Body:
         """Kinetic energy, and potential of the weight above the world's origin [J]."""
         if not self.moves:
             return 0.0, 0.0
-        mass, center = self.thing.mass, self.velocity + self.arm.perp().scaled(self.omega)
+        mass, center = self.mass, self.velocity + self.arm.perp().scaled(self.omega)
         square = plus(center.dot(center), times(self.climb, self.climb))
-        kinetic = 0.5 * mass * square + 0.5 * self._around.inertia * self.omega**2
+        kinetic = 0.5 * mass * square + 0.5 * self.inertia * self.omega**2
         weight = times(mass, gravity.dot(self.position + self.arm))
         potential = minus(0.0, weight)
         if self.sinks:

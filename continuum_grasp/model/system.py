@@ -15,7 +15,7 @@ from continuum_grasp.model.chain import column
 from continuum_grasp.model.finger_model import FingerModel
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.planar import Scalar, Vec
-from continuum_grasp.model.system_equations import SystemEquations
+from continuum_grasp.model.system_equations import OBJECT_PARAMETERS, SystemEquations
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
@@ -37,6 +37,9 @@ class System:
         What the system is made of. A scene has its surroundings.
     surroundings : Surroundings, optional
         Object, supports and contact law; those of the scene where not given.
+    object_parameters : sequence of str, optional
+        What of an object that moves stays a run-time argument, after the finger's in ``p``: ``object_mass`` [kg],
+        ``friction_factor`` [1] of all its friction coefficients.
     **keywords
         As of ``FingerModel``.
 
@@ -93,20 +96,43 @@ class System:
         If the pieces do not fit together.
     """
 
-    def __init__(self, given: Scene | Finger, *, surroundings: Surroundings | None = None, **keywords: Any) -> None:
+    def __init__(
+        self,
+        given: Scene | Finger,
+        *,
+        surroundings: Surroundings | None = None,
+        object_parameters: Sequence[str] = (),
+        **keywords: Any,
+    ) -> None:
         self.finger_model = FingerModel(given, **keywords)
         if surroundings is None and isinstance(given, Scene):
             surroundings = given
         self.surroundings = surroundings if surroundings is not None and surroundings.object is not None else None
         model = self.finger_model
-        self._equations = SystemEquations(model.structure, self.surroundings)
+        self.object_parameters = self._checked(object_parameters)
+        self._equations = SystemEquations(model.structure, self.surroundings, self.object_parameters)
         pairs, body = self._equations.pairs, self._equations.body
         self.touch_names = [pair.name for pair in pairs]
-        self.n, self.nu, self.np = model.n, model.nu, model.np
+        self.n, self.nu = model.n, model.nu
         self.x_names = [*model.x_names, *(body.x_names if body else []), *(z for pair in pairs for z in pair.z_names)]
         self.w_names = [*model.w_names, *(body.w_names if body else [])]
-        self.u_names, self.p_names, self.p_nominal = model.u_names, model.p_names, model.p_nominal
-        self.nx, self.nw = len(self.x_names), len(self.w_names)
+        self.u_names = model.u_names
+        self.p_names = [*model.p_names, *(f"{name} [{OBJECT_PARAMETERS[name]}]" for name in self.object_parameters)]
+        own = {"object_mass": body.thing.mass, "friction_factor": 1.0} if body else {}
+        self.p_nominal = [*model.p_nominal, *(own[name] for name in self.object_parameters)]
+        self.nx, self.nw, self.np = len(self.x_names), len(self.w_names), len(self.p_names)
+
+    def _checked(self, names: Sequence[str]) -> tuple[str, ...]:
+        moves = self.surroundings is not None and self.surroundings.object_moves
+        for k, name in enumerate(names):
+            if name not in OBJECT_PARAMETERS or name in names[:k]:
+                raise InputError(
+                    f"expected each of {', '.join(OBJECT_PARAMETERS)} once at most, got {name!r:.60}",
+                    key=f"object_parameters[{k}]",
+                )
+        if names and not moves:
+            raise InputError("needs an object that moves", key="object_parameters")
+        return tuple(names)
 
     @property
     def object_states(self) -> slice:
@@ -181,7 +207,7 @@ class System:
     @cached_property
     def pressed_linearization(self) -> ca.Function:
         """Jacobian A of the state derivative as if the gaps were smaller by ``press`` (K) [m]."""
-        eq = SystemEquations(self.finger_model.structure, self.surroundings, pressed=True)
+        eq = SystemEquations(self.finger_model.structure, self.surroundings, self.object_parameters, pressed=True)
         slope = ca.densify(ca.jacobian(column(eq.state_rate), eq.x))
         names = ["x", "u", "w", "p", "press"]
         return ca.Function("pressed_linearization", [getattr(eq, name) for name in names], [slope], names, ["A"])
@@ -234,8 +260,11 @@ class System:
 
     @cached_property
     def energy(self) -> ca.Function:
-        """Kinetic and potential energy [J], with those of the object and of the surfaces pressed in."""
-        kinetic, potential = self._equations.energies
+        """Kinetic and potential energy [J], with those of the object and of the surfaces pressed in; the table at rest
+        at height zero.
+        """
+        eq = self._equations
+        kinetic, potential = ca.substitute([ca.SX(each) for each in eq.energies], [eq.w], [ca.SX.zeros(self.nw)])
         return self._function("energy", "x u p", kinetic=kinetic, potential=potential)
 
     @cached_property

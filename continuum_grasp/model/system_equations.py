@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import casadi as ca
@@ -16,7 +17,10 @@ from continuum_grasp.model.table import TablePair, table_pair
 from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs
 from continuum_grasp.scene.surroundings import Surroundings
 
-__all__ = ["SystemEquations"]
+__all__ = ["OBJECT_PARAMETERS", "SystemEquations"]
+
+OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1"}
+"""What of an object can be a run-time argument, and its unit: mass, and a factor of all its friction coefficients."""
 
 
 class SystemEquations(Equations):
@@ -27,18 +31,30 @@ class SystemEquations(Equations):
     structure : Structure
         The make-up of the finger's model.
     surroundings : Surroundings or None
+    runtime : sequence of str
+        Which of ``OBJECT_PARAMETERS`` stay run-time arguments, at the end of ``p``.
     pressed : bool
         Whether the run-time numbers ``press`` [m], one per contact, make the gaps smaller.
     """
 
-    def __init__(self, structure: Structure, surroundings: Surroundings | None, *, pressed: bool = False) -> None:
+    def __init__(
+        self,
+        structure: Structure,
+        surroundings: Surroundings | None,
+        runtime: Sequence[str] = (),
+        *,
+        pressed: bool = False,
+    ) -> None:
         super().__init__(structure)
         self._around, self._pressed = surroundings, pressed
         self.press = ca.SX(0, 1)
         self.body: Body | None = None
         if surroundings is None or surroundings.object is None:
             return
-        self.body = Body(surroundings.object, surroundings)
+        symbols = {name: ca.SX.sym(name) for name in runtime}
+        self.p = ca.vertcat(self.p, *symbols.values())
+        mass, grip = symbols.get("object_mass"), symbols.get("friction_factor", 1.0)
+        self.body = Body(surroundings.object, surroundings, mass, grip)
         self.x = ca.vertcat(self.x, self.body.pose, self.body.rates, *[pair.z for pair in self.pairs])
         self.w = ca.vertcat(self.w, self.body.wrench)
         if self._pressed:

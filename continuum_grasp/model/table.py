@@ -28,6 +28,7 @@ class TablePair:
     velocity: Vec
     climb: Scalar
     friction: float
+    grip: Scalar
     law: ContactLaw
     z: ca.SX
     press: ca.SX
@@ -67,7 +68,7 @@ class TablePair:
         """Force on the table in the plane, world [N]; the object bears the opposite."""
         if self.friction == 0.0:
             return Vec(0.0, 0.0)
-        limit = times(self.friction, self.normal_force)
+        limit = times(times(self.grip, self.friction), self.normal_force)
         x, y = friction_share(self.law, self._states, self._slip)
         return Vec(times(limit, x), times(limit, y))
 
@@ -101,6 +102,7 @@ def table_pair(body: Body, law: ContactLaw, friction: float) -> TablePair:
         body.velocity_at(center),
         body.climb,
         friction,
+        body.grip,
         law,
         ca.SX.sym("table", 2 if has_state else 0),
         ca.SX(0, 1),

@@ -48,6 +48,8 @@ class Pair:
         The same out of the plane [m/s].
     friction : float
         Coefficient [1].
+    grip : scalar
+        Factor of it [1].
     law : ContactLaw
     z : casadi.SX
         Friction states: along the normal turned by +90 degrees, then out of the plane, where the object can move so.
@@ -64,6 +66,7 @@ class Pair:
     velocity: Vec
     climb: Scalar
     friction: float
+    grip: Scalar
     law: ContactLaw
     z: ca.SX
     sinks: bool
@@ -99,7 +102,7 @@ class Pair:
         """Forces against the slip, per direction [N]."""
         if self.friction == 0.0:
             return [0.0 for _ in self._slip]
-        limit = times(self.friction, self.normal_force)
+        limit = times(times(self.grip, self.friction), self.normal_force)
         return [times(limit, share) for share in friction_share(self.law, self._states, self._slip)]
 
     @property
@@ -181,4 +184,4 @@ def _pair(
     own = law.friction if friction is None else friction
     has_state = own > 0.0 and law.displacement is not None
     z = ca.SX.sym(name, (2 if body.sinks else 1) if has_state else 0)
-    return Pair(name, gap, normal, point, velocity, body.climb, own, law, z, body.sinks)
+    return Pair(name, gap, normal, point, velocity, body.climb, own, body.grip, law, z, body.sinks)
