@@ -1,0 +1,30 @@
+"""What the functions of a package return."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+__all__ = ["Code"]
+
+
+class Code(IntEnum):
+    """Zero: done; above: the output is good, with a warning; below: the output was not touched."""
+
+    text: str
+
+    def __new__(cls, value: int, text: str) -> Code:
+        """A code with its explanation."""
+        made = int.__new__(cls, value)
+        made._value_ = value
+        made.text = text
+        return made
+
+    OK = 0, "done"
+    WARN_COARSE_STEP = 1, "done; the step is stable but too long to be accurate"
+    WARN_LEFT_RANGE = 2, "done; the next state is out of range and will not be taken"
+    ERR_NULL = -1, "a pointer is null"
+    ERR_NON_FINITE = -2, "an input or a parameter is NaN or infinite"
+    ERR_RANGE = -3, "an input or a parameter is out of its range"
+    ERR_STEP = -4, "the step is not above zero or too long to be stable"
+    ERR_RESULT = -5, "the result is not finite"
+    ERR_ABI = -6, "the model was not initialised, or by another version of this library"

@@ -1,0 +1,113 @@
+"""Structs of the public header: entries with name, unit, range and meaning."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+__all__ = ["Field", "Struct", "fields_of"]
+
+_LABEL = re.compile(r"(\w+) \[(.*)\]")
+
+
+@dataclass(frozen=True)
+class Field:
+    """One entry of a struct."""
+
+    name: str
+    unit: str
+    text: str = ""
+    """What it is, where name and unit do not say it."""
+    low: float = -math.inf
+    """Least value that is taken; infinite: any that is finite."""
+    high: float = math.inf
+    scale: float = 1.0
+    """Size of usual values, for the test vectors."""
+    shape: tuple[int, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Count of numbers."""
+        return math.prod(self.shape)
+
+    def within(self, low: float, high: float, scale: float | None = None) -> Field:
+        """The same with a range."""
+        return replace(self, low=low, high=high, scale=self.scale if scale is None else scale)
+
+
+@dataclass(frozen=True)
+class Struct:
+    """A C struct of numbers of one type, without padding."""
+
+    name: str
+    """Behind the prefix of the package."""
+    text: str
+    fields: tuple[Field, ...]
+
+    @property
+    def size(self) -> int:
+        """Count of numbers."""
+        return sum(field.size for field in self.fields)
+
+    @property
+    def bounded(self) -> tuple[tuple[float, float], ...]:
+        """Range of every number."""
+        return tuple((field.low, field.high) for field in self.fields for _ in range(field.size))
+
+    def declaration(self, prefix: str) -> str:
+        """C of the typedef."""
+        rows = [(f"  {prefix}_real {f.name}{''.join(f'[{n}]' for n in f.shape)};", _comment(f)) for f in self.fields]
+        width = max(len(code) for code, _ in rows)
+        lines = "\n".join(f"{code:<{width}}  {comment}" for code, comment in rows)
+        return f"/* {self.text} */\ntypedef struct {{\n{lines}\n}} {prefix}_{self.name};\n"
+
+    def reader(self, prefix: str) -> str:
+        """C that copies the struct to an array."""
+        lines = [f"  to[{k}] = from->{place};" for k, place in enumerate(self._places())]
+        head = f"{prefix.upper()}_API static void read_{self.name}(const {prefix}_{self.name} *from, {prefix}_real *to)"
+        return "\n".join([head, "{", *lines, "}", ""])
+
+    def writer(self, prefix: str) -> str:
+        """C that copies an array to the struct."""
+        lines = [f"  to->{place} = from[{k}];" for k, place in enumerate(self._places())]
+        head = f"{prefix.upper()}_API static void write_{self.name}(const {prefix}_real *from, {prefix}_{self.name} *to)"
+        return "\n".join([head, "{", *lines, "}", ""])
+
+    def _places(self) -> list[str]:
+        return [field.name + index for field in self.fields for index in _indices(field.shape)]
+
+
+def fields_of(labels: Sequence[str], texts: dict[str, str] | None = None) -> tuple[Field, ...]:
+    """Entries of a model's vector, from its labels ``name [unit]``.
+
+    Parameters
+    ----------
+    labels : sequence of str
+        Of the model.
+    texts : dict, optional
+        Meanings by name.
+    """
+    found = []
+    for label in labels:
+        match = _LABEL.fullmatch(label)
+        if match is None:
+            raise ValueError(f"expected 'name [unit]', got {label!r}")
+        found.append(Field(match[1], match[2], (texts or {}).get(match[1], "")))
+    return tuple(found)
+
+
+def _comment(field: Field) -> str:
+    limits = "" if field.low == -math.inf and field.high == math.inf else f", {field.low:.6g} to {field.high:.6g}"
+    if field.high == math.inf and field.low > -math.inf:
+        limits = f", {field.low:.6g} or more"
+    text = f"; {field.text}" if field.text else ""
+    return f"/* [{field.unit}]{limits}{text} */"
+
+
+def _indices(shape: tuple[int, ...]) -> list[str]:
+    places = [""]
+    for count in shape:
+        places = [f"{place}[{k}]" for place in places for k in range(count)]
+    return places

@@ -1,0 +1,109 @@
+"""The public header, from structs, functions and codes."""
+
+from __future__ import annotations
+
+import hashlib
+import textwrap
+from collections.abc import Sequence
+
+from continuum_grasp.export.codes import Code
+from continuum_grasp.export.fields import Struct
+from continuum_grasp.export.part import Call, Part
+from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.template import fill
+
+__all__ = ["abi_of", "calls_of", "codes_of_package", "header", "prototype", "structs_of"]
+
+_LINE = 118
+
+
+def structs_of(subject: Subject, parts: Sequence[Part]) -> list[Struct]:
+    """Structs of a package, each once, those of the model first."""
+    found = {} if subject.parameters is None else {subject.parameters.name: subject.parameters}
+    for part in parts:
+        for struct in part.structs:
+            found.setdefault(struct.name, struct)
+    return list(found.values())
+
+
+def calls_of(parts: Sequence[Part]) -> list[Call]:
+    """Public functions of a package that take the model."""
+    return [call for part in parts for call in part.calls]
+
+
+def codes_of_package(parts: Sequence[Part]) -> list[Code]:
+    """Codes that some function of a package may return."""
+    common = {Code.OK, Code.ERR_NULL, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT, Code.ERR_ABI}
+    used = common.union(*(call.codes for call in calls_of(parts)))
+    return sorted(used, key=lambda code: (code < 0, abs(code)))
+
+
+def prototype(call: Call, prefix: str) -> str:
+    """C declaration of a public function, without the semicolon."""
+    arguments = [f"const {prefix}_model *model"]
+    for argument in call.inputs:
+        if argument.is_struct:
+            arguments.append(f"const {prefix}_{argument.kind.name} *{argument.name}")
+        else:
+            arguments.append(f"{prefix}_real {argument.name}")
+    arguments.append(f"{prefix}_{call.output.kind.name} *{call.output.name}")
+    head, lines = f"int {prefix}_{call.name}(", [""]
+    for k, argument in enumerate(arguments):
+        text = argument + (", " if k < len(arguments) - 1 else ")")
+        if len(head) + len(lines[-1]) + len(text) > _LINE:
+            lines.append("")
+        lines[-1] += text
+    return head + f"\n{' ' * len(head)}".join(line.rstrip() for line in lines)
+
+
+def interface(subject: Subject, parts: Sequence[Part]) -> str:
+    """All that a caller is compiled against."""
+    structs = "\n".join(struct.declaration(subject.prefix) for struct in structs_of(subject, parts))
+    calls = "\n".join(prototype(call, subject.prefix) for call in calls_of(parts))
+    return f"{subject.real.name}\n{structs}\n{calls}"
+
+
+def abi_of(subject: Subject, parts: Sequence[Part]) -> str:
+    """Number of the interface as C; another one where a struct, a function or the type of reals differs."""
+    return "0x" + hashlib.sha256(interface(subject, parts).encode()).hexdigest()[:8] + "u"
+
+
+def header(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> str:
+    """The header."""
+    prefix, big = subject.prefix, subject.prefix.upper()
+    dimensions = {"N": subject.n, "NX": subject.nx, "NU": subject.model.nu, "NW": subject.model.nw, "NP": subject.model.np}
+    notes = {
+        "N": "bending coordinates",
+        "NX": "states",
+        "NU": "inputs",
+        "NW": "force components",
+        "NP": "run-time parameters",
+    }
+    lines = [f"#define {big}_{name} {size} /* {notes[name]} */" for name, size in dimensions.items()]
+    for part in parts:
+        lines += [f"#define {big}_{name} {value}" for name, value in part.constants.items()]
+    codes = codes_of_package(parts)
+    width = max(len(code.name) for code in codes)
+    commas = [","] * (len(codes) - 1) + [" "]
+    table = "\n".join(
+        f"  {big}_{code.name:<{width}} = {int(code):2d}{comma} /* {code.text} */"
+        for code, comma in zip(codes, commas, strict=True)
+    )
+    more = {
+        "dimensions": "\n".join(lines),
+        "codes": table,
+        "structs": "\n".join(struct.declaration(prefix) for struct in structs_of(subject, parts)),
+        "model_parameters": "" if subject.parameters is None else f"\n  {prefix}_parameters parameters;",
+        "functions": "\n".join(_documented(call, prefix) for call in calls_of(parts)),
+    }
+    return fill("header.h", {**words, **more})
+
+
+def _documented(call: Call, prefix: str) -> str:
+    rows = [call.text]
+    special = [code for code in call.codes if code < 0]
+    if special or call.codes:
+        said = ", ".join(f"{prefix.upper()}_{code.name}" for code in call.codes)
+        rows.append(f"Beyond the codes of every function: {said}.")
+    text = "\n".join(textwrap.wrap(" ".join(rows), _LINE - 6, initial_indent="/* ", subsequent_indent="   "))
+    return f"{text} */\n{prototype(call, prefix)};\n"

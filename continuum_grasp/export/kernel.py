@@ -1,0 +1,197 @@
+"""Strict C of one CasADi function, and the same arithmetic on numpy arrays, to the last bit.
+
+CasADi's own generator writes calls of the mathematical library, literals of one precision and names of its own. This
+one walks the same instructions and writes single assignments of additions, multiplications, divisions and comparisons,
+so that every compiler that keeps to IEEE 754 (and does not fuse multiplications with additions) finds the same bits.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.export.reals import Real
+from continuum_grasp.export.strict_math import twin
+
+__all__ = ["Kernel"]
+
+Array = NDArray[Any]
+
+_NAMES = {value: name for name, value in vars(ca).items() if name.startswith("OP_")}
+_C: dict[int, str] = {
+    ca.OP_ASSIGN: "{0}",
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
+    ca.OP_DIV: "{0} / {1}",
+    ca.OP_NEG: "-{0}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "{0} + {0}",
+    ca.OP_INV: "{one} / {0}",
+    ca.OP_FABS: "{0} < {zero} ? -{0} : {0}",
+    ca.OP_FMIN: "{0} < {1} ? {0} : {1}",
+    ca.OP_FMAX: "{0} > {1} ? {0} : {1}",
+    ca.OP_LT: "{0} < {1} ? {one} : {zero}",
+    ca.OP_LE: "{0} <= {1} ? {one} : {zero}",
+    ca.OP_NOT: "{0} < {zero} || {0} > {zero} ? {zero} : {one}",
+    ca.OP_IF_ELSE_ZERO: "{0} < {zero} || {0} > {zero} ? {1} : {zero}",
+}
+"""C by operation; arguments are names or literals."""
+_NUMPY: dict[int, Callable[..., Array]] = {
+    ca.OP_ASSIGN: lambda a: a,
+    ca.OP_ADD: np.add,
+    ca.OP_SUB: np.subtract,
+    ca.OP_MUL: np.multiply,
+    ca.OP_DIV: np.divide,
+    ca.OP_NEG: np.negative,
+    ca.OP_SQ: lambda a: a * a,
+    ca.OP_TWICE: lambda a: a + a,
+    ca.OP_INV: lambda a: a.dtype.type(1) / a,
+    ca.OP_FABS: lambda a: np.where(a < 0, -a, a),
+    ca.OP_FMIN: lambda a, b: np.where(a < b, a, b),
+    ca.OP_FMAX: lambda a, b: np.where(a > b, a, b),
+    ca.OP_LT: lambda a, b: (a < b).astype(a.dtype),
+    ca.OP_LE: lambda a, b: (a <= b).astype(a.dtype),
+    ca.OP_NOT: lambda a: (a == 0).astype(a.dtype),
+    ca.OP_IF_ELSE_ZERO: lambda a, b: np.where(a != 0, b, a.dtype.type(0)),
+}
+_CALLS = {ca.OP_SIN: "sin", ca.OP_COS: "cos", ca.OP_EXP: "exp", ca.OP_SQRT: "sqrt"}
+_SHOWN = {"SQ": "*", "MUL": "*", "ADD": "+", "SUB": "-", "TWICE": "+", "DIV": "/", "INV": "/"}
+
+
+class Kernel:
+    """A CasADi function as C without a library.
+
+    Parameters
+    ----------
+    name : str
+        Name in C, behind the prefix of the package.
+    function : casadi.Function
+        An SX function with named inputs and outputs.
+    text : str
+        What it computes, in one line.
+
+    Attributes
+    ----------
+    inputs, outputs : dict of str to int
+        Sizes by name; inputs that the function does not read are left out.
+
+    Raises
+    ------
+    InputError
+        If the function needs an operation that has no strict C here.
+    """
+
+    def __init__(self, name: str, function: ca.Function, text: str) -> None:
+        self.name, self.text = name, text
+        symbols = function.sx_in()
+        dense = [ca.densify(value) for value in function.call(symbols)]
+        self._function = f = ca.Function(name, symbols, dense, function.name_in(), function.name_out())
+        self._operations = [f.instruction_id(k) for k in range(f.n_instructions())]
+        for operation in self._operations:
+            if operation not in {*_C, *_CALLS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
+                raise InputError(f"{name}: there is no strict C for the operation {_NAMES[operation]} of its expressions")
+        read = {f.instruction_input(k)[0] for k, operation in enumerate(self._operations) if operation == ca.OP_INPUT}
+        self.inputs = {f.name_in(k): f.nnz_in(k) for k in range(f.n_in()) if k in read}
+        self.outputs = {f.name_out(k): f.nnz_out(k) for k in range(f.n_out())}
+
+    @property
+    def calls(self) -> set[str]:
+        """Mathematical functions that it needs, of ``strict_math``."""
+        return {_CALLS[operation] for operation in self._operations if operation in _CALLS}
+
+    @property
+    def operations(self) -> Counter[str]:
+        """How many operations of each kind it has."""
+        names = (_NAMES[o].removeprefix("OP_") for o in self._operations)
+        return Counter(_SHOWN.get(n, n.lower()) for n in names if n not in ("INPUT", "OUTPUT", "CONST", "ASSIGN"))
+
+    def prototype(self, prefix: str) -> str:
+        """The C declaration, without the semicolon."""
+        arguments = [f"const {prefix}_real *{name}" for name in self.inputs]
+        arguments += [f"{prefix}_real *{name}" for name in self.outputs]
+        return f"void {prefix}_kernel_{self.name}({', '.join(arguments)})"
+
+    def call(self, prefix: str, **arguments: str) -> str:
+        """C that calls it, with an expression for each input and output; those of no use are left out."""
+        given = ", ".join(arguments[name] for name in (*self.inputs, *self.outputs))
+        return f"{prefix}_kernel_{self.name}({given});"
+
+    def c_source(self, prefix: str, real: Real) -> str:
+        """The C definition.
+
+        Raises
+        ------
+        InputError
+            If a constant is outside the range of single precision.
+        """
+        f, kind = self._function, f"const {prefix}_real"
+        loads: dict[tuple[int, int], str] = {}
+        lines: list[str] = []
+        values: dict[int, str] = {}
+        symbols = {"zero": real.literal(0.0), "one": real.literal(1.0)}
+        for k, operation in enumerate(self._operations):
+            arguments, results = f.instruction_input(k), f.instruction_output(k)
+            if operation == ca.OP_OUTPUT:
+                lines.append(f"  {f.name_out(results[0])}[{results[1]}] = {values[arguments[0]]};")
+                continue
+            if operation == ca.OP_CONST:
+                values[results[0]] = real.literal(float(f.instruction_constant(k)))
+                continue
+            if operation == ca.OP_INPUT:
+                at = (arguments[0], arguments[1])
+                loads.setdefault(at, f"{f.name_in(at[0])}{at[1]}")
+                values[results[0]] = loads[at]
+                continue
+            operands = [values[a] for a in arguments]
+            if operation in _CALLS:
+                text = f"strict_{_CALLS[operation]}({operands[0]})"
+            else:
+                text = _C[operation].format(*operands, **symbols)
+            lines.append(f"  {kind} a{k} = {text};")
+            values[results[0]] = f"a{k}"
+        inputs = [f"  {kind} {name} = {f.name_in(i)}[{j}];" for (i, j), name in sorted(loads.items())]
+        return "\n".join([f"/* {self.text} */", self.prototype(prefix), "{", *inputs, *lines, "}", ""])
+
+    def evaluate(self, real: Real, **rows: Array) -> dict[str, Array]:
+        """What the C computes, to the last bit, for many rows of inputs.
+
+        Parameters
+        ----------
+        real : Real
+            What to compute in.
+        **rows : (count, size) ndarray
+            Inputs by name; more than it reads may be given.
+
+        Returns
+        -------
+        dict of str to ndarray
+            (count, size) by name.
+        """
+        f, t = self._function, real.dtype
+        columns = {name: np.asarray(rows[name], dtype=t) for name in self.inputs}
+        count = len(next(iter(rows.values())))
+        outputs = {name: np.zeros((count, size), dtype=t) for name, size in self.outputs.items()}
+        values: dict[int, Array] = {}
+        with np.errstate(all="ignore"):
+            for k, operation in enumerate(self._operations):
+                arguments, results = f.instruction_input(k), f.instruction_output(k)
+                if operation == ca.OP_OUTPUT:
+                    outputs[f.name_out(results[0])][:, results[1]] = values[arguments[0]]
+                elif operation == ca.OP_CONST:
+                    values[results[0]] = np.full(count, t(f.instruction_constant(k)))
+                elif operation == ca.OP_INPUT:
+                    values[results[0]] = columns[f.name_in(arguments[0])][:, arguments[1]]
+                elif operation in _CALLS:
+                    values[results[0]] = twin(_CALLS[operation], values[arguments[0]], real)
+                else:
+                    values[results[0]] = _NUMPY[operation](*(values[a] for a in arguments))
+        return outputs
+
+

@@ -1,0 +1,129 @@
+"""The checked layer: the C between the public functions and the kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from continuum_grasp.export.codes import Code
+from continuum_grasp.export.fields import Struct
+from continuum_grasp.export.header import calls_of, codes_of_package, prototype, structs_of
+from continuum_grasp.export.kernel import Kernel
+from continuum_grasp.export.part import Argument, Call, Part
+from continuum_grasp.export.strict_math import c_source
+from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.template import fill
+
+__all__ = ["internal_header", "kernels_of", "kernels_source", "layer_source"]
+
+
+def kernels_of(parts: Sequence[Part]) -> list[Kernel]:
+    """Kernels of a package, each once."""
+    return list({kernel.name: kernel for part in parts for kernel in part.kernels}.values())
+
+
+def internal_header(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> str:
+    """What kernels and checked layer share."""
+    big = subject.prefix.upper()
+    declared = "\n".join(f"{big}_API {kernel.prototype(subject.prefix)};" for kernel in kernels_of(parts))
+    real = subject.real
+    more = {
+        "kernels": declared,
+        "width": str(real.width),
+        "exponent": hex(real.exponent_mask) + "u" + real.bits_suffix,
+    }
+    return fill("internal.h", {**words, **more})
+
+
+def kernels_source(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> str:
+    """All kernels.
+
+    Raises
+    ------
+    InputError
+        If a constant is outside the range of single precision.
+    """
+    kernels, prefix = kernels_of(parts), subject.prefix
+    strict = c_source(set().union(*(kernel.calls for kernel in kernels)), subject.real, prefix)
+    texts = [f"{kernel.c_source(prefix, subject.real)}" for kernel in kernels]
+    body = "\n".join([strict, *texts] if strict else texts)
+    return fill("kernels.c", {**words, "body": body.replace("\nvoid ", f"\n{prefix.upper()}_API void ")})
+
+
+def layer_source(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> str:
+    """The public functions."""
+    prefix, calls = subject.prefix, calls_of(parts)
+    inputs = _unique([a.kind for call in calls for a in call.inputs if isinstance(a.kind, Struct)])
+    outputs = _unique([call.output.kind for call in calls if isinstance(call.output.kind, Struct)])
+    checked = inputs if subject.parameters is None else [subject.parameters, *inputs]
+    sizes = [
+        f"typedef char {prefix}_{struct.name}_has_no_padding"
+        f"[sizeof({prefix}_{struct.name}) == {struct.size} * sizeof({prefix}_real) ? 1 : -1];"
+        for struct in structs_of(subject, parts)
+    ]
+    codes = [f'    case {prefix.upper()}_{code.name}: return "{code.text}";' for code in codes_of_package(parts)]
+    nominal = [
+        f"  model->parameters.{field.name} = {subject.real.literal(value)};"
+        for field, value in zip(
+            subject.parameters.fields if subject.parameters else (), subject.model.p_nominal, strict=True
+        )
+    ]
+    more = {
+        "sizes": "\n".join(sizes),
+        "bounds": "\n".join(_bounds(subject, struct) for struct in checked),
+        "readers": "\n".join(struct.reader(prefix) for struct in checked),
+        "writers": "\n".join(struct.writer(prefix) for struct in outputs),
+        "definitions": "\n".join(part.definitions for part in parts if part.definitions),
+        "functions": "\n".join(_function(subject, call) for call in calls),
+        "codes": "\n".join(codes),
+        "nominal": "".join(f"\n{line}" for line in nominal),
+    }
+    return fill("layer.c", {**words, **more})
+
+
+def _unique(structs: list[Struct]) -> list[Struct]:
+    return list({struct.name: struct for struct in structs}.values())
+
+
+def _bounds(subject: Subject, struct: Struct) -> str:
+    real = subject.real
+    lows, highs = (
+        ", ".join(real.literal(min(max(v, -real.greatest), real.greatest)) for v in side)
+        for side in zip(*struct.bounded, strict=True)
+    )
+    kind = f"{subject.prefix.upper()}_API static const {subject.prefix}_real {struct.name}"
+    return f"{kind}_low[] = {{{lows}}};\n{kind}_high[] = {{{highs}}};"
+
+
+def _function(subject: Subject, call: Call) -> str:
+    prefix, big, real = subject.prefix, subject.prefix.upper(), subject.real
+    structs = [a for a in call.inputs if a.is_struct]
+    numbers = [a for a in call.inputs if not a.is_struct]
+    parameters = [] if subject.parameters is None else [Argument("parameters", subject.parameters, "p")]
+    arrays = ", ".join(f"{a.array}[{a.size}]" for a in [*parameters, *structs])
+    pointers = ["model", *(a.name for a in structs), call.output.name]
+    lines = [
+        f"{big}_API {prototype(call, prefix)}",
+        "{",
+        f"  {prefix}_real {arrays}, result[{call.output.size}];",
+        f"  int code = {big}_OK;",
+        f"  if ({' || '.join(f'!{name}' for name in pointers)}) return {big}_ERR_NULL;",
+        f"  if (model->abi != {big}_ABI) return {big}_ERR_ABI;",
+    ]
+    for a in [*parameters, *structs]:
+        source = "&model->parameters" if a.name == "parameters" else a.name
+        lines.append(f"  read_{a.kind.name}({source}, {a.array});")
+    for a in [*parameters, *structs]:
+        lines.append(f"  if ((code = check({a.array}, {a.kind.name}_low, {a.kind.name}_high, {a.size})) < 0) return code;")
+    for a in numbers:
+        (low, high), code = (real.literal(v) for v in (a.fields[0].low, a.fields[0].high)), Code(a.code).name
+        lines.append(f"  if (!{prefix}_is_finite(&{a.array})) return {big}_ERR_NON_FINITE;")
+        lines.append(f"  if ({a.array} < {low} || {a.array} > {high}) return {big}_{code};")
+    lines += [
+        call.body.rstrip("\n"),
+        f"  if (!all_finite(result, {call.output.size})) return {big}_ERR_RESULT;",
+        f"  write_{call.output.kind.name}(result, {call.output.name});",
+        "  return code;",
+        "}",
+        "",
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,99 @@
+"""What a package is made of: parts, each with kernels, structs, public functions and their truth.
+
+A part is what ``--what`` names. It brings the strict kernels, the structs of the header and the public functions, each
+with the C between its checked inputs and its outputs and with a twin that computes the same bits from arrays. Checks,
+declarations, documentation, test vectors and bindings all follow from that. A part written by hand in C (an estimator,
+a controller) brings its text in ``sources`` and calls it from the bodies of its functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from numpy.typing import NDArray
+
+from continuum_grasp.export.codes import Code
+from continuum_grasp.export.fields import Field, Struct
+from continuum_grasp.export.kernel import Kernel
+
+__all__ = ["Argument", "Call", "Part", "Rows", "Twin"]
+
+Array = NDArray[Any]
+Rows = Mapping[str, Array]
+"""Inputs of many calls: (count, size) by the name of the argument."""
+Twin = Callable[[Rows], tuple[Array, Array]]
+"""Rows of the output (count, size) and the codes (count) that the C must return."""
+
+
+@dataclass(frozen=True)
+class Argument:
+    """An argument of a public function: a struct by its address, or a number."""
+
+    name: str
+    kind: Struct | Field
+    array: str
+    """Name of its numbers in the body: an array, or the number itself."""
+    code: int = Code.ERR_RANGE
+    """What is returned where a number of it is out of range."""
+
+    @property
+    def is_struct(self) -> bool:
+        """Whether it is passed by its address."""
+        return isinstance(self.kind, Struct)
+
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """Its numbers."""
+        return self.kind.fields if isinstance(self.kind, Struct) else (self.kind,)
+
+    @property
+    def size(self) -> int:
+        """Count of numbers."""
+        return self.kind.size
+
+
+@dataclass(frozen=True)
+class Call:
+    """A public function of the package.
+
+    Its C takes the model, the inputs and the address of the output, and returns a code. Inputs arrive in ``body``
+    checked, under the names of their arrays, the parameters as ``p``; the body fills ``result``, and may set ``code``
+    to a warning or return an error. The twin is given the rows by the same names.
+    """
+
+    name: str
+    text: str
+    inputs: tuple[Argument, ...]
+    output: Argument
+    body: str
+    twin: Twin
+    codes: tuple[Code, ...] = ()
+    """Warnings and errors that it may return beyond those of every function."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One entry of ``--what``."""
+
+    name: str
+    text: str
+    kernels: tuple[Kernel, ...]
+    calls: tuple[Call, ...]
+    constants: Mapping[str, str] = field(default_factory=dict)
+    """C expressions of ``#define``s of the header, by name behind the prefix."""
+    definitions: str = ""
+    """C that stands before the public functions, in the checked layer."""
+    sources: Mapping[str, str] = field(default_factory=dict)
+    """Further files, by path in the package."""
+
+    @property
+    def structs(self) -> list[Struct]:
+        """Structs of its functions, each once."""
+        found: dict[str, Struct] = {}
+        for call in self.calls:
+            for argument in (*call.inputs, call.output):
+                if isinstance(argument.kind, Struct):
+                    found.setdefault(argument.kind.name, argument.kind)
+        return list(found.values())

@@ -1,0 +1,76 @@
+"""Part ``kinematics``: where a section of the finger is, how it is turned, and how that changes with the coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+
+from continuum_grasp.export.fields import Field, Struct
+from continuum_grasp.export.kernel import Kernel
+from continuum_grasp.export.part import Argument, Array, Call, Part, Rows
+from continuum_grasp.export.parts.dynamics import codes_of
+from continuum_grasp.export.subject import Subject
+
+__all__ = ["kinematics"]
+
+
+def kinematics(subject: Subject) -> Part:
+    """The part for a subject."""
+    eq, n = subject.equations, subject.n
+    section = Struct(
+        "section",
+        "A section of the finger in the world.",
+        (
+            Field("x", "m"),
+            Field("y", "m"),
+            Field("angle", "rad", "its tangent is (-sin, cos) of it"),
+            Field("dx", "m per unit of the coordinate", "derivative of x by each coordinate", shape=(n,)),
+            Field("dy", "m per unit of the coordinate", "derivative of y by each coordinate", shape=(n,)),
+        ),
+    )
+    tip = eq.tip_position.column()
+    *_, (_, tip_angle) = eq.joints
+    at_tip = ca.vertcat(tip, tip_angle, ca.vec(ca.jacobian(tip, eq.q).T))
+    arms = ca.horzcat(*[arm.column() for arm in eq.section_jacobian])
+    at_s = ca.vertcat(eq.section_position.column(), eq.section_angle, ca.vec(arms.T))
+    tip_kernel = Kernel("tip", subject.function("tip", "x u p", at=at_tip), "Section at the tip.")
+    section_kernel = Kernel("section", subject.function("section", "x u s p", at=at_s), "Section at a position s.")
+    acting, output = subject.acting(forces=False), Argument("section", section, "result")
+    prefix = subject.prefix
+    calls = (
+        Call(
+            "tip",
+            "The tip: position, angle, and derivatives by the bending coordinates.",
+            acting,
+            output,
+            subject.guarded(f"  {tip_kernel.call(prefix, x='x', u='u', p='p', at='result')}\n"),
+            _twin(subject, tip_kernel),
+        ),
+        Call(
+            "section_at",
+            "The section at a position s along the finger, from the base.",
+            (*acting, Argument("s", _position(subject), "s")),
+            output,
+            subject.guarded(f"  {section_kernel.call(prefix, x='x', u='u', s='&s', p='p', at='result')}\n"),
+            _twin(subject, section_kernel),
+        ),
+    )
+    kernels = (tip_kernel, section_kernel, *subject.kernels)
+    return Part("kinematics", "position, angle and Jacobian of any section", kernels, calls)
+
+
+def _position(subject: Subject) -> Field:
+    fields = () if subject.parameters is None else subject.parameters.fields
+    longest = sum(field.high for field in fields if field.name.startswith("element_lengths"))
+    length = max(longest, subject.model.finger.rod.length)
+    return Field("s", "m", "position along the finger", 0.0, length, length)
+
+
+def _twin(subject: Subject, kernel: Kernel) -> Callable[[Rows], tuple[Array, Array]]:
+    def twin(rows: Rows) -> tuple[Array, Array]:
+        result = kernel.evaluate(subject.real, **rows)["at"]
+        return result, np.asarray(codes_of(subject, rows, result))
+
+    return twin

@@ -1,0 +1,16 @@
+/* Square root: Newton's iteration for 1 / sqrt(x) from a guess of its exponent, then one step of Heron's. */
+<<P>>_API static <<p>>_real strict_sqrt(<<p>>_real x)
+{
+  union { <<p>>_real value; uint<<width>>_t bits; } guess;
+  <<p>>_real scaled = x, y, root;
+  int k;
+  if (!(x > <<zero>>)) return x < <<zero>> ? (x - x) / (x - x) : x;
+  if (x < <<least>>) scaled = x * <<up>>;
+  guess.value = scaled;
+  guess.bits = <<guess>> - (guess.bits >> 1);
+  y = guess.value;
+  for (k = 0; k < <<newton>>; ++k) y = y * (<<three_halves>> - <<half>> * scaled * y * y);
+  root = scaled * y;
+  root = <<half>> * (root + scaled / root);
+  return x < <<least>> ? root * <<down>> : root;
+}

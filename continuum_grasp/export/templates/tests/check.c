@@ -1,0 +1,96 @@
+/* Runs the vectors; needs memcpy and memcmp, and nothing else. */
+#include "check.h"
+
+#include <string.h>
+
+#include "vectors.h"
+
+<<runners>>
+static const struct {
+  const char *name;
+  int (*run)(const <<p>>_real *row, <<p>>_real *out, uint32_t other_abi, int null, int repeat);
+  const <<p>>_real *inputs, *outputs;
+  const signed char *codes;
+  const bad_input *bad;
+  int rows, input_count, output_count, bad_count, pointers;
+} functions[CHECK_FUNCTIONS] = {
+<<table>>
+};
+
+/* What outputs hold before a call. */
+static void mark(<<p>>_real *out, int count)
+{
+  int k;
+  for (k = 0; k < count; ++k) out[k] = (<<p>>_real)(1000 + k);
+}
+
+static int left_alone(const <<p>>_real *out, int count)
+{
+  <<p>>_real marked[<<most_outputs>>];
+  mark(marked, count);
+  return memcmp(out, marked, (size_t)count * sizeof *out) == 0;
+}
+
+static int agrees(const <<p>>_real *out, const <<p>>_real *expected, int count, <<p>>_real tolerance)
+{
+  <<p>>_real greatest = 0;
+  int k;
+  if (!(tolerance > 0)) return memcmp(out, expected, (size_t)count * sizeof *out) == 0;
+  for (k = 0; k < count; ++k) {
+    const <<p>>_real size = expected[k] < 0 ? -expected[k] : expected[k];
+    if (size > greatest) greatest = size;
+  }
+  for (k = 0; k < count; ++k) {
+    const <<p>>_real off = out[k] < expected[k] ? expected[k] - out[k] : out[k] - expected[k];
+    if (!(off <= tolerance * greatest)) return 0;
+  }
+  return 1;
+}
+
+const char *check_name(int function) { return functions[function].name; }
+
+int check_rows(int function) { return functions[function].rows; }
+
+int check_run(int function, int row, int repeat)
+{
+  <<p>>_real out[<<most_outputs>>];
+  mark(out, functions[function].output_count);
+  return functions[function].run(functions[function].inputs + row * functions[function].input_count, out, 0, 0, repeat);
+}
+
+int check_cases(int function)
+{
+  return functions[function].rows + functions[function].bad_count + functions[function].pointers + 1;
+}
+
+int check_failures(int function, <<p>>_real tolerance)
+{
+  const int inputs = functions[function].input_count, outputs = functions[function].output_count;
+  <<p>>_real row[<<most_inputs>>], out[<<most_outputs>>];
+  int k, failures = 0;
+  for (k = 0; k < functions[function].rows; ++k) {
+    const <<p>>_real *in = functions[function].inputs + k * inputs, *expected = functions[function].outputs + k * outputs;
+    int code;
+    mark(out, outputs);
+    code = functions[function].run(in, out, 0, 0, 1);
+    if (code != functions[function].codes[k]) ++failures;
+    else if (code < 0 ? !left_alone(out, outputs) : !agrees(out, expected, outputs, tolerance)) ++failures;
+  }
+  for (k = 0; k < functions[function].bad_count; ++k) {
+    const bad_input *bad = &functions[function].bad[k];
+    int code;
+    memcpy(row, functions[function].inputs + bad->row * inputs, (size_t)inputs * sizeof *row);
+    memcpy(&row[bad->entry], &bad->bits, sizeof bad->bits);
+    mark(out, outputs);
+    code = functions[function].run(row, out, 0, 0, 1);
+    if (code != bad->code || !left_alone(out, outputs)) ++failures;
+  }
+  for (k = 0; k <= functions[function].pointers; ++k) { /* null pointers, then another interface */
+    const int null = k < functions[function].pointers ? k + 1 : 0, wanted = null ? <<P>>_ERR_NULL : <<P>>_ERR_ABI;
+    int code;
+    mark(out, outputs);
+    code = functions[function].run(functions[function].inputs, out, null ? 0 : 1, null, 1);
+    if (code != wanted || !left_alone(out, outputs)) ++failures;
+  }
+  return failures;
+}

@@ -1,0 +1,139 @@
+"""Test vectors: inputs with the outputs, to the last bit, and the codes that the C must give.
+
+The outputs come from the kernels' twins in numpy, not from the C.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.export.codes import Code
+from continuum_grasp.export.fields import Field
+from continuum_grasp.export.part import Argument, Call
+from continuum_grasp.export.reals import Real
+from continuum_grasp.export.subject import Subject
+
+__all__ = ["Bad", "Vectors", "arguments_of", "vectors_of"]
+
+Array = NDArray[Any]
+
+_COUNT = 64
+"""Rows per function."""
+_DRAWN = 512
+"""Rows that are drawn, of which those that are refused are few."""
+_REFUSED = 4
+"""Rows kept of those that are refused."""
+_SIDES = 8
+"""Rows with every bend at a limit."""
+_HARD = 5.0
+"""Times the usual input, at which a matched tip is out of its range."""
+_TINY = (0.0, 1e-12, 1e-9)
+"""Bends at which a formula with a division by them would fail."""
+
+
+@dataclass(frozen=True)
+class Bad:
+    """A row with one number replaced."""
+
+    row: int
+    entry: int
+    value: float
+    code: Code
+
+
+@dataclass(frozen=True)
+class Vectors:
+    """Rows of one function: inputs (count, inputs), outputs (count, outputs), codes (count); and bad inputs."""
+
+    call: Call
+    inputs: Array
+    outputs: Array
+    codes: NDArray[np.int_]
+    bad: tuple[Bad, ...]
+
+    @property
+    def count(self) -> int:
+        """Cases in all."""
+        return len(self.inputs) + len(self.bad)
+
+
+def arguments_of(subject: Subject, call: Call) -> list[Argument]:
+    """Parameters and inputs of a function, in the order of the rows."""
+    if subject.parameters is None:
+        return list(call.inputs)
+    return [Argument("parameters", subject.parameters, "p"), *call.inputs]
+
+
+def vectors_of(subject: Subject, call: Call, seed: int) -> Vectors:
+    """Vectors of a function: at rest, at tiny bends, overflowing, at limits, over the whole range, and bad ones."""
+    arguments = arguments_of(subject, call)
+    fields = [field for a in arguments for field in a.fields for _ in range(field.size)]
+    rows = _drawn(subject, fields, arguments, np.random.default_rng(seed)).astype(subject.real.dtype)
+    outputs, codes = call.twin(split(rows, arguments))
+    good, refused = np.flatnonzero(codes >= 0), np.flatnonzero(codes < 0)
+    kept = np.sort(np.concatenate([good[: _COUNT - min(_REFUSED, len(refused))], refused[:_REFUSED]]))
+    rows, outputs, codes = rows[kept], outputs[kept], codes[kept]
+    base = int(np.flatnonzero(codes >= 0)[0])
+    return Vectors(call, rows, outputs, codes, tuple(_bad(subject.real, arguments, base)))
+
+
+def split(rows: Array, arguments: list[Argument]) -> dict[str, Array]:
+    """Rows by the arrays of the arguments; empty ones for those that a function does not have."""
+    found, start = {}, 0
+    for argument in arguments:
+        found[argument.array] = rows[:, start : start + argument.size]
+        start += argument.size
+    for name in "pxuw":
+        found.setdefault(name, rows[:, :0])
+    return found
+
+
+def _drawn(subject: Subject, fields: list[Field], arguments: list[Argument], rng: np.random.Generator) -> Array:
+    low = np.array([f.low if f.low > -np.inf else -f.scale for f in fields])
+    high = np.array([f.high if f.high < np.inf else f.scale for f in fields])
+    most = np.array([f.scale for f in fields])
+    low, high = np.maximum(low, -most), np.minimum(high, most)
+    rows = rng.uniform(low, high, (_DRAWN, len(fields)))
+    first = 0 if subject.parameters is None else subject.parameters.size
+    nominal, at_rest = np.array(subject.model.p_nominal), np.clip(np.zeros(len(fields)), low, high)
+    state = slice(first, first + subject.nx)
+    sides = rows[5 : 5 + _SIDES].copy()
+    bends = slice(first, first + subject.n)
+    sides[:, bends] = np.where(rng.integers(0, 2, (_SIDES, subject.n)) == 1, high[bends], low[bends])
+    for k, bend in enumerate(_TINY):
+        rows[k] = at_rest
+        rows[k, state][: subject.n] = bend
+        rows[k, -1] = high[-1] if not arguments[-1].is_struct else rows[k, -1]
+    rows[: len(_TINY), :first] = nominal
+    rows[3, state][subject.n : 2 * subject.n] = 0.5 * subject.real.greatest
+    driven = slice(first + 2 * subject.n, first + subject.nx + subject.model.nu)
+    limits = np.array([f.high for f in fields])
+    rows[4, driven] = np.minimum(_HARD * most, limits)[driven]
+    rows[5 : 5 + len(sides)] = sides
+    return rows
+
+
+def _bad(real: Real, arguments: list[Argument], row: int) -> list[Bad]:
+    """Each number not finite, and each below and above its range."""
+    found, entry = [], 0
+    for argument in arguments:
+        for field in (f for f in argument.fields for _ in range(f.size)):
+            for value in (np.nan, np.inf, -np.inf):
+                found.append(Bad(row, entry, float(value), Code.ERR_NON_FINITE))
+            if field.low > -np.inf:
+                found.append(Bad(row, entry, _beyond(real, field.low, -1.0), Code(argument.code)))
+            if field.high < np.inf:
+                found.append(Bad(row, entry, _beyond(real, field.high, 1.0), Code(argument.code)))
+            entry += 1
+    return found
+
+
+def _beyond(real: Real, limit: float, side: float) -> float:
+    """The next number beyond a limit; beyond zero the next that is normal, since fast flags drop those below."""
+    if limit == 0.0:
+        return side * real.least_normal
+    return float(np.nextafter(real.dtype(limit), real.dtype(side * np.inf)))
