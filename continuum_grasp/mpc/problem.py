@@ -136,8 +136,9 @@ def _tracked(scene: ControlScene, model: Prediction, change: ca.SX | None) -> _T
         found.add(names, where, cost.shape.running, cost.shape.terminal)
     if cost.contact_force is not None:
         force = model.contact_force(*given)
-        names = [f"contact_force_{name} [N]" for name in model.contact_names]
-        found.add(names, force, cost.contact_force.running, cost.contact_force.terminal)
+        followed = [model.contact_names.index(name) for name in scene.followed_contacts]
+        names = [f"contact_force_{name} [N]" for name in scene.followed_contacts]
+        found.add(names, force[followed], cost.contact_force.running, cost.contact_force.terminal)
     if cost.speed is not None:
         names = [f"bending_rate_{k + 1} [rad/s]" for k in range(elements)]
         found.add(names, model.bending_rate(*given), cost.speed.running, cost.speed.terminal)

@@ -89,7 +89,7 @@ def set_points(
         "tip": 2 if cost.tip is not None else 0,
         "bending": elements if cost.bending is not None else 0,
         "shape": 2 * len(cost.shape.at) if cost.shape is not None else 0,
-        "contact_force": len(prediction.contact_names) if cost.contact_force is not None else 0,
+        "contact_force": len(scene.followed_contacts),
         "speed": elements if cost.speed is not None else 0,
         "input": prediction.nu if cost.effort else 0,
         "input_rate": prediction.nu if cost.input_rate else 0,

@@ -16,6 +16,7 @@ _ROOMS = {
         "Controller",
         "Cost",
         "DiscZone",
+        "ForceWeight",
         "HalfPlaneZone",
         "Horizon",
         "InputLimits",
@@ -100,6 +101,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.control import ControlScene as ControlScene
     from continuum_grasp.scene.control import Cost as Cost
     from continuum_grasp.scene.control import DiscZone as DiscZone
+    from continuum_grasp.scene.control import ForceWeight as ForceWeight
     from continuum_grasp.scene.control import HalfPlaneZone as HalfPlaneZone
     from continuum_grasp.scene.control import Horizon as Horizon
     from continuum_grasp.scene.control import InputLimits as InputLimits

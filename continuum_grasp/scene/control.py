@@ -22,6 +22,7 @@ __all__ = [
     "Controller",
     "Cost",
     "DiscZone",
+    "ForceWeight",
     "HalfPlaneZone",
     "Horizon",
     "InputLimits",
@@ -55,6 +56,13 @@ class ShapeWeight(Weight):
     """Positions along the finger [m]."""
 
 
+class ForceWeight(Weight):
+    """Contacts whose normal forces are to follow set-points."""
+
+    of: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] | None = None
+    """Names of the contacts: finger.1 and so on at ``contacts``, finger.tip; None: all of these."""
+
+
 class Cost(Value):
     """Weights of half the squared errors; what has no weight costs no instruction."""
 
@@ -66,7 +74,7 @@ class Cost(Value):
     """World positions along the finger [1/m2]."""
     speed: Weighted | None = None
     """Bending rate of each element, towards zero [s2/rad2]."""
-    contact_force: Weighted | None = None
+    contact_force: Annotated[ForceWeight, BeforeValidator(_running)] | None = None
     """Normal force at each place where the finger may touch the object [1/N2]."""
     effort: NonNegative | None = None
     """Input away from ``reference.input`` [1/N2, or 1/(N m)2 of the tip moment]."""
@@ -246,6 +254,10 @@ class ControlScene(Surroundings):
                 raise ValueError(f"reference.{name} is tracked by nothing: give controller.cost.{name} a weight")
         if cost.contact_force is not None and self.object is None:
             raise ValueError("controller.cost.contact_force needs an object that is touched")
+        for name in (cost.contact_force.of if cost.contact_force is not None else None) or ():
+            if name not in self.contact_names:
+                known = ", ".join(self.contact_names)
+                raise ValueError(f"controller.cost.contact_force.of: expected some of {known}, got {name!r:.60}")
         if cost.shape is not None and given.shape is not None:
             width = given.shape.width if isinstance(given.shape, RowSamples) else len(given.shape)
             if width != 2 * len(cost.shape.at):
@@ -281,6 +293,17 @@ class ControlScene(Surroundings):
         """Time constant of the drive [s]; None where it follows at once."""
         tendons = self.finger.tendons
         return self.controller.input.time_constant if tendons is None else tendons.time_constant
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """Places where the finger may touch an object."""
+        return (*[f"finger.{k + 1}" for k in range(len(self.contacts))], "finger.tip")
+
+    @property
+    def followed_contacts(self) -> tuple[str, ...]:
+        """Contacts whose normal force is tracked."""
+        weight = self.controller.cost.contact_force
+        return () if weight is None else weight.of or self.contact_names
 
     @property
     def curvature_limit(self) -> float:

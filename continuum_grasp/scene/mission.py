@@ -62,6 +62,11 @@ class MissionController(Value):
     deadline: Positive | None = None
     """Time after which a command counts as late [s]; None: the period."""
 
+    @property
+    def contact(self) -> str:
+        """Name of the contact whose force is held."""
+        return "finger.1" if self.held == "middle" else "finger.tip"
+
 
 class Trials(Value):
     """Plants that differ at random, each evenly within its range either way."""

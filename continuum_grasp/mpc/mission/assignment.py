@@ -11,7 +11,7 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.model import System
-from continuum_grasp.scene.control import Controller, ControlScene, Cost, Weight
+from continuum_grasp.scene.control import Controller, ControlScene, Cost, ForceWeight, Weight
 from continuum_grasp.scene.finger import BasePose, Finger
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
@@ -147,7 +147,7 @@ def _control_scene(
     lengths = (*[middle / before] * before, *[beyond / after] * after)
     cost = Cost(
         bending=Weight(running=asked.posture),
-        contact_force=Weight(running=asked.force),
+        contact_force=ForceWeight(running=asked.force, of=(asked.contact,)),
         speed=Weight(running=asked.speed) if asked.speed else None,
         effort=asked.effort,
         input_rate=asked.input_rate,
@@ -169,7 +169,7 @@ def _control_scene(
             bounds=asked.bounds,
             deadline=asked.deadline,
         ),
-        reference=Reference(contact_force=tuple(float(f) for f in forces)),
+        reference=Reference(contact_force=(float(forces[0 if asked.held == "middle" else 1]),)),
         estimator=mission.estimator,
         initial=Initial(pose="straight"),
         plant=mission.plant,
