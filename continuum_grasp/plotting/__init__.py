@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from continuum_grasp.plotting.accuracy import plot_accuracy
 from continuum_grasp.plotting.animation import animate
+from continuum_grasp.plotting.contact import plot_contact_forces
 from continuum_grasp.plotting.control import (
     plot_bounds,
     plot_control_path,
@@ -32,6 +33,7 @@ __all__ = [
     "animate_control",
     "plot_accuracy",
     "plot_bounds",
+    "plot_contact_forces",
     "plot_control_path",
     "plot_controller_times",
     "plot_coordinates",

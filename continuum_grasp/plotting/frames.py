@@ -18,6 +18,14 @@ from continuum_grasp.plotting.finger_shape import (
     mass_positions,
     masses_of,
 )
+from continuum_grasp.plotting.objects import (
+    draw_body,
+    draw_object,
+    draw_surroundings,
+    finger_outline,
+    object_outlines,
+    object_poses,
+)
 
 __all__ = ["frames"]
 
@@ -48,7 +56,9 @@ def frames(trajectory: DrawableTrajectory, indices: NDArray[Any], width: int) ->
     all_loads = [load for one in loads for load in one if np.hypot(*load[1]) > 0]
     scale = force_scale(all_loads, length)
     ends = [np.asarray(p) + scale * np.asarray(f) for p, f, _ in all_loads]
-    box = bend_box([shapes, tip, *ends], 0.09 * length)
+    poses = object_poses(trajectory, unique)
+    outlines = [] if poses is None else [object_outlines(trajectory.scene, pose) for pose in poses]
+    box = bend_box([shapes, tip, *ends, *(outline for one in outlines for outline in one)], 0.09 * length)
 
     across = 2 * max(1, width // 2)
     high = 2 * round(((across - 80) * (box[3] - box[2]) / (box[1] - box[0]) + 110) / 2)
@@ -56,6 +66,10 @@ def frames(trajectory: DrawableTrajectory, indices: NDArray[Any], width: int) ->
     figure.set_dpi(_DPI)
     canvas: Any = figure.canvas
     ax = plane_axes(quiet(figure.add_subplot()), box)
+    draw_surroundings(ax, trajectory.scene)
+    bodies = draw_object(ax, outlines[0], animated=True) if outlines else []
+    if outlines:
+        bodies.append(draw_body(ax, finger_outline(trajectory.scene, shapes[0]), animated=True))
     draw_clamp(ax, shapes[0], length)
     (trail,) = ax.plot([], [], color=GREY, linewidth=0.9, zorder=1, animated=True)
     (finger,) = ax.plot([], [], color=BLUE, linewidth=2.6, solid_capstyle="round", zorder=2, animated=True)
@@ -72,7 +86,10 @@ def frames(trajectory: DrawableTrajectory, indices: NDArray[Any], width: int) ->
         trail.set_data(*tip[: unique[k] + 1].T)
         finger.set_data(*shapes[k].T)
         clock.set_text(f"{t[unique[k]]:.2f} s")
-        moving = [trail, finger, clock]
+        moved = [*outlines[k], finger_outline(trajectory.scene, shapes[k])] if outlines else []
+        for body, outline in zip(bodies, moved, strict=True):
+            body.set_xy(outline)
+        moving = [*bodies, trail, finger, clock]
         if masses:
             dots.set_data(*mass_positions(shapes[k], masses, length).T)
             moving.append(dots)

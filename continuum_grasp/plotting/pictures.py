@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from continuum_grasp.plotting.contact import plot_contact_forces
 from continuum_grasp.plotting.coordinates import plot_coordinates
 from continuum_grasp.plotting.drawable import DrawableTrajectory
 from continuum_grasp.plotting.energy import plot_energy
@@ -54,7 +55,7 @@ def save_picture(drawn: Axes | Sequence[Axes] | Figure, path: str | os.PathLike[
 
 
 def save_simulation_pictures(trajectory: DrawableTrajectory, folder: str | os.PathLike[str]) -> list[Path]:
-    """Draw snapshots, tip path, bending coordinates and energies of a motion into PNG files.
+    """Draw snapshots, tip path, bending coordinates, energies and contact forces of a motion into PNG files.
 
     Parameters
     ----------
@@ -66,6 +67,10 @@ def save_simulation_pictures(trajectory: DrawableTrajectory, folder: str | os.Pa
     Returns
     -------
     list of pathlib.Path
-        ``snapshots.png``, ``tip_path.png``, ``coordinates.png`` and ``energy.png`` in that folder.
+        ``snapshots.png``, ``tip_path.png``, ``coordinates.png`` and ``energy.png`` in that folder, and
+        ``contact_forces.png`` where there is an object.
     """
-    return [save_picture(draw(trajectory), Path(folder) / f"{name}.png") for name, draw in _PICTURES.items()]
+    pictures = dict(_PICTURES)
+    if getattr(trajectory, "contacts", None) is not None:
+        pictures["contact_forces"] = plot_contact_forces
+    return [save_picture(draw(trajectory), Path(folder) / f"{name}.png") for name, draw in pictures.items()]

@@ -18,6 +18,14 @@ from continuum_grasp.plotting.finger_shape import (
     mass_positions,
     masses_of,
 )
+from continuum_grasp.plotting.objects import (
+    draw_body,
+    draw_object,
+    draw_surroundings,
+    finger_outline,
+    object_outlines,
+    object_poses,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,6 +40,8 @@ def plot_snapshots(
     ax: Axes | None = None,
 ) -> Axes:
     """Draw the finger at several instants, coloured by time, with clamp, point masses and forces to scale.
+
+    An object is drawn at the same instants, filled at the last of them, with its supports.
 
     Parameters
     ----------
@@ -61,7 +71,15 @@ def plot_snapshots(
     loads = [load for k in indices for load in trajectory.loads_at(int(k)) if np.hypot(*load[1]) > 0]
     scale = force_scale(loads, length)
     ends = [np.asarray(position) + scale * np.asarray(force) for position, force, _ in loads]
-    ax = plane_axes(ax, bend_box([shapes, *ends], 0.09 * length))
+    poses = object_poses(trajectory, indices)
+    outlines = [] if poses is None else [object_outlines(trajectory.scene, pose) for pose in poses]
+    bodies = [outline for one in outlines for outline in one]
+    ax = plane_axes(ax, bend_box([shapes, *ends, *bodies], 0.09 * length))
+    draw_surroundings(ax, trajectory.scene)
+    for k, one in enumerate(outlines):
+        draw_object(ax, one, faint=k < len(outlines) - 1)
+    if outlines:
+        draw_body(ax, finger_outline(trajectory.scene, shapes[-1]))
 
     lines = LineCollection(list(shapes), cmap=time_map(), linewidths=2.0, capstyle="round", zorder=2)
     lines.set_array(t[indices])

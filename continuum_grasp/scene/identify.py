@@ -188,6 +188,8 @@ class IdentifyScene(Scene):
 
     @model_validator(mode="after")
     def _distinct(self) -> IdentifyScene:
+        if self.object is not None:
+            raise ValueError("object has no place here: measurements are of the finger alone")
         names = [one.name for one in self.estimate]
         for k, name in enumerate(names):
             if name in names[:k]:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
+from continuum_grasp.model.planar import Vec
+from continuum_grasp.model.surface import nearest
+from continuum_grasp.scene.objects import GraspObject
 
-__all__ = ["ContactForces"]
+__all__ = ["ContactForces", "overlaps"]
 
 Array = NDArray[np.float64]
 
@@ -68,3 +72,25 @@ class ContactForces:
     def arrays(self) -> dict[str, Array]:
         """The arrays under the names that they are saved by."""
         return {f"contact_{one.name}": getattr(self, one.name) for one in fields(self) if one.name != "names"}
+
+
+def overlaps(thing: GraspObject, poses: Array, backbones: Array, half_thickness: float) -> Array:
+    """Deepest overlap of a finger and an object at some instants (T,) [m]; zero where they are apart.
+
+    Parameters
+    ----------
+    thing : GraspObject
+    poses : (T, 3) ndarray
+        Its pose: world x, y [m] and angle [rad].
+    backbones : (T, points, 2) ndarray
+        World [m].
+    half_thickness : float
+        Of the finger [m].
+    """
+    c, s = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
+    away = backbones - poses[:, None, :2]
+    local = np.stack([c * away[..., 0] + s * away[..., 1], c * away[..., 1] - s * away[..., 0]], axis=-1)
+    at = ca.SX.sym("at", 2)
+    distance = ca.Function("distance", [at], [nearest(thing.parts, Vec(at[0], at[1])).distance])
+    found = np.array(distance(local.reshape(-1, 2).T)).reshape(local.shape[:2])
+    return np.asarray(np.maximum(0.0, half_thickness - found.min(axis=1)))

@@ -1,16 +1,25 @@
-"""Whether shapes stay where the model means something: the declared bending range and the strain limit."""
+"""Whether shapes stay where the model means something: bending range, strain limit, and outside of an object."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.model import FingerModel
 
-__all__ = ["LOST", "limit_warnings"]
+if TYPE_CHECKING:
+    from continuum_grasp.simulation.trajectory import Trajectory
+
+__all__ = ["LOST", "limit_warnings", "overlap_warnings"]
 
 LOST = 3.0
 """Multiple of the declared bending range beyond which the model means nothing."""
+_THROUGH = 0.5
+"""Overlap between stations that is told, as a part of the half thickness."""
+_LOOKS = 50
+"""Instants at which overlaps are looked for."""
 
 
 def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | None = None) -> tuple[str, ...]:
@@ -44,3 +53,20 @@ def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | 
                 "fidelity.bending_range"
             )
     return tuple(found)
+
+
+def overlap_warnings(trajectory: Trajectory) -> tuple[str, ...]:
+    """What the user must know of a finger that is deeper in an object than its stations are pressed into it."""
+    if trajectory.contacts is None:
+        return ()
+    looked = np.unique(np.linspace(0, len(trajectory.t) - 1, _LOOKS).astype(int))
+    own = [k for k, name in enumerate(trajectory.contacts.names) if name.startswith("finger.")]
+    pressed = np.maximum(0.0, -trajectory.contacts.gap[looked][:, own].min(axis=1))
+    beyond = trajectory.overlap(looked) - pressed
+    k = int(beyond.argmax())
+    if beyond[k] <= _THROUGH * trajectory.model.finger.thickness_radius:
+        return ()
+    return (
+        f"between the stations that touch, the finger overlaps the object by {1e3 * beyond[k]:.2g} mm at "
+        f"t = {trajectory.t[looked[k]]:g} s: add contacts",
+    )

@@ -19,7 +19,7 @@ from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.contact_spectrum import contact_frequency, pressed_radius, telling_states
 from continuum_grasp.simulation.initial import initial_state, start_warnings
-from continuum_grasp.simulation.limits import LOST, limit_warnings
+from continuum_grasp.simulation.limits import LOST, limit_warnings, overlap_warnings
 from continuum_grasp.simulation.reference import integrate_reference
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
@@ -56,7 +56,8 @@ def simulate(scene: Scene | str | PathLike[str], *, progress: Progress | None = 
     -------
     Trajectory
         States at every output step, with those of an object that moves and of the contacts' friction. Its ``warnings``
-        tell when an element left its declared bending range or exceeded the strain limit.
+        tell when an element left its declared bending range or exceeded the strain limit, and where the finger passes
+        through the object between the stations that touch it.
 
     Raises
     ------
@@ -140,7 +141,7 @@ class _Run:
         status = "finished" if error is None else "stopped"
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
         started_thrown, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
-        warnings = (*started_thrown, *jumps, *limits)
+        warnings = (*started_thrown, *jumps, *limits, *overlap_warnings(result))
         result = replace(result, status=status, warnings=warnings, statistics=statistics)
         if isinstance(error, Interrupted):
             raise Interrupted(str(error), result=result) from error.__cause__

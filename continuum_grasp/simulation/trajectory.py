@@ -15,7 +15,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.contacts import ContactForces
+from continuum_grasp.simulation.contacts import ContactForces, overlaps
 
 __all__ = ["Trajectory"]
 
@@ -155,6 +155,14 @@ class Trajectory:
     def contacts(self) -> ContactForces | None:
         """What the contacts of the object bear; None without an object."""
         return None if self.system is None else ContactForces.of(self.system_core, self.x, self.u, self.w)
+
+    def overlap(self, indices: ArrayLike, points: int = 100) -> Array:
+        """Deepest overlap of finger and object (len(indices),) at some of the instants [m]; zero without an object."""
+        chosen = np.atleast_1d(np.asarray(indices, dtype=int))
+        if self.scene.object is None or self.object_pose is None:
+            return np.zeros(len(chosen))
+        half = self.model.finger.thickness_radius
+        return overlaps(self.scene.object, self.object_pose[chosen, :3], self.backbone(chosen, points), half)
 
     def backbone(self, indices: ArrayLike, points: int = 50) -> Array:
         """Backbones (len(indices), points, 2) at some of the instants [m]."""
