@@ -35,8 +35,21 @@ typedef cg_real cg_lanes __attribute__((vector_size(CG_BYTES)));
     for (int l = 0; l < CG_LANES; ++l) a[l] = call(a[l], b[l]); \\
     return a; \\
   }
+#define CG_COMPARE(name, sign) \\
+  static inline cg_lanes name(cg_lanes a, cg_lanes b) { \\
+    for (int l = 0; l < CG_LANES; ++l) a[l] = a[l] sign b[l] ? (cg_real)1 : (cg_real)0; \\
+    return a; \\
+  }
+CG_COMPARE(cg_lt, <) CG_COMPARE(cg_le, <=) CG_COMPARE(cg_eq, ==) CG_COMPARE(cg_ne, !=)
+CG_COMPARE(cg_and, != 0 &&) CG_COMPARE(cg_or, != 0 ||)
+static inline cg_lanes cg_if(cg_lanes a, cg_lanes b) {
+  for (int l = 0; l < CG_LANES; ++l) a[l] = a[l] != 0 ? b[l] : (cg_real)0;
+  return a;
+}
+static inline cg_lanes cg_not(cg_lanes a) { return cg_eq(a, (cg_lanes){0}); }
+static inline cg_lanes cg_sign(cg_lanes a) { return cg_lt((cg_lanes){0}, a) - cg_lt(a, (cg_lanes){0}); }
 CG_EACH(cg_sqrt, sqrt) CG_EACH(cg_exp, exp) CG_EACH(cg_fabs, fabs) CG_EACH(cg_sin, sin) CG_EACH(cg_cos, cos)
-CG_EACH2(cg_fmin, fmin) CG_EACH2(cg_fmax, fmax)
+CG_EACH2(cg_fmin, fmin) CG_EACH2(cg_fmax, fmax) CG_EACH2(cg_pow, pow) CG_EACH(cg_log, log)
 """
 
 _BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
@@ -48,6 +61,18 @@ _CALLS = {
     ca.OP_COS: "cg_cos",
     ca.OP_FMIN: "cg_fmin",
     ca.OP_FMAX: "cg_fmax",
+    ca.OP_POW: "cg_pow",
+    ca.OP_CONSTPOW: "cg_pow",
+    ca.OP_LOG: "cg_log",
+    ca.OP_LT: "cg_lt",
+    ca.OP_LE: "cg_le",
+    ca.OP_EQ: "cg_eq",
+    ca.OP_NE: "cg_ne",
+    ca.OP_AND: "cg_and",
+    ca.OP_OR: "cg_or",
+    ca.OP_NOT: "cg_not",
+    ca.OP_IF_ELSE_ZERO: "cg_if",
+    ca.OP_SIGN: "cg_sign",
 }
 _UNARY: dict[int, Callable[[str], str]] = {
     ca.OP_NEG: lambda a: f"-{a}",
