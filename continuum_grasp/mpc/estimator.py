@@ -99,6 +99,12 @@ class Estimator:
         Name and unit of each entry of ``Filtered.z``: the states of the prediction, then the disturbances.
     measurement_names : tuple of str
         Name and unit of each entry of a measurement.
+    estimation : Estimation
+        Functions of the filter.
+    settings : dict
+        Numbers of the filter, by the names in ``c/ekf.h``.
+    first : (nx,) ndarray
+        State of the scene's initial pose.
 
     Raises
     ------
@@ -130,7 +136,7 @@ class Estimator:
         self._measurement, self._u, self._p = (self._c.input[part] for part in slices(given).values())
         self._call = self._c.function("cg_step")
         self._nominal = np.array(self.prediction.p_nominal, dtype=float)
-        self._first = first_state(self.scene, self.prediction)
+        self.first = first_state(self.scene, self.prediction)
         self.reset()
 
     def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
@@ -149,7 +155,7 @@ class Estimator:
             If something has another size or is not finite.
         """
         z = np.zeros(len(self.names))
-        z[: self.prediction.nx] = vector("state", self._first if state is None else state, self.prediction.nx)
+        z[: self.prediction.nx] = vector("state", self.first if state is None else state, self.prediction.nx)
         before = vector("u", rest_input(self.scene) if u is None else u, self.prediction.nu)
         self._c.start(np.concatenate([z, before]))
 

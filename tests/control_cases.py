@@ -1,0 +1,96 @@
+"""Controlled fingers for the tests of estimators and controllers, and plants that are integrated by scipy."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from continuum_grasp.mpc.prediction import Prediction
+from continuum_grasp.scene import Damping, Fidelity, Finger, Tendons
+from continuum_grasp.scene import Rod as RodValue
+from continuum_grasp.scene.control import ControlScene
+
+ROD = Finger(
+    rod=RodValue(length=0.6, linear_density=0.0203, bending_stiffness=0.0471, rotary_inertia=1e-8),
+    damping=Damping(material=2e-4),
+)
+HAND = Finger(
+    rod=RodValue(length=0.18, linear_density=0.034, bending_stiffness=6.11e-3, rotary_inertia=2.6e-7, diameter=0.0012),
+    damping=Damping(material=3e-5),
+    strain_limit=0.06,
+    tendons=Tendons(offset=0.005, min_tension=1.0, max_tension=60.0, time_constant=0.02),
+)
+
+
+def rod_scene(**changes) -> ControlScene:
+    """Two arcs under gravity with a tip moment; changes override."""
+    given = {
+        "schema_version": 1,
+        "finger": ROD,
+        "gravity": (0.0, -9.81),
+        "fidelity": Fidelity(family="arc", elements=2),
+        "controller": {
+            "horizon": {"stages": 15, "stage": 0.01},
+            "cost": {"tip": {"running": 2e3, "terminal": 20.0}, "effort": 0.1},
+            "input": {"moment_max": 0.3, "rate_max": 3.0},
+        },
+        "reference": {"tip": (0.3, 0.4)},
+        "initial": {"pose": "straight"},
+        "estimator": {"measured": {"tip": 1e-3}},
+    }
+    return ControlScene(**{**given, **changes})
+
+
+SENSED = {"measured": {"tip": 1e-3, "bending": {"at": (0.3, 0.6), "std": 0.01}}}
+UNKNOWN = {"tip_force": 0.1, "bending_stiffness": 0.1}
+
+
+def sensed_rod_scene(estimator=None, **changes) -> ControlScene:
+    """The rod with a camera and two angles, under an unknown tip force and with an uncertain stiffness."""
+    asked = {**SENSED, "disturbances": UNKNOWN, **(estimator or {})}
+    return rod_scene(parameters=("bending_stiffness",), estimator=asked, **changes)
+
+
+def hand_scene(**changes) -> ControlScene:
+    """Two clothoids with tendons that lag, in a horizontal plane; changes override."""
+    given = {
+        "schema_version": 1,
+        "finger": HAND,
+        "gravity": (0.0, 0.0),
+        "fidelity": Fidelity(family="matched_clothoid", elements=2),
+        "controller": {
+            "horizon": {"stages": 15, "stage": 0.01},
+            "cost": {"tip": {"running": 2e5, "terminal": 2e3}, "effort": 0.01, "input_rate": 1e-4},
+            "input": {"rate_max": 600.0},
+        },
+        "reference": {"tip": (-0.08, 0.12)},
+        "estimator": {"measured": {"tip": 3e-4, "tension": 0.1}, "disturbances": {"tip_moment": 0.02}},
+    }
+    return ControlScene(**{**given, **changes})
+
+
+class Reality:
+    """The model of a scene as a plant, with parameters of its own, integrated by scipy."""
+
+    def __init__(self, scene: ControlScene, x0, p=None) -> None:
+        self.model = Prediction(scene)
+        self.p = np.array(self.model.p_nominal if p is None else p, dtype=float)
+        self.x = np.array(x0, dtype=float)
+        self._rate = _buffered(self.model.dynamics)
+
+    def advance(self, u, time: float) -> None:
+        """Hold an input for a time."""
+        found = solve_ivp(
+            lambda t, x: self._rate(x, u, self.p), (0.0, time), self.x, method="LSODA", rtol=1e-9, atol=1e-11
+        )
+        self.x = found.y[:, -1]
+
+    @property
+    def tip(self):
+        """World position of the tip."""
+        return np.array(self.model.tip(self.x, np.zeros(self.model.nu), self.p)).ravel()
+
+
+def _buffered(function: ca.Function):
+    return lambda *given: np.array(function(*given)).ravel()
