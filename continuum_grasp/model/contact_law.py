@@ -87,18 +87,18 @@ def friction_share(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) ->
 def friction_rate(law: ContactLaw, gap: Scalar, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
     """Rates of the friction states [1/s].
 
-    While the surfaces touch, z' = (v - lost(z, v) z) / (displacement + |v| 1 ms). At a slow slip, lost is
-    b(|z|) max(0, v.z), where b rises smoothly from 0 at half the cone to 1 on it: below half the contact springs back,
-    whatever shakes it. At a fast one it is |v|, so that the state is linear in z. Either way z stays in the unit disc
-    and turns into the direction of a steady slip. An open contact forgets.
+    While the surfaces touch, z' = (v - lost z) / displacement. At a slow slip, lost is b(|z|) max(0, v.z), where b
+    rises smoothly from 0 at half the cone to 1 on it: below half the contact springs back, whatever shakes it. At a
+    fast one it is |v|, so that the state is linear in z, and takes 1 ms at least to turn. Either way z stays in the
+    unit disc and turns into the direction of a steady slip. An open contact forgets.
     """
     if law.displacement is None:
         return []
     # Zero at a gap of three times the rounding, one from where there is a force.
     near = ca.fmin(ca.fmax((0.5 / law.rounding) * (3.0 * law.rounding - gap), 0.0), 1.0)
     touching = near * near * (3.0 - 2.0 * near)
-    speed = ca.sqrt(plus(_square(v), _TINY))
-    pace = touching / (law.displacement + _SHORTEST * speed)
+    fast, speed = _fast(law, v)
+    pace = touching / (law.displacement + _SHORTEST * fast * speed)
     fade = (1.0 - touching) * _RELAXATION
     elastic = _elastic_velocity(law, z, v)
     return [pace * rate - fade * each for each, rate in zip(z, elastic, strict=True)]
@@ -106,16 +106,23 @@ def friction_rate(law: ContactLaw, gap: Scalar, z: Sequence[Scalar], v: Sequence
 
 def _elastic_velocity(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
     """Part of the slip that goes into the elastic displacement [m/s]."""
-    low, square = _ELASTIC**2, _square(v)
+    low = _ELASTIC**2
     t = ca.fmin(ca.fmax((_square(z) - low) / (1.0 - low), 0.0), 1.0)
     outward: Scalar = 0.0
     for a, b in zip(z, v, strict=True):
         outward = plus(outward, times(a, b))
-    slow_limit = (_SLOW * (law.displacement or 0.0)) ** 2
-    fast = square / plus(square, slow_limit)
+    fast, speed = _fast(law, v)
     slow_loss = t * t * (3.0 - 2.0 * t) * ca.fmax(0.0, outward)
-    lost = slow_loss + fast * (ca.sqrt(plus(square, _TINY)) - slow_loss)
+    lost = slow_loss + fast * (speed - slow_loss)
     return [b - lost * a for a, b in zip(z, v, strict=True)]
+
+
+def _fast(law: ContactLaw, v: Sequence[Scalar]) -> tuple[Scalar, Scalar]:
+    """Whether a slip is fast, from 0 to 1, and its speed [m/s]."""
+    square = _square(v)
+    limit = (_SLOW * (law.displacement or 0.0)) ** 4
+    fourth = times(square, square)
+    return fourth / plus(fourth, limit), ca.sqrt(plus(square, _TINY))
 
 
 def _square(values: Sequence[Scalar]) -> Scalar:

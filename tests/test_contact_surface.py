@@ -1,0 +1,148 @@
+"""Distances from objects against brute force, and points on walls against the support function."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+import pytest
+from pydantic import TypeAdapter
+from scipy.optimize import minimize_scalar
+
+from continuum_grasp.model.planar import Vec
+from continuum_grasp.model.surface import lowest_points, nearest
+from continuum_grasp.scene import Box, Circle, Ellipse, Polygon, RoundedPolygon, Superellipse, Union
+from continuum_grasp.scene.objects import UnionPart
+
+KEYS = {"mass": 0.1, "position": (0.0, 0.0)}
+CORNERS = ((0.0, 0.0), (0.08, 0.01), (0.05, 0.06), (0.01, 0.05))
+MUG = Union(
+    shape="union",
+    center_of_mass=(0.0, 0.0),
+    members=tuple(
+        TypeAdapter(UnionPart).validate_python(member)
+        for member in (
+            {"shape": "circle", "diameter": 0.08},
+            {
+                "shape": "box",
+                "width": 0.03,
+                "height": 0.012,
+                "corner_radius": 0.004,
+                "position": (0.05, 0.0),
+                "angle": 0.3,
+            },
+        )
+    ),
+    **KEYS,
+)
+OBJECTS = {
+    "disc": Circle(shape="circle", diameter=0.08, **KEYS),
+    "box": Box(shape="box", width=0.08, height=0.05, **KEYS),
+    "rounded box": Box(shape="box", width=0.08, height=0.05, corner_radius=0.01, **KEYS),
+    "polygon": Polygon(shape="polygon", vertices=CORNERS, **KEYS),
+    "rounded polygon": RoundedPolygon(shape="rounded_polygon", vertices=CORNERS, corner_radius=0.006, **KEYS),
+    "ellipse": Ellipse(shape="ellipse", width=0.12, height=0.05, **KEYS),
+    "superellipse 3": Superellipse(shape="superellipse", width=0.1, height=0.06, exponent=3.0, **KEYS),
+    "superellipse 8": Superellipse(shape="superellipse", width=0.1, height=0.06, exponent=8.0, **KEYS),
+    "mug": MUG,
+}
+
+
+def distance(thing) -> ca.Function:
+    at = ca.SX.sym("at", 2)
+    found = nearest(thing.parts, Vec(at[0], at[1]))
+    return ca.Function("distance", [at], [found.distance, found.normal.column(), ca.gradient(found.distance, at)])
+
+
+def nearest_on(outline: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Nearest point of a closed polygon (count, 2)."""
+    best, found = math.inf, outline[0]
+    for a, b in pairwise([*outline, outline[0]]):
+        share = np.clip((point - a) @ (b - a) / max((b - a) @ (b - a), 1e-300), 0.0, 1.0)
+        candidate = a + share * (b - a)
+        if np.hypot(*(point - candidate)) < best:
+            best, found = float(np.hypot(*(point - candidate))), candidate
+    return found
+
+
+def nearest_on_superellipse(part, point: np.ndarray) -> np.ndarray:
+    """By scipy, over the angle of the direction from the centre."""
+
+    def place(turn: float) -> np.ndarray:
+        c, s = math.cos(turn), math.sin(turn)
+        size = (abs(c) ** part.exponent + abs(s) ** part.exponent) ** (-1.0 / part.exponent)
+        return size * np.array([part.semi_axes[0] * c, part.semi_axes[1] * s])
+
+    turns = np.linspace(0.0, math.tau, 721)
+    start = turns[np.argmin([np.hypot(*(point - place(t))) for t in turns])]
+    bounds = (start - 0.02, start + 0.02)
+    found = minimize_scalar(
+        lambda t: float(np.sum((point - place(t)) ** 2)), bounds=bounds, method="bounded", options={"xatol": 1e-12}
+    )
+    return place(found.x)
+
+
+def turned(v: np.ndarray) -> np.ndarray:
+    return np.array([-v[1], v[0]])
+
+
+def truth(thing, point: np.ndarray) -> tuple[float, np.ndarray]:
+    """Signed distance and normal, by the nearest of the parts."""
+    answers = []
+    for part in thing.parts:
+        if part.is_superellipse:
+            (a, b), p = part.semi_axes, part.exponent
+            there, inside = nearest_on_superellipse(part, point), abs(point[0] / a) ** p + abs(point[1] / b) ** p < 1.0
+            size = np.hypot(*(point - there)) * (-1.0 if inside else 1.0)
+            answers.append((size, (point - there) / size))
+            continue
+        core = np.array(part.vertices)
+        there = nearest_on(core, point) if len(core) > 1 else core[0]
+        edges = [] if len(core) == 1 else list(pairwise([*core, core[0]]))
+        inside = bool(edges) and all((b - a) @ turned(point - a) < 0.0 for a, b in edges)
+        size = np.hypot(*(point - there)) * (-1.0 if inside else 1.0)
+        answers.append((size - part.radius, (point - there) / size))
+    return min(answers, key=lambda answer: answer[0])
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_distance_and_normal_are_those_of_the_nearest_point(name):
+    """As near as half thicknesses go, and pressed in by up to 2 mm."""
+    function, rng = distance(OBJECTS[name]), np.random.default_rng(0)
+    tried = 0
+    while tried < 60:
+        point = rng.uniform([-0.08, -0.06], [0.11, 0.09])
+        expected, normal = truth(OBJECTS[name], point)
+        if not -0.002 < expected < 0.012:
+            continue
+        found, direction, slope = (np.array(v).ravel() for v in function(point))
+        assert found[0] == pytest.approx(expected, abs=2e-9)
+        assert direction == pytest.approx(normal, abs=1e-5)
+        assert slope == pytest.approx(direction, abs=1e-6)
+        tried += 1
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_nothing_far_away_is_taken_to_touch(name):
+    function, rng = distance(OBJECTS[name]), np.random.default_rng(1)
+    for _ in range(200):
+        turn, size = rng.uniform(0.0, math.tau), rng.uniform(0.11, 1.0)
+        assert float(function([size * math.cos(turn), size * math.sin(turn)])[0]) > 0.1 * (size - 0.09)
+
+
+@pytest.mark.parametrize("name", [name for name in OBJECTS if name != "mug"])
+def test_one_of_the_lowest_points_reaches_as_far_as_the_support_function(name):
+    part = OBJECTS[name].parts[0]
+    for turn in np.linspace(0.0, math.tau, 41):
+        way = Vec(math.cos(turn), math.sin(turn))
+        reaches = [float(ca.DM(way.dot(at))) for at in lowest_points(part, way)]
+        assert max(reaches) == pytest.approx(part.support(turn), abs=1e-9)
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.025), (0.04, 0.01), (0.04, 0.025), (0.0, 0.0)])
+def test_points_on_faces_corners_and_axes_of_a_box_give_finite_slopes(place):
+    values = [np.array(v).ravel() for v in distance(OBJECTS["box"])(place)]
+    assert all(np.all(np.isfinite(v)) for v in values)
+    assert values[0][0] == pytest.approx(-0.025 if place == (0.0, 0.0) else 0.0, abs=1e-11)
