@@ -170,6 +170,8 @@ class Controller:
         Its problem.
     period : float
         Time from one command to the next [s].
+    first : (nx,) ndarray
+        State of the scene's initial pose.
     measurement_names : tuple of str
         Name and unit of each entry of a measurement: tip, tensions (or tip moment), angles of sections; the model's
         state where the scene has no estimator.
@@ -202,12 +204,20 @@ class Controller:
         self.prediction = Prediction(self.scene)
         self.stages = stages_of(self.scene, self.prediction)
         self.precision = precision_of(precision)
-        estimation = None if self.scene.estimator is None else estimation_of(self.scene, self.prediction)
+        estimation = (
+            None if self.scene.estimator is None else estimation_of(self.scene, self.prediction, self.stages.method)
+        )
         self.period = self.scene.controller.step
+        if self.period > self.stages.stage * (1.0 + 1e-9):
+            raise InputError(
+                f"{self.period:g} s is longer than a stage of {self.stages.stage:g} s, for which alone an input of the "
+                "plan is held: expected a stage as long as the period, or longer",
+                key="controller.period",
+            )
         self.measurement_names = self.prediction.x_names if estimation is None else estimation.measurement_names
         self.estimated_names = self.prediction.x_names if estimation is None else estimation.z_names
         self._deadline = 1e9 * _deadline(self.scene, deadline)
-        fields = controller_fields(self.scene, self.prediction, self.stages, estimation)
+        fields = controller_fields(self.scene, self.prediction, self.stages, estimation, self.precision)
         source = controller_source(self.stages, estimation, delay_periods(self.scene), fields, self.precision)
         n, s = self.stages.stages, self.stages
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
@@ -220,7 +230,7 @@ class Controller:
         self._measurement, self._p, self._applied, rows = (self._c.input[part] for part in inputs.values())
         self._set_points = rows.reshape(n + 1, s.nr)
         self._call = self._c.function("cg_controller_step")
-        self._first = first_state(self.scene, self.prediction)
+        self.first = first_state(self.scene, self.prediction)
         self._nz = max(nz, s.nd)
         self.reset()
 
@@ -240,7 +250,7 @@ class Controller:
             If something has another size or is not finite.
         """
         z = np.zeros(self._nz)
-        z[: self.prediction.nx] = vector("state", self._first if state is None else state, self.prediction.nx)
+        z[: self.prediction.nx] = vector("state", self.first if state is None else state, self.prediction.nx)
         before = vector("u", rest_input(self.scene) if u is None else u, self.stages.nu)
         self._c.start(np.concatenate([z, before, self.stages.p_nominal]))
         self._step, self._late = 0, False

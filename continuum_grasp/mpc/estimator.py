@@ -120,7 +120,7 @@ class Estimator:
         self.scene = control_scene(scene)
         self.prediction = Prediction(self.scene)
         stages = stages_of(self.scene, self.prediction)
-        self.estimation = estimation_of(self.scene, self.prediction)
+        self.estimation = estimation_of(self.scene, self.prediction, stages.method)
         self.precision = precision_of(precision)
         self.period, self.delay = self.scene.controller.step, delay_periods(self.scene)
         self.names, self.measurement_names = self.estimation.z_names, self.estimation.measurement_names

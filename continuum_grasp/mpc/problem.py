@@ -13,7 +13,7 @@ from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.stages import ABSENT, Stages
 from continuum_grasp.mpc.stiffness import fastest_rate
 from continuum_grasp.mpc.transcription import cost_function, step_function, terminal_function
-from continuum_grasp.scene.control import Bounds, ControlScene, DiscZone, HalfPlaneZone, Penalty
+from continuum_grasp.scene.control import Bounds, ControlScene, DiscZone, HalfPlaneZone, Horizon, Penalty
 
 __all__ = ["stages_of"]
 
@@ -23,6 +23,10 @@ _HARD = Penalty(linear=1e4, quadratic=1e6)
 """Price at which a row is kept wherever it can be."""
 _TARGET = 1.5
 """Product of sub-step and fastest rate; the Runge-Kutta method is stable up to 2.7."""
+_EXPLICIT_UP_TO = 4
+"""Explicit sub-steps per stage up to which they are taken."""
+_IMPLICIT_STEP = 0.010
+"""Longest implicit step [s]."""
 _PER_ELEMENT = 4
 """Sections of every element that a zone sees."""
 
@@ -66,9 +70,9 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     rows = function("rows", "c", bounded.column)
     dynamics = function("dynamics", "xd", model.dynamics(model.x, u, p))
     u_min, u_max = _input_limits(scene)
-    substeps = horizon.substeps or math.ceil(horizon.stage * fastest_rate(model, u_min, u_max) / _TARGET)
+    method, substeps = _integration(horizon, model, u_min, u_max)
     return Stages(
-        step=step_function(dynamics, x.numel()),
+        step=step_function(dynamics, x.numel(), method),
         cost=cost_function(outputs, rows, horizon.stage),
         terminal=terminal_function(outputs, rows, tracked.of_state, ns),
         outputs=outputs,
@@ -76,7 +80,8 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
         rows=rows,
         stages=horizon.stages,
         stage=horizon.stage,
-        substeps=max(1, substeps),
+        substeps=substeps,
+        method=method,
         nd=model.nx,
         ns=ns,
         nt=tracked.of_state,
@@ -95,6 +100,18 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
         terminal_weights=np.array(tracked.terminal),
         p_nominal=np.array(model.p_nominal),
     )
+
+
+def _integration(horizon: Horizon, model: Prediction, u_min: Array, u_max: Array) -> tuple[str, int]:
+    """Method and steps per stage, from the stiffness where the scene does not say."""
+    if horizon.method == "implicit":
+        return "implicit", horizon.substeps or math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+    if horizon.substeps is not None:
+        return "rk4", horizon.substeps
+    wanted = max(1, math.ceil(horizon.stage * fastest_rate(model, u_min, u_max) / _TARGET))
+    if horizon.method == "rk4" or wanted <= _EXPLICIT_UP_TO:
+        return "rk4", wanted
+    return "implicit", math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
 
 
 @dataclass

@@ -30,7 +30,7 @@ class Stages:
     Attributes
     ----------
     step : casadi.Function
-        (x, u, p, h) -> xn (nx), A (nx, nx), B (nx, nu): one Runge-Kutta step of length h and its derivatives, by the
+        (x, u, p, h) -> xn (nx), A (nx, nx), B (nx, nu): one step of length h by ``method`` and its derivatives, by the
         variational equations; a straight-line function. ``substeps`` of them make F.
     cost : casadi.Function
         (x, u, p, r, W) -> l, g (nz), H (nz, nz), c (nc), C (nc, nz): cost of a stage with its gradient and
@@ -44,7 +44,9 @@ class Stages:
     rows : casadi.Function
         (x, u, p) -> c (nc).
     stages, substeps : int
-        N, and Runge-Kutta steps per stage.
+        N, and steps per stage.
+    method : {"rk4", "implicit"}
+        The Runge-Kutta method of order 4, or an L-stable one of order 2.
     stage : float
         Length of a stage h [s].
     nd, ns, nt : int
@@ -64,6 +66,7 @@ class Stages:
     stages: int
     stage: float
     substeps: int
+    method: str
     nd: int
     ns: int
     nt: int

@@ -160,8 +160,11 @@ class Horizon(Value):
     stages: Annotated[int, Field(ge=2, le=500)] = 30
     stage: Annotated[float, Field(ge=1e-5, le=10.0)] = 0.01
     """Length of one stage, over which the input is constant [s]."""
+    method: Literal["auto", "rk4", "implicit"] = "auto"
+    """rk4: explicit steps of order 4; implicit: L-stable steps of order 2, for stiff models such as those in contact;
+    auto: rk4 unless the stiffness asks for more than four steps per stage."""
     substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
-    """Runge-Kutta steps per stage; None: as many as the stiffness asks for."""
+    """Steps per stage; None: as many as the stiffness asks for (implicit: one per 10 ms)."""
 
 
 class Controller(Value):

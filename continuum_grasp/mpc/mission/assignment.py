@@ -26,6 +26,8 @@ _LARGEST = 10.0
 """Multiple of a wrench beyond which nothing is pulled with: what presses the object on a support is resisted anyhow."""
 _CLEARANCE = 0.003
 """Distance from the object at which the approach ends [m]."""
+_MARGIN = 1.5
+"""Greatest curvature per that of the free finger under the greatest tension."""
 _DENSE = 60
 """Places along the finger whose distance is looked at."""
 _STEPS = 200
@@ -160,7 +162,8 @@ def _control_scene(
         contacts=(middle,),
         object=thing,
         contact_law=mission.contact_law.model_copy(update={"friction": 0.0}),
-        fidelity=Fidelity(family="matched_clothoid", elements=lengths),
+        fidelity=Fidelity(family="matched_clothoid", elements=lengths, bending_range=_reach(finger, lengths)),
+        parameters=("bending_stiffness",) if mission.estimator.disturbances.bending_stiffness is not None else (),
         controller=Controller(
             period=asked.period,
             horizon=asked.horizon,
@@ -174,6 +177,13 @@ def _control_scene(
         initial=Initial(pose="straight"),
         plant=mission.plant,
     )
+
+
+def _reach(finger: Finger, lengths: tuple[float, ...]) -> float:
+    """Bending range of an element that the greatest tension and some contact force do not exceed [rad]."""
+    tendons = finger.tendons
+    most = 0.0 if tendons is None else tendons.max_tension * tendons.offset / finger.rod.stiffness
+    return min(max(lengths) * min(_MARGIN * most, finger.curvature_limit), 20.0)
 
 
 def _about_to_touch(control: ControlScene, side: float) -> float:
