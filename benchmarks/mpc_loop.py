@@ -1,0 +1,179 @@
+"""Closed loops in C: compiles a solver with the loop around it and runs it."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.machine import compiler, one_core
+from benchmarks.mpc_cases import Case
+from continuum_grasp.mpc.stages import Stages
+
+Array = NDArray[np.float64]
+
+FLAGS = ("-O3", "-march=native", "-ffast-math", "-fPIC", "-w")
+"""Of every contestant."""
+WARM = 20
+"""Iterations on the first problem before the loop begins."""
+_LOOP = Path(__file__).with_name("mpc_loop.c")
+
+
+@dataclass
+class LoopRun:
+    """One closed loop."""
+
+    x: Array
+    """(steps + 1, nx)"""
+    u: Array
+    """(steps, nu)"""
+    seconds: Array
+    """Processor time of shift and preparation, and of feedback, (steps, 2)."""
+    cold: float
+    """Of the first iteration [s]."""
+    good: NDArray[np.bool_]
+    """Whether the step's problem was solved, (steps)."""
+    guess: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """Point of linearisation, (steps, plan)."""
+    plan: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """Solution, (steps, plan)."""
+
+    @property
+    def step_seconds(self) -> Array:
+        """Time of whole steps, (steps)."""
+        found: Array = self.seconds.sum(axis=1)
+        return found
+
+
+class CLoop:
+    """A compiled closed loop.
+
+    Parameters
+    ----------
+    case : Case
+        Problem, references and plant.
+    source : str
+        C of the hooks named in ``mpc_loop.c`` and of all they need.
+    functions : sequence of casadi.Function
+        Generated apart and linked to it.
+    late : bool
+        Whether it linearises once the state is known, with that state in its guess.
+    """
+
+    def __init__(self, case: Case, source: str, *functions: ca.Function, late: bool = False) -> None:
+        self.case, self._late = case, late
+        self._folder = tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-")
+        folder = Path(self._folder.name)
+        plant = case.plant()
+        stages = case.stages
+        self._plan = (stages.stages + 1) * stages.nx + stages.stages * stages.nu
+        sizes = {
+            **{"NX": stages.nx, "NU": stages.nu, "NP": stages.np, "PLAN": self._plan},
+            "REFS": (stages.stages + 1) * stages.nr,
+            **{"PLANT_ARG": plant.sz_arg(), "PLANT_RES": plant.sz_res()},
+            **{"PLANT_IW": plant.sz_iw(), "PLANT_W": plant.sz_w()},
+        }
+        defined = "".join(f"#define {name} {value}\n" for name, value in sizes.items())
+        (folder / "solver.c").write_text(source, encoding="utf-8")
+        (folder / "loop.c").write_text(defined + _LOOP.read_text(encoding="utf-8"), encoding="utf-8")
+        names = ["solver", "loop"]
+        for function in (plant, *functions):
+            (folder / f"{function.name()}_.c").write_text(generated(function), encoding="utf-8")
+            names.append(f"{function.name()}_")
+        for name in names:
+            _run([compiler(), *FLAGS, "-c", f"{folder}/{name}.c", "-o", f"{folder}/{name}.o"])
+        library = folder / "loop.so"
+        _run(
+            [compiler(), "-shared", "-Wl,-Bsymbolic", *(f"{folder}/{n}.o" for n in names), "-o", str(library), "-lm"]
+        )
+        self.code_bytes = _text_size(folder / f"{names[-1] if functions else 'solver'}.o")
+        self._library = ctypes.CDLL(str(library))
+        self._library.timer_cost.restype = ctypes.c_double
+
+    def timer_cost(self) -> float:
+        """Seconds of one reading of the clock."""
+        return float(self._library.timer_cost())
+
+    def __call__(self, *, keep: bool = False) -> LoopRun:
+        """Run it; ``keep`` the guesses and plans, which no timing should."""
+        case, stages, steps = self.case, self.case.stages, self.case.steps
+        x, u = np.zeros((steps + 1, stages.nx)), np.zeros((steps, stages.nu))
+        seconds, status, cold = np.zeros((steps, 2)), np.zeros(steps, np.int32), np.zeros(1)
+        kept = [np.zeros((steps, self._plan)) for _ in range(2)] if keep else [None, None]
+        given = [np.ascontiguousarray(v, float) for v in (case.x0, case.u0, case.p, case.plant_p, case.references)]
+        arrays = [*given, x, u, seconds, cold, status, *kept]
+        with one_core():
+            pointers = [None if a is None else ctypes.c_void_p(a.ctypes.data) for a in arrays]
+            self._library.closed_loop(ctypes.c_longlong(steps), WARM, *pointers)
+        finite = np.isfinite(u).all(axis=1) & np.isfinite(x[1:]).all(axis=1)
+        run = LoopRun(x, u, seconds, float(cold[0]), (status >= 0) & finite)
+        if kept[0] is not None and kept[1] is not None:
+            run.guess, run.plan = kept
+            if self._late:
+                run.guess[:, : stages.nx] = x[:-1]
+            run.good &= primal_residuals(case, run) <= PRIMAL
+        return run
+
+
+PRIMAL = 1e-6
+"""Largest violation of the quadratic programme's equations and input limits that counts as solved."""
+
+
+def primal_residuals(case: Case, run: LoopRun) -> Array:
+    """By how much each step's solution misses the linearised dynamics, its initial state, and the input limits."""
+    stages, n = case.stages, case.stages.stages
+    step, slope = stages.step, stages.stage / stages.substeps
+    found = np.zeros(len(run.plan))
+    advance = step.map(n)
+    for k, (guess, plan) in enumerate(zip(run.guess, run.plan, strict=True)):
+        (x0, u0), (x, u) = _parts(stages, guess), _parts(stages, plan)
+        start, dx, du = x0[:-1].T, (x - x0)[:-1].T, (u - u0).T
+        for _ in range(stages.substeps):
+            following, a, b = (np.array(v) for v in advance(start, u0.T, case.p, slope))
+            following = following[: stages.nx]
+            by_x, by_u = a.reshape(-1, n, stages.nx), b.reshape(-1, n, stages.nu)
+            dx = np.einsum("ikj,jk->ik", by_x, dx) + np.einsum("ikj,jk->ik", by_u, du)
+            start = following
+        gaps = np.abs(start + dx - x[1:].T).max()
+        limits = np.maximum(stages.u_min - u, u - stages.u_max).max()
+        found[k] = max(gaps, np.abs(x[0] - run.x[k]).max(), limits)
+    return np.where(np.isfinite(found), found, np.inf)
+
+
+def _parts(stages: Stages, plan: Array) -> tuple[Array, Array]:
+    states = (stages.stages + 1) * stages.nx
+    return plan[:states].reshape(-1, stages.nx), plan[states:].reshape(-1, stages.nu)
+
+
+def generated(function: ca.Function) -> str:
+    """CasADi's C of a function.
+
+    Raises
+    ------
+    RuntimeError
+        If CasADi could not generate it: it only warns, and writes an #error.
+    """
+    options = {"with_header": False, "casadi_int": "long long int", "with_mem": False, "static_aux": True}
+    generator = ca.CodeGenerator(f"{function.name()}.c", options)
+    generator.add(function)
+    text = str(generator.dump())
+    if "#error" in text:
+        raise RuntimeError(f"CasADi generates no code of {function.name()}")
+    return text
+
+
+def _text_size(path: Path) -> int:
+    said = subprocess.run(["size", str(path)], capture_output=True, text=True, check=False).stdout
+    return int(said.splitlines()[1].split()[0]) if said.count("\n") > 1 else 0
+
+
+def _run(command: list[str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise RuntimeError(f"{' '.join(command)} failed:\n{done.stderr[-3000:]}")

@@ -1,0 +1,74 @@
+"""The package's real-time iteration in the same closed loop, in C and from Python."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from benchmarks.mpc_cases import Case
+from benchmarks.mpc_loop import CLoop
+from continuum_grasp.mpc.settings import Settings
+from continuum_grasp.mpc.source import iteration_source
+
+_HOOKS = """
+static rti_plan plan;
+static rti_work work;
+static rti_settings settings;
+static const unsigned char nominal[sizeof(rti_settings)] = {{{settings}}};
+static double input[RTI_NU];
+static long long iterations;
+
+long long solver_iterations(void) {{ return iterations; }}
+void solver_start(const double *x0, const double *u0)
+{{
+  real x[RTI_NX], u[RTI_NU];
+  for (int i = 0; i < RTI_NX; ++i) x[i] = (real)x0[i];
+  for (int i = 0; i < RTI_NU; ++i) u[i] = (real)u0[i];
+  memcpy(&settings, nominal, sizeof settings);
+  rti_start(&plan, x, u);
+}}
+void solver_shift(void) {{ rti_shift(&plan, &settings, 1); }}
+void solver_prepare(const double *p, const double *refs)
+{{
+  {convert}
+  rti_prepare(&work, &plan, &settings, {p}, {refs});
+}}
+int solver_feedback(const double *x0)
+{{
+  rti_report report;
+  real x[RTI_NX];
+  for (int i = 0; i < RTI_NX; ++i) x[i] = (real)x0[i];
+  const int status = rti_feedback(&work, &plan, &settings, x, &report);
+  for (int i = 0; i < RTI_NU; ++i) input[i] = (double)plan.u[0][i];
+  iterations = report.iterations;
+  return status == RTI_ITERATION_LIMIT ? -100 : status;
+}}
+const double *solver_input(void) {{ return input; }}
+void solver_plan(double *to)
+{{
+  for (int k = 0; k <= RTI_N; ++k)
+    for (int i = 0; i < RTI_NX; ++i) *to++ = (double)plan.x[k][i];
+  for (int k = 0; k < RTI_N; ++k)
+    for (int i = 0; i < RTI_NU; ++i) *to++ = (double)plan.u[k][i];
+}}
+"""
+_NARROW = """static real given_p[RTI_SIZE(RTI_NP)], given_refs[(RTI_N + 1) * RTI_SIZE(RTI_NR)];
+  for (int i = 0; i < RTI_NP; ++i) given_p[i] = (real)p[i];
+  for (int i = 0; i < (RTI_N + 1) * RTI_NR; ++i) given_refs[i] = (real)refs[i];"""
+
+
+def rti_loop(case: Case, *, lanes: bool, real: str = "double") -> CLoop:
+    """The real-time iteration in a closed loop in C; a step that stops at its iteration limit counts as failed."""
+    number: Any = np.float64 if real == "double" else np.float32
+    settings = Settings(case.stages, number)
+    data = ctypes.string_at(settings.address, settings.size)
+    narrow = real != "double"
+    hooks = _HOOKS.format(
+        settings=", ".join(map(str, data)),
+        convert=_NARROW if narrow else "",
+        p="given_p" if narrow else "p",
+        refs="given_refs" if narrow else "refs",
+    )
+    return CLoop(case, iteration_source(case.stages, real=real, lanes=lanes) + hooks)
