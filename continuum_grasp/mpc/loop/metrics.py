@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +20,13 @@ Array = NDArray[np.float64]
 
 _FINAL = 0.1
 """Last share of the run over which the final error is averaged."""
-_GROUPS = ("tip", "bending", "section", "contact_force")
+_GROUPS = {
+    "tip": re.compile(r"tip_[xy]"),
+    "bending": re.compile(r"bending_\d+"),
+    "section": re.compile(r"section_\d+_[xy]"),
+    "contact_force": re.compile(r"contact_force_.+"),
+}
+"""What is followed, and the names of its entries."""
 
 
 @dataclass(frozen=True)
@@ -140,11 +147,11 @@ def metrics_of(run: ControlRun) -> Metrics:
 
 
 def _present(names: Sequence[str]) -> list[str]:
-    return [group for group in _GROUPS if any(name.startswith(f"{group}_") for name in names if "rate" not in name)]
+    return [group for group, pattern in _GROUPS.items() if any(map(pattern.fullmatch, names))]
 
 
 def _tracking(group: str, names: Sequence[str], labels: Sequence[str], error: Array) -> Tracking:
-    columns = [k for k, name in enumerate(names) if name.startswith(f"{group}_") and "rate" not in name]
+    columns = [k for k, name in enumerate(names) if _GROUPS[group].fullmatch(name)]
     own, unit = error[:, columns], labels[columns[0]].split("[")[1][:-1]
     last = own[-max(1, round(_FINAL * len(own))) :].mean(axis=0)
     if group in ("tip", "section"):

@@ -111,7 +111,7 @@ class Readings:
     # -- what is bounded ----------------------------------------------------------------------------------------------
 
     def bounds(self, x: Array, u: Array, w: Array, held: Array, period: float) -> list[Bound]:
-        """By how much each bound is exceeded at K instants."""
+        """By how much each bound is exceeded at K instants; zones themselves, without the clearance asked for."""
         scene, bounds = self._scene, self._scene.controller.bounds
         unit = self._stages.u_names[0].split("[")[1][:-1]
         beyond = np.maximum(u - self._stages.u_max, self._stages.u_min - u).max(axis=1)
@@ -138,8 +138,8 @@ class Readings:
         return found
 
     def _depth(self, zone: Zone, points: Array) -> Array:
-        """How far the surface at points (K, P, 2) of the backbone is within a zone and its clearance [m]."""
-        away = zone.clearance + self._plant.scene.finger.thickness_radius
+        """How far the surface at points (K, P, 2) of the backbone is within a zone, its clearance left out [m]."""
+        away = self._plant.scene.finger.thickness_radius
         if isinstance(zone, HalfPlaneZone):
             normal = np.array([math.cos(zone.normal_angle), math.sin(zone.normal_angle)])
             return np.asarray(away - (points - np.array(zone.point)) @ normal)
