@@ -1,0 +1,109 @@
+/* Real-time iterations of an optimal control problem on RTI_N stages.
+ *
+ * One iteration linearises the problem at the plan (rti_prepare) and solves the quadratic programme that results once
+ * the state is known (rti_feedback). With z = [x, u] and dz the change of the plan, that programme is
+ *
+ *   min  sum_k  dz_k' H_k dz_k / 2 + g_k' dz_k  +  sum_k sum_i  linear_i s_ki + quadratic_i s_ki^2 / 2
+ *   s.t. dx_0 = x0 - x_0,  dx_k+1 = A_k dx_k + B_k du_k + (F(x_k, u_k) - x_k+1),
+ *        u_min <= u_k + du_k <= u_max,  c_min - s_k <= c_k + C_k dz_k <= c_max + s_k,  s_k >= 0.
+ *
+ * Rows 0 to RTI_NS - 1 of c hold at the nodes 1 to RTI_N, the others at 0 to RTI_N - 1. A bound of 1e30 or more is none.
+ *
+ * Dimensions are set before this file is read: RTI_N, RTI_NX, RTI_NU (1 or more), RTI_NC, RTI_NS, RTI_NP, RTI_NR; and
+ * the type `real`, with RTI_SINGLE defined if that is float. No function allocates, keeps anything between calls beside
+ * what its caller owns, or calls a library.
+ */
+#ifndef RTI_H
+#define RTI_H
+
+#define RTI_NZ (RTI_NX + RTI_NU)
+#define RTI_SIZE(n) ((n) > 0 ? (n) : 1)
+#define RTI_ROWS (RTI_NU + RTI_NC)           /* bounded quantities of a node: inputs, then rows of c */
+#define RTI_SIDES (2 * RTI_ROWS)
+#define RTI_LANES 8
+#define RTI_LENGTH ((RTI_N + RTI_LANES - 1) / RTI_LANES * RTI_LANES)
+
+enum {
+  RTI_SOLVED = 0,
+  RTI_ITERATION_LIMIT = 1,    /* usable: the best point found */
+  RTI_ROW_VIOLATED = 2,       /* solved, and a soft row is violated */
+  RTI_BAD_INPUT = -1,         /* state, parameters, set-points, plan or settings are not finite, or bounds cross */
+  RTI_BAD_LINEARISATION = -2, /* model or cost are not finite at the plan */
+  RTI_BAD_SOLUTION = -3,      /* the new plan or its cost is not finite */
+  RTI_NOT_PREPARED = -4       /* no preparation succeeded before */
+};
+
+typedef struct {
+  real u_min[RTI_NU], u_max[RTI_NU];
+  real c_min[RTI_SIZE(RTI_NC)], c_max[RTI_SIZE(RTI_NC)];
+  real linear[RTI_SIZE(RTI_NC)], quadratic[RTI_SIZE(RTI_NC)];     /* prices of violations; negative ones are invalid */
+  real weights[RTI_SIZE(RTI_NR)], terminal_weights[RTI_SIZE(RTI_NR)];
+  real stage;                 /* length of a stage [s], of the integration; the cost has its own */
+  int substeps;               /* Runge-Kutta steps per stage */
+  int iterations;             /* limit of the interior-point method */
+  real tolerance;             /* of the solution, relative */
+  real regularisation;        /* added to the Hessian's diagonal of the inputs */
+} rti_settings;
+
+typedef struct {
+  real x[RTI_N + 1][RTI_NX], u[RTI_N][RTI_NU];
+} rti_plan;
+
+typedef struct {
+  int status;
+  int iterations;             /* factorisations beyond that of the preparation */
+  real kkt;                   /* largest residual of the optimality conditions, relative */
+  real violation;             /* largest slack of a row */
+  real cost;                  /* of the quadratic programme at its solution, penalties included */
+} rti_report;
+
+typedef struct {
+  int row, input, soft;       /* bounded quantity, whether an input, whether it has a linear price */
+  real sign, bound, linear, yield;    /* sign y <= bound; yield = 1 / quadratic where that alone is the price */
+  real quadratic;
+} rti_side;
+
+typedef struct {
+  int ready;
+  /* the problem: made by rti_prepare, read by rti_feedback */
+  real x[RTI_N + 1][RTI_NX], u[RTI_N][RTI_NU];
+  real M[RTI_N][RTI_NX][RTI_NZ];              /* [A B] */
+  real defect[RTI_N][RTI_NX];
+  real l[RTI_N + 1], g[RTI_N + 1][RTI_NZ], H[RTI_N + 1][RTI_NZ][RTI_NZ];
+  real c[RTI_N + 1][RTI_SIZE(RTI_NC)], C[RTI_N + 1][RTI_SIZE(RTI_NC)][RTI_NZ];
+  /* its solution without bounds, as a law of the state */
+  real gain[RTI_N][RTI_NU][RTI_NZ], offset[RTI_N][RTI_NU], ease[RTI_N][RTI_NU];
+  /* the solution: change of the plan, bounded quantities */
+  real z[RTI_N + 1][RTI_NZ], dz[RTI_N + 1][RTI_NZ], saved[RTI_N + 1][RTI_NZ];
+  real y[RTI_ROWS][RTI_LENGTH], dy[RTI_ROWS][RTI_LENGTH];
+  real stiffness[RTI_ROWS][RTI_LENGTH];       /* curvature of the cost along a bounded quantity */
+  /* a Newton step: weights and multipliers of bounded quantities, factors, gradients */
+  real weight[RTI_ROWS][RTI_LENGTH], force[RTI_ROWS][RTI_LENGTH], push[RTI_ROWS][RTI_LENGTH];
+  real K[RTI_N][RTI_NU][RTI_NZ], inverse[RTI_N][RTI_NU], constant[RTI_N][RTI_NU];
+  real residual[RTI_N][RTI_NU], gradient_size[RTI_NU];
+  /* sides of bounds: slack t, its multiplier m, violation s, its multiplier n, and their changes */
+  int sides;
+  rti_side side[RTI_SIDES];
+  real t[RTI_SIDES][RTI_LENGTH], m[RTI_SIDES][RTI_LENGTH], s[RTI_SIDES][RTI_LENGTH], n[RTI_SIDES][RTI_LENGTH];
+  real dt[RTI_SIDES][RTI_LENGTH], dm[RTI_SIDES][RTI_LENGTH], ds[RTI_SIDES][RTI_LENGTH], dn[RTI_SIDES][RTI_LENGTH];
+  real W[RTI_SIDES][RTI_LENGTH], V[RTI_SIDES][RTI_LENGTH];      /* weight, and 1 / stiffness of the violation */
+  real e[RTI_SIDES][RTI_LENGTH], f[RTI_SIDES][RTI_LENGTH];      /* shift of multiplier and of violation */
+  /* active set: which bound holds, multipliers */
+  signed char active[RTI_ROWS][RTI_LENGTH];
+  real a[RTI_ROWS][RTI_LENGTH];
+  real next_x[RTI_N + 1][RTI_NX], next_u[RTI_N][RTI_NU];
+} rti_work;
+
+/* A plan that stays at a state with an input. */
+void rti_start(rti_plan *plan, const real *x0, const real *u0);
+/* The states of a plan by integration of its inputs from x0. */
+int rti_rollout(rti_plan *plan, rti_work *work, const rti_settings *settings, const real *x0, const real *p);
+/* The same from a node on, which stays. */
+int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const real *p);
+/* Linearise at the plan; refs has RTI_N + 1 rows of RTI_NR. */
+int rti_prepare(rti_work *work, const rti_plan *plan, const rti_settings *settings, const real *p, const real *refs);
+/* Solve for the state x0; the plan is replaced if the result is 0 or more, and its first input is to be applied. */
+int rti_feedback(rti_work *work, rti_plan *plan, const rti_settings *settings, const real *x0, rti_report *report);
+/* Move the plan on by a number of stages, whole or not. */
+void rti_shift(rti_plan *plan, const rti_settings *settings, real stages);
+#endif
