@@ -52,6 +52,29 @@ def sensed_rod_scene(estimator=None, **changes) -> ControlScene:
     return rod_scene(parameters=("bending_stiffness",), estimator=asked, **changes)
 
 
+BEND = 1.2
+"""Of the whole rod at the set-point of ``swing_scene`` [rad]."""
+TARGET = (-0.6 * (1.0 - np.cos(BEND)) / BEND, 0.6 * np.sin(BEND) / BEND)
+
+
+def swing_scene(rod=None, controller=None, **changes) -> ControlScene:
+    """The rod in a horizontal plane; its tip is measured, and goes to the end of an arc."""
+    asked = {
+        "horizon": {"stages": 15, "stage": 0.01},
+        "cost": {"tip": {"running": 2e4, "terminal": 200.0}, "effort": 0.01},
+        "input": {"moment_max": 0.3, "rate_max": 3.0},
+    }
+    finger = ROD if rod is None else ROD.model_copy(update={"rod": ROD.rod.model_copy(update=rod)})
+    given = {
+        "finger": finger,
+        "gravity": (0.0, 0.0),
+        "controller": {**asked, **(controller or {})},
+        "reference": {"tip": TARGET},
+        "estimator": {"measured": {"tip": 1e-4}, "disturbances": {"tip_moment": 0.05}},
+    }
+    return rod_scene(**{**given, **changes})
+
+
 def hand_scene(**changes) -> ControlScene:
     """Two clothoids with tendons that lag, in a horizontal plane; changes override."""
     given = {

@@ -32,8 +32,8 @@ def control_scene(given: ControlScene | str | PathLike[str]) -> ControlScene:
     return scene
 
 
-def vector(name: str, value: ArrayLike, size: int) -> Array:
-    """A finite vector.
+def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Array:
+    """A vector, finite unless that is not to be checked.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def vector(name: str, value: ArrayLike, size: int) -> Array:
         raise InputError(f"expected {size} numbers, got {value!r:.60}", key=name) from error
     if array.size != size:
         raise InputError(f"expected {size} entries, got {array.size}", key=name)
-    return finite(name, array)
+    return finite(name, array) if check else array
 
 
 def slices(sizes: Mapping[str, int]) -> dict[str, slice]:

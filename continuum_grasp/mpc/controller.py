@@ -293,12 +293,13 @@ class Controller:
         """
         began = perf_counter_ns()
         try:
-            self._measurement[:] = np.nan if measurement is None else measurement
-            self._p[:] = self.stages.p_nominal if p is None else p
-            self._set_points[:] = self._scheduled() if reference is None else reference
+            _put(self._measurement, np.nan if measurement is None else measurement, measurement is None)
+            _put(self._p, self.stages.p_nominal if p is None else p)
+            rows = self._scheduled() if reference is None else reference
+            _put(self._set_points, rows, np.ndim(rows) == 1 and np.size(rows) == self.stages.nr)
             flags = _LATE if (self._late if late is None else late) else 0
             if applied is not None:
-                self._applied[:] = applied
+                _put(self._applied, applied)
                 flags |= _APPLIED
         except (ValueError, TypeError) as error:
             raise self._shape_error(measurement, reference, p, applied) from error
@@ -356,6 +357,14 @@ class Controller:
         said = zip(("measurement", "reference", "p", "applied"), given, shapes, strict=True)
         told = [f"{name}: expected {shape}, got {np.shape(v) or v!r}" for name, v, shape in said if v is not None]
         return InputError("a step takes arrays of numbers; " + "; ".join(told))
+
+
+def _put(to: Array, value: ArrayLike, spread: bool = False) -> None:
+    """Copy what has the same shape, or ``spread`` what has not."""
+    array = np.asarray(value, dtype=float)
+    if array.shape != to.shape and not spread:
+        raise ValueError
+    to[:] = array
 
 
 def _deadline(scene: ControlScene, given: float | None) -> float:

@@ -86,7 +86,7 @@ def estimator_functions(estimation: Estimation, real: str) -> str:
 
 
 def _estimator_dimensions(estimation: Estimation, periods: int, nu: int, np_: int, real: str) -> str:
-    sizes = {"NZ": estimation.nz, "NU": nu, "NP": np_, "NY": estimation.ny, "NM": estimation.nm, "DELAY": periods}
+    sizes = {"NZ": estimation.nz, "NX": estimation.nx, "NU": nu, "NP": np_, "NY": estimation.ny, "NM": estimation.nm, "DELAY": periods}
     lines = [f"#define EKF_{name} {size}" for name, size in sizes.items()]
     return "\n".join([*lines, "#define CG_SINGLE" if real == "float" else ""])
 

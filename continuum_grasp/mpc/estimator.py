@@ -180,12 +180,10 @@ class Estimator:
         InputError
             If something has the wrong shape, or u or p is not finite.
         """
-        try:
-            self._measurement[:] = np.nan if measurement is None else measurement
-        except (ValueError, TypeError) as error:
-            raise InputError(
-                f"expected {self._measurement.size} numbers, got {measurement!r:.60}", key="measurement"
-            ) from error
+        if measurement is None:
+            self._measurement[:] = np.nan
+        else:
+            self._measurement[:] = vector("measurement", measurement, self._measurement.size, check=False)
         self._u[:] = vector("u", u, self._u.size)
         self._p[:] = self._nominal if p is None else vector("p", p, self._p.size)
         status = self._call(self._c.address, self._c.input_address, self._c.output_address)

@@ -10,6 +10,7 @@ from continuum_grasp.mpc.controller_source import Field
 from continuum_grasp.mpc.estimation import Estimation
 from continuum_grasp.mpc.noise import Ranges, noise_of, ranges_of
 from continuum_grasp.mpc.prediction import Prediction
+from continuum_grasp.mpc.settings import Settings
 from continuum_grasp.mpc.stages import ABSENT, Stages
 from continuum_grasp.scene.control import ControlScene
 
@@ -73,7 +74,7 @@ def estimator_fields(
 
 
 def controller_fields(
-    scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None
+    scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None, precision: str
 ) -> list[Field]:
     """Members of ``controller_settings``.
 
@@ -87,6 +88,8 @@ def controller_fields(
         Its problem.
     estimation : Estimation or None
         Model of its estimator.
+    precision : {"double", "float"}
+        What the C computes in.
 
     Returns
     -------
@@ -96,7 +99,7 @@ def controller_fields(
     rate = asked.input.rate_max or ABSENT
     safe = np.clip(np.zeros(stages.nu), stages.u_min, stages.u_max)
     fields = [
-        *_nested("rti", iteration_fields(scene, stages)),
+        *_nested("rti", iteration_fields(scene, stages, precision)),
         Field("period", asked.step),
         Field("u_rate", np.full(stages.nu, rate)),
         Field("u_safe", safe),
@@ -114,15 +117,17 @@ def controller_fields(
     return fields
 
 
-def iteration_fields(scene: ControlScene, stages: Stages) -> list[Field]:
+def iteration_fields(scene: ControlScene, stages: Stages, precision: str) -> list[Field]:
     """Members of ``rti_settings``."""
-    names = ("u_min", "u_max", "c_min", "c_max", "linear", "quadratic", "weights", "terminal_weights", "stage")
+    nominal = Settings(stages, np.float64 if precision == "double" else np.float32)
+    arrays = ("u_min", "u_max", "c_min", "c_max", "linear", "quadratic", "weights", "terminal_weights")
     return [
-        *[Field(name, getattr(stages, name)) for name in names],
+        *[Field(name, getattr(stages, name)) for name in arrays],
+        Field("stage", stages.stage),
         Field("substeps", stages.substeps, whole=True),
         Field("iterations", scene.controller.iterations, whole=True),
-        Field("tolerance", 1e-6),
-        Field("regularisation", 0.0),
+        Field("tolerance", nominal.tolerance),
+        Field("regularisation", nominal.regularisation),
     ]
 
 

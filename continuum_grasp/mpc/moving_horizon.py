@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -115,8 +116,8 @@ def _noise_root(estimator: Estimator, z: Array, u: Array, p: ca.DM, steps: int, 
     covariance = np.zeros_like(intensity)
     state = ca.DM(z)
     for _ in range(steps):
-        state, f, g = estimator.estimation.step(state, u, p, h)
-        f, g = np.array(f), np.array(g)
+        state, *slopes = estimator.estimation.step(state, u, p, h)
+        f, g = (np.array(a) for a in slopes)
         added = f @ intensity @ f.T + 4.0 * g @ intensity @ g.T + intensity
         covariance = f @ covariance @ f.T + h / 6.0 * added
     values, vectors = np.linalg.eigh(covariance)
@@ -135,8 +136,8 @@ def _least_squares(x: ca.MX, errors: ca.MX, gaps: ca.MX, guess: Array) -> tuple[
         ["x", "p", "lam_f", "lam_g"],
         ["triu_hess_gamma_x_x"],
     )
-    problem = {"x": x, "f": 0.5 * ca.sumsqr(errors), "g": gaps}
-    options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "hess_lag": hessian, "ipopt.tol": 1e-8}
+    problem: dict[str, Any] = {"x": x, "f": 0.5 * ca.sumsqr(errors), "g": gaps}
+    options: dict[str, Any] = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "hess_lag": hessian, "ipopt.tol": 1e-8}
     solver = ca.nlpsol("moving_horizon", "ipopt", problem, options)
     found = solver(x0=guess, lbg=0.0, ubg=0.0)
     if not solver.stats()["success"]:

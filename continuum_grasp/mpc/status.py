@@ -66,15 +66,15 @@ _OF_MEASUREMENTS = {
 }
 _OF_THE_REST = {
     Anomaly.BLIND: "nothing was measured for as long as a plan lasts",
-    Anomaly.ESTIMATE_LIMITED: "the estimate was moved into its limits",
-    Anomaly.ESTIMATE_RESTARTED: "the estimate was not finite, the estimator started again",
+    Anomaly.ESTIMATE_LIMITED: "an estimated disturbance was moved into its limits",
+    Anomaly.ESTIMATE_RESTARTED: "the estimate was not finite or beyond its limits, the estimator started again",
     Anomaly.BAD_SET_POINTS: "a set-point is not finite or beyond its limits",
     Anomaly.BAD_PARAMETERS: "a parameter is not finite or beyond its limits; the last good ones are used",
     Anomaly.BAD_APPLIED: "the input said to be applied is not finite or beyond its limits; the last command is assumed",
     Anomaly.LATE: "the last command was late",
     Anomaly.NOT_SOLVED: "the real-time iteration failed",
     Anomaly.INPUT_LIMITED: "the planned input was outside its limits",
-    Anomaly.RATE_LIMITED: "the planned input was further from the last one than its rate allows",
+    Anomaly.RATE_LIMITED: "the planned input was further from the last one than its rate allows in a stage",
 }
 
 

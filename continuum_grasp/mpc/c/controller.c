@@ -131,7 +131,10 @@ static int controller_iterate(controller_state *state, controller_work *work, co
     out->ticks[1] += prepared - begin;
     out->ticks[2] += CONTROLLER_TICKS() - prepared;
   }
-  if (status < 0 || !cg_finite(work->plan.u[0], RTI_NU)) return 0;
+  if (status < 0 || !cg_finite(work->plan.u[0], RTI_NU)) {
+    memset(&work->rti, 0, sizeof work->rti);  /* nothing of what went wrong is kept */
+    return 0;
+  }
   memcpy(&state->plan, &work->plan, sizeof state->plan);
   state->planned = 1;
   state->age = 0;
@@ -141,16 +144,19 @@ static int controller_iterate(controller_state *state, controller_work *work, co
 
 /* ---- the command ---- */
 
+/* The input that comes nearest to what is wanted. A plan may go on at its rate for a whole stage, of which a period is a
+ * part; only what is beyond that is told. */
 static uint32_t controller_command(controller_state *state, const controller_settings *o, const real *wanted,
                                    const real *rate, controller_output *out)
 {
   uint32_t anomalies = 0;
   for (int j = 0; j < RTI_NU; ++j) {
-    const real step = rate[j] * o->period, margin = (real)1e-6 * (o->rti.u_max[j] - o->rti.u_min[j]);
+    const real step = rate[j] * o->period, stage = rate[j] * o->rti.stage;
+    const real margin = (real)1e-6 * (o->rti.u_max[j] - o->rti.u_min[j]);
     real u = wanted[j];
     if (u < o->rti.u_min[j] - margin || u > o->rti.u_max[j] + margin) anomalies |= CONTROLLER_INPUT_LIMITED;
     cg_limit(&u, o->rti.u_min[j], o->rti.u_max[j]);
-    if (u < state->u[j] - step - margin || u > state->u[j] + step + margin) anomalies |= CONTROLLER_RATE_LIMITED;
+    if (u < state->u[j] - stage - margin || u > state->u[j] + stage + margin) anomalies |= CONTROLLER_RATE_LIMITED;
     cg_limit(&u, state->u[j] - step, state->u[j] + step);
     state->u[j] = out->u[j] = u;
   }

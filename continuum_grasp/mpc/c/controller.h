@@ -29,15 +29,15 @@
  *   4 CONTROLLER_OUTLIER       one is too far from what was expected
  *   8 CONTROLLER_REOPENED      one was too far for a while; the estimate was moved to it
  *  16 CONTROLLER_BLIND         nothing was measured for as long as a plan lasts
- *  32 CONTROLLER_ESTIMATE_LIMITED      the estimate was moved into its limits
- *  64 CONTROLLER_ESTIMATE_RESTARTED    the estimate was not finite; the estimator started again
+ *  32 CONTROLLER_ESTIMATE_LIMITED      an estimated disturbance was moved into its limits
+ *  64 CONTROLLER_ESTIMATE_RESTARTED    the estimate was not finite or beyond its limits; the estimator started again
  * 128 CONTROLLER_BAD_SET_POINTS        a set-point is not finite or beyond its limits
  * 256 CONTROLLER_BAD_PARAMETERS        a parameter is
  * 512 CONTROLLER_BAD_APPLIED   the input that is said to have been applied is; the last command is assumed
  * 1024 CONTROLLER_LATE         the last command was late
  * 2048 CONTROLLER_NOT_SOLVED   the real-time iteration failed
  * 4096 CONTROLLER_INPUT_LIMITED        the planned input was outside its limits
- * 8192 CONTROLLER_RATE_LIMITED         the planned input was further from the last one than the rate allows
+ * 8192 CONTROLLER_RATE_LIMITED         the planned input was further from the last one than the rate allows in a stage
  *
  * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the
  * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements); with an estimator those of ekf.h, and the generated
@@ -83,7 +83,7 @@ typedef struct {
 #if CONTROLLER_ESTIMATES
   ekf_settings ekf;
 #endif
-  real period;                /* time from one command to the next [s] */
+  real period;                /* time from one command to the next, a stage at most [s] */
   real u_rate[RTI_NU];        /* greatest change of the input per time; 1e30: none */
   real u_safe[RTI_NU], safe_rate[RTI_NU];       /* where the ramp goes, and how fast */
   real r_min[RTI_SIZE(RTI_NR)], r_max[RTI_SIZE(RTI_NR)];

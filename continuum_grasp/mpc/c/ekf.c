@@ -1,33 +1,40 @@
 /* Extended Kalman filter. See ekf.h. */
 
+/* Independent errors: of the disturbances as at the start, of the state by a factor more. */
+static void ekf_spread_out(ekf_state *state, const ekf_settings *settings, real factor)
+{
+  memset(state->U, 0, sizeof state->U);
+  for (int i = 0; i < EKF_NZ; ++i) {
+    state->U[i][i] = 1;
+    state->D[i] = i < EKF_NX ? factor * settings->initial[i] : settings->initial[i];
+  }
+}
+
 void ekf_start(ekf_state *state, const ekf_settings *settings, const real *z0, const real *u0)
 {
   memset(state, 0, sizeof *state);
   memcpy(state->z, z0, sizeof state->z);
   memcpy(state->first, z0, sizeof state->first);
   for (int k = 0; k < EKF_DELAY; ++k) memcpy(state->queue[k], u0, sizeof state->queue[k]);
-  for (int i = 0; i < EKF_NZ; ++i) {
-    state->U[i][i] = 1;
-    state->D[i] = settings->initial[i];
-  }
+  ekf_spread_out(state, settings, 1);
 }
 
+/* From the first state, and ready to be moved by the next measurement. */
 static void ekf_restart(ekf_state *state, const ekf_settings *settings)
 {
   memcpy(state->z, state->first, sizeof state->z);
-  memset(state->U, 0, sizeof state->U);
-  memset(state->closed, 0, sizeof state->closed);
-  for (int i = 0; i < EKF_NZ; ++i) {
-    state->U[i][i] = 1;
-    state->D[i] = settings->initial[i];
-  }
+  for (int row = 0; row < EKF_NY; ++row) state->closed[row] = settings->patience;
+  ekf_spread_out(state, settings, 1);
 }
 
-static int ekf_limited(real *z, const ekf_settings *settings)
+/* Whether the estimate means something; disturbances are moved into their limits. */
+static int ekf_sound(ekf_state *state, const ekf_settings *settings, ekf_report *report)
 {
-  int outside = 0;
-  for (int i = 0; i < EKF_NZ; ++i) outside |= cg_limit(&z[i], settings->z_min[i], settings->z_max[i]);
-  return outside;
+  if (!cg_finite(state->z, EKF_NZ) || !cg_finite(state->D, EKF_NZ) || !cg_finite(&state->U[0][0], EKF_NZ * EKF_NZ))
+    return 0;
+  for (int i = EKF_NX; i < EKF_NZ; ++i)
+    report->limited |= cg_limit(&state->z[i], settings->z_min[i], settings->z_max[i]);
+  return cg_within(state->z, settings->z_min, settings->z_max, EKF_NX);
 }
 
 /* U diag(D) U' = W diag(weight) W', by the modified Gram-Schmidt method from the last row to the first. */
@@ -129,9 +136,11 @@ static int ekf_judge(ekf_state *state, const ekf_settings *settings, const real 
     return CG_USED;
   }
   if (++state->closed[row] <= settings->patience) return CG_OUTLIER;
-  /* The estimate is as uncertain as it was wrong. */
-  const real scale = spread > 0 ? square / spread : 1;
-  for (int i = 0; scale > 1 && i < EKF_NZ; ++i) state->D[i] *= scale;
+  /* The state is as uncertain as it was wrong; of the disturbances as much is known as at the start. */
+  real usual = 0;
+  for (int i = 0; i < EKF_NX; ++i) usual += h[i] * h[i] * settings->initial[i];
+  ekf_spread_out(state, settings, usual > 0 && square > usual ? square / usual : 1);
+  report->variance[row] = ekf_spread(state, h) + variance;
   state->closed[row] = 0;
   return CG_REOPENED;
 }
@@ -203,17 +212,9 @@ int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, con
 #endif
   for (int j = 0; j < EKF_NM; ++j) report->verdict[j] = cg_verdict(y[j], settings->y_min[j], settings->y_max[j]);
   state->started = 1;
-  int good = cg_finite(state->z, EKF_NZ) && cg_finite(state->D, EKF_NZ);
-  if (good) {
-    report->limited = ekf_limited(state->z, settings);
-    good = ekf_compare(state, work, settings, y, now, p, report);
-  }
-  good = good && cg_finite(state->z, EKF_NZ) && cg_finite(state->D, EKF_NZ)
-      && cg_finite(&state->U[0][0], EKF_NZ * EKF_NZ);
-  if (good) {
-    report->limited |= ekf_limited(state->z, settings);
+  if (ekf_sound(state, settings, report) && ekf_compare(state, work, settings, y, now, p, report)
+      && ekf_sound(state, settings, report))
     return EKF_OK;
-  }
   report->used = 0;
   ekf_restart(state, settings);
   return EKF_RESTARTED;
@@ -234,9 +235,9 @@ int ekf_now(const ekf_state *state, ekf_work *work, const ekf_settings *settings
     }
   }
 #else
-  (void)work; (void)settings; (void)p;
+  (void)work; (void)p;
 #endif
-  return cg_finite(z, EKF_NZ);
+  return cg_within(z, settings->z_min, settings->z_max, EKF_NX);
 }
 
 void ekf_variance(const ekf_state *state, real *variance)

@@ -9,7 +9,7 @@
  * A measurement that arrives now was taken EKF_DELAY periods ago. The filter lives at that time; `ekf_now` predicts the
  * state from there with the inputs that were applied since.
  *
- * Dimensions are set before this file is read: EKF_NZ, EKF_NU, EKF_NP, EKF_NY (compared quantities), EKF_NM
+ * Dimensions are set before this file is read: EKF_NZ, EKF_NX (states without the disturbances), EKF_NU, EKF_NP, EKF_NY (compared quantities), EKF_NM
  * (measurements), EKF_DELAY; and `real`, with CG_SINGLE defined if that is float. The generated functions
  * estimator_step, estimator_flow and estimator_outputs stand before ekf.c. Nothing is allocated or kept between calls
  * beside what the caller owns; matrices of generated functions are stored by columns.
@@ -22,7 +22,7 @@
 
 enum {                        /* result of a step */
   EKF_OK = 0,
-  EKF_RESTARTED = 1,          /* numbers were not finite: the filter starts again from its first state */
+  EKF_RESTARTED = 1,          /* the estimate was not finite or beyond its limits: it starts again from its first state */
   EKF_BAD_INPUT = -1          /* input or parameters are not finite: nothing has changed */
 };
 
@@ -55,7 +55,7 @@ typedef struct {
 
 typedef struct {
   int verdict[EKF_NM];        /* of each measurement, as in checks.h */
-  int used, limited;          /* compared quantities that were used; whether the estimate was moved into its limits */
+  int used, limited;          /* compared quantities that were used; whether a disturbance was moved into its limits */
   real innovation[EKF_NY], variance[EKF_NY];    /* of each compared quantity; variance 0: there was none */
 } ekf_report;
 
@@ -64,7 +64,7 @@ void ekf_start(ekf_state *state, const ekf_settings *settings, const real *z0, c
 /* Take the measurements y; u was applied since the last call (not used by the first). */
 int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *y, const real *u,
              const real *p, ekf_report *report);
-/* The state now, predicted with the inputs that were applied since the measurement; whether it is finite. */
+/* The state now, predicted with the inputs that were applied since the measurement; whether it means something. */
 int ekf_now(const ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *p, real *z);
 /* Variance of each state at the time of the measurement. */
 void ekf_variance(const ekf_state *state, real *variance);
