@@ -14,21 +14,17 @@ from continuum_grasp.export.vectors import Vectors, arguments_of
 
 __all__ = ["check_source", "vectors_source"]
 
+_RANDOM = {
+    "float": "next_random(seed)",
+    "double": "(uint64_t)next_random(seed) << 32 | next_random(seed)",
+}
+"""C of random bits of a real number."""
+
 
 def vectors_source(subject: Subject, vectors: Sequence[Vectors], words: dict[str, str]) -> str:
     """Header with the vectors as hexadecimal floating literals."""
-    texts = []
-    for v in vectors:
-        name, real = v.call.name, subject.real
-        texts.append(
-            f"static const {subject.prefix}_real {name}_inputs[] = {{\n{_rows(v.inputs, real)}\n}};\n"
-            f"static const {subject.prefix}_real {name}_outputs[] = {{\n{_rows(np.where((v.codes < 0)[:, None], 0, v.outputs), real)}\n}};\n"
-            f"static const signed char {name}_codes[] = {{{', '.join(str(int(c)) for c in v.codes)}}};\n"
-            f"static const bad_input {name}_bad[] = {{\n"
-            + ",\n".join(f"  {{{b.row}, {b.entry}, {_bits(b.value, real)}, {int(b.code)}}}" for b in v.bad)
-            + "\n};\n"
-        )
-    return fill("tests/vectors.h", {**words, "tables": "\n".join(texts), "width": str(subject.real.width)})
+    tables = "\n".join(_tables(v, subject.prefix, subject.real) for v in vectors)
+    return fill("tests/vectors.h", {**words, "tables": tables, "width": str(subject.real.width)})
 
 
 def check_source(subject: Subject, vectors: Sequence[Vectors], words: dict[str, str]) -> str:
@@ -46,8 +42,27 @@ def check_source(subject: Subject, vectors: Sequence[Vectors], words: dict[str, 
         "most_inputs": str(max(v.inputs.shape[1] for v in vectors)),
         "most_outputs": str(max(v.outputs.shape[1] for v in vectors)),
         "width": str(subject.real.width),
+        "exponent": hex(subject.real.exponent_mask) + "u" + subject.real.bits_suffix,
+        "random_bits": _RANDOM[subject.real.name],
     }
     return fill("tests/check.c", {**words, **more})
+
+
+def _tables(vectors: Vectors, prefix: str, real: Real) -> str:
+    name, untouched = vectors.call.name, (vectors.codes < 0)[:, None]
+    bad = ",\n".join(f"  {{{b.row}, {b.entry}, {_bits(b.value, real)}, {int(b.code)}}}" for b in vectors.bad)
+    return f"""\
+static const {prefix}_real {name}_inputs[] = {{
+{_rows(vectors.inputs, real)}
+}};
+static const {prefix}_real {name}_outputs[] = {{
+{_rows(np.where(untouched, 0, vectors.outputs), real)}
+}};
+static const signed char {name}_codes[] = {{{", ".join(str(int(code)) for code in vectors.codes)}}};
+static const bad_input {name}_bad[] = {{
+{bad}
+}};
+"""
 
 
 def _rows(rows: np.ndarray, real: Real) -> str:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 __all__ = ["Field", "Struct", "fields_of"]
-
-_LABEL = re.compile(r"(\w+) \[(.*)\]")
 
 
 @dataclass(frozen=True)
@@ -32,9 +29,9 @@ class Field:
         """Count of numbers."""
         return math.prod(self.shape)
 
-    def within(self, low: float, high: float, scale: float | None = None) -> Field:
-        """The same with a range."""
-        return replace(self, low=low, high=high, scale=self.scale if scale is None else scale)
+    def within(self, low: float, high: float, scale: float) -> Field:
+        """The same with a range and the size of usual values."""
+        return replace(self, low=low, high=high, scale=scale)
 
 
 @dataclass(frozen=True)
@@ -72,30 +69,19 @@ class Struct:
     def writer(self, prefix: str) -> str:
         """C that copies an array to the struct."""
         lines = [f"  to->{place} = from[{k}];" for k, place in enumerate(self._places())]
-        head = f"{prefix.upper()}_API static void write_{self.name}(const {prefix}_real *from, {prefix}_{self.name} *to)"
+        head = (
+            f"{prefix.upper()}_API static void write_{self.name}(const {prefix}_real *from, {prefix}_{self.name} *to)"
+        )
         return "\n".join([head, "{", *lines, "}", ""])
 
     def _places(self) -> list[str]:
         return [field.name + index for field in self.fields for index in _indices(field.shape)]
 
 
-def fields_of(labels: Sequence[str], texts: dict[str, str] | None = None) -> tuple[Field, ...]:
-    """Entries of a model's vector, from its labels ``name [unit]``.
-
-    Parameters
-    ----------
-    labels : sequence of str
-        Of the model.
-    texts : dict, optional
-        Meanings by name.
-    """
-    found = []
-    for label in labels:
-        match = _LABEL.fullmatch(label)
-        if match is None:
-            raise ValueError(f"expected 'name [unit]', got {label!r}")
-        found.append(Field(match[1], match[2], (texts or {}).get(match[1], "")))
-    return tuple(found)
+def fields_of(labels: Sequence[str]) -> tuple[Field, ...]:
+    """Entries of a model's vector, from its labels ``name [unit]``."""
+    pairs = (label.removesuffix("]").split(" [", 1) for label in labels)
+    return tuple(Field(name, unit) for name, unit in pairs)
 
 
 def _comment(field: Field) -> str:

@@ -48,12 +48,13 @@ def prototype(call: Call, prefix: str) -> str:
             arguments.append(f"{prefix}_real {argument.name}")
     arguments.append(f"{prefix}_{call.output.kind.name} *{call.output.name}")
     head, lines = f"int {prefix}_{call.name}(", [""]
-    for k, argument in enumerate(arguments):
-        text = argument + (", " if k < len(arguments) - 1 else ")")
-        if len(head) + len(lines[-1]) + len(text) > _LINE:
+    mark = len(f"{prefix.upper()}_API ")
+    for k, declared in enumerate(arguments):
+        text = declared + (", " if k < len(arguments) - 1 else ")")
+        if mark + len(head) + len(lines[-1]) + len(text) > _LINE:
             lines.append("")
         lines[-1] += text
-    return head + f"\n{' ' * len(head)}".join(line.rstrip() for line in lines)
+    return head + f"\n{' ' * (mark + len(head))}".join(line.rstrip() for line in lines)
 
 
 def interface(subject: Subject, parts: Sequence[Part]) -> str:
@@ -71,7 +72,13 @@ def abi_of(subject: Subject, parts: Sequence[Part]) -> str:
 def header(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> str:
     """The header."""
     prefix, big = subject.prefix, subject.prefix.upper()
-    dimensions = {"N": subject.n, "NX": subject.nx, "NU": subject.model.nu, "NW": subject.model.nw, "NP": subject.model.np}
+    dimensions = {
+        "N": subject.n,
+        "NX": subject.nx,
+        "NU": subject.model.nu,
+        "NW": subject.model.nw,
+        "NP": subject.model.np,
+    }
     notes = {
         "N": "bending coordinates",
         "NX": "states",
@@ -100,10 +107,7 @@ def header(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> st
 
 
 def _documented(call: Call, prefix: str) -> str:
-    rows = [call.text]
-    special = [code for code in call.codes if code < 0]
-    if special or call.codes:
-        said = ", ".join(f"{prefix.upper()}_{code.name}" for code in call.codes)
-        rows.append(f"Beyond the codes of every function: {said}.")
-    text = "\n".join(textwrap.wrap(" ".join(rows), _LINE - 6, initial_indent="/* ", subsequent_indent="   "))
-    return f"{text} */\n{prototype(call, prefix)};\n"
+    said = [f"{prefix.upper()}_{code.name}" for code in call.codes]
+    own = f" Beyond the codes of every function: {', '.join(said)}." if said else ""
+    text = "\n".join(textwrap.wrap(call.text + own, _LINE - 6, initial_indent="/* ", subsequent_indent="   "))
+    return f"{text} */\n{prefix.upper()}_API {prototype(call, prefix)};\n"

@@ -8,7 +8,7 @@ so that every compiler that keeps to IEEE 754 (and does not fuse multiplications
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -54,8 +54,8 @@ _NUMPY: dict[int, Callable[..., Array]] = {
     ca.OP_TWICE: lambda a: a + a,
     ca.OP_INV: lambda a: a.dtype.type(1) / a,
     ca.OP_FABS: lambda a: np.where(a < 0, -a, a),
-    ca.OP_FMIN: lambda a, b: np.where(a < b, a, b),
-    ca.OP_FMAX: lambda a, b: np.where(a > b, a, b),
+    ca.OP_FMIN: lambda a, b: np.asarray(np.where(a < b, a, b)),
+    ca.OP_FMAX: lambda a, b: np.asarray(np.where(a > b, a, b)),
     ca.OP_LT: lambda a, b: (a < b).astype(a.dtype),
     ca.OP_LE: lambda a, b: (a <= b).astype(a.dtype),
     ca.OP_NOT: lambda a: (a == 0).astype(a.dtype),
@@ -96,7 +96,9 @@ class Kernel:
         self._operations = [f.instruction_id(k) for k in range(f.n_instructions())]
         for operation in self._operations:
             if operation not in {*_C, *_CALLS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
-                raise InputError(f"{name}: there is no strict C for the operation {_NAMES[operation]} of its expressions")
+                raise InputError(
+                    f"{name}: there is no strict C for the operation {_NAMES[operation]} of its expressions"
+                )
         read = {f.instruction_input(k)[0] for k, operation in enumerate(self._operations) if operation == ca.OP_INPUT}
         self.inputs = {f.name_in(k): f.nnz_in(k) for k in range(f.n_in()) if k in read}
         self.outputs = {f.name_out(k): f.nnz_out(k) for k in range(f.n_out())}
@@ -193,5 +195,3 @@ class Kernel:
                 else:
                     values[results[0]] = _NUMPY[operation](*(values[a] for a in arguments))
         return outputs
-
-

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.fields import Struct
 from continuum_grasp.export.header import calls_of, codes_of_package, prototype, structs_of
 from continuum_grasp.export.kernel import Kernel
@@ -113,9 +112,11 @@ def _function(subject: Subject, call: Call) -> str:
         source = "&model->parameters" if a.name == "parameters" else a.name
         lines.append(f"  read_{a.kind.name}({source}, {a.array});")
     for a in [*parameters, *structs]:
-        lines.append(f"  if ((code = check({a.array}, {a.kind.name}_low, {a.kind.name}_high, {a.size})) < 0) return code;")
+        lines.append(
+            f"  if ((code = check({a.array}, {a.kind.name}_low, {a.kind.name}_high, {a.size})) < 0) return code;"
+        )
     for a in numbers:
-        (low, high), code = (real.literal(v) for v in (a.fields[0].low, a.fields[0].high)), Code(a.code).name
+        (low, high), code = (real.literal(v) for v in (a.fields[0].low, a.fields[0].high)), a.code.name
         lines.append(f"  if (!{prefix}_is_finite(&{a.array})) return {big}_ERR_NON_FINITE;")
         lines.append(f"  if ({a.array} < {low} || {a.array} > {high}) return {big}_{code};")
     lines += [

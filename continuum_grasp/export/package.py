@@ -4,40 +4,263 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from continuum_grasp import __version__
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.accuracy import check_errors, rounding_errors
+from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.check_program import check_source, vectors_source
+from continuum_grasp.export.examples import example_files
 from continuum_grasp.export.header import abi_of, calls_of, header
 from continuum_grasp.export.layer import internal_header, kernels_source, layer_source
+from continuum_grasp.export.manifest import manifest, manifest_text
+from continuum_grasp.export.measure import measure
+from continuum_grasp.export.part import Part
 from continuum_grasp.export.parts import PARTS
-from continuum_grasp.export.reals import real_of
+from continuum_grasp.export.readme import readme
+from continuum_grasp.export.reals import REALS, real_of
+from continuum_grasp.export.source import Given, Source, source_of
 from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.targets import Target, target_of
 from continuum_grasp.export.template import fill
-from continuum_grasp.export.vectors import vectors_of
-from continuum_grasp.model import FingerModel
+from continuum_grasp.export.vectors import Vectors, vectors_of
 
-def export_c(model, folder, real="double", what=("dynamics","step","kinematics","statics"), prefix="finger", target="host", ranges=None, step=None, substeps=1):
-    r=real_of(real)
-    subject=Subject.of(model,prefix,r,ranges or {},step,substeps)
-    parts=[PARTS[n](subject) for n in what]
-    words={"p":prefix,"P":prefix.upper(),"version":__version__,"real":real,"title":"t","abi":abi_of(subject,parts),"hash":"x"}
-    folder=Path(folder)
-    vs=[vectors_of(subject,c,k) for k,c in enumerate(calls_of(parts))]
-    words["count"]=str(len(vs))
-    fs={f"include/{prefix}.h":header(subject,parts,words),
-     f"src/{prefix}_internal.h":internal_header(subject,parts,words),
-     f"src/{prefix}_kernels.c":kernels_source(subject,parts,words),
-     f"src/{prefix}.c":layer_source(subject,parts,words),
-     "tests/vectors.h":vectors_source(subject,vs,words),
-     "tests/check.c":check_source(subject,vs,words),
-     "tests/check.h":fill("tests/check.h",words),
-     "tests/main.c":fill("tests/main.c",words)}
-    for n,t in fs.items():
-        (folder/n).parent.mkdir(parents=True,exist_ok=True); (folder/n).write_text(t)
-    return subject,vs
-class Package: pass
+__all__ = ["Package", "export_c"]
+
+_ASKED_ERROR = {"float": 1e-2, "double": 1e-9}
+_TAKEN = {"auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern"}
+_TAKEN |= {"float", "for", "goto", "if", "inline", "int", "long", "main", "register", "restrict", "return", "short"}
+_TAKEN |= {
+    "signed",
+    "sizeof",
+    "static",
+    "struct",
+    "switch",
+    "typedef",
+    "union",
+    "unsigned",
+    "void",
+    "volatile",
+    "while",
+}
+"""Words that cannot be the prefix."""
+
+
+@dataclass(frozen=True)
+class Package:
+    """A package that was written.
+
+    Attributes
+    ----------
+    folder : pathlib.Path
+    files : tuple of str
+        Paths in it.
+    manifest : dict
+        What ``MANIFEST.json`` holds.
+    """
+
+    folder: Path
+    files: tuple[str, ...]
+    manifest: dict[str, Any]
+
+
+def export_c(
+    given: Given,
+    folder: str | os.PathLike[str],
+    *,
+    real: str | None = None,
+    what: Sequence[str] = tuple(PARTS),
+    prefix: str = "finger",
+    target: str = "host",
+    ranges: Mapping[str, Sequence[float]] | None = None,
+    step: float | None = None,
+    substeps: int = 1,
+    error: float | None = None,
+    measured: bool = False,
+) -> Package:
+    """Write the functions of a finger as a self-contained C99 package.
+
+    Parameters
+    ----------
+    given : FingerModel, Scene or path of a configuration
+        What to export. Parameters that it names stay fields of a struct.
+    folder : path-like
+        Where to; files of the same names are replaced.
+    real : {"float", "double"}, optional
+        What to compute in; that of the target where nothing is said.
+    what : sequence of str
+        Parts: dynamics, step, kinematics, statics.
+    prefix : str
+        Of all names, a C identifier.
+    target : {"host", "cortex-m4f", "cortex-m7", "wasm"}
+        Machine that it is for.
+    ranges : mapping, optional
+        Least and greatest values of run-time parameters, by name.
+    step : float, optional
+        Longest step that will be asked for [s]; that of the scene where it has one.
+    substeps : int
+        Runge-Kutta steps within one.
+    error : float, optional
+        Greatest relative error of the functions within the bending range; 1e-2 in float where nothing is said.
+    measured : bool
+        Run the package on the emulated target and put sizes, stack and instruction counts into README and manifest.
+
+    Returns
+    -------
+    Package
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, the target does not compute in the type, the scene is too stiff for the step, or the
+        type cannot hold the asked error.
+    NumericalError
+        If the model is not finite within the ranges.
+    SolverError
+        If no model keeps the scene's tolerance, or the package failed on the emulated target.
+    """
+    aim = target_of(target)
+    kind = real_of(aim.real(real))
+    source = source_of(given, kind)
+    subject = Subject.of(
+        source.model, _prefix(prefix), kind, ranges or {}, step if step is not None else source.step, _count(substeps)
+    )
+    parts = [PARTS[name](subject) for name in _names(what)]
+    wide = [PARTS[part.name](replace(subject, real=REALS["double"])) for part in parts]
+    errors = {
+        narrow.name: rounding_errors(subject, narrow, true, seed)
+        for seed, (narrow, true) in enumerate(zip(calls_of(parts), calls_of(wide), strict=True))
+    }
+    check_errors(kind, errors, _ASKED_ERROR[kind.name] if error is None else error)
+    vectors = [vectors_of(subject, call, seed) for seed, call in enumerate(calls_of(parts))]
+    words = _common_words(subject, parts, source)
+    files = _files(subject, parts, aim, vectors, words)
+    target_folder = Path(folder)
+    counts = {v.call.name: v.count for v in vectors}
+    found = measure(files, prefix, aim) if measured else None
+    files["README.md"] = readme(
+        subject,
+        parts,
+        words=words,
+        errors=errors,
+        vectors=counts,
+        measured=found,
+        source=source.name,
+        wasm=aim.name == "wasm",
+    )
+    values = manifest(
+        subject,
+        parts,
+        words=words,
+        target=aim.name,
+        files=files,
+        errors=errors,
+        vectors=counts,
+        measured=found,
+        configuration=source.configuration,
+    )
+    files["MANIFEST.json"] = manifest_text(values)
+    _write(target_folder, files)
+    return Package(target_folder, tuple(sorted(files)), values)
+
+
+def _files(
+    subject: Subject, parts: Sequence[Part], target: Target, vectors: Sequence[Vectors], words: dict[str, str]
+) -> dict[str, str]:
+    """Everything but README and manifest."""
+    prefix = subject.prefix
+    kernels = kernels_source(subject, parts, words)
+    words["hash"] = hashlib.sha256(kernels.encode()).hexdigest()[:16]
+    files = {
+        f"include/{prefix}.h": header(subject, parts, words),
+        f"src/{prefix}_internal.h": internal_header(subject, parts, words),
+        f"src/{prefix}_kernels.c": kernels,
+        f"src/{prefix}.c": layer_source(subject, parts, words),
+        "tests/vectors.h": vectors_source(subject, vectors, words),
+        "tests/check.c": check_source(subject, vectors, words),
+        f"examples/python/{prefix}.py": python_binding(subject, parts, words),
+        f"{prefix}.pc.in": fill("pkgconfig.pc.in", words),
+        **{f"tests/{name}": fill(f"tests/{name}", words) for name in ("check.h", "main.c", "fuzz.c", "threads.c")},
+        **{f"cmake/{name}": fill(f"cmake/{name}", words) for name in _CMAKE},
+        **{name: fill(name, words) for name in ("CMakeLists.txt", "LICENSE")},
+        **example_files(subject, parts, target, words),
+    }
+    for part in parts:
+        files |= part.sources
+    if target.name == "wasm":
+        files |= wasm_files(subject, parts, words)
+    return files
+
+
+_CMAKE = ("config.cmake.in", "cortex-m4f.cmake", "cortex-m7.cmake")
+
+
+def _common_words(subject: Subject, parts: Sequence[Part], source: Source) -> dict[str, str]:
+    """What the templates have in common."""
+    number = re.match(r"\d+(\.\d+)*", __version__)
+    return {
+        "p": subject.prefix,
+        "P": subject.prefix.upper(),
+        "version": __version__,
+        "number": number[0] if number else "0",
+        "real": subject.real.name,
+        "title": source.title,
+        "abi": abi_of(subject, parts),
+        "count": str(len(calls_of(parts))),
+        "tolerance": "2e-3" if subject.real.name == "float" else "1e-11",
+        "usage": _usage(subject, parts),
+    }
+
+
+def _usage(subject: Subject, parts: Sequence[Part]) -> str:
+    """C of a first call."""
+    prefix, call = subject.prefix, next((c for c in calls_of(parts) if c.name == "step"), calls_of(parts)[0])
+    lines = [f"{prefix}_{a.kind.name} {a.name} = {{0}};" for a in call.inputs if a.is_struct]
+    if call.output.kind.name != "state":
+        lines.append(f"{prefix}_{call.output.kind.name} {call.output.name};")
+    numbers = [f"&{a.name}" if a.is_struct else f"{subject.accurate_step:g}" for a in call.inputs]
+    last = "&state" if call.output.kind.name == "state" else f"&{call.output.name}"
+    lines += [
+        f"int code = {prefix}_init(&model);",
+        f"code = {prefix}_{call.name}({', '.join(['&model', *numbers, last])});",
+        f"if (code < 0) report({prefix}_strerror(code));",
+    ]
+    return "\n".join(lines)
+
+
+def _prefix(given: Any) -> str:
+    if not isinstance(given, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", given) or given in _TAKEN:
+        raise InputError(
+            f"expected a free C identifier of small letters, digits and underscores, got {given!r:.60}", key="prefix"
+        )
+    return given
+
+
+def _count(given: Any) -> int:
+    if type(given) is not int or not 1 <= given <= 1000:
+        raise InputError(f"expected a whole number from 1 to 1000, got {given!r:.60}", key="substeps")
+    return given
+
+
+def _names(what: Sequence[str]) -> list[str]:
+    names = [what] if isinstance(what, str) else list(what)
+    for name in names:
+        if name not in PARTS:
+            raise InputError(f"expected some of {', '.join(PARTS)}, got {name!r:.60}", key="what")
+    if not names or len(set(names)) < len(names):
+        raise InputError(f"expected one part or more, each once, got {names}", key="what")
+    return [name for name in PARTS if name in names]
+
+
+def _write(folder: Path, files: Mapping[str, str]) -> None:
+    """Every file whole, the manifest last."""
+    from continuum_grasp.results.atomic import replacing
+
+    for name, text in files.items():
+        with replacing(folder / name) as path:
+            path.write_text(text, encoding="utf-8", newline="\n")

@@ -35,7 +35,7 @@ class Argument:
     kind: Struct | Field
     array: str
     """Name of its numbers in the body: an array, or the number itself."""
-    code: int = Code.ERR_RANGE
+    code: Code = Code.ERR_RANGE
     """What is returned where a number of it is out of range."""
 
     @property

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, fields_of
+from continuum_grasp.export.meanings import meaning
 from continuum_grasp.model import FingerModel
 
 __all__ = ["force_fields", "input_fields", "parameter_fields", "state_fields"]
@@ -33,7 +36,7 @@ def parameter_fields(model: FingerModel, given: Mapping[str, Sequence[float]]) -
         of zero tells nothing.
     """
     found = []
-    for field, nominal in zip(fields_of(model.p_names), model.p_nominal, strict=True):
+    for field, nominal in zip(_fields(model, model.p_names), model.p_nominal, strict=True):
         low, high = _given(field.name, given[field.name]) if field.name in given else _usual(field.name, nominal, model)
         if not low <= nominal <= high:
             message = f"range {low:g} to {high:g} leaves out the nominal value {nominal:g} {field.unit}"
@@ -52,7 +55,7 @@ def state_fields(model: FingerModel, parameters: Sequence[Field]) -> tuple[Field
     stiffness = _greatest(parameters, "bending_stiffness", model.finger.rod.stiffness)
     usual_moment = stiffness * max(model.ranges) / model.finger.rod.length
     found = []
-    for k, field in enumerate(fields_of(model.x_names)):
+    for k, field in enumerate(_fields(model, model.x_names)):
         if k < model.n:
             found.append(field.within(-reach[k], reach[k], reach[k]))
         elif k < 2 * model.n:
@@ -67,7 +70,7 @@ def input_fields(model: FingerModel) -> tuple[Field, ...]:
     tendons = model.finger.tendons
     usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
     found = []
-    for field in fields_of(model.u_names):
+    for field in _fields(model, model.u_names):
         if field.name in ("tension_1", "tension_2") and tendons is not None:
             high = math.inf if tendons.max_tension is None else tendons.max_tension
             usual = usual_moment / tendons.offset
@@ -81,7 +84,11 @@ def force_fields(model: FingerModel) -> tuple[Field, ...]:
     """Entries of the forces, of any size."""
     rod = model.finger.rod
     usual = {"N": rod.stiffness / rod.length**2, "N m": rod.stiffness / rod.length}
-    return tuple(field.within(-math.inf, math.inf, usual[field.unit]) for field in fields_of(model.w_names))
+    return tuple(field.within(-math.inf, math.inf, usual[field.unit]) for field in _fields(model, model.w_names))
+
+
+def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:
+    return [replace(field, text=meaning(model, field.name)) for field in fields_of(labels)]
 
 
 def _reach(model: FingerModel, parameters: Sequence[Field]) -> list[float]:
@@ -92,7 +99,7 @@ def _reach(model: FingerModel, parameters: Sequence[Field]) -> list[float]:
     if len(lengths) == 1:
         lengths = [_greatest(parameters, "element_lengths", lengths[0])]
     per_element = [reach / h for reach, h in zip(model.ranges, lengths, strict=True)]
-    nodes = [per_element[0], *(min(a, b) for a, b in zip(per_element, per_element[1:], strict=False)), per_element[-1]]
+    nodes = [per_element[0], *(min(pair) for pair in pairwise(per_element)), per_element[-1]]
     return nodes[: model.n]
 
 

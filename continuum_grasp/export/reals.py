@@ -27,7 +27,7 @@ class Real:
     @property
     def width(self) -> int:
         """Bits of a number."""
-        return 8 * np.dtype(self.dtype).itemsize
+        return 8 * int(np.dtype(self.dtype).itemsize)
 
     @property
     def bits_suffix(self) -> str:

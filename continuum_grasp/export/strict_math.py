@@ -155,7 +155,7 @@ def _nearest(x: Array) -> Array:
 
 def _power_of_two(k: Array, real: Real) -> Array:
     bits = (k.astype(np.int64) + real.bias) << real.mantissa_bits
-    return bits.astype(real.bits).view(real.dtype)
+    return np.asarray(bits.astype(real.bits).view(real.dtype))
 
 
 def _exp(x: Array, real: Real) -> Array:

@@ -79,9 +79,9 @@ class Subject:
         radius = greatest_radius(model, parameters)
         if step is not None and step * radius > STABLE * substeps:
             raise InputError(
-                f"steps of {step:g} s are too long: the fastest motion of this model changes at {radius:.4g} 1/s, so the "
-                f"Runge-Kutta method needs {math.ceil(step * radius / STABLE)} sub-steps (substeps), or a model with "
-                "fewer or longer elements",
+                f"steps of {step:g} s are too long: the fastest motion of this model changes at {radius:.4g} 1/s, so "
+                f"the Runge-Kutta method needs {math.ceil(step * radius / STABLE)} sub-steps (substeps), or a model "
+                "with fewer or longer elements",
                 key="step",
             )
         equations = Equations(model.structure)

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.export.codes import Code
-from continuum_grasp.export.fields import Field
 from continuum_grasp.export.part import Argument, Call
 from continuum_grasp.export.reals import Real
 from continuum_grasp.export.subject import Subject
 
-__all__ = ["Bad", "Vectors", "arguments_of", "vectors_of"]
+__all__ = ["Bad", "Vectors", "arguments_of", "sample", "split", "vectors_of"]
 
 Array = NDArray[Any]
 
@@ -71,8 +70,7 @@ def arguments_of(subject: Subject, call: Call) -> list[Argument]:
 def vectors_of(subject: Subject, call: Call, seed: int) -> Vectors:
     """Vectors of a function: at rest, at tiny bends, overflowing, at limits, over the whole range, and bad ones."""
     arguments = arguments_of(subject, call)
-    fields = [field for a in arguments for field in a.fields for _ in range(field.size)]
-    rows = _drawn(subject, fields, arguments, np.random.default_rng(seed)).astype(subject.real.dtype)
+    rows = sample(subject, arguments, seed, _DRAWN).astype(subject.real.dtype)
     outputs, codes = call.twin(split(rows, arguments))
     good, refused = np.flatnonzero(codes >= 0), np.flatnonzero(codes < 0)
     kept = np.sort(np.concatenate([good[: _COUNT - min(_REFUSED, len(refused))], refused[:_REFUSED]]))
@@ -92,12 +90,15 @@ def split(rows: Array, arguments: list[Argument]) -> dict[str, Array]:
     return found
 
 
-def _drawn(subject: Subject, fields: list[Field], arguments: list[Argument], rng: np.random.Generator) -> Array:
+def sample(subject: Subject, arguments: list[Argument], seed: int, count: int) -> Array:
+    """Rows at rest, at tiny bends, overflowing, hard driven, at limits, and over the whole ranges."""
+    rng = np.random.default_rng(seed)
+    fields = [field for a in arguments for field in a.fields for _ in range(field.size)]
     low = np.array([f.low if f.low > -np.inf else -f.scale for f in fields])
     high = np.array([f.high if f.high < np.inf else f.scale for f in fields])
     most = np.array([f.scale for f in fields])
     low, high = np.maximum(low, -most), np.minimum(high, most)
-    rows = rng.uniform(low, high, (_DRAWN, len(fields)))
+    rows = rng.uniform(low, high, (count, len(fields)))
     first = 0 if subject.parameters is None else subject.parameters.size
     nominal, at_rest = np.array(subject.model.p_nominal), np.clip(np.zeros(len(fields)), low, high)
     state = slice(first, first + subject.nx)
@@ -125,9 +126,9 @@ def _bad(real: Real, arguments: list[Argument], row: int) -> list[Bad]:
             for value in (np.nan, np.inf, -np.inf):
                 found.append(Bad(row, entry, float(value), Code.ERR_NON_FINITE))
             if field.low > -np.inf:
-                found.append(Bad(row, entry, _beyond(real, field.low, -1.0), Code(argument.code)))
+                found.append(Bad(row, entry, _beyond(real, field.low, -1.0), argument.code))
             if field.high < np.inf:
-                found.append(Bad(row, entry, _beyond(real, field.high, 1.0), Code(argument.code)))
+                found.append(Bad(row, entry, _beyond(real, field.high, 1.0), argument.code))
             entry += 1
     return found
 

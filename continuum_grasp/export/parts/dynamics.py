@@ -7,6 +7,7 @@ import numpy as np
 from continuum_grasp.export.codes import Code
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
+from continuum_grasp.export.meanings import rate_unit
 from continuum_grasp.export.part import Argument, Array, Call, Part, Rows
 from continuum_grasp.export.subject import Subject
 
@@ -27,7 +28,7 @@ def codes_of(subject: Subject, rows: Rows, result: Array) -> Array:
 def dynamics(subject: Subject) -> Part:
     """The part for a subject."""
     kernel = dynamics_kernel(subject)
-    rates = tuple(Field(f.name, f"{f.unit}/s") for f in subject.state.fields)
+    rates = tuple(Field(f.name, rate_unit(f.unit)) for f in subject.state.fields)
     rate = Struct("rate", "Rate of change of each entry of the state.", rates)
 
     def twin(rows: Rows) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Part ``kinematics``: where a section of the finger is, how it is turned, and how that changes with the coordinates."""
+"""Part ``kinematics``: position and angle of a section, and their derivatives by the coordinates."""
 
 from __future__ import annotations
 
@@ -30,11 +30,9 @@ def kinematics(subject: Subject) -> Part:
             Field("dy", "m per unit of the coordinate", "derivative of y by each coordinate", shape=(n,)),
         ),
     )
-    tip = eq.tip_position.column()
-    *_, (_, tip_angle) = eq.joints
-    at_tip = ca.vertcat(tip, tip_angle, ca.vec(ca.jacobian(tip, eq.q).T))
     arms = ca.horzcat(*[arm.column() for arm in eq.section_jacobian])
     at_s = ca.vertcat(eq.section_position.column(), eq.section_angle, ca.vec(arms.T))
+    at_tip = ca.substitute(at_s, eq.s, ca.SX(sum(eq.lengths)))
     tip_kernel = Kernel("tip", subject.function("tip", "x u p", at=at_tip), "Section at the tip.")
     section_kernel = Kernel("section", subject.function("section", "x u s p", at=at_s), "Section at a position s.")
     acting, output = subject.acting(forces=False), Argument("section", section, "result")

@@ -24,11 +24,13 @@ def statics(subject: Subject) -> Part:
             Field("stiffness", f"{unit} per unit of the coordinate", "derivative of the residual", shape=(n, n)),
         ),
     )
-    q, u, w, p = (subject.model.statics.sx_in(k) for k in range(4))
+    u, w, p = (subject.model.statics.sx_in(k) for k in range(1, 4))
     x = ca.SX.sym("x", subject.nx)
     missing, stiffness = subject.model.statics(x[:n], u, w, p)
     both = ca.vertcat(missing, ca.vec(stiffness.T))
-    kernel = Kernel("statics", ca.Function("statics", [x, u, w, p], [both], ["x", "u", "w", "p"], ["balance"]), "Statics.")
+    kernel = Kernel(
+        "statics", ca.Function("statics", [x, u, w, p], [both], ["x", "u", "w", "p"], ["balance"]), "Statics."
+    )
 
     def twin(rows: Rows) -> tuple[Array, Array]:
         result = kernel.evaluate(subject.real, **rows)["balance"]

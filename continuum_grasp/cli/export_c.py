@@ -1,0 +1,101 @@
+"""``continuum-grasp export-c``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from continuum_grasp.cli.options import Config, Json, Quiet, Set
+from continuum_grasp.cli.output import Output, run_folder
+from continuum_grasp.errors import InputError
+
+__all__ = ["export_c"]
+
+
+def export_c(
+    config: Config,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder of the package (default: NAME-OF-CONFIG_c)."),
+    ] = None,
+    real: Annotated[
+        str | None, typer.Option("--real", metavar="float|double", help="What to compute in (default: the target's).")
+    ] = None,
+    what: Annotated[
+        str, typer.Option("--what", metavar="PART,...", help="Parts of the package.")
+    ] = "dynamics,step,kinematics,statics",
+    prefix: Annotated[str, typer.Option("--prefix", metavar="NAME", help="Of all names in C.")] = "finger",
+    target: Annotated[
+        str, typer.Option("--target", metavar="NAME", help="host, cortex-m4f, cortex-m7 or wasm.")
+    ] = "host",
+    ranges: Annotated[
+        list[str] | None,
+        typer.Option("--range", metavar="NAME=LEAST:MOST", help="Range of a run-time parameter; repeatable."),
+    ] = None,
+    step: Annotated[
+        float | None, typer.Option("--step", metavar="SECONDS", help="Longest step (default: that of the scene).")
+    ] = None,
+    substeps: Annotated[int, typer.Option("--substeps", metavar="N", help="Runge-Kutta steps within one.")] = 1,
+    error: Annotated[
+        float | None, typer.Option("--error", metavar="NUMBER", help="Greatest relative error within the ranges.")
+    ] = None,
+    measure: Annotated[
+        bool, typer.Option("--measure", help="Run the package on the emulated target; put sizes and counts into it.")
+    ] = False,
+    changes: Set = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write the finger's functions as a C package for use without Python: microcontroller, host or WebAssembly."""
+    from continuum_grasp.cli.scenes import simulation_scene
+
+    output = Output(as_json, quiet)
+    scene, _ = simulation_scene(config, changes, output)
+    folder = run_folder(out if out is not None else Path(f"{config.stem}_c"), config)
+
+    from continuum_grasp.export import export_c as write
+
+    with output.busy("writing the package"):
+        package = write(
+            scene,
+            folder,
+            real=real,
+            what=[name.strip() for name in what.split(",")],
+            prefix=prefix,
+            target=target,
+            ranges=_ranges(ranges or ()),
+            step=step,
+            substeps=substeps,
+            error=error,
+            measured=measure,
+        )
+    made = package.manifest
+    output.pairs(
+        {
+            "package": f"{folder} ({len(package.files)} files; start with README.md)",
+            "computes in": made["real"],
+            "configuration": made["configuration_hash"],
+            "longest step [s]": f"{made['stability']['longest_step_s']:g}",
+            "test cases": sum(f["test_cases"] for f in made["functions"].values()),
+            "greatest error": f"{max(f['relative_error'] for f in made['functions'].values()):g}",
+        }
+    )
+    for name, found in ((made["measured"] or {}).get("functions", {})).items():
+        output.say(f"{name}: {found['most_instructions']} instructions, {found['stack_bytes']} bytes of stack at most")
+    output.result(folder=str(folder), files=list(package.files), manifest=made)
+
+
+def _ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Ranges as NAME=LEAST:MOST."""
+    found = {}
+    for word in words:
+        name, _, pair = word.partition("=")
+        try:
+            least, most = (float(part) for part in pair.split(":"))
+        except ValueError:
+            raise InputError(f"--range: expected NAME=LEAST:MOST, got {word!r:.60}") from None
+        found[name] = (least, most)
+    return found

@@ -1,0 +1,64 @@
+"""Examples of a package: a plain loop, bare metal, a ROS 2 node, a Simulink block, a GPU."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from continuum_grasp.export.part import Part
+from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.targets import Target
+from continuum_grasp.export.template import fill
+
+__all__ = ["example_files"]
+
+_BARE_METAL = ("start.c", "board.h", "board.ld", "main.c", "run.sh")
+_TENTH = 0.1
+"""Time within which the example's input sets in [s]."""
+_SHARE = 0.25
+"""Of the usual input, that the example takes."""
+
+
+def example_files(subject: Subject, parts: Sequence[Part], target: Target, words: dict[str, str]) -> dict[str, str]:
+    """Examples by path; those that step in time only where the package does."""
+    words = {**words, "core": target.core or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")}
+    found = {f"examples/baremetal/{name}": fill(f"examples/baremetal/{name}", words) for name in _BARE_METAL}
+    if not any(part.name == "step" for part in parts):
+        return found
+    words |= _words(subject)
+    found["examples/loop.c"] = fill("examples/loop.c", words)
+    found["examples/cuda/batch.cu"] = fill("examples/cuda/batch.cu", words)
+    found[f"examples/simulink/sfun_{subject.prefix}.c"] = fill("examples/simulink/sfun.c", words)
+    for name in ("package.xml", "CMakeLists.txt", "src/node.cpp"):
+        found[f"examples/ros2/{name}"] = fill(f"examples/ros2/{name}", words)
+    return found
+
+
+def _words(subject: Subject) -> dict[str, str]:
+    prefix, real, forced = subject.prefix, subject.real, subject.forces is not None
+    state, first = subject.state.fields, subject.input.fields[0]
+    return {
+        "h": real.literal(subject.accurate_step),
+        "h_plain": repr(subject.accurate_step),
+        "tenth": real.literal(_TENTH),
+        "level": real.literal(_SHARE * first.scale),
+        "first_input": first.name,
+        "first_state": state[0].name,
+        "nx": str(subject.nx),
+        "nu": str(subject.input.size),
+        "ports": "2" if forced else "1",
+        "most_port": str(max(subject.nx, subject.input.size, subject.model.nw)),
+        "csv_head": "".join(f",{f.name} [{f.unit}]" for f in state),
+        "csv_format": ",%.9g" * len(state),
+        "csv_values": "".join(f",\n           (double)state.{f.name}" for f in state),
+        "forces_declared": f"\n  {prefix}_forces forces;" if forced else "",
+        "forces_zero": "\n  memset(&forces, 0, sizeof forces);" if forced else "",
+        "forces_passed": ", &forces" if forced else "",
+        "forces_member": ", &forces_" if forced else "",
+        "forces_kept": f"\n  {prefix}_forces forces_{{}};" if forced else "",
+        "forces_port": f", forces ({subject.model.nw})" if forced else "",
+        "forces_width": f"\n  ssSetInputPortWidth(S, 1, {prefix.upper()}_NW);" if forced else "",
+        "forces_read": f"\n  read_port(S, 1, {prefix.upper()}_NW, numbers);\n  memcpy(&forces, numbers, sizeof forces);"
+        if forced
+        else "",
+        "cuda_forces": f"\n  {prefix}_forces forces = {{}};" if forced else "",
+    }

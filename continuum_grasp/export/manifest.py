@@ -1,0 +1,101 @@
+"""MANIFEST.json: what a package is made of and from, the same whenever and wherever it is made."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+
+from continuum_grasp import __version__
+from continuum_grasp.export.fields import Field
+from continuum_grasp.export.header import calls_of, codes_of_package, structs_of
+from continuum_grasp.export.layer import kernels_of
+from continuum_grasp.export.part import Part
+from continuum_grasp.export.subject import Subject
+
+__all__ = ["FLAGS", "manifest", "manifest_text"]
+
+FLAGS = {
+    "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],
+    "gcc": ["-fexcess-precision=fast"],
+}
+"""Flags with which results are the same to the last bit; those of gcc matter on s390x."""
+
+
+def manifest(
+    subject: Subject,
+    parts: Sequence[Part],
+    *,
+    words: Mapping[str, str],
+    target: str,
+    files: Mapping[str, str],
+    errors: Mapping[str, float],
+    vectors: Mapping[str, int],
+    measured: Mapping[str, Any] | None,
+    configuration: Mapping[str, Any] | None,
+) -> dict[str, Any]:
+    """All of it, as plain values."""
+    model = subject.model
+    return {
+        "name": subject.prefix,
+        "versions": {"continuum_grasp": __version__, "casadi": str(ca.CasadiMeta.version())},
+        "abi": words["abi"],
+        "configuration_hash": words["hash"],
+        "real": subject.real.name,
+        "target": target,
+        "parts": [part.name for part in parts],
+        "model": {
+            "family": model.family,
+            "element_lengths_m": [float(h) for h in model.lengths],
+            "bending_ranges_rad": [float(r) for r in model.ranges],
+            "contacts_m": [float(c) for c in model.contacts],
+        },
+        "flags": FLAGS,
+        "dimensions": {"n": subject.n, "nx": subject.nx, "nu": model.nu, "nw": model.nw, "np": model.np},
+        "structs": {s.name: [_entry(field) for field in s.fields] for s in structs_of(subject, parts)},
+        "nominal_parameters": dict(
+            zip((label.split(" ")[0] for label in model.p_names), map(float, model.p_nominal), strict=True)
+        ),
+        "functions": {
+            call.name: {
+                "inputs": [a.name if a.is_struct else _entry(a.fields[0]) for a in call.inputs],
+                "output": call.output.name,
+                "test_cases": vectors[call.name],
+                "relative_error": float(f"{errors[call.name]:.1g}"),
+            }
+            for call in calls_of(parts)
+        },
+        "codes": {code.name: {"value": int(code), "text": code.text} for code in codes_of_package(parts)},
+        "operations": {kernel.name: dict(sorted(kernel.operations.items())) for kernel in kernels_of(parts)},
+        "stability": {
+            "greatest_rate_1_per_s": float(f"{subject.radius:.6g}"),
+            "substeps": subject.substeps,
+            "longest_step_s": subject.longest_step,
+            "accurate_step_s": subject.accurate_step,
+        },
+        "measured": measured,
+        "configuration": configuration,
+        "sha256": {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(files.items())},
+    }
+
+
+def manifest_text(values: Mapping[str, Any]) -> str:
+    """As JSON."""
+    return json.dumps(values, indent=2, allow_nan=False) + "\n"
+
+
+def _entry(field: Field) -> dict[str, Any]:
+    found: dict[str, Any] = {"name": field.name, "unit": field.unit}
+    if field.text:
+        found["text"] = field.text
+    if field.shape:
+        found["shape"] = list(field.shape)
+    if field.low > -math.inf:
+        found["low"] = float(field.low)
+    if field.high < math.inf:
+        found["high"] = float(field.high)
+    return found

@@ -1,0 +1,26 @@
+/* One second of the finger under a constant input that sets in smoothly; writes time, state and code as CSV. */
+#include <stdio.h>
+#include <string.h>
+
+#include "<<p>>.h"
+
+int main(void)
+{
+  <<p>>_model model;
+  <<p>>_state state;
+  <<p>>_input input;<<forces_declared>>
+  const <<p>>_real h = <<h>>;
+  const int steps = (int)(1 / h);
+  int k, code = <<p>>_init(&model);
+  memset(&state, 0, sizeof state);
+  memset(&input, 0, sizeof input);<<forces_zero>>
+  printf("time [s]<<csv_head>>,code\n");
+  for (k = 0; k <= steps && code >= 0; ++k) {
+    const <<p>>_real t = (<<p>>_real)k * h;
+    printf("%.6g<<csv_format>>,%d\n", (double)t<<csv_values>>, code);
+    input.<<first_input>> = <<level>> * (t < <<tenth>> ? t / <<tenth>> : 1);
+    code = <<p>>_step(&model, &state, &input<<forces_passed>>, h, &state);
+  }
+  if (code < 0) fprintf(stderr, "%s\n", <<p>>_strerror(code));
+  return code < 0;
+}

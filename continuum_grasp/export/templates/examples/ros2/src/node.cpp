@@ -1,0 +1,66 @@
+// A simulated finger as a ROS 2 node: takes ~/input (<<nu>> numbers), publishes ~/state (<<nx>> numbers) at every step. The
+// order of the numbers is that of the structs in <<p>>.h. After an error of the library it says so and stops stepping.
+#include <chrono>
+#include <cstring>
+#include <memory>
+
+#include <rclcpp/rclcpp.hpp>
+#include <std_msgs/msg/float64_multi_array.hpp>
+
+#include <<<p>>.h>
+
+class Node : public rclcpp::Node {
+ public:
+  using Numbers = std_msgs::msg::Float64MultiArray;
+
+  Node() : rclcpp::Node("<<p>>"), h_(static_cast<<<p>>_real>(declare_parameter("step", <<h_plain>>)))
+  {
+    <<p>>_init(&model_);
+    published_ = create_publisher<Numbers>("~/state", 10);
+    taken_ = create_subscription<Numbers>("~/input", 10, [this](const Numbers &message) { take(message); });
+    timer_ = create_wall_timer(std::chrono::duration<double>(h_), [this] { step(); });
+  }
+
+ private:
+  void take(const Numbers &message)
+  {
+    if (message.data.size() != <<P>>_NU) {
+      RCLCPP_ERROR(get_logger(), "input: expected %d numbers, got %zu", <<P>>_NU, message.data.size());
+      return;
+    }
+    <<p>>_real numbers[<<P>>_NU];
+    for (int k = 0; k < <<P>>_NU; ++k) numbers[k] = static_cast<<<p>>_real>(message.data[k]);
+    std::memcpy(&input_, numbers, sizeof input_);
+  }
+
+  void step()
+  {
+    const int code = <<p>>_step(&model_, &state_, &input_<<forces_member>>, h_, &state_);
+    if (code < 0) {
+      RCLCPP_ERROR(get_logger(), "%s", <<p>>_strerror(code));
+      timer_->cancel();
+      return;
+    }
+    <<p>>_real numbers[<<P>>_NX];
+    std::memcpy(numbers, &state_, sizeof state_);
+    Numbers message;
+    message.data.assign(numbers, numbers + <<P>>_NX);
+    published_->publish(message);
+  }
+
+  <<p>>_model model_{};
+  <<p>>_state state_{};
+  <<p>>_input input_{};<<forces_kept>>
+  <<p>>_real h_;
+  rclcpp::Publisher<Numbers>::SharedPtr published_;
+  rclcpp::Subscription<Numbers>::SharedPtr taken_;
+  rclcpp::TimerBase::SharedPtr timer_;
+};
+
+int main(int count, char **words)
+{
+  rclcpp::init(count, words);
+  rclcpp::spin(std::make_shared<Node>());
+  rclcpp::shutdown();
+  return 0;
+}
