@@ -43,7 +43,7 @@ class MissionController(Value):
     period: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.01
     """Time from one command to the next [s]."""
     horizon: Horizon = Horizon(stages=20)
-    elements: Annotated[tuple[int, int], Field(strict=False)] = (1, 2)
+    elements: Annotated[tuple[int, int], Field(strict=False)] = (2, 2)
     """Matched clothoids before and after the middle contact."""
     input: InputLimits = InputLimits()
     bounds: Bounds = Bounds()

@@ -22,7 +22,7 @@ __all__ = ["Assignment", "assign"]
 
 Array = NDArray[np.float64]
 
-_LARGEST = 10.0
+_LARGEST = 5.0
 """Multiple of a wrench beyond which nothing is pulled with: what presses the object on a support is resisted anyhow."""
 _CLEARANCE = 0.003
 """Distance from the object at which the approach ends [m]."""
