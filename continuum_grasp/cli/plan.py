@@ -1,0 +1,126 @@
+"""``continuum-grasp plan``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set, Verbose
+from continuum_grasp.cli.output import Output, run_folder
+
+if TYPE_CHECKING:
+    from continuum_grasp.mpc.plan import Plan
+    from continuum_grasp.scene.plan import PlanScene
+
+__all__ = ["plan"]
+
+
+def plan(
+    config: Config,
+    out: Out = None,
+    changes: Set = None,
+    warm: Annotated[
+        Path | None, typer.Option("--warm", metavar="DIR", help="Run folder of a plan from which to begin.")
+    ] = None,
+    animation: Annotated[
+        str | None,
+        typer.Option("--animate", metavar="gif|mp4", help="Write an animation too; mp4 needs ffmpeg."),
+    ] = None,
+    speed: Annotated[
+        float, typer.Option("--speed", metavar="S", help="Seconds of motion per second of animation.")
+    ] = 0.1,
+    pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")] = True,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Plan a whole motion to a goal: least time, least effort, smoothest input, tracking."""
+    from continuum_grasp.errors import InputError, Interrupted, SolverError
+
+    output = Output(as_json, quiet, verbose)
+    if animation not in (None, "gif", "mp4"):
+        raise InputError(f"expected gif or mp4, got {animation!r}", key="--animate")
+    scene = _scene(config, changes)
+    folder = run_folder(out, config)
+
+    from continuum_grasp.mpc.plan import plan as run
+
+    try:
+        with output.busy("planning"):
+            found = run(scene, warm=warm, raise_on_failure=False)
+    except Interrupted as error:
+        if error.result is not None:
+            error.result.save(folder)
+            typer.echo(f"what was found until then is in {folder}", err=True)
+        raise
+    found.save(folder)
+    files: list[Path] = []
+    with output.busy("drawing"):
+        if pictures:
+            files += found.plot(folder)
+        if animation:
+            files.append(found.animate(folder / f"animation.{animation}", speed=speed))
+    _report(found, folder, files, output)
+    if not found.solved:
+        raise SolverError(
+            found.message, status=found.status.value, violated=found.violated, advice=found.advice, result=found
+        )
+
+
+def _scene(config: Path, changes: Iterable[str] | None) -> PlanScene:
+    from continuum_grasp.errors import InputError
+    from continuum_grasp.scene.load import load
+    from continuum_grasp.scene.plan import PlanScene
+
+    scene = load(config, changes or ())
+    if not isinstance(scene, PlanScene):
+        raise InputError(f"expected a plan (finger, goal, ...), got a {type(scene).__name__}", file=str(config))
+    return scene
+
+
+def _report(plan: Plan, folder: Path, files: list[Path], output: Output) -> None:
+    x, y = (float(v) for v in plan.tip[-1])
+    active = [c.name for c in plan.constraints.values() if c.active and not c.name.startswith("motion")]
+    rows: dict[str, Any] = {
+        "status": plan.status.value,
+        "objective": f"{plan.objective:.6g} {_unit(plan)} ({plan.scene.objective})",
+        "duration": f"{plan.duration:.6g} s in {len(plan.t) - 1} intervals",
+        "tip at the end": f"({x:.4f}, {y:.4f}) m",
+        "held back by": ", ".join(active) or "nothing",
+        "solver": f"{plan.iterations} iterations; {plan.times.get('total', 0.0):.2f} s in all",
+    }
+    for name, found in (("fine simulation", plan.deviation), ("finer model", plan.finer)):
+        if found is not None:
+            text = f"tip up to {1e3 * found.tip:.3g} mm off the plan, {1e3 * found.final_tip:.3g} mm at the end"
+            rows[name] = f"{text} ({found.model})"
+    rows |= {"saved in": str(folder), "pictures": ", ".join(file.name for file in files) or "none"}
+    output.warn(plan.warnings)
+    output.pairs(rows)
+    output.statistics({**plan.statistics, **{f"{name} [s]": f"{value:.3f}" for name, value in plan.times.items()}})
+    output.result(
+        status=plan.status.value,
+        folder=str(folder),
+        files=[str(file) for file in files],
+        objective=plan.objective,
+        duration=plan.duration,
+        tip=[x, y],
+        active=active,
+        iterations=plan.iterations,
+        times=dict(plan.times),
+        violated=list(plan.violated),
+        advice=plan.advice,
+        warnings=list(plan.warnings),
+        statistics=dict(plan.statistics),
+    )
+
+
+def _unit(plan: Plan) -> str:
+    """Unit of the objective."""
+    force = "N m" if len(plan.u_names) == 1 else "N"
+    squared = f"({force})2" if " " in force else f"{force}2"
+    return {"least_time": "s", "least_effort": f"{squared} s", "least_input_rate": f"{squared}/s"}.get(
+        plan.scene.objective, ""
+    )
