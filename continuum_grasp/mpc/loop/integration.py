@@ -56,7 +56,7 @@ def choose_method(model: PlantModel, period: float) -> Method:
     for q in sample_shapes(system.finger_model, model.start[: system.n])[:_SHAPES]:
         x = model.start.copy()
         x[: system.n] = q
-        a = np.array(model.linearization(x, model.rest_input, w, [])[0])
+        a = np.array(model.linearization(x, model.rest_input, w, model.p)[0])
         if np.all(np.isfinite(a)):
             radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
     wanted = max(1, math.ceil(radius * period / TARGET_RADIUS))
@@ -110,7 +110,7 @@ class Integration:
             w = Signal(np.ascontiguousarray(model.forces(instants))[None], model.nw, 0)
         inputs = Signal(np.ascontiguousarray(u, dtype=float)[None, None], 0, 0)
         begin = np.ascontiguousarray(x, dtype=float)[None]
-        states, kept = self._run(begin, substeps, 1, period / substeps, inputs, w, np.zeros(0))
+        states, kept = self._run(begin, substeps, 1, period / substeps, inputs, w, model.p)
         if kept[0] < substeps:
             time, last = start + kept[0] * period / substeps, states[0, kept[0]]
             raise NumericalError(

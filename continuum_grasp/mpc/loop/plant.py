@@ -28,6 +28,8 @@ class Plant:
         The controller's model, where it is made already; what is measured without an estimator is its state.
     period : float, optional
         Control period [s]; that of the scene where not given.
+    model : PlantModel, optional
+        Its equations, where they are not those of the scene's plant.
 
     Attributes
     ----------
@@ -47,8 +49,14 @@ class Plant:
     is interpolated linearly. Those of before the start show the finger as it was at the start.
     """
 
-    def __init__(self, scene: ControlScene, prediction: Prediction | None = None, period: float | None = None) -> None:
-        self.model = PlantModel(scene)
+    def __init__(
+        self,
+        scene: ControlScene,
+        prediction: Prediction | None = None,
+        period: float | None = None,
+        model: PlantModel | None = None,
+    ) -> None:
+        self.model = PlantModel(scene) if model is None else model
         self.period = scene.controller.step if period is None else period
         self.method = choose_method(self.model, self.period)
         self.sensors = Sensors(scene, self.model, Prediction(scene) if prediction is None else prediction)

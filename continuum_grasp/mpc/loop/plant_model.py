@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +17,7 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.finger import Finger, PointMass, Rod
 from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
 
@@ -41,11 +42,14 @@ def plant_scene(scene: ControlScene) -> Scene:
     """
     tendons = scene.finger.tendons
     rest = None if tendons is None else Actuation(tensions=(tendons.min_tension, tendons.min_tension))
+    around = {name: getattr(scene, name) for name in Surroundings.model_fields}
     return Scene(
+        **around,
         schema_version=1,
         name=scene.name,
         finger=_plant_finger(scene),
         gravity=scene.gravity,
+        contacts=scene.contacts if scene.object is not None else (),
         fidelity=scene.plant.fidelity,
         actuation=rest,
         initial=scene.initial,
@@ -86,11 +90,19 @@ class PlantModel:
     ----------
     scene : ControlScene
         The scene.
+    given : Scene, optional
+        The plant's finger in its surroundings, where it is not that of ``plant_scene``.
+    parameters, object_parameters : sequence of str
+        What of finger and object may be changed without compiling anew; see ``p``.
 
     Attributes
     ----------
     scene : Scene
         The plant's finger in its surroundings.
+    p : (np,) ndarray
+        Values of ``parameters``, then of ``object_parameters``; may be assigned to.
+    outside : dict of str to callable
+        Entries of w, by name, as functions of instants [s], on top of the scene's loads.
     system : System
         Its equations of motion.
     nx, nu, nw : int
@@ -98,7 +110,7 @@ class PlantModel:
     x_names, u_names, w_names : tuple of str
         Name and unit of each entry.
     dynamics : casadi.Function
-        (x, u, w, p) -> xd; p is empty.
+        (x, u, w, p) -> xd.
     linearization : casadi.Function
         (x, u, w, p) -> A, B.
 
@@ -113,8 +125,14 @@ class PlantModel:
         If a matched tip has no lag: it would be thrown by inputs that jump.
     """
 
-    def __init__(self, scene: ControlScene) -> None:
-        self.control, self.scene = scene, plant_scene(scene)
+    def __init__(
+        self,
+        scene: ControlScene,
+        given: Scene | None = None,
+        parameters: Sequence[str] = (),
+        object_parameters: Sequence[str] = (),
+    ) -> None:
+        self.control, self.scene = scene, plant_scene(scene) if given is None else given
         finger = self.scene.finger
         tendons = finger.tendons
         self._lag = scene.controller.input.time_constant if tendons is None else tendons.time_constant
@@ -126,7 +144,13 @@ class PlantModel:
             )
         own_lag = tendons is None and self._lag is not None
         rates = family == "matched_clothoid" and own_lag
-        self.system = System(self.scene, family=family, input_rates=rates or None)
+        self.system = System(
+            self.scene,
+            family=family,
+            input_rates=rates or None,
+            parameters=parameters,
+            object_parameters=object_parameters,
+        )
         names: tuple[str, ...] = ()
         if own_lag:
             names = ("tip_moment [N m]", "tip_moment_rate [N m/s]")
@@ -137,7 +161,9 @@ class PlantModel:
         self.w_names = tuple(self.system.w_names)
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
         self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
-        self._w, self._p = ca.SX.sym("w", self.nw), ca.SX.sym("p", 0)
+        self._w, self._p = ca.SX.sym("w", self.nw), ca.SX.sym("p", self.system.np)
+        self.p: Array = np.array(self.system.p_nominal)
+        self.outside: dict[str, Callable[[Array], Array]] = {}
         self._signals = Signals(self.scene, self.system.finger_model)
 
     # -- the drive ----------------------------------------------------------------------------------------------------
@@ -168,8 +194,8 @@ class PlantModel:
 
     def function(self, name: str, **outputs: ca.SX) -> ca.Function:
         """A function (x, u, w) of expressions in ``arguments``."""
-        values = ca.cse([ca.densify(ca.SX(v)) for v in outputs.values()])
-        return ca.Function(name, [self._x, self._u, self._w], values, ["x", "u", "w"], list(outputs))
+        values = ca.substitute([ca.densify(ca.SX(v)) for v in outputs.values()], [self._p], [ca.SX(ca.DM(self.p))])
+        return ca.Function(name, [self._x, self._u, self._w], ca.cse(values), ["x", "u", "w"], list(outputs))
 
     @property
     def arguments(self) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -223,11 +249,30 @@ class PlantModel:
         return self.system.range_use(*self._of_system)
 
     @cached_property
-    def contact_force(self) -> ca.SX:
-        """Normal force at each place where the finger may touch the object [N]."""
+    def touch(self) -> dict[str, ca.SX]:
+        """Gap [m], normal force, friction and lift [N] of all contacts; see ``System.touch``."""
         x, u, p = self._of_system
-        count = sum(name.startswith("finger.") for name in self.system.touch_names)
-        return self.system.touch(x, u, self._w, p)[1][:count]
+        found = self.system.touch(x, u, self._w, p)
+        return dict(zip(("gap", "normal_force", "friction", "lift"), found[:4], strict=True))
+
+    @property
+    def contact_force(self) -> ca.SX:
+        """Normal forces [N] at the contacts that the controller follows, in its order."""
+        rows = [self.system.touch_names.index(self._own_name(name)) for name in self.control.followed_contacts]
+        return self.touch["normal_force"][rows]
+
+    def _own_name(self, name: str) -> str:
+        """The name that a contact of the controller has here, where the finger may have more of them."""
+        if name == "finger.tip":
+            return name
+        at = self.control.contacts[int(name.rpartition(".")[2]) - 1]
+        nearest = int(np.argmin(np.abs(np.array(self.scene.contacts) - at)))
+        return f"finger.{nearest + 1}"
+
+    @property
+    def object_pose(self) -> ca.SX:
+        """Pose of an object that moves: x, y [m], angle [rad], and height [m] where it can slide out of the plane."""
+        return self._x[self.system.object_states]
 
     @cached_property
     def drive(self) -> ca.SX:
@@ -256,16 +301,28 @@ class PlantModel:
         given = np.zeros(self.system.nu)
         given[: self.nu] = self.rest_input
         own = [float(np.mean(self.rest_input)), 0.0] if self._lag is not None else []
-        return np.array([*self.system.state(q=x[:n], qd=x[n : 2 * n], u=given), *own])
+        return np.array([*self.system.state(q=x[:n], qd=x[n : 2 * n], u=given, pose=self._start_pose), *own])
+
+    @property
+    def _start_pose(self) -> list[float] | None:
+        """Where a moving object stands; it has sunk into the table under it by its weight."""
+        around = self.system.surroundings
+        if around is None or around.object is None or around.contact_law is None or around.table is None:
+            return None
+        sunk = around.object.mass * around.out_of_plane_gravity / around.contact_law.stiffness
+        return [*around.object.pose, -sunk]
 
     def forces(self, t: ArrayLike) -> Array:
         """Forces w (T, nw) at instants (T,) [s]."""
         known = self._signals.w(t)
         rows: Array = np.zeros((len(known), self.nw))
         rows[:, : known.shape[1]] = known
+        instants = np.atleast_1d(np.asarray(t, dtype=float))
+        for name, function in self.outside.items():
+            rows[:, self.w_names.index(name)] += function(instants)
         return rows
 
     @property
     def steady(self) -> bool:
         """Whether no load varies."""
-        return self._signals.constant
+        return self._signals.constant and not self.outside
