@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 
 _EXPLICIT_UP_TO = 40
 """Sub-steps per control period up to which the explicit method is taken."""
-_IMPLICIT_STEP = 1.25e-3
-"""Longest step of the implicit method [s]; on fingers of a hand it follows a step of the input to 1e-6."""
+_LONGEST = 1.25e-3
+"""Longest step of either method [s]; on fingers of a hand it follows a step of the input to 1e-6."""
 _SHAPES = 4
 
 
@@ -59,10 +59,10 @@ def choose_method(model: PlantModel, period: float) -> Method:
         a = np.array(model.linearization(x, model.rest_input, w, model.p)[0])
         if np.all(np.isfinite(a)):
             radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
-    wanted = max(1, math.ceil(radius * period / TARGET_RADIUS))
-    if wanted <= _EXPLICIT_UP_TO:
-        return Method("rk4", max(wanted, 2), radius)
-    return Method("implicit", max(1, math.ceil(period / _IMPLICIT_STEP - 1e-9)), radius)
+    wanted, least = math.ceil(radius * period / TARGET_RADIUS), math.ceil(period / _LONGEST - 1e-9)
+    if wanted <= max(_EXPLICIT_UP_TO, least):
+        return Method("rk4", max(wanted, least, 1), radius)
+    return Method("implicit", max(least, 1), radius)
 
 
 class Integration:

@@ -250,10 +250,9 @@ class PlantModel:
 
     @cached_property
     def touch(self) -> dict[str, ca.SX]:
-        """Gap [m], normal force, friction and lift [N] of all contacts; see ``System.touch``."""
+        """All contacts, by the names of the outputs of ``System.touch``."""
         x, u, p = self._of_system
-        found = self.system.touch(x, u, self._w, p)
-        return dict(zip(("gap", "normal_force", "friction", "lift"), found[:4], strict=True))
+        return dict(zip(self.system.touch.name_out(), self.system.touch(x, u, self._w, p), strict=True))
 
     @property
     def contact_force(self) -> ca.SX:
@@ -290,7 +289,8 @@ class PlantModel:
     @cached_property
     def rest_input(self) -> Array:
         """Input at time zero: least tensions, or no moment."""
-        return self._signals.u(0.0)[0][: self.nu]
+        found: Array = self._signals.u(0.0)[0][: self.nu]
+        return found
 
     @cached_property
     def start(self) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import casadi as ca
@@ -14,6 +14,7 @@ from continuum_grasp.mpc.loop.plant_model import PlantModel
 from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.stages import Stages
 from continuum_grasp.scene.control import ControlScene, HalfPlaneZone, Zone
+from continuum_grasp.simulation.contacts import ContactForces
 
 __all__ = ["Bound", "Readings"]
 
@@ -74,6 +75,24 @@ class Readings:
     def range_use(self, x: Array, u: Array, w: Array) -> Array:
         """Share of the plant's declared bending range that each element uses (K, elements)."""
         return self._map(self._plant.function("use", use=self._plant.range_use), x, u, w)
+
+    def object_pose(self, x: Array) -> Array | None:
+        """Pose (K, 3 or 4) of an object that moves: x, y [m], angle [rad], height [m]; None without one."""
+        found = x[:, self._plant.system.object_states]
+        return found if found.shape[1] else None
+
+    def contacts(self, x: Array, u: Array, w: Array) -> ContactForces | None:
+        """Gaps and forces of all contacts; None without an object."""
+        names = tuple(self._plant.system.touch_names)
+        if not names:
+            return None
+        wanted = {one.name for one in fields(ContactForces)} - {"names"}
+        touch = {key: value for key, value in self._plant.touch.items() if key in wanted}
+        found = {}
+        for key, value in touch.items():
+            rows = self._map(self._plant.function(key, value=ca.vec(value)), x, u, w)
+            found[key] = rows.reshape(len(x), len(names), 2).transpose(0, 2, 1) if value.size1() == 2 else rows
+        return ContactForces(names, **found)
 
     # -- what is tracked ----------------------------------------------------------------------------------------------
 

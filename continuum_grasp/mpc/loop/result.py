@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.mpc.loop.metrics import Metrics, metrics_of
 from continuum_grasp.mpc.loop.readings import Bound, Readings
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.simulation.contacts import ContactForces
 
 __all__ = ["ControlRun"]
 
@@ -128,6 +129,16 @@ class ControlRun:
         """Time after which a command counts as late [s]."""
         return self.scene.controller.deadline or self.period
 
+    @property
+    def object_pose(self) -> Array | None:
+        """Pose of an object that moves (K + 1, 3 or 4): x, y [m], angle [rad], height [m]; None without one."""
+        return self.readings.object_pose(self.x)
+
+    @cached_property
+    def contacts(self) -> ContactForces | None:
+        """Gaps and forces of all contacts; None without an object."""
+        return self.readings.contacts(self.x, self._inputs, self.w)
+
     @cached_property
     def _metrics(self) -> Metrics:
         return metrics_of(self)
@@ -206,6 +217,10 @@ class ControlRun:
 
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         arrays |= {"bounds": np.array([b.excess for b in self.bounds]), "status": np.array(self.status, dtype=str)}
+        if self.contacts is not None:
+            arrays |= self.contacts.arrays()
+        if self.object_pose is not None:
+            arrays["object_pose"] = self.object_pose
         meta = {
             "config": self.scene.model_dump(mode="json"),
             "status": self.ended,
@@ -218,6 +233,7 @@ class ControlRun:
             "names": {
                 **{key: list(getattr(self, f"{key}_names")) for key in ("x", "u", "y", "r", "p", "phase")},
                 "bounds": [f"{b.name} [{b.unit}]" for b in self.bounds],
+                "contacts": [] if self.contacts is None else list(self.contacts.names),
             },
         }
         target = write_run(folder, arrays, meta)
