@@ -34,6 +34,7 @@ class Case:
 
     name: str
     what: str
+    scene: ControlScene
     stages: Stages
     x0: Array
     u0: Array
@@ -89,7 +90,7 @@ def outside(stages: Stages, rows: Array) -> Array:
 def state_step(stages: Stages) -> ca.Function:
     """(x, u, p, h) -> xn: one Runge-Kutta step without its derivatives."""
     x, u, p, h = (ca.SX.sym(name, stages.step.size1_in(k)) for k, name in enumerate("xuph"))
-    return ca.Function("state_step", [x, u, p, h], [stages.step(x, u, p, h)[0][: stages.nx]], ["x", "u", "p", "h"], ["xn"])
+    return ca.Function("state_step", [x, u, p, h], [stages.step(x, u, p, h)[0]], ["x", "u", "p", "h"], ["xn"])
 
 
 def case(name: str, *, steps: int = 400, seed: int = 0, horizon: int = 30, **changes: Any) -> Case:
@@ -107,6 +108,7 @@ def arcs(
     substeps: int | None = 1,
     bounds: str = "box",
     largest: float = 1.2,
+    speed: float = 15.0,
     announced: bool = True,
 ) -> Case:
     """The problem of the trials: two arcs of nickel-titanium, tip moment, set-points of bending that switch.
@@ -125,12 +127,12 @@ def arcs(
             "horizon": {"stages": horizon, "stage": 0.01, "substeps": substeps},
             "cost": {"bending": {"running": 100.0, "terminal": 10.0}, "effort": 1.0, "speed": {"running": 0.01, "terminal": 0.001}},
             "input": {"moment_max": 0.3, "time_constant": 0.02 if family == "matched_clothoid" else None},
-            "bounds": _bounds(bounds, curvature=5.0, speed=15.0),
+            "bounds": _bounds(bounds, curvature=5.0, speed=speed),
         },
     )
     stages, prediction = _stages(scene)
     if family == "arc" and elements == 2 and bounds == "box":  # the second arc may be faster
-        scale = np.array([1.0, 1.0, 1.0, 40.0 / 15.0])
+        scale = np.array([1.0, 1.0, 1.0, 40.0 / speed])
         stages = replace(stages, c_min=-scale, c_max=scale)
     rng = np.random.default_rng(seed)
     targets = rng.uniform(-largest, largest, (steps // 50 + 1, 1)) * np.ones(elements) * 2.0 / elements
@@ -140,7 +142,7 @@ def arcs(
     ahead = [known[k : k + horizon + 1] if announced else known[k : k + 1] for k in range(steps)]
     references = np.stack([np.broadcast_to(r, (horizon + 1, stages.nr)) for r in ahead])
     what = f"NiTi rod, {elements} {family.replace('_', ' ')}s, tip moment"
-    return _closed("arcs", what, stages, prediction, references, np.zeros(1))
+    return _closed("arcs", what, scene, stages, prediction, references, np.zeros(1))
 
 
 def jumps(*, steps: int = 400, seed: int = 0, horizon: int = 30) -> Case:
@@ -151,7 +153,10 @@ def jumps(*, steps: int = 400, seed: int = 0, horizon: int = 30) -> Case:
 
 def lag(*, steps: int = 400, seed: int = 0, horizon: int = 30, elements: int = 2) -> Case:
     """The same rod of matched clothoids, whose tip moment follows with a lag."""
-    made = arcs(steps=steps, seed=seed, horizon=horizon, elements=elements, family="matched_clothoid", substeps=None)
+    made = arcs(
+        **{"steps": steps, "seed": seed, "horizon": horizon, "elements": elements, "family": "matched_clothoid"},
+        **{"substeps": None, "largest": 0.6, "speed": 40.0},
+    )
     return replace(made, name="lag", what=f"{made.what} with lag")
 
 
@@ -166,7 +171,8 @@ def tendons(*, steps: int = 400, seed: int = 0, horizon: int = 30, elements: int
         controller["bounds"]["keep_out"] = {"wall": wall}
     data = {**scene.model_dump(), "controller": controller, "parameters": ("bending_stiffness",)}
     data["fidelity"]["elements"] = elements
-    stages, prediction = _stages(ControlScene.model_validate(data))
+    scene = ControlScene.model_validate(data)
+    stages, prediction = _stages(scene)
     circle = scene.reference.tip
     times = stages.stage * np.arange(steps + horizon + 1)
     angle = 2.0 * np.pi * circle.frequency * times + circle.phase
@@ -176,7 +182,7 @@ def tendons(*, steps: int = 400, seed: int = 0, horizon: int = 30, elements: int
     rows[:, 2:4] = stages.u_min
     references = np.stack([rows[k : k + horizon + 1] for k in range(steps)])
     what = f"hand finger, {elements} matched clothoids, two tendons with lag, tip on a circle"
-    return _closed("tendons", what, stages, prediction, references, stages.u_min)
+    return _closed("tendons", what, scene, stages, prediction, references, stages.u_min)
 
 
 def _scene(**data: Any) -> ControlScene:
@@ -198,14 +204,21 @@ def _stages(scene: ControlScene) -> tuple[Stages, Prediction]:
     prediction = Prediction(scene)
     stages = stages_of(scene, prediction)
     if stages.step.numel_out(0) > stages.nx:  # XXX
-        x, u, p, h = stages.step.sx_in()
-        xn, a, b = stages.step(x, u, p, h)
-        stages = replace(stages, step=ca.Function("stage_step", [x, u, p, h], [xn[: stages.nx], a, b], ["x", "u", "p", "h"], ["xn", "A", "B"]))
+        given = stages.step.sx_in()
+        xn, a, b = stages.step(*given)
+        step = ca.Function("stage_step", given, [xn[: stages.nx], a, b], list("xuph"), ["xn", "A", "B"])
+        stages = replace(stages, step=step)
     return stages, prediction
 
 
 def _closed(
-    name: str, what: str, stages: Stages, prediction: Prediction, references: Array, u0: Array
+    name: str,
+    what: str,
+    scene: ControlScene,
+    stages: Stages,
+    prediction: Prediction,
+    references: Array,
+    u0: Array,
 ) -> Case:
     """The loop of a problem: a stiffer plant that is pushed for a while, from rest."""
     start = prediction.at_rest(np.zeros(prediction.system.finger_model.n), u0)
@@ -217,4 +230,4 @@ def _closed(
     for push, size in (("contact_1_y", 0.05), ("missing_tip_moment", 0.02)):
         if push in names:
             plant_p[PULSE, names.index(push)] = size
-    return Case(name, what, stages, x0, u0, stages.p_nominal, plant_p, references)
+    return Case(name, what, scene, stages, x0, u0, stages.p_nominal, plant_p, references)

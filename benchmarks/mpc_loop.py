@@ -64,10 +64,14 @@ class CLoop:
         Generated apart and linked to it.
     late : bool
         Whether it linearises once the state is known, with that state in its guess.
+    primal : float
+        Largest violation of the programme's equations and input limits that counts as solved.
     """
 
-    def __init__(self, case: Case, source: str, *functions: ca.Function, late: bool = False) -> None:
-        self.case, self._late = case, late
+    def __init__(
+        self, case: Case, source: str, *functions: ca.Function, late: bool = False, primal: float = 1e-6
+    ) -> None:
+        self.case, self._late, self._primal = case, late, primal
         self._folder = tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-")
         folder = Path(self._folder.name)
         plant = case.plant()
@@ -117,12 +121,8 @@ class CLoop:
             run.guess, run.plan = kept
             if self._late:
                 run.guess[:, : stages.nx] = x[:-1]
-            run.good &= primal_residuals(case, run) <= PRIMAL
+            run.good &= primal_residuals(case, run) <= self._primal
         return run
-
-
-PRIMAL = 1e-6
-"""Largest violation of the quadratic programme's equations and input limits that counts as solved."""
 
 
 def primal_residuals(case: Case, run: LoopRun) -> Array:
@@ -136,7 +136,6 @@ def primal_residuals(case: Case, run: LoopRun) -> Array:
         start, dx, du = x0[:-1].T, (x - x0)[:-1].T, (u - u0).T
         for _ in range(stages.substeps):
             following, a, b = (np.array(v) for v in advance(start, u0.T, case.p, slope))
-            following = following[: stages.nx]
             by_x, by_u = a.reshape(-1, n, stages.nx), b.reshape(-1, n, stages.nu)
             dx = np.einsum("ikj,jk->ik", by_x, dx) + np.einsum("ikj,jk->ik", by_u, du)
             start = following

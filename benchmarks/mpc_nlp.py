@@ -84,7 +84,7 @@ class Nlp:
         s = self.stages
         h = s.stage / s.substeps
         sizes = (s.nx, s.nu, s.np)
-        one = _sx("slopes", sizes, lambda x, u, p: [s.step(x, u, p, h)[0][: s.nx], *s.step(x, u, p, h)[1:]])
+        one = _sx("slopes", sizes, lambda x, u, p: s.step(x, u, p, h))
         if s.substeps == 1:
             return one
         x, u, p = (ca.MX.sym(name, size) for name, size in zip("xup", sizes, strict=True))

@@ -18,9 +18,8 @@ static rti_work work;
 static rti_settings settings;
 static const unsigned char nominal[sizeof(rti_settings)] = {{{settings}}};
 static double input[RTI_NU];
-static long long iterations;
+static const double *last_p, *last_refs;
 
-long long solver_iterations(void) {{ return iterations; }}
 void solver_start(const double *x0, const double *u0)
 {{
   real x[RTI_NX], u[RTI_NU];
@@ -33,6 +32,8 @@ void solver_shift(void) {{ rti_shift(&plan, &settings, 1); }}
 void solver_prepare(const double *p, const double *refs)
 {{
   {convert}
+  last_p = p;
+  last_refs = refs;
   rti_prepare(&work, &plan, &settings, {p}, {refs});
 }}
 int solver_feedback(const double *x0)
@@ -40,9 +41,12 @@ int solver_feedback(const double *x0)
   rti_report report;
   real x[RTI_NX];
   for (int i = 0; i < RTI_NX; ++i) x[i] = (real)x0[i];
-  const int status = rti_feedback(&work, &plan, &settings, x, &report);
+  int status = rti_feedback(&work, &plan, &settings, x, &report);
+  for (int k = 1; k < {iterations} && status >= 0; ++k) {{
+    solver_prepare(last_p, last_refs);
+    status = rti_feedback(&work, &plan, &settings, x, &report);
+  }}
   for (int i = 0; i < RTI_NU; ++i) input[i] = (double)plan.u[0][i];
-  iterations = report.iterations;
   return status == RTI_ITERATION_LIMIT ? -100 : status;
 }}
 const double *solver_input(void) {{ return input; }}
@@ -59,7 +63,7 @@ _NARROW = """static real given_p[RTI_SIZE(RTI_NP)], given_refs[(RTI_N + 1) * RTI
   for (int i = 0; i < (RTI_N + 1) * RTI_NR; ++i) given_refs[i] = (real)refs[i];"""
 
 
-def rti_loop(case: Case, *, lanes: bool, real: str = "double") -> CLoop:
+def rti_loop(case: Case, *, lanes: bool = True, real: str = "double", iterations: int = 1) -> CLoop:
     """The real-time iteration in a closed loop in C; a step that stops at its iteration limit counts as failed."""
     number: Any = np.float64 if real == "double" else np.float32
     settings = Settings(case.stages, number)
@@ -67,8 +71,9 @@ def rti_loop(case: Case, *, lanes: bool, real: str = "double") -> CLoop:
     narrow = real != "double"
     hooks = _HOOKS.format(
         settings=", ".join(map(str, data)),
+        iterations=iterations,
         convert=_NARROW if narrow else "",
         p="given_p" if narrow else "p",
         refs="given_refs" if narrow else "refs",
     )
-    return CLoop(case, iteration_source(case.stages, real=real, lanes=lanes) + hooks)
+    return CLoop(case, iteration_source(case.stages, real=real, lanes=lanes) + hooks, primal=1e-3 if narrow else 1e-6)

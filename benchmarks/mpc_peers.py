@@ -11,14 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.machine import one_core
-from benchmarks.mpc_cases import Case, outside
+from benchmarks.mpc_cases import Case
 from benchmarks.mpc_loop import CLoop, LoopRun
 from benchmarks.mpc_nlp import Nlp
 
 Array = NDArray[np.float64]
 
-FORMS = ("own", "custom_jacobian", "jac_fg")
-"""Derivatives by CasADi alone; variational equations as the dynamics' Jacobian; all derivatives given at once."""
+FORMS = {
+    "own": "derivatives by CasADi alone",
+    "custom_jacobian": "dynamics with the variational equations as their Jacobian",
+    "jac_fg": "all derivatives given at once",
+    "soft": "as custom_jacobian, and rows may be violated at their price",
+}
+"""How CasADi's programme is written; rows of all but the last are hard, which makes smaller programmes."""
 
 _HOOKS = """
 #include <string.h>
@@ -42,6 +47,7 @@ static int finite(const double *a, int count)
 }}
 void solver_start(const double *x0, const double *u0)
 {{
+  memset(w, 0, sizeof w);
   memset(lam_x, 0, sizeof lam_x);
   memset(lam_g, 0, sizeof lam_g);
   memcpy(lbx, fixed_lbx, sizeof lbx);
@@ -54,10 +60,8 @@ void solver_start(const double *x0, const double *u0)
 }}
 void solver_shift(void)
 {{
-  memmove(w, w + {nz}, sizeof(double) * ({N} - 1) * {nz});
+{shift}
   memcpy(w + ({N} - 1) * {nz}, w + {N} * {nz}, sizeof(double) * {nx});
-  memmove(lam_x, lam_x + {nz}, sizeof(double) * ({N} - 1) * {nz});
-  memmove(lam_g, lam_g + {height}, sizeof(double) * ({N} - 1) * {height});
 }}
 void solver_prepare(const double *p, const double *refs)
 {{
@@ -83,7 +87,16 @@ int solver_feedback(const double *x0)
   memcpy(lam_g, next_g, sizeof lam_g);
   return 0;
 }}
-const double *solver_input(void) {{ return w + {nx}; }}
+const double *solver_input(void)
+{{
+  static const double least[] = {u_min}, most[] = {u_max};
+  static double u[{nu}];
+  for (int i = 0; i < {nu}; ++i) {{
+    u[i] = w[{nx} + i];
+    u[i] = u[i] < least[i] ? least[i] : u[i] > most[i] ? most[i] : u[i];
+  }}
+  return u;
+}}
 void solver_plan(double *to)
 {{
   for (int k = 0; k <= {N}; ++k) memcpy(to + k * {nx}, w + k * {nz}, sizeof(double) * {nx});
@@ -95,8 +108,8 @@ void solver_plan(double *to)
 def sqp_loop(case: Case, form: str) -> CLoop:
     """CasADi's ``sqpmethod`` and ``qrqp``, one Gauss-Newton iteration per step, as generated C in a closed loop.
 
-    Bounds are hard, which is its smallest programme. The guess is shifted, multipliers too, and its first state is the
-    measured one.
+    The guess is shifted, multipliers too, and its first state is the measured one. After a failure it starts again
+    from the state.
 
     Parameters
     ----------
@@ -106,7 +119,7 @@ def sqp_loop(case: Case, form: str) -> CLoop:
         One of ``FORMS``.
     """
     stages = case.stages
-    nlp = Nlp(stages, soft=False, variational=form == "custom_jacobian")
+    nlp = Nlp(stages, soft=form == "soft", variational=form in ("custom_jacobian", "soft"))
     quiet = {"print_iter": False, "print_header": False, "print_info": False, "error_on_fail": False}
     options: dict[str, Any] = {
         **{"qpsol": "qrqp", "qpsol_options": quiet, "max_iter": 1, "max_iter_ls": 0, "hess_lag": nlp.hess_lag()},
@@ -116,12 +129,17 @@ def sqp_loop(case: Case, form: str) -> CLoop:
     if form == "jac_fg":
         options["jac_fg"] = nlp.jac_fg
     solver = ca.nlpsol("rti", "sqpmethod", nlp.problem, options)
-    numbers = {name: "{" + ", ".join(_literal(v) for v in values) + "}" for name, values in nlp.bounds.items()}
+    numbers = {name: _braces(values) for name, values in nlp.bounds.items()}
     hooks = _HOOKS.format(
         **numbers,
-        count=nlp.count,
+        u_min=_braces(stages.u_min),
+        u_max=_braces(stages.u_max),
+        shift="\n".join(
+            f"  memmove({name} + {start}, {name} + {start + width}, sizeof(double) * {(stages.stages - 1) * width});"
+            for name, start, width in _blocks(nlp)
+        ),
+        count=nlp.w.numel(),
         rows=solver.size1_in("lbg"),
-        height=solver.size1_in("lbg") // stages.stages,
         parameters=solver.size1_in("p"),
         refs=(stages.stages + 1) * stages.nr,
         N=stages.stages,
@@ -132,6 +150,22 @@ def sqp_loop(case: Case, form: str) -> CLoop:
         **{f"sz_{name}": getattr(solver, f"sz_{name}")() for name in ("arg", "res", "iw", "w")},
     )
     return CLoop(case, hooks, solver, late=True)
+
+
+def _blocks(nlp: Nlp) -> list[tuple[str, int, int]]:
+    """Arrays of which a part belongs to each stage: name, start, and entries per stage."""
+    s, rows, count = nlp.stages, nlp.problem["g"].numel(), nlp.count
+    found = [("w", 0, s.nx + s.nu), ("lam_x", 0, s.nx + s.nu)]
+    if not nlp.soft:
+        return [*found, ("lam_g", 0, rows // s.stages)]
+    per = len(nlp.row_nodes) // s.stages
+    starts = [s.stages * s.nx + k * s.stages * per for k in range(2)]
+    found += [("w", count, per), ("lam_x", count, per), ("lam_g", 0, s.nx)]
+    return found + [("lam_g", start, per) for start in starts]
+
+
+def _braces(values: Array) -> str:
+    return "{" + ", ".join(_literal(v) for v in values) + "}"
 
 
 def _literal(value: float) -> str:
@@ -209,6 +243,3 @@ def converged(
             if progress is not None:
                 progress(k)
     return LoopRun(x, u, seconds, cold, good)
-
-
-__all__ = ["FORMS", "converged", "outside", "sqp_loop"]
