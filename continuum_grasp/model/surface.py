@@ -17,8 +17,10 @@ from continuum_grasp.scene.parts import Part
 
 __all__ = ["Nearest", "lowest_points", "nearest"]
 
-_TINY = 1e-24
+_TINY = 1e-30
 """Keeps roots differentiable [m2]; far below rounding."""
+_SKIN = 1e-9
+"""Distance up to which a point outside a sharp polygon is treated as one on its face [m]."""
 _ITERATIONS = 3
 _LONGEST = 0.5
 """Longest step of the search on superellipses, as an angle of its parameter [rad]."""
@@ -113,7 +115,7 @@ def _from_rectangle(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     beyond = Vec(ca.fmax(x, 0.0), ca.fmax(y, 0.0))
     size = _length(beyond)
     deepest = ca.fmax(x, y)
-    inside = deepest <= 0.0
+    inside = deepest <= _SKIN
     normal = _chosen(inside, Vec(x > y, x <= y), beyond.scaled(1.0 / size))
     # Signs that are never zero: on an axis of the rectangle either side will do.
     signs = Vec(2.0 * (local.x >= 0.0) - 1.0, 2.0 * (local.y >= 0.0) - 1.0)
@@ -150,7 +152,7 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     top = heights[0]
     for height in heights[1:]:
         top = ca.fmax(top, height)
-    inside = top <= 0.0
+    inside = top <= _SKIN
     return Nearest(ca.if_else(inside, top, size), _chosen(inside, best[2], outward))
 
 

@@ -162,7 +162,7 @@ def support_pairs(body: Body, law: ContactLaw, walls: Sequence[Wall], pegs: Sequ
             name = wall.name if len(points) == 1 else f"{wall.name}.{k + 1}"
             pairs.append(_pair(name, body, law, gap, down, point, body.velocity_at(point), wall.friction))
         if wall.half_length < float("inf"):
-            for word, end in zip(("start", "end"), wall.ends, strict=True):
+            for word, end in zip(("end", "start"), wall.ends, strict=True):
                 disc = Station(f"{wall.name}.{word}", Vec(*end), ZERO, 0.0, 0.0)
                 pairs.append(disc_pair(body, law, disc, wall.friction))
     for peg in pegs:
