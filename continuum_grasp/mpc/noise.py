@@ -28,7 +28,11 @@ _MARGIN = 1.5
 _ABSURD = 1e6
 """Limit of what has no other."""
 _FORCES = 100.0
-"""Greatest unknown force and moment in multiples of EI/L2 and EI/L."""
+"""Greatest unknown force in multiples of EI/L2."""
+_MOMENT = 2.0
+"""Greatest missing tip moment in multiples of the greatest one that can be commanded."""
+_KNOWN = 10.0
+"""Greatest known force or moment in multiples of the greatest unknown one."""
 
 
 @dataclass(frozen=True)
@@ -202,7 +206,8 @@ def _disturbance_range(scene: ControlScene, name: str) -> tuple[float, float]:
     rod = scene.finger.rod
     if name.startswith("bending_stiffness"):
         return (-0.9, 9.0)
-    most = _FORCES * rod.stiffness / rod.length ** (1 if name.endswith("[N m]") else 2)
+    moment = name.endswith("[N m]")
+    most = _MOMENT * _greatest_moment(scene) if moment else _FORCES * rod.stiffness / rod.length**2
     return (-most, most)
 
 
@@ -232,7 +237,8 @@ def _set_point_range(scene: ControlScene, name: str) -> tuple[float, float]:
 def _parameter_range(scene: ControlScene, name: str, nominal: float) -> tuple[float, float]:
     unit = name[name.index("[") + 1 : -1]
     if unit in ("N", "N m"):
-        return _disturbance_range(scene, name)
+        most = _KNOWN * _disturbance_range(scene, name)[1]
+        return (-most, most)
     if name.startswith(("gravity", "base_angle", "rest_curvature")):
         return (-_ABSURD, _ABSURD)
     return (1e-3 * nominal, 1e3 * nominal) if nominal > 0.0 else (0.0, _ABSURD)

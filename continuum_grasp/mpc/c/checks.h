@@ -5,6 +5,7 @@
  */
 #ifndef CG_CHECKS_H
 #define CG_CHECKS_H
+#include <math.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -21,10 +22,12 @@ enum {                        /* what became of a measurement */
 typedef uint32_t cg_bits;
 #define CG_EXPONENT ((cg_bits)0x7f800000)
 #define CG_FRACTION ((cg_bits)0x007fffff)
+#define CG_SQRT sqrtf
 #else
 typedef uint64_t cg_bits;
 #define CG_EXPONENT ((cg_bits)0x7ff0000000000000)
 #define CG_FRACTION ((cg_bits)0x000fffffffffffff)
+#define CG_SQRT sqrt
 #endif
 
 static inline cg_bits cg_bits_of(real a)

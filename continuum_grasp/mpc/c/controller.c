@@ -111,19 +111,12 @@ static uint32_t controller_seen(const controller_output *out)
 
 /* ---- a new plan ---- */
 
-static int controller_iterate(controller_state *state, controller_work *work, const controller_settings *o,
-                              const controller_input *in, controller_output *out)
+/* Real-time iterations of a plan in the workspace; whether they gave another. */
+static int controller_iterate(controller_work *work, const controller_settings *o, const controller_input *in,
+                              int iterations, controller_output *out)
 {
-  const int fresh = !state->planned;
-  if (fresh) {
-    rti_start(&work->plan, out->x, state->u);
-    if (rti_rollout(&work->plan, &work->rti, &o->rti, out->x, out->p) < 0) rti_start(&work->plan, out->x, state->u);
-  } else {
-    memcpy(&work->plan, &state->plan, sizeof work->plan);
-    rti_shift(&work->plan, &o->rti, state->age);
-  }
   int status = 0;
-  for (int k = 0; k < (fresh ? o->starts : 1) && status >= 0; ++k) {
+  for (int k = 0; k < iterations && status >= 0; ++k) {
     const uint32_t begin = CONTROLLER_TICKS();
     status = rti_prepare(&work->rti, &work->plan, &o->rti, out->p, in->set_points);
     const uint32_t prepared = CONTROLLER_TICKS();
@@ -135,10 +128,29 @@ static int controller_iterate(controller_state *state, controller_work *work, co
     memset(&work->rti, 0, sizeof work->rti);  /* nothing of what went wrong is kept */
     return 0;
   }
+  out->status = status;
+  return 1;
+}
+
+/* From the last plan; from rest where there is none, or where it leads nowhere. */
+static int controller_plan(controller_state *state, controller_work *work, const controller_settings *o,
+                           const controller_input *in, controller_output *out)
+{
+  int planned = 0;
+  if (state->planned) {
+    memcpy(&work->plan, &state->plan, sizeof work->plan);
+    rti_shift(&work->plan, &o->rti, state->age);
+    planned = controller_iterate(work, o, in, 1, out);
+  }
+  if (!planned) {
+    rti_start(&work->plan, out->x, state->u);
+    if (rti_rollout(&work->plan, &work->rti, &o->rti, out->x, out->p) < 0) rti_start(&work->plan, out->x, state->u);
+    planned = controller_iterate(work, o, in, o->starts, out);
+  }
+  if (!planned) return 0;
   memcpy(&state->plan, &work->plan, sizeof state->plan);
   state->planned = 1;
   state->age = 0;
-  out->status = status;
   return 1;
 }
 
@@ -184,7 +196,7 @@ int controller_step(controller_state *state, controller_work *work, const contro
   const uint32_t stops = CONTROLLER_BAD_SET_POINTS | CONTROLLER_BAD_PARAMETERS | CONTROLLER_LATE;
   int planned = 0;
   if (known && !(given & stops) && state->blind <= patience) {
-    planned = controller_iterate(state, work, settings, input, output);
+    planned = controller_plan(state, work, settings, input, output);
     if (!planned) output->anomalies |= CONTROLLER_NOT_SOLVED;
   }
   if (!planned) output->status = state->planned ? CONTROLLER_PREVIOUS_PLAN : CONTROLLER_SAFE_RAMP;

@@ -6,7 +6,8 @@
  *      good ones.
  *   2. The estimator takes the measurement and tells the state now and the disturbances, which go into the parameters
  *      over the whole horizon. Without an estimator (CONTROLLER_ESTIMATES 0) the measurement is the state.
- *   3. One real-time iteration from the last plan, moved on in time; after a start, some more from a plan at rest.
+ *   3. One real-time iteration from the last plan, moved on in time; some from a plan at rest where there is none, or
+ *      where that fails.
  *   4. The first input of the plan, if it is finite, moved into the limits of input and rate.
  *
  * If something of 1 to 3 fails, or the last command came late, the last plan goes on as long as it lasts; after that,

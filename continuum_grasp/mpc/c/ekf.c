@@ -1,12 +1,14 @@
 /* Extended Kalman filter. See ekf.h. */
 
-/* Independent errors: of the disturbances as at the start, of the state by a factor more. */
-static void ekf_spread_out(ekf_state *state, const ekf_settings *settings, real factor)
+#define EKF_STRIDE 3            /* standard deviations by which a doubted estimate moves at most */
+
+/* Errors as at the start: independent. */
+static void ekf_forget(ekf_state *state, const ekf_settings *settings)
 {
   memset(state->U, 0, sizeof state->U);
   for (int i = 0; i < EKF_NZ; ++i) {
     state->U[i][i] = 1;
-    state->D[i] = i < EKF_NX ? factor * settings->initial[i] : settings->initial[i];
+    state->D[i] = settings->initial[i];
   }
 }
 
@@ -16,15 +18,15 @@ void ekf_start(ekf_state *state, const ekf_settings *settings, const real *z0, c
   memcpy(state->z, z0, sizeof state->z);
   memcpy(state->first, z0, sizeof state->first);
   for (int k = 0; k < EKF_DELAY; ++k) memcpy(state->queue[k], u0, sizeof state->queue[k]);
-  ekf_spread_out(state, settings, 1);
+  ekf_forget(state, settings);
 }
 
-/* From the first state, and ready to be moved by the next measurement. */
+/* From the first state, and ready to be moved by the next measurements. */
 static void ekf_restart(ekf_state *state, const ekf_settings *settings)
 {
   memcpy(state->z, state->first, sizeof state->z);
   for (int row = 0; row < EKF_NY; ++row) state->closed[row] = settings->patience;
-  ekf_spread_out(state, settings, 1);
+  ekf_forget(state, settings);
 }
 
 /* Whether the estimate means something; disturbances are moved into their limits. */
@@ -125,10 +127,13 @@ static real ekf_spread(const ekf_state *state, const real *h)
   return sum;
 }
 
+/* Whether a measurement is used. One that was too far for a while is: errors are as at the start then, and the estimate
+ * moves by some standard deviations of those, again and again until it is near. */
 static int ekf_judge(ekf_state *state, const ekf_settings *settings, const real *h, int row, ekf_report *report)
 {
   const real square = report->innovation[row] * report->innovation[row];
-  const real spread = ekf_spread(state, h), variance = settings->variance[row];
+  const real variance = settings->variance[row];
+  real spread = ekf_spread(state, h);
   const real gate = settings->gate * settings->gate;
   report->variance[row] = spread + variance;
   if (square <= gate * (spread + variance)) {
@@ -136,12 +141,12 @@ static int ekf_judge(ekf_state *state, const ekf_settings *settings, const real 
     return CG_USED;
   }
   if (++state->closed[row] <= settings->patience) return CG_OUTLIER;
-  /* The state is as uncertain as it was wrong; of the disturbances as much is known as at the start. */
-  real usual = 0;
-  for (int i = 0; i < EKF_NX; ++i) usual += h[i] * h[i] * settings->initial[i];
-  ekf_spread_out(state, settings, usual > 0 && square > usual ? square / usual : 1);
-  report->variance[row] = ekf_spread(state, h) + variance;
-  state->closed[row] = 0;
+  ekf_forget(state, settings);
+  spread = ekf_spread(state, h);
+  report->variance[row] = spread + variance;
+  const real most = EKF_STRIDE * CG_SQRT(spread + variance);
+  if (cg_limit(&report->innovation[row], -most, most)) state->closed[row] = settings->patience;
+  else state->closed[row] = 0;
   return CG_REOPENED;
 }
 
@@ -184,7 +189,7 @@ static int ekf_compare(ekf_state *state, ekf_work *work, const ekf_settings *set
     verdict = ekf_judge(state, settings, h, row, report);
     ekf_report_row(settings, row, verdict, report);
     if (verdict == CG_OUTLIER) continue;
-    ekf_take(state, h, settings->variance[row], innovation);
+    ekf_take(state, h, settings->variance[row], report->innovation[row]);
     ++report->used;
   }
   return 1;
