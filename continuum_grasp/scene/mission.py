@@ -122,3 +122,8 @@ class MissionScene(Value):
         if tendons is None or tendons.time_constant is None:
             raise ValueError("grasp: the finger needs tendons with a time_constant")
         return self
+
+    @property
+    def gravity(self) -> float:
+        """Gravity out of the plane [m/s2]."""
+        return self.grasp.gravity.magnitude if self.grasp.gravity.mode == "out_of_plane" else 0.0

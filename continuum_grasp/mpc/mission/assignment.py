@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.result import FingerPosture, GraspResult
 from continuum_grasp.model import System
 from continuum_grasp.scene.control import Controller, ControlScene, Cost, ForceWeight, Weight
 from continuum_grasp.scene.finger import BasePose, Finger
@@ -51,10 +51,12 @@ class Assignment:
         With which the finger is about to touch [N].
     rest : (2,) ndarray
         Least tensions [N].
-    bends : (2,) ndarray
+    bends : (N,) ndarray
         Bending angles of the controller's elements when it is about to touch [rad].
-    forces : (2,) ndarray
-        Normal forces of the grasp at the middle contact and at the tip [N].
+    posture : (N,) ndarray
+        Bending angles of the same elements in the grasp [rad].
+    force : float
+        Normal force of the grasp at the contact where it is held [N].
     pulls : (K, 3) ndarray
         Wrenches that are pulled with: world force x, y [N] and moment about the centre of mass [N m].
     """
@@ -66,7 +68,8 @@ class Assignment:
     before: Array
     rest: Array
     bends: Array
-    forces: Array
+    posture: Array
+    force: float
     pulls: Array
 
 
@@ -99,10 +102,10 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     touching = [contacts.get(f"{name}.middle"), contacts.get(f"{name}.tip")]
     if any(contact is None for contact in touching):
         raise InputError("a mission needs a middle contact and one of the tip", key="grasp.contacts")
-    forces = np.array([contact.normal_force for contact in touching if contact is not None])
-    middle = float(touching[0].station) if touching[0] is not None and touching[0].station is not None else 0.0
+    held = touching[0 if mission.controller.held == "middle" else 1]
+    middle, force = (touching[0].station, held.normal_force) if touching[0] and held else (0.0, 0.0)
     finger = _finger(mission, posture.base)
-    control = _control_scene(mission, finger, _object(mission, found), middle, forces)
+    control = _control_scene(mission, finger, _object(mission, found), middle, force)
     resistance = found.quality.resistance if found.quality is not None else None
     if finger.tendons is None or resistance is None:
         raise InputError("a mission needs tendons, and disturbances that the grasp resists", key="grasp")
@@ -120,7 +123,8 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
         before=rest + pull,
         rest=rest,
         bends=moment / finger.rod.stiffness * np.asarray(control.fidelity.elements),
-        forces=forces,
+        posture=_posture(posture, np.asarray(control.fidelity.elements)),
+        force=force,
         pulls=mission.pull * factors[:, None] * np.asarray(resistance.wrenches),
     )
 
@@ -135,13 +139,20 @@ def _finger(mission: MissionScene, base: Array) -> Finger:
     return Finger(**own)
 
 
+def _posture(found: FingerPosture, lengths: Array) -> Array:
+    """Bending angles in the grasp of elements of other lengths [rad]."""
+    at, angle = found.backbone[:, 0], np.unwrap(found.backbone[:, 3])
+    edges = np.concatenate([[0.0], np.cumsum(lengths)])
+    return np.diff(np.interp(edges, at, angle))
+
+
 def _object(mission: MissionScene, grasp: GraspResult) -> GraspObject:
     x, y, angle = (float(v) for v in grasp.object_pose)
     return mission.grasp.object.model_copy(update={"position": (x, y), "angle": angle, "free": None})
 
 
 def _control_scene(
-    mission: MissionScene, finger: Finger, thing: GraspObject, middle: float, forces: Array
+    mission: MissionScene, finger: Finger, thing: GraspObject, middle: float, force: float
 ) -> ControlScene:
     asked = mission.controller
     before, after = asked.elements
@@ -172,7 +183,7 @@ def _control_scene(
             bounds=asked.bounds,
             deadline=asked.deadline,
         ),
-        reference=Reference(contact_force=(float(forces[0 if asked.held == "middle" else 1]),)),
+        reference=Reference(contact_force=(force,)),
         estimator=mission.estimator,
         initial=Initial(pose="straight"),
         plant=mission.plant,

@@ -1,0 +1,91 @@
+"""A mission carried out: grasp, controller and plant from approach to release."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from os import PathLike
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.mpc.controller import Controller
+from continuum_grasp.mpc.loop.plant_model import PlantModel
+from continuum_grasp.mpc.loop.run import closed_loop
+from continuum_grasp.mpc.mission.assignment import Assignment, assign
+from continuum_grasp.mpc.mission.plant import Variation, mission_plant, mission_plant_model
+from continuum_grasp.mpc.mission.result import MissionRun, judge
+from continuum_grasp.mpc.mission.timetable import Timetable
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.mission import MissionScene
+
+__all__ = ["Crew", "run_mission"]
+
+Progress = Callable[[float], None]
+
+
+def run_mission(
+    scene: MissionScene | str | PathLike[str],
+    *,
+    grasp: GraspResult | None = None,
+    variation: Variation | None = None,
+    progress: Progress | None = None,
+) -> MissionRun:
+    """Optimise a grasp, and carry it out in closed loop.
+
+    Parameters
+    ----------
+    scene : MissionScene or path-like
+        The mission, or its YAML file.
+    grasp : GraspResult, optional
+        The grasp, where it has been found already.
+    variation : Variation, optional
+        How the plant differs from the mission's own.
+    progress : callable, optional
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    MissionRun
+
+    Raises
+    ------
+    SolverError
+        If there is no verified grasp.
+    InputError
+        If the mission does not make sense.
+    NumericalError
+        If the plant's motion does not stay finite; ``result`` is the closed loop until then.
+    Interrupted
+        On Ctrl-C; ``result`` is the closed loop until then.
+    """
+    return Crew(assign(_mission(scene), grasp)).run(variation, progress)
+
+
+class Crew:
+    """Controller and plant of a mission, made once for any number of runs.
+
+    Parameters
+    ----------
+    assignment : Assignment
+        What is to be done.
+    """
+
+    def __init__(self, assignment: Assignment) -> None:
+        self.assignment, self.timetable = assignment, Timetable(assignment)
+        self._controller = Controller(assignment.control, deadline=assignment.mission.controller.deadline or math.inf)
+        self._model: PlantModel = mission_plant_model(assignment)
+
+    def run(self, variation: Variation | None = None, progress: Progress | None = None) -> MissionRun:
+        """Carry the mission out on one plant."""
+        of, control = self.assignment, self._controller
+        plant = mission_plant(of, self.timetable, control.prediction, variation, self._model)
+        schedule = self.timetable.phases(control.stages)
+        found = closed_loop(of.control, controller=control, plant=plant, schedule=schedule, progress=progress)
+        return MissionRun(of, self.timetable, variation or Variation(), found, judge(of, self.timetable, found))
+
+
+def _mission(given: MissionScene | str | PathLike[str]) -> MissionScene:
+    scene = given if isinstance(given, MissionScene) else load(given)  # type: ignore[arg-type]
+    if not isinstance(scene, MissionScene):
+        raise InputError(f"expected a mission (grasp, controller, ...), got a {type(scene).__name__}")
+    return scene
