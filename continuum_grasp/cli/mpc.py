@@ -76,8 +76,9 @@ def _scene(config: Path, changes: Iterable[str]) -> ControlScene:
 
     scene = load(config, changes)
     if not isinstance(scene, ControlScene):
-        raise InputError(f"expected a closed loop (finger, controller, ...), got a {type(scene).__name__}",
-            file=str(config))
+        raise InputError(
+            f"expected a closed loop (finger, controller, ...), got a {type(scene).__name__}", file=str(config)
+        )
     if scene.duration is None:
         raise InputError("a closed loop needs a duration [s]", file=str(config), key="duration")
     return scene
@@ -90,9 +91,7 @@ def _others(scene: ControlScene, output: Output) -> dict[str, ControlRun]:
         return compared(scene, progress=report)
 
 
-def _report(
-    run: ControlRun, others: dict[str, ControlRun], folder: Path, files: list[Path], output: Output
-) -> None:
+def _report(run: ControlRun, others: dict[str, ControlRun], folder: Path, files: list[Path], output: Output) -> None:
     found = run.metrics()
     output.warn(run.warnings)
     output.pairs({"status": run.ended, "time": f"{run.t[-1]:g} s in {len(run.u)} periods of {1e3 * run.period:g} ms"})

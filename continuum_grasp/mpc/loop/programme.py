@@ -153,7 +153,8 @@ class Programme:
         free = np.full(s.nx, np.inf)
         low = [*np.tile(np.concatenate([-free, s.u_min]), s.stages), *-free, *np.zeros(self._row_count)]
         high = [*np.tile(np.concatenate([free, s.u_max]), s.stages), *free, *np.full(self._row_count, np.inf)]
-        least, most = (np.where(np.abs(b) >= ABSENT, np.sign(b) * np.inf, b) for b in (s.c_min, s.c_max))
+        least = np.where(s.c_min <= -ABSENT, -np.inf, s.c_min)
+        most = np.where(s.c_max >= ABSENT, np.inf, s.c_max)
         equal, none = np.zeros(s.nx * (s.stages + 1)), np.full(self._row_count, np.inf)
         bounds = {"lbx": low, "ubx": high}
         bounds["lbg"] = [*equal, *-none, *least[self._order]]
