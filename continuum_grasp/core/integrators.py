@@ -6,13 +6,15 @@ the end of the step) and the output ``xn``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import casadi as ca
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.model.ldl import solve_ldl
 
-__all__ = ["METHODS", "RK4_STABLE", "step_function"]
+__all__ = ["METHODS", "RK4_STABLE", "partly_implicit_step", "step_function"]
 
 RK4_STABLE = 2.7
 """Largest product of step and spectral radius with which the Runge-Kutta method is stable."""
@@ -130,6 +132,56 @@ def _rodas(
 def _quadratic(samples: list[ca.MX], at: float) -> ca.MX:
     weights = ((1 - at) * (1 - 2 * at), 4 * at * (1 - at), at * (2 * at - 1))
     return sum((w * s for w, s in zip(weights, samples, strict=True) if w != 0.0), ca.MX.zeros(samples[0].shape))
+
+
+_PART = 1.0 - math.sqrt(0.5)
+
+
+def partly_implicit_step(dynamics: ca.Function, internal: ca.Function) -> ca.Function:
+    """A step that is implicit in the finger's own elasticity and damping alone, so that it needs no Jacobian.
+
+    For fine models, whose fastest motions are those of their own stiffness and damping; all else, contacts included,
+    must be resolved by the step. It is of order 2 whatever it takes the Jacobian to be: the method ROS2 of J. G. Verwer,
+    E. J. Spee, J. G. Blom, W. Hundsdorfer (1999), doi:10.1137/S1064827597326651.
+
+    Parameters
+    ----------
+    dynamics : casadi.Function
+        (x, u, w, p) -> xd, x beginning with the coordinates (n) and their rates (n).
+    internal : casadi.Function
+        (x, u, p) -> M, K, D (n, n).
+
+    Returns
+    -------
+    casadi.Function
+        As those of ``step_function``.
+    """
+    nx, nu, nw, n_p = (dynamics.size1_in(k) for k in range(4))
+    n = internal.size1_out(0)
+    x, p, h = ca.MX.sym("x", nx), ca.MX.sym("p", n_p), ca.MX.sym("h")
+    u = [ca.MX.sym(name, nu) for name in ("u0", "um", "u1")]
+    w = [ca.MX.sym(name, nw) for name in ("w0", "wm", "w1")]
+    mass, stiffness, damping = internal(x, u[0], p)
+    part, solve = _PART * h, _ldl_solver(n)
+    matrix = mass + part * damping + part**2 * stiffness
+
+    def stage(right: ca.MX) -> ca.MX:
+        """(I - part A)^-1 right, where A is the Jacobian of elasticity and damping."""
+        rate = solve(matrix, ca.mtimes(mass, right[n : 2 * n]) - part * ca.mtimes(stiffness, right[:n]))
+        return ca.vertcat(right[:n] + part * rate, rate, right[2 * n :])
+
+    first = stage(dynamics(x, u[0], w[0], p))
+    second = stage(dynamics(x + h * first, u[2], w[2], p) - 2.0 * first)
+    following = x + 1.5 * h * first + 0.5 * h * second
+    names = ["x", "u0", "um", "u1", "w0", "wm", "w1", "p", "h"]
+    return ca.Function("partly_implicit_step", [x, *u, *w, p, h], [following], names, ["xn"])
+
+
+def _ldl_solver(n: int) -> ca.Function:
+    """(matrix, right) -> solution of a symmetric positive definite system."""
+    a, b = ca.SX.sym("a", n, n), ca.SX.sym("b", n)
+    rows = [[a[i, j] for j in range(n)] for i in range(n)]
+    return ca.Function("ldl", [a, b], [ca.vertcat(*solve_ldl(rows, [b[i] for i in range(n)]))])
 
 
 METHODS: dict[str, Callable[..., ca.MX]] = {"rk4": _rk4, "implicit": _rodas}

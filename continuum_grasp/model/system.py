@@ -71,6 +71,7 @@ class System:
     touch                 x, u, w, p     per contact: gap [m], normal_force [N], friction [N], lift [N],
                                          force (2, K) [N], point (2, K) [m] and normal (2, K), world
     energy                x, u, p        kinetic, potential [J]
+    internal              x, u, p        M [Q s2/q], K [Q/q], D [Q s/q] (n, n): inertia, elasticity, damping
     pressed_linearization x, u, w, p,    A (nx, nx) with every gap smaller by press (K) [m], for the stiffness of
                           press          contacts that are open
     ===================== =============  ====================================================================
@@ -211,6 +212,14 @@ class System:
         slope = ca.densify(ca.jacobian(column(eq.state_rate), eq.x))
         names = ["x", "u", "w", "p", "press"]
         return ca.Function("pressed_linearization", [getattr(eq, name) for name in names], [slope], names, ["A"])
+
+    @cached_property
+    def internal(self) -> ca.Function:
+        """Mass matrix M (n, n) of the finger, and its stiffness K and damping D (n, n), whose forces are linear."""
+        eq = self._equations
+        mass = ca.vertcat(*[ca.horzcat(*[ca.SX(v) for v in row]) for row in eq.mass_matrix])
+        elastic, damping = (column(forces[: self.n]) for forces in (eq.elastic, eq.damping))
+        return self._function("internal", "x u p", M=mass, K=ca.jacobian(elastic, eq.q), D=ca.jacobian(damping, eq.qd))
 
     @cached_property
     def tip(self) -> ca.Function:

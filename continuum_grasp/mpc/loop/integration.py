@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.core.integrators import step_function
+from continuum_grasp.core.integrators import partly_implicit_step, step_function
 from continuum_grasp.core.rollouts import Rollouts, Signal
 from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import NumericalError
@@ -26,6 +26,8 @@ _EXPLICIT_UP_TO = 40
 """Sub-steps per control period up to which the explicit method is taken."""
 _LONGEST = 1.25e-3
 """Longest step of either method [s]; on fingers of a hand it follows a step of the input to 1e-6."""
+_CONTACT_STEP = 1e-4
+"""Step of the partly implicit method, which resolves contacts [s]."""
 _SHAPES = 4
 
 
@@ -59,6 +61,8 @@ def choose_method(model: PlantModel, period: float) -> Method:
         a = np.array(model.linearization(x, model.rest_input, w, model.p)[0])
         if np.all(np.isfinite(a)):
             radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
+    if system.surroundings is not None:
+        return Method("partly_implicit", math.ceil(period / _CONTACT_STEP - 1e-9), radius)
     wanted, least = math.ceil(radius * period / TARGET_RADIUS), math.ceil(period / _LONGEST - 1e-9)
     if wanted <= max(_EXPLICIT_UP_TO, least):
         return Method("rk4", max(wanted, least, 1), radius)
@@ -72,12 +76,15 @@ class Integration:
     ----------
     model : PlantModel
     method : str
-        ``rk4`` or ``implicit``.
+        ``rk4``, ``implicit``, or ``partly_implicit`` in the finger's own elasticity and damping.
     """
 
     def __init__(self, model: PlantModel, method: str) -> None:
         self._model = model
-        step = step_function(model.dynamics, method, model.linearization if method == "implicit" else None)
+        if method == "partly_implicit":
+            step = partly_implicit_step(model.dynamics, model.internal)
+        else:
+            step = step_function(model.dynamics, method, model.linearization if method == "implicit" else None)
         compiler = find_compiler()
         library = None if compiler is None else ctypes.CDLL(str(library_for(rollout_source(step), compiler)))
         self._run = Rollouts(step, library, True)

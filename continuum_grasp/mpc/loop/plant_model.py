@@ -225,6 +225,12 @@ class PlantModel:
         return ca.Function("linearization", given, values, ["x", "u", "w", "p"], ["A", "B"])
 
     @cached_property
+    def internal(self) -> ca.Function:
+        """(x, u, p) -> mass matrix of the finger, its stiffness and its damping."""
+        values = [ca.densify(e) for e in self.system.internal(*self._of_system)]
+        return ca.Function("internal", [self._x, self._u, self._p], values, ["x", "u", "p"], ["M", "K", "D"])
+
+    @cached_property
     def tip(self) -> ca.SX:
         """World position of the tip (2) [m]."""
         return self.system.tip(*self._of_system)
