@@ -44,15 +44,12 @@ class Deviation:
         Largest deviation of the tip, and that at the end [m].
     final_rate : float
         Largest bending rate at the end [rad/s].
-    bounds : str
-        The state bound that is left most between the nodes, by how much; empty where none is.
     """
 
     model: str
     tip: float
     final_tip: float
     final_rate: float
-    bounds: str = ""
 
 
 class Player:

@@ -57,8 +57,10 @@ def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis:
     if not missed:
         advice = "the motion begins outside the bound, or is driven out of it: move the bound or the initial state"
     elif stops:
-        what += "; " + " and ".join(_TEXTS.get(name, (f"{name} stops it", ""))[0] for name in named)
-        advice = "; or ".join(_TEXTS.get(name, ("", f"widen bounds.{name}"))[1] for name in named)
+        zone = ("zone {0} stops it", "move or shrink bounds.keep_out.{0}")
+        texts = [[text.format(name) for text in _TEXTS.get(name, zone)] for name in named]
+        what += "; " + " and ".join(text for text, _ in texts)
+        advice = "; or ".join(text for _, text in texts)
     else:
         what += "; no limit stops it"
         advice = (
@@ -90,8 +92,8 @@ def _missed(problem: PlanProblem, w: Array) -> tuple[list[str], float]:
         error = np.abs(np.array(part.rows(motion).value(z, numbers)).ravel())
         worst = max(worst, float(error.max()))
         if error.max() > _MET:
-            k = int(error.argmax())
-            amount = error[k] * part.scale[k]
+            k, off = int(error.argmax()), error * part.scale
+            amount = float(np.hypot(*off.reshape(-1, 2).T).max()) if part.unit == "m" else float(off[k])
             unit = part.unit if part.unit != "state" else part.names[k]
             found.append(f"{part.name}: off by {amount:.3g} {unit} ({part.key})")
     return found, worst
@@ -103,7 +105,7 @@ def _outside(problem: PlanProblem, attempt: Attempt) -> list[str]:
     for block in problem.programme.blocks:
         if not block.key.startswith("bounds."):
             continue
-        value = problem.values(attempt.w, attempt.g, block)
+        value = problem.bounds.values(attempt.w, attempt.g, block)
         excess = np.maximum(np.maximum(block.lower - value, value - block.upper), 0.0) * block.scale
         if excess.max(initial=0.0) > _MET * block.scale.max():
             found.append(f"{block.name}: off by {excess.max():.3g} {block.unit} ({block.key})")
@@ -159,7 +161,11 @@ def _nearest(problem: PlanProblem, w: Array) -> str:
     model, path = problem.motion.prediction, problem.path(w)
     tip = np.array(model.tip(path.x[-1], path.u[-1], model.p_nominal)).ravel()
     text = f"the nearest tip reached is ({tip[0]:.4f}, {tip[1]:.4f}) m"
-    aim = problem.motion.scene.goal.tip
+    scene = problem.motion.scene
+    aim, base = scene.goal.tip, scene.finger.base.position
     if aim is not None:
         text += f", {1e3 * float(np.hypot(*(tip - np.array(aim.value)))):.3g} mm off"
+        away = float(np.hypot(aim.value[0] - base[0], aim.value[1] - base[1]))
+        if away > problem.motion.length:
+            text += f" (the goal is {away:.4g} m from the base, the finger {problem.motion.length:.4g} m long)"
     return text

@@ -16,7 +16,7 @@ __all__ = ["GoalPart", "goal_parts"]
 
 Array = NDArray[np.float64]
 
-_STILL_WHEN_RELAXED = 100.0
+_STILL_WHEN_RELAXED = 1e4
 """Weight of rest against the distance from a goal that cannot be reached."""
 
 

@@ -21,6 +21,8 @@ __all__ = ["Motion"]
 
 Array = NDArray[np.float64]
 
+_HARD_FROM = 1e4
+"""Linear price from which on a row of ``Stages`` counts as hard."""
 _COMPILE_FROM = 150_000
 """Instructions of the second derivatives at all intervals from which on compiling them pays."""
 
@@ -112,6 +114,17 @@ class Motion:
         """Whether the exact Hessian is wanted."""
         return self.scene.solver.hessian == "exact"
 
+    @cached_property
+    def hard(self) -> NDArray[np.bool_]:
+        """Which of the state's bounds (ns) have no price."""
+        return np.asarray(self.stages.linear[: self.stages.ns] >= _HARD_FROM)
+
+    @property
+    def units(self) -> Array:
+        """Physical amounts of one unit of x, u, time and objective."""
+        found = self.scales
+        return np.concatenate([found.x, found.u, [found.time, found.objective]])
+
     @property
     def s_scale(self) -> Array:
         """Physical amounts of one unit of each state."""
@@ -128,9 +141,7 @@ class Motion:
         """Parameters and set-points (len(times), nd) at instants [s]."""
         instants = np.atleast_1d(np.asarray(times, dtype=float))
         p = parameters_over_time(self.scene, self.prediction, instants)
-        units = self.scales
-        fixed = np.concatenate([units.x, units.u, [units.time, units.objective]])
-        return np.hstack([p, self._set_points.rows(instants), np.tile(fixed, (len(instants), 1))])
+        return np.hstack([p, self._set_points.rows(instants), np.tile(self.units, (len(instants), 1))])
 
     @property
     def length(self) -> float:

@@ -20,7 +20,7 @@ def constraints_of(problem: PlanProblem, attempt: Attempt) -> dict[str, Constrai
     price, lam = motion.scales.objective, attempt.multipliers
     found = {}
     for block in programme.blocks:
-        values = problem.values(attempt.w, attempt.g, block)
+        values = problem.bounds.values(attempt.w, attempt.g, block)
         found[block.name] = Constraint(
             block.name,
             block.key,

@@ -8,25 +8,21 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.mpc.plan.bounds import StateBounds
 from continuum_grasp.mpc.plan.goal import goal_parts
 from continuum_grasp.mpc.plan.grid import Grid, add_collocation, add_shooting, default_substeps
 from continuum_grasp.mpc.plan.guess import Path
 from continuum_grasp.mpc.plan.motion import Motion
-from continuum_grasp.mpc.plan.programme import OBJECTIVE, Block, Programme
-from continuum_grasp.mpc.plan.term import Term, derived
-from continuum_grasp.mpc.stages import ABSENT
+from continuum_grasp.mpc.plan.programme import OBJECTIVE, Programme
+from continuum_grasp.mpc.plan.term import derived
 
 __all__ = ["PlanProblem"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_HARD_FROM = 1e4
-"""Linear price from which on a row of ``Stages`` counts as hard."""
-_OUTSIDE_WHEN_RELAXED = 100.0
-"""Price of a share by which a hard bound is left, where only the distance from the goal is sought."""
 _EFFORT_WHEN_RELAXED = 1e-4
-"""Weight of the objective there."""
+"""Weight of the objective where only the distance from the goal is sought."""
 
 
 class PlanProblem:
@@ -49,6 +45,7 @@ class PlanProblem:
     inputs : (N + 1, nu) ndarray of int
         Columns of the inputs at the nodes; the last one is kept after the end.
     goal : list of GoalPart
+    bounds : StateBounds
     substeps : int
         Runge-Kutta steps per interval; 0 for collocation.
     """
@@ -56,7 +53,6 @@ class PlanProblem:
     def __init__(self, motion: Motion, x0: Array, *, relaxed: bool = False) -> None:
         self.motion, self.relaxed = motion, relaxed
         self.programme = Programme()
-        self._of_state: dict[str, Term] = {}
         self.goal = goal_parts(motion)
         self._add_unknowns(x0)
         price = _EFFORT_WHEN_RELAXED if relaxed else 1.0
@@ -67,7 +63,7 @@ class PlanProblem:
         else:
             self.substeps = scene.solver.substeps or default_substeps(motion)
             add_shooting(self.programme, motion, self.grid, self.substeps, price)
-        self._add_bounds()
+        self.bounds = StateBounds(self.programme, motion, self.grid, relaxed)
         self._add_rate_limit()
         self._add_goal()
         self._add_objective()
@@ -135,47 +131,7 @@ class PlanProblem:
         x = w[grid.s][:, : motion.nx] * motion.scales.x
         return Path(x, w[self.inputs] * motion.scales.u, float(w[grid.time[0, 0]]) * motion.scales.time)
 
-    def values(self, w: Array, g: Array, block: Block) -> Array:
-        """What a block bounds (count, size), in units of the programme, without slacks."""
-        if block.name not in self._of_state:
-            return np.asarray(g[block.rows])
-        term, count = self._of_state[block.name], len(block.rows)
-        numbers = ca.repmat(ca.DM(self.motion.numbers([0.0]).ravel()), 1, count)
-        return np.array(term.value.map(count)(ca.DM(w[self.grid.s[1:]].T), numbers)).T
-
     # -- limits -------------------------------------------------------------------------------------------------------
-
-    def _add_bounds(self) -> None:
-        """Curvature, speed and zones at the nodes."""
-        motion, stages = self.motion, self.motion.stages
-        x, _, _, p, _ = motion.physical
-        rows = stages.rows(x, ca.DM.zeros(motion.nu), p)
-        zones = tuple(motion.scene.bounds.keep_out)
-        for name, entries in _groups(stages.c_names[: stages.ns], zones).items():
-            term = motion.of_state("rows", rows[entries])
-            key = f"bounds.keep_out.{name}" if name in zones else f"bounds.{name}"
-            lower, upper = (np.where(np.abs(b) < ABSENT, b, np.sign(b) * np.inf) for b in (stages.c_min, stages.c_max))
-            size = np.ones(len(entries)) * (motion.length if name in zones else 1.0)
-            unit = "m" if name in zones else "of its limit"
-            into = self.programme.require(name, key, unit, self.grid.intervals, size, lower[entries], upper[entries])
-            self.programme.add(term, self.grid.s[1:], into, motion.numbers([0.0]))
-            self._of_state[name] = term
-            if self.relaxed:
-                self._soften(into, _OUTSIDE_WHEN_RELAXED * np.ones(len(entries)), np.zeros(len(entries)))
-            elif np.all(stages.linear[entries] < _HARD_FROM):
-                share = motion.first_duration / self.grid.intervals / motion.scales.objective
-                self._soften(into, share * stages.linear[entries], share * stages.quadratic[entries])
-
-    def _soften(self, rows: Indices, linear: Array, quadratic: Array) -> None:
-        """Slacks of rows, and their price."""
-        z = ca.SX.sym("slack", rows.shape[1])
-        price = ca.dot(ca.DM(linear), z) + 0.5 * ca.dot(ca.DM(quadratic), z * z)
-        squared = ca.DM(np.sqrt(quadratic)) * z
-        term = derived("price", z, ca.SX(0, 1), price, exact=self.motion.exact, squared=squared)
-        for sign in (1.0, -1.0):
-            slack = self.programme.variables(len(rows), rows.shape[1], 0.0)
-            self.programme.add_linear(rows, slack, sign)
-            self.programme.add(term, slack, [OBJECTIVE], [])
 
     def _add_rate_limit(self) -> None:
         """Changes between intervals within the rate times their length."""
@@ -238,13 +194,3 @@ class PlanProblem:
         term = motion.of_state("terminal", 0.5 * ca.dot(weighted, weighted), squared=weighted)
         data = motion.numbers([motion.scene.duration_range[1]])
         self.programme.add(term, self.grid.s[-1:], [OBJECTIVE], data)
-
-
-def _groups(names: tuple[str, ...], zones: tuple[str, ...]) -> dict[str, list[int]]:
-    """Entries of each bound: curvature, speed, and zones by name; rows of a zone come last and in order."""
-    found: dict[str, list[int]] = {}
-    for k, name in enumerate(names):
-        stem, _, number = name.rpartition("_")
-        label = name if name in zones else stem if number.isdigit() else name
-        found.setdefault("speed" if label == "bending_rate" else label, []).append(k)
-    return found

@@ -73,11 +73,22 @@ class _Placed:
 
 @dataclass
 class Programme:
-    """Minimise f(w) subject to lower <= g(w) <= upper and low <= w <= high."""
+    """Minimise f(w) subject to lower <= g(w) <= upper and low <= w <= high.
+
+    Attributes
+    ----------
+    low, high : list of float
+        Bounds of the unknowns.
+    blocks : list of Block
+        Constraints.
+    margins : dict of str to ndarray
+        By how much the bounds of a block are moved inwards, by its name.
+    """
 
     low: list[float] = field(default_factory=list)
     high: list[float] = field(default_factory=list)
     blocks: list[Block] = field(default_factory=list)
+    margins: dict[str, Array] = field(default_factory=dict)
     _placed: list[_Placed] = field(default_factory=list)
     _linear: list[tuple[int, int, float]] = field(default_factory=list)
     _rows: int = 0
@@ -165,7 +176,8 @@ class Programme:
         """Bounds by the names of the solver."""
         lower, upper = np.zeros(self.count), np.zeros(self.count)
         for block in self.blocks:
-            lower[block.rows], upper[block.rows] = block.lower, block.upper
+            margin = self.margins.get(block.name, 0.0)
+            lower[block.rows], upper[block.rows] = block.lower + margin, block.upper - margin
         return {"lbx": np.array(self.low), "ubx": np.array(self.high), "lbg": lower, "ubg": upper}
 
     def block(self, name: str) -> Block | None:

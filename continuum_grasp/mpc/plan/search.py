@@ -1,0 +1,157 @@
+"""The search for a plan from several starts."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.mpc.plan.diagnosis import Diagnosis, diagnose
+from continuum_grasp.mpc.plan.guess import Path, detours, final_posture, smooth_path
+from continuum_grasp.mpc.plan.initial import first_state_of_plan
+from continuum_grasp.mpc.plan.ipopt import Attempt, Multipliers, ProgrammeSolver
+from continuum_grasp.mpc.plan.motion import Motion
+from continuum_grasp.mpc.plan.problem import PlanProblem
+from continuum_grasp.mpc.plan.result import Plan
+from continuum_grasp.mpc.plan.tighten import kept_between_nodes
+from continuum_grasp.scene.plan import PlanScene
+
+__all__ = ["KEPT", "Search"]
+
+Array = NDArray[np.float64]
+
+KEPT = 1e-6
+"""Violation in units of the programme below which constraints count as kept."""
+_STARTS_WITH_ZONES = 5
+
+
+@dataclass
+class Search:
+    """Starts of the solver, and the best of what they gave.
+
+    Attributes
+    ----------
+    scene : PlanScene
+    warm : Plan or None
+        From which to begin.
+    attempts, relaxed : list of (str, Attempt)
+        What was tried, by name, at the problem and at the relaxed one that seeks the least distance from the goal.
+    best : Attempt or None
+        The best plan.
+    diagnosis : Diagnosis or None
+        Where there is no plan, what the nearest one tells.
+    interrupted : bool
+        Whether Ctrl-C was pressed.
+    tightened : int
+        How often bounds were tightened at the nodes.
+    """
+
+    scene: PlanScene
+    warm: Plan | None
+    attempts: list[tuple[str, Attempt]] = field(default_factory=list)
+    relaxed: list[tuple[str, Attempt]] = field(default_factory=list)
+    best: Attempt | None = None
+    diagnosis: Diagnosis | None = None
+    interrupted: bool = False
+    tightened: int = 0
+
+    def __post_init__(self) -> None:
+        scene = self.scene
+        self.motion = Motion(scene)
+        self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
+        self.problem = PlanProblem(self.motion, self.x0)
+        self.until = time.monotonic() + scene.solver.time_limit
+        self._solver = ProgrammeSolver(self.problem.programme, scene.solver, self.until)
+        self._near: tuple[PlanProblem, ProgrammeSolver] | None = None
+
+    def run(self) -> None:
+        """Try all starts.
+
+        Once one has failed, the least distance from the goal is sought first, from that start and the others; where
+        there is none left, the problem is solved from there.
+        """
+        if self.warm is not None:
+            self._try("warm", *self._warm_start(self.warm))
+        if self.best is None:
+            self._try_paths()
+        if self.best is not None and self.best.converged and not self.over:
+            self.best, self.tightened = kept_between_nodes(self.problem, self._solver, self.best)
+            self.interrupted |= self._solver.watch.interrupted
+
+    def _try_paths(self) -> None:
+        failed = False
+        for name, path in self._paths():
+            if self.over and self.attempts:
+                return
+            if not failed:
+                failed = not self._try(name, self.problem.start(path))
+            if failed and not self.over:
+                self._approach(name, path)
+
+    @property
+    def over(self) -> bool:
+        """Whether there is no time left, or Ctrl-C was pressed."""
+        return self.interrupted or time.monotonic() > self.until
+
+    def _paths(self) -> Iterator[tuple[str, Path]]:
+        count = self.scene.solver.starts or (_STARTS_WITH_ZONES if self.scene.bounds.keep_out else 1)
+        last = final_posture(self.motion, self.problem.goal, self.first)
+        for side in detours(count):
+            name = "direct" if side == 0.0 else f"detour {side:+g}"
+            yield name, smooth_path(self.motion, self.x0, self.first, last, side)
+
+    def _warm_start(self, earlier: Plan) -> tuple[Array, Multipliers | None]:
+        """Unknowns and, where everything has its place as before, multipliers of an earlier plan."""
+        if earlier.x.shape[1] != self.motion.nx or earlier.u.shape[1] != self.motion.nu:
+            raise InputError("the plan has another number of states or inputs than this model", key="warm")
+        least, most = self.scene.duration_range
+        t = np.linspace(0.0, earlier.duration, self.scene.intervals + 1)
+        path = Path(earlier.states_at(t), earlier.inputs_at(t), float(np.clip(earlier.duration, least, most)))
+        state, programme = earlier.solver_state, self.problem.programme
+        if not np.array_equal(state.get("units", []), self.motion.units):
+            return self.problem.start(path), None
+        if len(state["w"]) != programme.size or len(state["constraints"]) != programme.count:
+            return self.problem.start(path), None
+        return state["w"], Multipliers(state["bounds"], state["constraints"])
+
+    def _try(self, name: str, w: Array, multipliers: Multipliers | None = None) -> bool:
+        """Solve from a start; whether that gave a plan."""
+        attempt = self._solver.run(w, multipliers)
+        self.attempts.append((name, attempt))
+        self.interrupted |= self._solver.watch.interrupted
+        kept = attempt.violation < KEPT
+        if kept and (self.best is None or _rank(attempt) < _rank(self.best)):
+            self.best = attempt
+        return kept
+
+    def _approach(self, name: str, path: Path) -> None:
+        """How near the goal can be reached; if it can, the search goes on from there."""
+        if self._near is None:
+            problem = PlanProblem(self.motion, self.x0, relaxed=True)
+            self._near = problem, ProgrammeSolver(problem.programme, self.scene.solver, self.until)
+        problem, solver = self._near
+        attempt = solver.run(problem.start(path))
+        self.interrupted |= solver.watch.interrupted
+        if not attempt.violation < KEPT:
+            return
+        self.relaxed.append((name, attempt))
+        found = diagnose(problem, attempt)
+        if found.met and not self.over:
+            self._try(f"{name}, from the goal", self.problem.start(problem.path(attempt.w)))
+        elif attempt.objective <= min(a.objective for _, a in self.relaxed):
+            self.diagnosis = found
+
+    @property
+    def nearest(self) -> tuple[PlanProblem, Attempt]:
+        """What comes nearest to the goal, and its problem; the last attempt where that was not sought."""
+        if self._near is None or not self.relaxed:
+            return self.problem, self.attempts[-1][1]
+        return self._near[0], min((a for _, a in self.relaxed), key=lambda a: a.objective)
+
+
+def _rank(attempt: Attempt) -> tuple[bool, float]:
+    return not attempt.converged, attempt.objective
