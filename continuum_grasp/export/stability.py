@@ -1,4 +1,4 @@
-"""How long a step the explicit method may take, over bends, inputs and parameters that the package takes."""
+"""How long a step the explicit method may take, over bends and parameters that the package takes."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.core import Core
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.export.fields import Field
 from continuum_grasp.model import FingerModel
-from continuum_grasp.simulation.spectrum import sample_shapes, spectral_radius
 
 __all__ = ["ACCURATE", "STABLE", "greatest_radius"]
 
@@ -21,39 +19,57 @@ STABLE = 2.5
 ACCURATE = 1.0
 """The same up to which the motion is followed as well as it is resolved."""
 _CORNERS = 32
+_BETWEEN = 32
+
+Array = NDArray[np.float64]
 
 
-def greatest_radius(model: FingerModel, parameters: Sequence[Field]) -> float:
+def greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Sequence[Field]) -> float:
     """Greatest spectral radius of the linearised motion [1/s].
 
-    Taken over shapes within the bending range and the corners of the ranges of the parameters (some of them where they
-    are many).
+    Taken at rest, without input and forces, over shapes within the bending range and the corners of the ranges of the
+    parameters (some of them where they are many).
 
     Raises
     ------
     NumericalError
         If it is not finite.
     """
-    core = Core(model, compiled=False)
-    shapes, u, w = _shapes(model), np.zeros(model.nu), np.zeros(model.nw)
-    radius = max(spectral_radius(core, shapes, u, w, p) for p in _corners(model, parameters))
-    if not np.isfinite(radius):
-        raise NumericalError("the linearised motion is not finite at a corner of the parameters' ranges: narrow them")
+    rng = np.random.default_rng(0)
+    u, w = np.zeros(model.nu), np.zeros(model.nw)
+    reach = np.array([field.high for field in states[: model.n]])
+    radius = 0.0
+    for p in _corners(model, parameters, rng):
+        for shape in _shapes(reach, rng):
+            x = np.zeros(model.nx)
+            x[: model.n] = shape
+            jacobian = np.array(model.linearization(x, u, w, p)[0])
+            if not np.isfinite(jacobian).all():
+                raise NumericalError(
+                    "the linearised motion is not finite at a corner of the parameters' ranges", state=x
+                )
+            radius = max(radius, float(np.abs(np.linalg.eigvals(jacobian)).max()))
     return radius
 
 
-def _shapes(model: FingerModel) -> NDArray[np.float64]:
-    """Shapes of moderate bends, and those of twice as much."""
-    inside = sample_shapes(model, np.zeros(model.n))
-    return np.vstack([inside, 2.0 * inside[2:]])
+def _shapes(reach: Array, rng: np.random.Generator) -> Array:
+    """Straight, every bend at a limit (half of them, since the others mirror them), and in between."""
+    between = rng.uniform(-1.0, 1.0, (_BETWEEN, len(reach)))
+    return np.vstack([np.zeros(len(reach)), _signs(len(reach), rng), between]) * reach
 
 
-def _corners(model: FingerModel, parameters: Sequence[Field]) -> list[NDArray[np.float64]]:
-    pairs = [(field.low, field.high) for field in parameters]
+def _signs(count: int, rng: np.random.Generator) -> Array:
+    if 2 ** (count - 1) <= _CORNERS:
+        return np.array([(1.0, *rest) for rest in itertools.product((-1.0, 1.0), repeat=count - 1)])
+    return np.where(rng.integers(0, 2, (_CORNERS, count)) == 1, 1.0, -1.0)
+
+
+def _corners(model: FingerModel, parameters: Sequence[Field], rng: np.random.Generator) -> list[Array]:
+    """Nominal values and those at the ends of the ranges."""
+    pairs = np.array([(field.low, field.high) for field in parameters]).reshape(-1, 2)
     if 2 ** len(pairs) <= _CORNERS:
         found = [np.array(corner) for corner in itertools.product(*pairs)]
     else:
-        low, high = np.array(pairs).T
-        picked = np.random.default_rng(0).integers(0, 2, (_CORNERS, len(pairs)))
-        found = [low, high, *(low + (high - low) * row for row in picked)]
+        picked = rng.integers(0, 2, (_CORNERS, len(pairs)))
+        found = [pairs[:, 0], pairs[:, 1], *(np.where(row == 1, pairs[:, 1], pairs[:, 0]) for row in picked)]
     return [np.array(model.p_nominal), *found]

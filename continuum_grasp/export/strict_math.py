@@ -141,7 +141,7 @@ def _cosine(s: _Series) -> list[float]:
 
 def _horner(coefficients: list[float], x: Array) -> Array:
     t = x.dtype.type
-    value = np.full_like(x, t(coefficients[0]))
+    value: Array = np.full_like(x, t(coefficients[0]))
     for c in coefficients[1:]:
         value = value * x + t(c)
     return value
@@ -150,7 +150,7 @@ def _horner(coefficients: list[float], x: Array) -> Array:
 def _nearest(x: Array) -> Array:
     """The nearest whole numbers, halves away from zero, as C's truncating cast finds them."""
     half = x.dtype.type(0.5)
-    return np.trunc(x + np.where(x < 0, -half, half))
+    return np.asarray(np.trunc(x + np.where(x < 0, -half, half)))
 
 
 def _power_of_two(k: Array, real: Real) -> Array:
@@ -181,7 +181,7 @@ def _turn(x: Array, real: Real, quarters: int) -> Array:
 
 def _sqrt(x: Array, real: Real) -> Array:
     s, t = _SERIES[real.name], real.dtype
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(all="ignore"):
         small = x < t(real.least_normal)
         scaled = np.where(small, x * t(s.scale[0]), x)
         y = (real.bits(s.guess) - (scaled.view(real.bits) >> real.bits(1))).view(t)
@@ -190,7 +190,7 @@ def _sqrt(x: Array, real: Real) -> Array:
         root = scaled * y
         root = t(0.5) * (root + scaled / root)
         root = np.where(small, root * t(s.scale[1]), root)
-        return np.where(x > 0, root, np.where(x < 0, (x - x) / (x - x), x))
+        return np.where(x > 0, root, np.where(x < 0, t(np.nan), x))
 
 
 FUNCTIONS: dict[str, Callable[[Array, Real], Array]] = {

@@ -76,7 +76,8 @@ class Subject:
         if real.name == "float":
             check_solvable(model)
         parameters, forces = parameter_fields(model, ranges), force_fields(model)
-        radius = greatest_radius(model, parameters)
+        states = state_fields(model, parameters)
+        radius = greatest_radius(model, states, parameters)
         if step is not None and step * radius > STABLE * substeps:
             raise InputError(
                 f"steps of {step:g} s are too long: the fastest motion of this model changes at {radius:.4g} 1/s, so "
@@ -91,7 +92,7 @@ class Subject:
             prefix=prefix,
             real=real,
             parameters=_struct("parameters", "Parameters of the finger that may be changed at run time.", parameters),
-            state=Struct("state", "State of the finger.", state_fields(model, parameters)),
+            state=Struct("state", "State of the finger.", states),
             input=Struct("input", "What drives the finger.", input_fields(model)),
             forces=_struct("forces", "Forces on the finger.", forces),
             radius=radius,

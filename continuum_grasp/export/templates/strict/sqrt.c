@@ -4,7 +4,11 @@
   union { <<p>>_real value; uint<<width>>_t bits; } guess;
   <<p>>_real scaled = x, y, root;
   int k;
-  if (!(x > <<zero>>)) return x < <<zero>> ? (x - x) / (x - x) : x;
+  if (x < <<zero>>) {
+    guess.bits = <<exponent_mask>> | 1u; /* NaN */
+    return guess.value;
+  }
+  if (!(x > <<zero>>)) return x;
   if (x < <<least>>) scaled = x * <<up>>;
   guess.value = scaled;
   guess.bits = <<guess>> - (guess.bits >> 1);

@@ -1,0 +1,101 @@
+"""Packages and tools for the tests of the C package."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import subprocess
+from functools import lru_cache
+from pathlib import Path
+
+import pytest
+
+from continuum_grasp.export import export_c
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.load import load
+from tests.rods import ROOT
+
+TENDONS = ROOT / "configs/simulate/tendon_step.yaml"
+CONTACT = ROOT / "configs/simulate/midpoint_contact.yaml"
+RUBBING = {
+    "fidelity.family": "arc",
+    "fidelity.elements": 2,
+    "finger.tendons.friction": 0.1,
+    "parameters": ["base_angle", "tip_mass", "tendon_friction", "bending_stiffness"],
+}
+"""Everything that kernels may call: sine, cosine, exponential, square root."""
+STRICT = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
+WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wfloat-conversion", "-Wshadow")
+WARNINGS += ("-Wundef", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Werror")
+
+
+@lru_cache
+def scene(name: str):
+    """Scenes by name: tendons that rub, a contact, tendons alone."""
+    return {
+        "rubbing": lambda: load(TENDONS, RUBBING),
+        "contact": lambda: load(CONTACT, {"fidelity.family": "matched_clothoid"}),
+        "tendons": lambda: load(TENDONS),
+        "arcs": lambda: load(TENDONS, {"fidelity.family": "arc", "fidelity.elements": 2}),
+    }[name]()
+
+
+def two_arcs(real: str) -> FingerModel:
+    """The finger whose step is counted: two arcs, two tendons, a force at the tip, weight and damping, no lag."""
+    finger = scene("tendons").finger
+    finger = finger.model_copy(update={"tendons": finger.tendons.model_copy(update={"time_constant": None})})
+    return FingerModel(finger, family="arc", elements=2, accuracy=3e-8 if real == "float" else None)
+
+
+@pytest.fixture(scope="session")
+def packages(tmp_path_factory):
+    """Folders of packages by scene and type, made once."""
+    folder = tmp_path_factory.mktemp("packages")
+
+    @lru_cache
+    def made(name: str, real: str, target: str = "host") -> Path:
+        path = folder / f"{name}_{real}_{target}"
+        export_c(scene(name), path, real=real, target=target)
+        return path
+
+    return made
+
+
+def needs(*tools: str):
+    """Skip where a program is missing, and name it."""
+    missing = [tool for tool in tools if shutil.which(tool) is None]
+    return pytest.mark.skipif(bool(missing), reason=f"not installed: {', '.join(missing)}")
+
+
+def run(*line: object, cwd: Path | None = None, expect: int = 0) -> str:
+    """What a program says."""
+    done = subprocess.run([str(word) for word in line], capture_output=True, text=True, cwd=cwd, check=False)
+    assert done.returncode == expect, f"{line}\n{done.stdout}\n{done.stderr}"
+    return done.stdout + done.stderr
+
+
+def compile_program(compiler: str, package: Path, program: str, out: Path, *flags: str) -> Path:
+    """A test program of a package, all of it with the same flags."""
+    sources = [*sorted((package / "src").glob("*.c")), package / "tests/check.c", package / f"tests/{program}.c"]
+    run(*compiler.split(), *flags, f"-I{package / 'include'}", *sources, "-o", out)
+    return out
+
+
+def shared_library(package: Path, out: Path):
+    """The library by the Python binding of its own package, compiled here."""
+    library = out / "libfinger.so"
+    run(
+        "cc",
+        *STRICT,
+        "-O2",
+        "-shared",
+        "-fPIC",
+        f"-I{package / 'include'}",
+        *(package / "src").glob("*.c"),
+        "-o",
+        library,
+    )
+    spec = importlib.util.spec_from_file_location("finger", package / "examples/python/finger.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module, module.Library(str(library))

@@ -1,0 +1,294 @@
+"""What a package holds and refuses, and that its numbers are those of the model."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import sys
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from continuum_grasp.core import Core
+from continuum_grasp.errors import InputError
+from continuum_grasp.export import export_c
+from continuum_grasp.export.codes import Code
+from continuum_grasp.export.parts import PARTS
+from continuum_grasp.export.reals import REALS
+from continuum_grasp.export.stability import STABLE
+from continuum_grasp.export.subject import Subject
+from continuum_grasp.model import FingerModel
+from tests.export_cases import ROOT, TENDONS, needs, packages, run, scene, shared_library, two_arcs  # noqa: F401
+
+NAMES = ("rubbing", "contact", "tendons")
+
+
+# What is in the folder.
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("name", NAMES)
+def test_the_manifest_says_what_is_there(name, real, packages):  # noqa: F811
+    folder = packages(name, real)
+    manifest = json.loads((folder / "MANIFEST.json").read_text())
+    files = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+    assert files == {*manifest["sha256"], "MANIFEST.json"}
+    for file, digest in manifest["sha256"].items():
+        assert hashlib.sha256((folder / file).read_bytes()).hexdigest() == digest
+    assert sum(f["test_cases"] for f in manifest["functions"].values()) >= 200
+    assert manifest["real"] == real
+    assert manifest["configuration"]["finger"]["rod"]["length"] > 0
+
+
+@pytest.mark.parametrize("target", ["host", "wasm"])
+def test_made_again_every_byte_is_the_same(target, tmp_path):
+    """In another process, folder and order of hashes, too."""
+    code = f"from continuum_grasp.export import export_c; export_c({str(TENDONS)!r}, 'out', target={target!r})"
+    for k in (1, 2):
+        (tmp_path / str(k)).mkdir()
+        environment = {**os.environ, "PYTHONHASHSEED": str(k), "PYTHONPATH": str(ROOT)}
+        run("env", *[f"{n}={v}" for n, v in environment.items()], sys.executable, "-c", code, cwd=tmp_path / str(k))
+    one, two = (sorted(path for path in (tmp_path / k / "out").rglob("*") if path.is_file()) for k in "12")
+    assert [path.name for path in one] == [path.name for path in two]
+    assert all(a.read_bytes() == b.read_bytes() for a, b in zip(one, two, strict=True))
+    assert not any(str(tmp_path) in path.read_text() for path in one)
+
+
+def test_the_header_says_it_all(packages):  # noqa: F811
+    header = (packages("rubbing", "float") / "include/finger.h").read_text()
+    assert "casadi" not in header.lower()
+    for struct in ("parameters", "state", "input", "rate", "section", "balance", "model"):
+        assert f"}} finger_{struct};" in header
+    for code in Code:
+        assert re.search(rf"FINGER_{code.name}\s+= +{int(code)}\b", header)
+    fields = re.findall(r"^  finger_real \w+(?:\[\d\])*; +/\* \[(.*?)\]", header, re.MULTILINE)
+    assert len(fields) == 4 + 6 + 2 + 6 + 5 + 2
+    assert all(fields)
+
+
+def test_only_what_is_asked_for(tmp_path):
+    package = export_c(scene("arcs"), tmp_path, what=["kinematics"], prefix="arm_2")
+    text = "\n".join((tmp_path / name).read_text() for name in package.files)
+    assert "arm_2_tip" in text
+    assert "arm_2_step" not in text
+    assert "arm_2_dynamics" not in text
+    assert "finger_" not in (tmp_path / "include/arm_2.h").read_text()
+    assert "examples/loop.c" not in package.files
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_each_part_stands_alone(name, tmp_path):
+    assert export_c(scene("arcs"), tmp_path, what=[name]).manifest["parts"] == [name]
+
+
+# Numbers.
+
+
+@needs("cc")
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("name", NAMES)
+def test_functions_are_those_of_the_model(name, real, packages, tmp_path):  # noqa: F811
+    """Against CasADi's own evaluation of the model's functions, which shares no code with kernels and vectors."""
+    finger, library = shared_library(packages(name, real), tmp_path)
+    model = FingerModel(scene(name))
+    rng = np.random.default_rng(3)
+    q = rng.uniform(-0.5, 0.5, model.n) * (1.0 if model.family == "arc" else 5.0)
+    u, w, p = np.array([3.0, 1.0])[: model.nu] * 0.1, rng.uniform(-0.05, 0.05, model.nw), model.p_nominal
+    x = [*q, *rng.uniform(-1.0, 1.0, model.n)]
+    x += [(u[0] - u[1]) * model.finger.tendons.offset, 0.0] if model.nx > 2 * model.n else []
+    acting = [finger.State(*x), finger.Input(*u)]
+    forced = acting + ([finger.Forces(*w)] if model.nw else [])
+    rate = library.dynamics(*forced)
+    s = 0.4 * sum(model.lengths)
+    at, tip = library.section_at(*acting, s), library.tip(*acting)
+    balance = library.statics(*forced)
+    residual, stiffness = model.statics(q, u, w, p)
+    pairs = [
+        ([getattr(rate, field) for field, _ in rate._fields_], model.forward_dynamics(x, u, w, p)),
+        ([at.x, at.y], model.position(q, u, s, p)),
+        ([at.angle], model.orientation(q, u, s, p)),
+        ([list(at.dx), list(at.dy)], model.jacobian(q, u, s, p)),
+        ([tip.x, tip.y], model.tip(q, u, p)),
+        ([list(tip.dx), list(tip.dy)], model.jacobian(q, u, sum(model.lengths), p)),
+        (list(balance.residual), residual),
+        ([list(row) for row in balance.stiffness], stiffness),
+    ]
+    limit = 1e-4 if real == "float" else 1e-9
+    for found, true in pairs:
+        true = np.array(true)
+        assert np.abs(np.reshape(found, true.shape) - true).max() <= limit * np.abs(true).max()
+
+
+@needs("cc")
+def test_a_step_follows_the_motion_to_fourth_order(packages, tmp_path):  # noqa: F811
+    finger, library = shared_library(packages("tendons", "double"), tmp_path)
+    model = FingerModel(scene("tendons"))
+    x0, u, span = np.array([2.0, 1.0, 0.0, 0.0, 0.0, 0.0]), np.array([8.0, 1.0]), 0.02
+    core = Core(model, compiled=False)
+    solved = solve_ivp(
+        lambda _, x: core.forward_dynamics(x, u), (0.0, span), x0, rtol=1e-12, atol=1e-12, method="DOP853"
+    )
+    errors = []
+    for steps in (10, 20, 40):
+        state = finger.State(*x0)
+        for _ in range(steps):
+            state = library.step(state, finger.Input(*u), span / steps)
+        found = np.array([getattr(state, name) for name, _ in state._fields_])
+        errors.append(np.abs(found - solved.y[:, -1]).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.35)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(4.0, abs=0.35)
+
+
+@needs("cc")
+def test_parameters_are_retuned_without_a_new_export(packages, tmp_path):  # noqa: F811
+    finger, library = shared_library(packages("rubbing", "double"), tmp_path)
+    model = FingerModel(scene("rubbing"))
+    values = [0.7, 0.004, 0.3, 5e-3]
+    library.model.parameters = finger.Parameters(*values)
+    x, u = [0.3, -0.2, 1.0, 2.0, 0.01, 0.0], [3.0, 1.0]
+    rate = library.dynamics(finger.State(*x), finger.Input(*u))
+    true = np.array(model.forward_dynamics(x, u, [], values)).ravel()
+    found = [getattr(rate, name) for name, _ in rate._fields_]
+    assert np.abs(found - true).max() <= 1e-9 * np.abs(true).max()
+    library.model.parameters.tip_mass = -1.0
+    with pytest.raises(finger.Error, match="out of its range"):
+        library.dynamics(finger.State(*x), finger.Input(*u))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_fastest_motion_is_found(name):
+    """Against eigenvalues of the model's Jacobian at other shapes, at rest, over the ranges of the parameters."""
+    model = FingerModel(scene(name))
+    subject = Subject.of(model, "finger", REALS["double"], {}, None, 1)
+    rng = np.random.default_rng(5)
+    reach = np.array([field.high for field in subject.state.fields[: model.n]])
+    p_ranges = np.array(subject.parameters.bounded).T if subject.parameters else np.zeros((2, 0))
+    fastest = 0.0
+    for _ in range(100):
+        p = rng.uniform(*p_ranges) if model.np else []
+        x = np.zeros(model.nx)
+        x[: model.n] = rng.uniform(-1.0, 1.0, model.n) * reach
+        jacobian = np.array(model.linearization(x, np.zeros(model.nu), np.zeros(model.nw), p)[0])
+        fastest = max(fastest, np.abs(np.linalg.eigvals(jacobian)).max())
+    assert 0.3 * subject.radius < fastest <= 1.05 * subject.radius
+    assert subject.longest_step * subject.radius == pytest.approx(STABLE, rel=0.01)
+
+
+@needs("cc")
+@pytest.mark.parametrize("name", NAMES)
+def test_at_the_longest_step_the_motion_dies_out(name, packages, tmp_path):  # noqa: F811
+    finger, library = shared_library(packages(name, "double"), tmp_path)
+    longest = json.loads((packages(name, "double") / "MANIFEST.json").read_text())["stability"]["longest_step_s"]
+    acting = [finger.Input()] + ([finger.Forces()] if hasattr(finger, "Forces") else [])
+    state, sizes = finger.State(), []
+    first = finger.State._fields_[0][0]
+    setattr(state, first, 0.2)
+    for _ in range(4000):
+        state = library.step(state, *acting, longest)
+        sizes.append(abs(getattr(state, f"{first}_rate")))
+    assert max(sizes[-400:]) < 0.1 * max(sizes[:400])
+
+
+def test_a_step_that_is_too_long_and_one_that_is_coarse_are_told():
+    subject = Subject.of(FingerModel(scene("arcs")), "finger", REALS["float"], {}, None, 1)
+    call = PARTS["step"](subject).calls[0]
+    argument = call.inputs[-1]
+    assert argument.code is Code.ERR_STEP
+    assert argument.fields[0].high == subject.longest_step
+    assert 2.0 < subject.longest_step / subject.accurate_step < 3.0
+
+
+def test_sub_steps_are_steps():
+    model = FingerModel(scene("arcs"))
+    one, four = (Subject.of(model, "finger", REALS["double"], {}, None, count) for count in (1, 4))
+    assert four.longest_step == pytest.approx(4 * one.longest_step, rel=0.01)
+    rows = {"p": np.zeros((1, 0)), "u": np.array([[5.0, 1.0]]), "w": np.zeros((1, 0))}
+    x = np.array([[0.2, -0.1, 1.0, 2.0, 0.0, 0.0]])
+    at, h = x, 2e-3
+    for _ in range(4):
+        at = PARTS["step"](one).calls[0].twin({**rows, "x": at, "h": np.array([[h / 4]])})[0]
+    found = PARTS["step"](four).calls[0].twin({**rows, "x": x, "h": np.array([[h]])})[0]
+    assert np.abs(found - at).max() <= 1e-14 * np.abs(at).max()
+
+
+# Refusals.
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"real": "half"}, "expected one of double, float"),
+        ({"real": "double", "target": "cortex-m4f"}, "computes double in software"),
+        ({"target": "avr"}, "expected one of host, cortex-m4f, cortex-m7, wasm"),
+        ({"what": ["mpc2"]}, "expected some of dynamics, step, kinematics, statics"),
+        ({"what": []}, "one part or more"),
+        ({"what": ["step", "step"]}, "each once"),
+        ({"prefix": "2f"}, "free C identifier"),
+        ({"prefix": "double"}, "free C identifier"),
+        ({"prefix": "Finger"}, "free C identifier"),
+        ({"substeps": 0}, "whole number from 1 to 1000"),
+        ({"step": 0.1}, r"needs \d+ sub-steps"),
+        ({"ranges": {"tip_mass": (0.0, 1.0)}}, "no run-time parameter"),
+        ({"real": "float", "error": 1e-9}, "relative error of"),
+        ({"measured": True}, "no emulated board"),
+    ],
+)
+def test_what_cannot_be_made_is_refused(keywords, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        export_c(scene("arcs"), tmp_path / "out", **keywords)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("ranges", "message"),
+    [
+        ({"tip_mass": (0.01, 0.02)}, "leaves out the nominal value"),
+        ({"tip_mass": (0.02, 0.01)}, "a least and a greatest value"),
+        ({"tip_mass": (0.0, float("inf"))}, "a least and a greatest value"),
+    ],
+)
+def test_ranges_that_are_none_are_refused(ranges, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        export_c(scene("rubbing"), tmp_path, ranges=ranges)
+
+
+def test_a_parameter_of_zero_needs_its_range(tmp_path):
+    model = FingerModel(scene("tendons").finger, family="arc", parameters=("per_arc_damping",))
+    with pytest.raises(InputError, match="per_arc_damping: its nominal value is zero"):
+        export_c(model, tmp_path)
+    made = export_c(model, tmp_path, ranges={"per_arc_damping": (0.0, 1e-4)}).manifest
+    assert made["structs"]["parameters"][0]["high"] == 1e-4
+
+
+def test_something_else_is_refused(tmp_path):
+    with pytest.raises(InputError, match="expected a FingerModel, a Scene or the path"):
+        export_c(17, tmp_path)
+
+
+def test_a_range_that_single_precision_cannot_hold_is_refused(tmp_path):
+    """The downward recursion multiplies rounding by powers of the bend."""
+    for bend, holds in ((2.0, True), (6.0, False)):
+        model = FingerModel(scene("tendons").finger, family="arc", elements=2, bending_range=bend, accuracy=1e-6)
+        if holds:
+            export_c(model, tmp_path, real="float", what=["kinematics"], error=1e-6)
+            continue
+        with pytest.raises(InputError, match=r"float gives \w+ a relative error of"):
+            export_c(model, tmp_path, real="float", what=["kinematics"], error=1e-6)
+
+
+def test_a_wider_parameter_shortens_the_step():
+    """A lighter tip moves faster."""
+    model = FingerModel(scene("rubbing"))
+    light, heavy = (
+        Subject.of(model, "finger", REALS["double"], {"tip_mass": pair}, None, 1)
+        for pair in ((0.0, 2e-3), (2e-3, 5e-3))
+    )
+    assert light.longest_step < heavy.longest_step
+
+
+def test_the_counted_step_is_that_of_two_arcs():
+    model = two_arcs("double")
+    assert (model.family, model.n, model.nx, model.nu, model.nw) == ("arc", 2, 4, 2, 2)

@@ -1,0 +1,134 @@
+"""Strict kernels: the functions of their own, and the same arithmetic in C and in numpy, to the last bit."""
+
+from __future__ import annotations
+
+import ctypes
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.export.kernel import Kernel
+from continuum_grasp.export.reals import REALS
+from continuum_grasp.export.strict_math import twin
+from tests.export_cases import STRICT, needs, run
+
+HEADER = """
+#include <stdint.h>
+#define k_API
+typedef {real} k_real;
+static int k_is_finite(const k_real *number) {{ return *number - *number == 0; }}
+"""
+PLACES = {
+    "cos": np.concatenate([np.linspace(-7.0, 7.0, 301), [1e-12, 100.0, -1000.0]]),
+    "exp": np.concatenate([np.linspace(-20.0, 20.0, 301), [1e-12, -87.0, 88.0]]),
+    "sin": np.concatenate([np.linspace(-7.0, 7.0, 301), [1e-12, 100.0, -1000.0]]),
+    "sqrt": np.concatenate([np.linspace(0.0, 9.0, 301), [1e-42, 1e-30, 1e30, 3.4e38]]),
+}
+
+
+def in_c(kernel: Kernel, real, rows, folder):
+    """What the C of a kernel with one input and one output gives."""
+    from continuum_grasp.export.strict_math import c_source
+
+    strict = c_source(kernel.calls, real, "k").replace("K_API ", "")
+    source = HEADER.format(real=real.name) + strict + kernel.c_source("k", real)
+    (folder / "kernel.c").write_text(source)
+    run("cc", *STRICT, "-O2", "-shared", "-fPIC", folder / "kernel.c", "-o", folder / "kernel.so")
+    function = getattr(ctypes.CDLL(str(folder / "kernel.so")), f"k_kernel_{kernel.name}")
+    (size,) = kernel.outputs.values()
+    out = np.zeros((len(rows), size), dtype=real.dtype)
+    for row, result in zip(np.ascontiguousarray(rows, dtype=real.dtype), out, strict=True):
+        function(row.ctypes.data_as(ctypes.c_void_p), result.ctypes.data_as(ctypes.c_void_p))
+    return out
+
+
+@pytest.mark.parametrize("real", REALS.values(), ids=REALS)
+@pytest.mark.parametrize("name", PLACES)
+def test_own_functions_are_right_to_two_roundings(name, real):
+    """Against 40 digits; cosine and sine relative to one, since near their zeros the argument itself is rounded."""
+    places = PLACES[name].astype(real.dtype)
+    found = twin(name, places, real)
+    with mpmath.workdps(40):
+        true = [getattr(mpmath, name)(mpmath.mpf(float(x))) for x in places]
+        off = [abs(mpmath.mpf(float(f)) - t) for f, t in zip(found, true, strict=True)]
+    least = real.least_normal if name == "sqrt" else 1.0 if name in ("cos", "sin") else 0.0
+    sizes = [max(abs(float(t)), least) for t in true]
+    worst = max(float(o) / s for o, s in zip(off, sizes, strict=True) if s > 0.0)
+    assert worst <= 2.0 * real.epsilon
+
+
+@needs("cc")
+@pytest.mark.parametrize("real", REALS.values(), ids=REALS)
+@pytest.mark.parametrize("name", PLACES)
+def test_own_functions_are_their_twins_to_the_bit(name, real, tmp_path):
+    x = ca.SX.sym("x")
+    kernel = Kernel("f", ca.Function("f", [x], [getattr(ca, name)(x)], ["x"], ["y"]), "")
+    places = PLACES[name].astype(real.dtype)[:, None]
+    assert np.array_equal(in_c(kernel, real, places, tmp_path), twin(name, places, real))
+
+
+def expressions():
+    """Every operation that kernels have, in one function of three numbers."""
+    x = ca.SX.sym("x", 3)
+    a, b, c = x[0], x[1], x[2]
+    terms = [a + b, a - b, a * b, a / b, -a, a * a, a + a, 1 / c, ca.fabs(a), ca.fmin(a, b), ca.fmax(a, c), a < b]
+    terms += [a <= b, ca.if_else(a < c, b, c), ca.logic_not(a), ca.sqrt(c), ca.exp(a), ca.sin(b), ca.cos(c), 0.0]
+    return ca.Function("f", [x], [ca.vertcat(*terms)], ["x"], ["y"])
+
+
+@needs("cc")
+@pytest.mark.parametrize("real", REALS.values(), ids=REALS)
+def test_every_operation_is_that_of_casadi(real, tmp_path):
+    function = expressions()
+    kernel = Kernel("f", function, "")
+    rows = np.random.default_rng(0).uniform(-2.0, 2.0, (100, 3)).astype(real.dtype)
+    rows[:, 2] = np.abs(rows[:, 2])
+    rows[0] = (0.0, 1.0, 1.0)
+    rows[1] = (0.5, 0.5, 0.5)
+    found = kernel.evaluate(real, x=rows)["y"]
+    true = np.array([np.array(function(row.astype(float))).ravel() for row in rows])
+    assert np.abs(found - true).max() <= 4 * real.epsilon * np.abs(true).max(axis=0).clip(1.0).max()
+    assert np.array_equal(in_c(kernel, real, rows, tmp_path), found)
+
+
+def test_an_operation_without_strict_c_is_refused():
+    x = ca.SX.sym("x")
+    with pytest.raises(InputError, match="no strict C for the operation OP_TANH"):
+        Kernel("f", ca.Function("f", [x], [ca.tanh(x)], ["x"], ["y"]), "")
+
+
+def test_inputs_that_are_not_read_are_left_out():
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    kernel = Kernel("f", ca.Function("f", [x, y], [2 * y], ["x", "y"], ["z"]), "")
+    assert kernel.prototype("k") == "void k_kernel_f(const k_real *y, k_real *z)"
+    assert kernel.call("k", x="a", y="b", z="c") == "k_kernel_f(b, c);"
+
+
+def test_single_precision_has_no_literal_in_double():
+    """A literal without its suffix would make its expression double."""
+    import re
+
+    x = ca.SX.sym("x")
+    terms = ca.vertcat(0.1 * x, x / 3, 1e-30 * x, 12345678.9 + x, ca.fmin(x, -2), ca.exp(x))
+    text = Kernel("f", ca.Function("f", [x], [terms], ["x"], ["y"]), "").c_source("k", REALS["float"])
+    numbers = re.findall(r"(?<![\w.])\d+\.?\d*(?:e[-+]?\d+)?f?(?![\w\]])", re.sub(r"\[\d+\]", "", text))
+    assert len(numbers) >= 5
+    assert all(number.endswith("f") for number in numbers)
+
+
+def test_a_constant_beyond_single_precision_is_refused():
+    x = ca.SX.sym("x")
+    kernel = Kernel("f", ca.Function("f", [x], [1e-50 * x], ["x"], ["y"]), "")
+    with pytest.raises(InputError, match="single precision"):
+        kernel.c_source("k", REALS["float"])
+
+
+@pytest.mark.parametrize("real", REALS.values(), ids=REALS)
+def test_literals_are_the_numbers_they_say(real):
+    values = np.random.default_rng(1).normal(size=200) * 10.0 ** np.random.default_rng(2).integers(-20, 20, 200)
+    for value in values:
+        assert real.dtype(real.literal(value).strip("()f")) == real.dtype(value)
+        assert float.fromhex(real.hexadecimal(value).removesuffix("f")) == float(real.dtype(value))
