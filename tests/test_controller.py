@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import subprocess
 from functools import lru_cache
 
 import numpy as np
@@ -10,6 +11,9 @@ import pytest
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.mpc.controller import Controller
+from continuum_grasp.mpc.controller_source import controller_source
+from continuum_grasp.mpc.estimation import estimation_of
+from continuum_grasp.mpc.estimator_settings import controller_fields
 from continuum_grasp.mpc.rti import RealTimeIteration
 from continuum_grasp.mpc.status import Anomaly, Status
 from tests.control_cases import TARGET, Reality, swing_scene
@@ -111,6 +115,45 @@ def test_what_means_nothing_is_told_and_never_applied(name, size, anomaly, value
         assert command.status == Status.PREVIOUS_PLAN
         assert command.u == pytest.approx(before.plan.u[1], abs=1e-12)
     assert not bad(control).anomalies
+
+
+def test_arithmetic_that_knows_no_nan_lets_none_through(monkeypatch):
+    monkeypatch.setenv("CC", "cc -ffast-math")
+    control = Controller(swing_scene(**GIVEN), deadline=math.inf)
+    for name, size in (("measurement", 4), ("reference", 3), ("p", 1)):
+        for value in (np.nan, np.inf, -np.inf):
+            control.reset()
+            plan = bad(control).plan.u
+            usual = {"measurement": given_state(control), "reference": REFERENCE, "p": control.stages.p_nominal}
+            wrong = np.array(usual[name], dtype=float)
+            wrong[size - 1] = value
+            command = bad(control, **{name: wrong})
+            assert (command.status, len(command.anomalies)) == (Status.PREVIOUS_PLAN, 1)
+            assert command.u == pytest.approx(plan[1], abs=1e-12)
+
+
+def test_after_nonsense_that_looks_like_sense_it_plans_again():
+    control = given()
+    control.reset()
+    bad(control)
+    bad(control, measurement=[3.0, -3.0, 500.0, -500.0])
+    assert bad(control).status <= Status.ROW_VIOLATED
+
+
+STRICT = "-std=c99 -fsyntax-only -Werror -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow"
+GENERATED = "-Wno-unused-parameter -Wno-unused-function"
+"""What CasADi's code needs."""
+
+
+@pytest.mark.parametrize("precision", ["double", "float"])
+def test_compilers_have_nothing_to_say(precision, tmp_path):
+    control = estimating()
+    estimation = estimation_of(control.scene, control.prediction)
+    fields = controller_fields(control.scene, control.prediction, control.stages, estimation, precision)
+    file = tmp_path / "controller.c"
+    file.write_text(controller_source(control.stages, estimation, 1, fields, precision))
+    done = subprocess.run(["cc", *STRICT.split(), *GENERATED.split(), str(file)], capture_output=True, text=True)
+    assert not done.stderr
 
 
 def test_the_plan_goes_on_as_long_as_it_lasts_and_then_the_input_goes_down():

@@ -15,7 +15,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.mpc.estimator import Estimator
 from continuum_grasp.mpc.moving_horizon import moving_horizon
 from continuum_grasp.mpc.status import Anomaly, Verdict
-from tests.control_cases import Reality, hand_scene, sensed_rod_scene
+from tests.control_cases import Reality, hand_scene, rod_scene, sensed_rod_scene
 
 
 @lru_cache
@@ -252,6 +252,27 @@ def test_an_unknown_tip_force_and_stiffness_are_found(error):
         plant.advance(u, estimator.period)
         found = estimator.step(seen(plant), u)
     assert found.p == pytest.approx(p, rel=0.05)
+
+
+def test_an_unknown_contact_force_is_found_at_rest():
+    asked = {
+        "measured": {"tip": 1e-3, "bending": {"at": (0.15, 0.3, 0.6), "std": 0.003}},
+        "disturbances": {"contact_force": 0.2},
+    }
+    estimator = Estimator(rod_scene(contacts=(0.3,), estimator=asked))
+    p = np.array(estimator.prediction.p_nominal)
+    p[list(estimator.prediction.p_names).index("contact_1_x [N]")] = 0.2
+    p[list(estimator.prediction.p_names).index("contact_1_y [N]")] = 0.1
+    plant = Reality(estimator.scene, estimator.first, p)
+    plant.advance([0.1], 8.0)  # until it rests
+    angles = np.array(plant.model.sections((0.15, 0.3, 0.6))(plant.x, 0.0, plant.p)[1]).ravel()
+    estimator.reset(u=[0.1])
+    for _ in range(800):
+        found = estimator.step([*plant.tip, *angles], [0.1])
+    # The part of a force that bends the rod is seen; along the rod it does nothing.
+    place = numbers(ca.Function("r", [plant.model.x], [plant.model.sections((0.3,))(plant.model.x, 0.0, p)[0]]))
+    bends = slope(place, plant.x)[:, 0]
+    assert bends @ found.p[:2] == pytest.approx(bends @ p[:2], rel=0.05)
 
 
 def test_a_measurement_that_means_nothing_is_left_out_and_told():

@@ -42,7 +42,7 @@ def estimator_source(
         [
             f"#include <stddef.h>\ntypedef {real} real;",
             _estimator_dimensions(estimation, periods, nu, np_, real),
-            estimator_functions(estimation, real),
+            estimator_functions(estimation, periods, real),
             _templates("checks.h", "ekf.h", "ekf.c"),
             _setter("ekf_settings", fields),
             _templates("doubles.h", "estimator_python.c"),
@@ -60,7 +60,7 @@ def controller_source(
         parts += [
             _estimator_dimensions(estimation, periods, stages.nu, stages.np, real),
             "#undef CASADI_PREFIX",
-            estimator_functions(estimation, real),
+            estimator_functions(estimation, periods, real),
             _templates("checks.h", "ekf.h", "ekf.c"),
         ]
     else:
@@ -75,18 +75,28 @@ def controller_source(
     return "\n".join(parts)
 
 
-def estimator_functions(estimation: Estimation, real: str) -> str:
-    """C of an estimator's functions by CasADi."""
+def estimator_functions(estimation: Estimation, periods: int, real: str) -> str:
+    """C of an estimator's functions by CasADi; of the step without derivatives only where there is a delay."""
     options = {"with_header": False, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator("estimator.c", options)
-    for function in (estimation.step, estimation.flow, estimation.outputs, estimation.parameters):
+    for function in (estimation.step, estimation.outputs, estimation.parameters):
         generator.add(function)
+    if periods:
+        generator.add(estimation.flow)
     code = str(generator.dump())
     return single(code) if real == "float" else code
 
 
 def _estimator_dimensions(estimation: Estimation, periods: int, nu: int, np_: int, real: str) -> str:
-    sizes = {"NZ": estimation.nz, "NX": estimation.nx, "NU": nu, "NP": np_, "NY": estimation.ny, "NM": estimation.nm, "DELAY": periods}
+    sizes = {
+        "NZ": estimation.nz,
+        "NX": estimation.nx,
+        "NU": nu,
+        "NP": np_,
+        "NY": estimation.ny,
+        "NM": estimation.nm,
+        "DELAY": periods,
+    }
     lines = [f"#define EKF_{name} {size}" for name, size in sizes.items()]
     return "\n".join([*lines, "#define CG_SINGLE" if real == "float" else ""])
 
