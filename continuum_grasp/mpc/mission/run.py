@@ -18,7 +18,7 @@ from continuum_grasp.mpc.mission.timetable import Timetable
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import MissionScene
 
-__all__ = ["Crew", "run_mission"]
+__all__ = ["Crew", "mission_of", "run_mission"]
 
 Progress = Callable[[float], None]
 
@@ -58,7 +58,7 @@ def run_mission(
     Interrupted
         On Ctrl-C; ``result`` is the closed loop until then.
     """
-    return Crew(assign(_mission(scene), grasp)).run(variation, progress)
+    return Crew(assign(mission_of(scene), grasp)).run(variation, progress)
 
 
 class Crew:
@@ -84,7 +84,14 @@ class Crew:
         return MissionRun(of, self.timetable, variation or Variation(), found, judge(of, self.timetable, found))
 
 
-def _mission(given: MissionScene | str | PathLike[str]) -> MissionScene:
+def mission_of(given: MissionScene | str | PathLike[str]) -> MissionScene:
+    """A mission that is given as such, or as the path of its file.
+
+    Raises
+    ------
+    InputError
+        If it is something else, or the file is wrong.
+    """
     scene = given if isinstance(given, MissionScene) else load(given)  # type: ignore[arg-type]
     if not isinstance(scene, MissionScene):
         raise InputError(f"expected a mission (grasp, controller, ...), got a {type(scene).__name__}")
