@@ -13,8 +13,8 @@ from continuum_grasp.mpc.problem import stages_of
 from continuum_grasp.mpc.setpoints import set_points
 from continuum_grasp.scene import (
     CircleReference,
-    ControlScene,
     Controller,
+    ControlScene,
     Fidelity,
     Finger,
     Reference,
