@@ -67,6 +67,10 @@ class Compiled:
         self.address = ctypes.c_void_p(self._memory.ctypes.data)
         self.input_address = ctypes.c_void_p(self.input.ctypes.data)
         self.output_address = ctypes.c_void_p(self.output.ctypes.data)
+        self.configure(fields)
+
+    def configure(self, fields: Sequence[Field]) -> None:
+        """Give the settings anew; the state stays."""
         values = settings_values(fields)
         self._library.cg_settings(self.address, ctypes.c_void_p(values.ctypes.data))
 

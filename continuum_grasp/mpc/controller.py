@@ -14,7 +14,7 @@ from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.mpc.arrays import control_scene, slices, vector
 from continuum_grasp.mpc.compiled import Compiled
-from continuum_grasp.mpc.controller_source import controller_source
+from continuum_grasp.mpc.controller_source import Field, controller_source
 from continuum_grasp.mpc.estimation import estimation_of
 from continuum_grasp.mpc.estimator_settings import controller_fields, delay_periods
 from continuum_grasp.mpc.first_state import first_state, rest_input
@@ -30,6 +30,7 @@ __all__ = ["Command", "Controller", "Estimate", "Plan"]
 Array = NDArray[np.float64]
 
 _STATUS = tuple(Status)
+_CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
 _CHUNK = 128
 """Periods for which set-points are evaluated at once."""
 _LATE, _APPLIED = 1, 2
@@ -218,6 +219,7 @@ class Controller:
         self.estimated_names = self.prediction.x_names if estimation is None else estimation.z_names
         self._deadline = 1e9 * _deadline(self.scene, deadline)
         fields = controller_fields(self.scene, self.prediction, self.stages, estimation, self.precision)
+        self._fields = {field.member: field for field in fields}
         source = controller_source(self.stages, estimation, delay_periods(self.scene), fields, self.precision)
         n, s = self.stages.stages, self.stages
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
@@ -314,6 +316,34 @@ class Controller:
         self._late = elapsed > self._deadline
         self._counts.add(status, out[0], out[5:8], elapsed, self._late)
         return command
+
+    def change(self, **settings: ArrayLike) -> None:
+        """Change weights, bounds or prices from the next step on.
+
+        Parameters
+        ----------
+        **settings : array_like
+            By the names and in the sizes that they have in ``stages``: ``weights``, ``terminal_weights`` (nr); ``u_min``,
+            ``u_max`` (nu), within those of the scene; ``c_min``, ``c_max``, ``linear``, ``quadratic`` (nc).
+
+        Raises
+        ------
+        InputError
+            If a name is unknown, or a value has another size, is not finite, or is not allowed.
+        """
+        fields = dict(self._fields)
+        for name, given in settings.items():
+            if name not in _CHANGEABLE:
+                raise InputError(f"expected some of {', '.join(_CHANGEABLE)}, got {name!r:.60}", key=name)
+            nominal = getattr(self.stages, name)
+            value = vector(name, given, nominal.size)
+            if name[:2] not in ("u_", "c_") and np.any(value < 0.0):
+                raise InputError(f"expected no negative entry, got {value.tolist()}", key=name)
+            if name.startswith("u_") and (np.any(value < self.stages.u_min) or np.any(value > self.stages.u_max)):
+                raise InputError("expected entries within the limits of the scene", key=name)
+            fields[f"rti.{name}"] = Field(f"rti.{name}", value)
+        self._fields = fields
+        self._c.configure(tuple(fields.values()))
 
     @property
     def statistics(self) -> dict[str, Any]:
