@@ -1,0 +1,125 @@
+"""The C of a package on this machine: warnings, sanitizers, symbols, stack, fast flags, threads, any input."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from continuum_grasp.export.reals import REALS
+from tests.export_cases import STRICT, WARNINGS, compile_program, needs, packages, run  # noqa: F401
+
+CASES = [("rubbing", "float"), ("rubbing", "double"), ("contact", "float"), ("tendons", "double")]
+COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
+MAY_NEED = {"memcpy", "memset"}
+"""What compiled code may call beyond its own."""
+STACK = {"float": 1200, "double": 2000}
+"""Bytes of the largest frame of a function on x86-64."""
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize(("name", "real"), CASES)
+def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, packages, tmp_path):  # noqa: F811
+    package = packages(name, real)
+    program = compile_program(compiler, package, "main", tmp_path / "vectors", *STRICT, *WARNINGS, "-O2")
+    assert len(re.findall(r" 0 of +\d+ cases failed", run(program))) == 5
+
+
+@pytest.mark.parametrize("flags", ["-O0", "-O3", "-Os"])
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_at_every_level(compiler, flags, packages, tmp_path):  # noqa: F811
+    program = compile_program(compiler, packages("rubbing", "float"), "main", tmp_path / "vectors", *STRICT, flags)
+    run(program)
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("real", REALS)
+def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(real, compiler, packages, tmp_path):  # noqa: F811
+    """NaN and infinity are found although the compiler is told that there are none."""
+    package = packages("rubbing", real)
+    tolerance = {"float": "2e-3", "double": "1e-11"}[real]
+    fast = ("-std=c99", "-O3", "-ffast-math", "-march=native")
+    run(compile_program(compiler, package, "main", tmp_path / "vectors", *fast), tolerance)
+    run(compile_program(compiler, package, "fuzz", tmp_path / "fuzz", *fast), 5000)
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
+    flags = (*STRICT, "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    for program, words in (("main", ()), ("fuzz", (5000,))):
+        run(compile_program(compiler, packages("rubbing", "float"), program, tmp_path / program, *flags), *words)
+
+
+@needs("gcc")
+def test_threads_do_not_meet(packages, tmp_path):  # noqa: F811
+    flags = (*STRICT, "-O1", "-g", "-fsanitize=thread", "-pthread")
+    program = compile_program("gcc", packages("rubbing", "double"), "threads", tmp_path / "threads", *flags)
+    assert "0 cases failed" in run(program)
+
+
+@needs("gcc", "nm")
+@pytest.mark.parametrize(("name", "real"), CASES)
+def test_nothing_is_called_and_nothing_is_kept(name, real, packages, tmp_path):  # noqa: F811
+    package = packages(name, real)
+    run("gcc", *STRICT, "-O2", f"-I{package / 'include'}", "-c", *(package / "src").glob("*.c"), cwd=tmp_path)
+    symbols = re.findall(r"([A-Za-z]) (\w+)$", run("nm", *tmp_path.glob("*.o")), re.MULTILINE)
+    own = {symbol for kind, symbol in symbols if kind == "T"}
+    assert {symbol for kind, symbol in symbols if kind == "U"} - own <= MAY_NEED
+    assert {kind for kind, _ in symbols} <= {"T", "t", "U", "r", "R"}
+    assert all(symbol.startswith("finger_") for symbol in own)
+
+
+@needs("gcc")
+@pytest.mark.parametrize("real", REALS)
+def test_the_stack_is_bounded(real, packages, tmp_path):  # noqa: F811
+    package = packages("rubbing", real)
+    flags = (*STRICT, "-O2", "-fstack-usage", f"-I{package / 'include'}")
+    run("gcc", *flags, "-c", *(package / "src").glob("*.c"), cwd=tmp_path)
+    rows = [line.split("\t") for path in tmp_path.glob("*.su") for line in path.read_text().splitlines()]
+    assert rows
+    assert {kind for *_, kind in rows} == {"static"}
+    assert max(int(size) for _, size, _ in rows) <= STACK[real]
+
+
+@needs("cppcheck")
+@pytest.mark.parametrize("real", REALS)
+def test_cppcheck_finds_nothing(real, packages):  # noqa: F811
+    package = packages("rubbing", real)
+    flags = ("--enable=warning,style,performance,portability", "--std=c99", "--suppress=missingIncludeSystem", "-q")
+    said = run("cppcheck", *flags, "--error-exitcode=3", f"-I{package / 'include'}", package / "src")
+    assert said == ""
+
+
+@needs("c++")
+def test_the_header_is_one_of_cpp_too(packages, tmp_path):  # noqa: F811
+    package = packages("rubbing", "double")
+    (tmp_path / "main.cpp").write_text('#include "finger.h"\nint main() { finger_model m; return finger_init(&m); }\n')
+    run("cc", *STRICT, f"-I{package / 'include'}", "-c", *(package / "src").glob("*.c"), cwd=tmp_path)
+    run(
+        "c++",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        f"-I{package / 'include'}",
+        "main.cpp",
+        *tmp_path.glob("*.o"),
+        cwd=tmp_path,
+    )
+    run(tmp_path / "a.out")
+
+
+@needs("cc")
+def test_a_vector_that_is_changed_fails(packages, tmp_path):  # noqa: F811
+    """The check program does see the last bit: one literal of the kernels is changed by one part in 1e16."""
+    import shutil
+
+    package = tmp_path / "package"
+    shutil.copytree(packages("tendons", "double"), package)
+    kernels = package / "src/finger_kernels.c"
+    text = kernels.read_text()
+    number = next(n for n in re.findall(r"(?<=[ (])0\.\d{15,}", text))
+    changed = number[:-1] + ("1" if number[-1] != "1" else "3")
+    kernels.write_text(text.replace(number, changed))
+    program = compile_program("cc", package, "main", tmp_path / "vectors", *STRICT, "-O1")
+    said = run(program, expect=1)
+    assert re.search(r" [1-9]\d* of +\d+ cases failed", said)

@@ -1,0 +1,115 @@
+"""The same bits elsewhere: ARM, big-endian machines, microcontrollers, WebAssembly; and what a step costs there."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from continuum_grasp.export import export_c
+from continuum_grasp.export.reals import REALS
+from tests.export_cases import STRICT, compile_program, needs, packages, run, scene, two_arcs  # noqa: F401
+
+ELSEWHERE = {
+    "ARM": ("arm-linux-gnueabihf-gcc -static", "qemu-arm", ()),
+    "big-endian POWER": ("powerpc-linux-gnu-gcc -static", "qemu-ppc", ()),
+    "big-endian s390x": ("s390x-linux-gnu-gcc -static", "qemu-s390x", ("-fexcess-precision=fast",)),
+}
+COUNTED = {("float", "cortex-m4f"): 2272, ("double", "cortex-m7"): 2781}
+"""Instructions of a step of two arcs, checks included."""
+LIMITS = {"cortex-m4f": 5492, "cortex-m7": 6736}
+"""What a trial with another formulation took."""
+COMPILER = "12.2"
+"""Version of the compiler that the counts are of."""
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize(
+    "machine",
+    [pytest.param(k, marks=needs(compiler.split()[0], emulator)) for k, (compiler, emulator, _) in ELSEWHERE.items()],
+)
+def test_every_vector_to_the_bit_elsewhere(machine, real, packages, tmp_path):  # noqa: F811
+    compiler, emulator, flags = ELSEWHERE[machine]
+    program = compile_program(compiler, packages("rubbing", real), "main", tmp_path / "vectors", *STRICT, *flags, "-O2")
+    assert len(re.findall(r" 0 of +\d+ cases failed", run(emulator, program))) == 5
+
+
+@needs("arm-none-eabi-gcc", "qemu-system-arm")
+@pytest.mark.parametrize(("real", "target"), [*COUNTED, ("float", "cortex-m7")])
+def test_every_vector_to_the_bit_on_a_microcontroller(real, target, tmp_path):
+    made = export_c(scene("rubbing"), tmp_path, real=real, target=target, measured=True).manifest["measured"]
+    assert made["failures"] == 0
+    assert made["sizes"]["finger_kernels.o"]["data"] == made["sizes"]["finger.o"]["bss"] == 0
+    assert set(made["functions"]) == {"dynamics", "step", "tip", "section_at", "statics"}
+
+
+@needs("arm-none-eabi-gcc", "qemu-system-arm")
+@pytest.mark.parametrize(("real", "target"), COUNTED)
+def test_the_step_takes_no_more_instructions_than_it_did(real, target, tmp_path):
+    made = export_c(two_arcs(real), tmp_path, real=real, target=target, measured=True).manifest["measured"]
+    most = made["functions"]["step"]["most_instructions"]
+    assert most < LIMITS[target]
+    if COMPILER in made["compiler"]:
+        assert most <= 1.02 * COUNTED[real, target]
+    assert (
+        f"| step | {made['functions']['step']['least_instructions']} | {most} |" in (tmp_path / "README.md").read_text()
+    )
+
+
+@needs("arm-none-eabi-gcc", "cmake", "make")
+@pytest.mark.parametrize("core", ["m4f", "m7"])
+def test_toolchain_files(core, packages, tmp_path):  # noqa: F811
+    package = packages("tendons", "float")
+    options = (
+        "-DFINGER_TESTS=OFF",
+        "-DFINGER_EXAMPLES=OFF",
+        f"-DCMAKE_TOOLCHAIN_FILE={package}/cmake/cortex-{core}.cmake",
+    )
+    run("cmake", "-S", package, "-B", tmp_path, *options)
+    run("cmake", "--build", tmp_path)
+    said = run("arm-none-eabi-readelf", "-A", *tmp_path.rglob("finger_kernels*.obj"))
+    assert "Tag_ABI_VFP_args: VFP registers" in said
+    assert {"m4f": "Tag_FP_arch: VFPv4-D16", "m7": "Tag_FP_arch: FPv5/FP-D16"}[core] in said
+
+
+@needs("clang", "wasm-ld", "node")
+@pytest.mark.parametrize("real", REALS)
+def test_every_vector_to_the_bit_in_webassembly(real, packages, tmp_path):  # noqa: F811
+    package = packages("rubbing", real, "wasm")
+    run("sh", package / "wasm/build.sh", tmp_path)
+    said = run("node", tmp_path / "test.mjs")
+    assert len(re.findall(r"^0 of \d+ cases", said, re.MULTILINE)) == 5
+    assert (tmp_path / "finger.wasm").stat().st_size < 60_000
+
+
+@needs("clang", "wasm-ld", "node")
+def test_the_javascript_wrapper_gives_the_numbers_of_the_model(packages, tmp_path):  # noqa: F811
+    from continuum_grasp.model import FingerModel
+
+    run("sh", packages("rubbing", "double", "wasm") / "wasm/build.sh", tmp_path)
+    (tmp_path / "use.mjs").write_text(
+        """
+import { readFile } from "node:fs/promises";
+import { load } from "./finger.mjs";
+const finger = await load(await readFile("finger.wasm"));
+finger.parameters.tip_mass = 0.004;
+const state = { theta_1: 0.3, theta_2: -0.2 }, input = { tension_1: 3, tension_2: 1 };
+const tip = finger.section_at(state, input, 0.1).section, rate = finger.dynamics(state, input).rate;
+let refused = "";
+try { finger.dynamics({ theta_1: 99 }, input); } catch (error) { refused = error.message; }
+let unknown = "";
+try { finger.dynamics({ theta1: 0 }, input); } catch (error) { unknown = error.message; }
+console.log(JSON.stringify({ tip, rate, refused, unknown, parameters: finger.parameters }));
+"""
+    )
+    said = json.loads(run("node", "use.mjs", cwd=tmp_path))
+    model = FingerModel(scene("rubbing"))
+    p = [said["parameters"][name.split(" ")[0]] for name in model.p_names]
+    q, u = [0.3, -0.2], [3.0, 1.0]
+    r = model.position(q, u, 0.1, p)
+    assert [said["tip"]["x"], said["tip"]["y"]] == pytest.approx([float(r[0]), float(r[1])], rel=1e-12)
+    xd = model.forward_dynamics([*q, 0, 0, 0, 0], u, [], p)
+    assert list(said["rate"].values()) == pytest.approx([float(v) for v in xd.full().ravel()], rel=1e-9)
+    assert "out of its range (-3)" in said["refused"]
+    assert "there is no theta1" in said["unknown"]

@@ -1,0 +1,155 @@
+"""The package as others use it: CMake and pkg-config projects, examples, skeletons, a GPU compiler."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from continuum_grasp.core import Core
+from continuum_grasp.export.reals import REALS
+from continuum_grasp.model import FingerModel
+from tests.export_cases import ROOT, STRICT, TENDONS, WARNINGS, needs, packages, run, scene  # noqa: F401
+
+PROJECT = ROOT / "examples/c_project"
+
+
+@pytest.fixture(scope="module")
+def installed(packages, tmp_path_factory):  # noqa: F811
+    """Where a package was installed, its tests run."""
+    build, place = tmp_path_factory.mktemp("build"), tmp_path_factory.mktemp("installed")
+    run("cmake", "-S", packages("tendons", "double"), "-B", build, f"-DCMAKE_INSTALL_PREFIX={place}")
+    run("cmake", "--build", build)
+    said = run("ctest", "--test-dir", build)
+    assert "100% tests passed, 0 tests failed out of 3" in said
+    run("cmake", "--install", build)
+    return place
+
+
+def rows_of(text: str):
+    head, *lines = text.strip().splitlines()
+    return head, np.array([[float(v) for v in line.split(",")] for line in lines])
+
+
+@needs("cmake", "make", "cc")
+def test_a_project_elsewhere_finds_the_package_and_closes_the_loop(installed, tmp_path):
+    run("cmake", "-S", PROJECT, "-B", tmp_path, f"-DCMAKE_PREFIX_PATH={installed}")
+    run("cmake", "--build", tmp_path)
+    head, rows = rows_of(run(tmp_path / "reach"))
+    assert head.startswith("time [s],tip x [m]")
+    assert rows[-1, 1] == pytest.approx(-0.06, abs=2e-4)
+    assert rows[:, 3:].min() >= 1.0
+    (tmp_path / "reach.csv").write_text(run(tmp_path / "reach"))
+    run(sys.executable, PROJECT / "plot.py", tmp_path / "reach.csv", tmp_path / "reach.png")
+    assert (tmp_path / "reach.png").stat().st_size > 10_000
+
+
+@needs("cmake", "make", "cc", "pkg-config")
+def test_pkg_config_finds_it(installed, tmp_path):
+    pc = next(installed.rglob("finger.pc"))
+    line = ["env", f"PKG_CONFIG_PATH={pc.parent}", "pkg-config", "--cflags", "--libs", "finger"]
+    flags = run(*line).split()
+    run("cc", *STRICT, PROJECT / "main.c", *flags, "-o", tmp_path / "reach")
+    run(tmp_path / "reach")
+
+
+@needs("cmake", "make", "cc")
+def test_as_a_folder_of_another_project(packages, tmp_path):  # noqa: F811
+    """Then the package's own tests are left to itself."""
+    (tmp_path / "main.c").write_text('#include "finger.h"\nint main(void) { return finger_abi() != FINGER_ABI; }\n')
+    (tmp_path / "CMakeLists.txt").write_text(f"""\
+cmake_minimum_required(VERSION 3.15)
+project(whole C)
+add_subdirectory({packages("tendons", "float")} finger)
+add_executable(whole main.c)
+target_link_libraries(whole finger::finger)
+""")
+    run("cmake", "-S", tmp_path, "-B", tmp_path / "build")
+    run("cmake", "--build", tmp_path / "build")
+    run(tmp_path / "build/whole")
+    assert not list(tmp_path.rglob("finger_test_vectors*"))
+
+
+@needs("cmake", "make", "cc")
+@pytest.mark.parametrize("real", REALS)
+def test_fast_flags_by_cmake(real, packages, tmp_path):  # noqa: F811
+    run("cmake", "-S", packages("contact", real), "-B", tmp_path, "-DFINGER_FAST=ON")
+    run("cmake", "--build", tmp_path)
+    assert "100% tests passed" in run("ctest", "--test-dir", tmp_path)
+
+
+@needs("cc")
+@pytest.mark.parametrize(("name", "real"), [("tendons", "double"), ("contact", "double"), ("contact", "float")])
+def test_the_loop_moves_as_the_core_does(name, real, packages, tmp_path):  # noqa: F811
+    package = packages(name, real)
+    sources = [*(package / "src").glob("*.c"), package / "examples/loop.c"]
+    run("cc", *STRICT, *WARNINGS, "-O1", f"-I{package / 'include'}", *sources, "-o", tmp_path / "loop")
+    head, rows = rows_of(run(tmp_path / "loop"))
+    model = FingerModel(scene(name))
+    assert head.count(",") == model.nx + 1
+    h, level = rows[1, 0], float(re.search(r"input\.\w+ = ([\d.e-]+)", (package / "examples/loop.c").read_text())[1])
+    core, x = Core(model, compiled=False), np.zeros(model.nx)
+    for row in rows[:100]:
+        assert row[1:-1] == pytest.approx(x, rel=2e-3 if real == "float" else 1e-6, abs=1e-6)
+        u = np.zeros(model.nu)
+        u[0] = level * min(row[0] / 0.1, 1.0)
+        x = core.rollout(x, 1, h, u=u)[-1]
+
+
+@needs("c++")
+@pytest.mark.parametrize("name", ["tendons", "contact"])
+def test_the_skeletons_are_c(name, packages, tmp_path):  # noqa: F811
+    """Against stand-ins of ROS 2 and Simulink that declare what the skeletons use."""
+    package = packages(name, "float")
+    stand_ins = ROOT / "tests/stand_ins"
+    include = (f"-I{package / 'include'}", f"-I{stand_ins}")
+    run("c++", "-std=c++17", "-Wall", "-Wextra", "-fsyntax-only", *include, package / "examples/ros2/src/node.cpp")
+    run("cc", "-std=c99", "-Wall", "-Wextra", "-fsyntax-only", *include, package / "examples/simulink/sfun_finger.c")
+
+
+@needs("nvcc")
+@pytest.mark.parametrize("real", REALS)
+def test_the_source_is_cuda_too(real, packages, tmp_path):  # noqa: F811
+    package = packages("contact", real)
+    options = ("-O1", "--fmad=false", "-Werror", "all-warnings", "-ptx", f"-I{package / 'include'}")
+    run("nvcc", *options, package / "examples/cuda/batch.cu", "-o", tmp_path / "batch.ptx")
+    text = (tmp_path / "batch.ptx").read_text()
+    assert "step_many" in text
+    assert ".f64" in text if real == "double" else "fma.rn.f64" not in text
+
+
+def test_the_command_line(tmp_path):
+    from continuum_grasp.cli.export_c import export_c
+
+    app = pytest.importorskip("typer").Typer()
+    app.command()(export_c)
+    line = f"{TENDONS} --out {tmp_path / 'out'} --real float --what step --prefix arm --target cortex-m4f"
+    result = CliRunner().invoke(
+        app, [*shlex.split(line), "--set", "parameters=[tip_mass]", "--range", "tip_mass=0:0.01"]
+    )
+    assert result.exit_code == 0, result.output
+    assert "start with README.md" in result.output
+    assert "0 to 0.01" in (tmp_path / "out/include/arm.h").read_text()
+    bad = CliRunner().invoke(app, [str(TENDONS), "--out", str(tmp_path / "two"), "--range", "tip_mass=1"])
+    assert bad.exit_code != 0
+    assert not (tmp_path / "two").exists()
+
+
+@needs("sh", "cmake", "make")
+def test_the_commands_of_the_example_run(tmp_path, monkeypatch):
+    """As its README writes them, in a copy of the folders that they name."""
+    commands = re.findall(r"^    (.+)$", (PROJECT / "README.md").read_text(), re.MULTILINE)
+    for folder in ("configs/simulate", "configs/fingers", "examples/c_project"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    from continuum_grasp.export import export_c
+
+    assert commands[0] == "continuum-grasp export-c configs/simulate/tendon_step.yaml --out build/finger"
+    export_c(tmp_path / "configs/simulate/tendon_step.yaml", tmp_path / "build/finger")
+    for command in commands[1:]:
+        run("sh", "-c", command.replace("python ", f"{sys.executable} "), cwd=tmp_path)
+    assert (tmp_path / "build/reach.png").exists()
