@@ -95,7 +95,9 @@ def state_step(stages: Stages) -> ca.Function:
 
 def case(name: str, *, steps: int = 400, seed: int = 0, horizon: int = 30, **changes: Any) -> Case:
     """One of ``NAMES``; ``changes`` as for its scene."""
-    return {"arcs": arcs, "jumps": jumps, "tendons": tendons, "lag": lag}[name](steps=steps, seed=seed, horizon=horizon, **changes)
+    return {"arcs": arcs, "jumps": jumps, "tendons": tendons, "lag": lag}[name](
+        steps=steps, seed=seed, horizon=horizon, **changes
+    )
 
 
 def arcs(
@@ -125,7 +127,11 @@ def arcs(
         fidelity={"family": family, "elements": elements},
         controller={
             "horizon": {"stages": horizon, "stage": 0.01, "substeps": substeps},
-            "cost": {"bending": {"running": 100.0, "terminal": 10.0}, "effort": 1.0, "speed": {"running": 0.01, "terminal": 0.001}},
+            "cost": {
+                "bending": {"running": 100.0, "terminal": 10.0},
+                "effort": 1.0,
+                "speed": {"running": 0.01, "terminal": 0.001},
+            },
             "input": {"moment_max": 0.3, "time_constant": 0.02 if family == "matched_clothoid" else None},
             "bounds": _bounds(bounds, curvature=5.0, speed=speed),
         },
@@ -154,8 +160,14 @@ def jumps(*, steps: int = 400, seed: int = 0, horizon: int = 30) -> Case:
 def lag(*, steps: int = 400, seed: int = 0, horizon: int = 30, elements: int = 2) -> Case:
     """The same rod of matched clothoids, whose tip moment follows with a lag."""
     made = arcs(
-        **{"steps": steps, "seed": seed, "horizon": horizon, "elements": elements, "family": "matched_clothoid"},
-        **{"substeps": None, "largest": 0.6, "speed": 40.0},
+        steps=steps,
+        seed=seed,
+        horizon=horizon,
+        elements=elements,
+        family="matched_clothoid",
+        substeps=None,
+        largest=0.6,
+        speed=40.0,
     )
     return replace(made, name="lag", what=f"{made.what} with lag")
 

@@ -76,7 +76,10 @@ def _numbers(case: Case, steps: int) -> dict[str, Any]:
             "most": float(stages.c_max[i]),
         }
     return {
-        **{"steps": steps, "stages": stages.stages, "stage": stages.stage, "rows": rows},
+        "steps": steps,
+        "stages": stages.stages,
+        "stage": stages.stage,
+        "rows": rows,
         **{name: getattr(case, name).tolist() for name in ("x0", "u0", "p")},
         **{name: getattr(stages, name).tolist() for name in ("weights", "terminal_weights", "u_min", "u_max")},
         "x_min": nlp.bounds["lbx"][place].tolist(),

@@ -78,10 +78,15 @@ class CLoop:
         stages = case.stages
         self._plan = (stages.stages + 1) * stages.nx + stages.stages * stages.nu
         sizes = {
-            **{"NX": stages.nx, "NU": stages.nu, "NP": stages.np, "PLAN": self._plan},
+            "NX": stages.nx,
+            "NU": stages.nu,
+            "NP": stages.np,
+            "PLAN": self._plan,
             "REFS": (stages.stages + 1) * stages.nr,
-            **{"PLANT_ARG": plant.sz_arg(), "PLANT_RES": plant.sz_res()},
-            **{"PLANT_IW": plant.sz_iw(), "PLANT_W": plant.sz_w()},
+            "PLANT_ARG": plant.sz_arg(),
+            "PLANT_RES": plant.sz_res(),
+            "PLANT_IW": plant.sz_iw(),
+            "PLANT_W": plant.sz_w(),
         }
         defined = "".join(f"#define {name} {value}\n" for name, value in sizes.items())
         (folder / "solver.c").write_text(source, encoding="utf-8")
@@ -93,9 +98,7 @@ class CLoop:
         for name in names:
             _run([compiler(), *FLAGS, "-c", f"{folder}/{name}.c", "-o", f"{folder}/{name}.o"])
         library = folder / "loop.so"
-        _run(
-            [compiler(), "-shared", "-Wl,-Bsymbolic", *(f"{folder}/{n}.o" for n in names), "-o", str(library), "-lm"]
-        )
+        _run([compiler(), "-shared", "-Wl,-Bsymbolic", *(f"{folder}/{n}.o" for n in names), "-o", str(library), "-lm"])
         self.code_bytes = _text_size(folder / f"{names[-1] if functions else 'solver'}.o")
         self._library = ctypes.CDLL(str(library))
         self._library.timer_cost.restype = ctypes.c_double

@@ -157,9 +157,7 @@ class Nlp:
         s = self.stages
         cost, terminal = self._only(self._cost, 0, 3), self._only(self._terminal, 0, 3)
         values = [(cost if k < s.stages else terminal)(*self._arguments(k)) for k in range(s.stages + 1)]
-        gaps = [
-            self._following(*self.nodes[k], self.p[: s.np]) - self.nodes[k + 1][0] for k in range(s.stages)
-        ]
+        gaps = [self._following(*self.nodes[k], self.p[: s.np]) - self.nodes[k + 1][0] for k in range(s.stages)]
         rows = [values[k][1][i] for k, i in self.row_nodes]
         f = sum(value[0] for value in values)
         if not self.soft:

@@ -122,9 +122,17 @@ def sqp_loop(case: Case, form: str) -> CLoop:
     nlp = Nlp(stages, soft=form == "soft", variational=form in ("custom_jacobian", "soft"))
     quiet = {"print_iter": False, "print_header": False, "print_info": False, "error_on_fail": False}
     options: dict[str, Any] = {
-        **{"qpsol": "qrqp", "qpsol_options": quiet, "max_iter": 1, "max_iter_ls": 0, "hess_lag": nlp.hess_lag()},
-        **{"print_time": False, "print_header": False, "print_iteration": False, "print_status": False},
-        **{"calc_lam_p": False, "error_on_fail": False},
+        "qpsol": "qrqp",
+        "qpsol_options": quiet,
+        "max_iter": 1,
+        "max_iter_ls": 0,
+        "hess_lag": nlp.hess_lag(),
+        "print_time": False,
+        "print_header": False,
+        "print_iteration": False,
+        "print_status": False,
+        "calc_lam_p": False,
+        "error_on_fail": False,
     }
     if form == "jac_fg":
         options["jac_fg"] = nlp.jac_fg
@@ -200,8 +208,13 @@ def converged(
     """
     nlp = Nlp(case.stages, soft=soft)
     options: dict[str, Any] = {
-        **{"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "error_on_fail": False},
-        **{"ipopt.tol": 1e-9, "ipopt.max_iter": 200, "calc_lam_p": False},
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "print_time": False,
+        "error_on_fail": False,
+        "ipopt.tol": 1e-9,
+        "ipopt.max_iter": 200,
+        "calc_lam_p": False,
     }
     if not exact:
         options["hess_lag"] = nlp.hess_lag(triangle=True)
