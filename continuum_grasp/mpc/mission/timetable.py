@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,8 +86,21 @@ class Timetable:
         return np.stack([columns.get(name, np.zeros_like(t)) for name in names], axis=1)
 
     def phases(self, stages: Stages) -> list[Phase]:
-        """The phases for a closed loop."""
-        return [Phase(span.name, self._rows_since(span.start, stages), span.end - span.start) for span in self.spans]
+        """The phases for a closed loop; contact forces are followed once there are any, the posture until then."""
+        found = []
+        for span in self.spans:
+            begin = None
+            if span.name in ("approach", "lift", "release"):
+                begin = self._weighing(stages, held=span.name == "lift")
+            found.append(Phase(span.name, self._rows_since(span.start, stages), span.end - span.start, begin=begin))
+        return found
+
+    @staticmethod
+    def _weighing(stages: Stages, *, held: bool) -> Callable[[Any, Any], None]:
+        """What gives the controller the weights of a phase."""
+        off = "bending_" if held else "contact_force"
+        keep = [not name.startswith(off) or "rate" in name for name in stages.r_names]
+        return lambda controller, plant: controller.change(weights=np.where(keep, stages.weights, 0.0))
 
     def _rows_since(self, start: float, stages: Stages) -> Callable[[Array], Array]:
         return lambda since: self.rows(start + since, stages.r_names)
