@@ -32,10 +32,17 @@ class Body:
         Mass [kg]; that of the object where not given. The moment of inertia grows with it.
     grip : scalar
         Factor of all friction coefficients [1].
+    place : pair of scalars, optional
+        World position of the frame of a fixed object [m]; that of the object where not given.
     """
 
     def __init__(
-        self, thing: GraspObject, around: Surroundings, mass: Scalar | None = None, grip: Scalar = 1.0
+        self,
+        thing: GraspObject,
+        around: Surroundings,
+        mass: Scalar | None = None,
+        grip: Scalar = 1.0,
+        place: tuple[Scalar, Scalar] | None = None,
     ) -> None:
         self.thing, self._around = thing, around
         self.grip = grip
@@ -60,7 +67,7 @@ class Body:
             self.velocity, self.omega = Vec(self.rates[0], self.rates[1]), self.rates[2]
         else:
             angle = thing.angle
-            self.position = Vec(*thing.position)
+            self.position = Vec(*(thing.position if place is None else place))
             self.turn = Rotation(1.0, 0.0) if angle == 0.0 else Rotation(math.cos(angle), math.sin(angle))
             self.velocity = ZERO
         self.climb: Scalar = self.rates[3] if self.moves and self.sinks else 0.0

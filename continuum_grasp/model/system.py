@@ -38,8 +38,9 @@ class System:
     surroundings : Surroundings, optional
         Object, supports and contact law; those of the scene where not given.
     object_parameters : sequence of str, optional
-        What of an object that moves stays a run-time argument, after the finger's in ``p``: ``object_mass`` [kg],
-        ``friction_factor`` [1] of all its friction coefficients.
+        What of the object stays a run-time argument, after the finger's in ``p``: ``object_mass`` [kg] of one that
+        moves, ``friction_factor`` [1] of all its friction coefficients, ``object_x`` and ``object_y`` [m] of one that
+        is fixed.
     **keywords
         As of ``FingerModel``.
 
@@ -119,20 +120,28 @@ class System:
         self.w_names = [*model.w_names, *(body.w_names if body else [])]
         self.u_names = model.u_names
         self.p_names = [*model.p_names, *(f"{name} [{OBJECT_PARAMETERS[name]}]" for name in self.object_parameters)]
-        own = {"object_mass": body.thing.mass, "friction_factor": 1.0} if body else {}
+        own = {"friction_factor": 1.0}
+        if body:
+            x, y = body.thing.position
+            own |= {"object_mass": body.thing.mass, "object_x": x, "object_y": y}
         self.p_nominal = [*model.p_nominal, *(own[name] for name in self.object_parameters)]
         self.nx, self.nw, self.np = len(self.x_names), len(self.w_names), len(self.p_names)
 
     def _checked(self, names: Sequence[str]) -> tuple[str, ...]:
-        moves = self.surroundings is not None and self.surroundings.object_moves
+        around = self.surroundings
+        moves = around is not None and around.object_moves
         for k, name in enumerate(names):
+            key = f"object_parameters[{k}]"
             if name not in OBJECT_PARAMETERS or name in names[:k]:
                 raise InputError(
-                    f"expected each of {', '.join(OBJECT_PARAMETERS)} once at most, got {name!r:.60}",
-                    key=f"object_parameters[{k}]",
+                    f"expected each of {', '.join(OBJECT_PARAMETERS)} once at most, got {name!r:.60}", key=key
                 )
-        if names and not moves:
-            raise InputError("needs an object that moves", key="object_parameters")
+            if around is None:
+                raise InputError("needs an object", key=key)
+            if name in ("object_x", "object_y") and moves:
+                raise InputError("the position of an object that moves is in x", key=key)
+            if name == "object_mass" and not moves:
+                raise InputError("needs an object that moves", key=key)
         return tuple(names)
 
     @property

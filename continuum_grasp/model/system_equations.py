@@ -19,8 +19,9 @@ from continuum_grasp.scene.surroundings import Surroundings
 
 __all__ = ["OBJECT_PARAMETERS", "SystemEquations"]
 
-OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1"}
-"""What of an object can be a run-time argument, and its unit: mass, and a factor of all its friction coefficients."""
+OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1", "object_x": "m", "object_y": "m"}
+"""What of an object can be a run-time argument, and its unit: mass, if it moves; a factor of all its friction
+coefficients; where it is, if it is fixed."""
 
 
 class SystemEquations(Equations):
@@ -54,7 +55,9 @@ class SystemEquations(Equations):
         symbols = {name: ca.SX.sym(name) for name in runtime}
         self.p = ca.vertcat(self.p, *symbols.values())
         mass, grip = symbols.get("object_mass"), symbols.get("friction_factor", 1.0)
-        self.body = Body(surroundings.object, surroundings, mass, grip)
+        x, y = surroundings.object.position
+        place = symbols.get("object_x", x), symbols.get("object_y", y)
+        self.body = Body(surroundings.object, surroundings, mass, grip, place)
         self.x = ca.vertcat(self.x, self.body.pose, self.body.rates, *[pair.z for pair in self.pairs])
         self.w = ca.vertcat(self.w, self.body.wrench)
         if self._pressed:

@@ -174,6 +174,9 @@ def _disturbances(scene: ControlScene, model: Prediction) -> tuple[list[str], li
     if asked.tip_force is not None:
         for axis in "xy":
             add(f"tip_{axis} [N]", f"unknown_tip_{axis} [N]")
+    if asked.object_position is not None:
+        for axis in "xy":
+            add(f"object_{axis} [m]", f"object_{axis}_error [m]")
     if asked.tip_moment is not None:
         add("missing_tip_moment [N m]", "missing_tip_moment [N m]")
     if asked.bending_stiffness is not None:

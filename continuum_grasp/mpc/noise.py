@@ -168,6 +168,7 @@ def _drifts(scene: ControlScene, estimation: Estimation) -> Array:
     by_start = {
         "unknown_contact": "contact_force",
         "unknown_tip": "tip_force",
+        "object_": "object_position",
         "missing_tip_moment": "tip_moment",
         "bending_stiffness_error": "bending_stiffness",
     }
@@ -206,6 +207,8 @@ def _disturbance_range(scene: ControlScene, name: str) -> tuple[float, float]:
     rod = scene.finger.rod
     if name.startswith("bending_stiffness"):
         return (-0.9, 9.0)
+    if name.startswith("object_"):
+        return (-rod.length, rod.length)
     moment = name.endswith("[N m]")
     most = _MOMENT * _greatest_moment(scene) if moment else _FORCES * rod.stiffness / rod.length**2
     return (-most, most)
@@ -239,6 +242,6 @@ def _parameter_range(scene: ControlScene, name: str, nominal: float) -> tuple[fl
     if unit in ("N", "N m"):
         most = _KNOWN * _disturbance_range(scene, name)[1]
         return (-most, most)
-    if name.startswith(("gravity", "base_angle", "rest_curvature")):
+    if name.startswith(("gravity", "base_angle", "rest_curvature", "object_")):
         return (-_ABSURD, _ABSURD)
     return (1e-3 * nominal, 1e3 * nominal) if nominal > 0.0 else (0.0, _ABSURD)

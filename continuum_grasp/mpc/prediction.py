@@ -55,6 +55,7 @@ class Prediction:
         estimated = scene.estimator.disturbances if scene.estimator is not None else None
         self._couple = estimated is not None and estimated.tip_moment is not None
         tip_force = bool(scene.contacts) or (estimated is not None and estimated.tip_force is not None)
+        moved = estimated is not None and estimated.object_position is not None
         self._own_lag = scene.controller.input.time_constant if finger.tendons is None else None
         family = fidelity.family or self._default_family()
         if family == "matched_clothoid" and scene.lag is None:
@@ -66,6 +67,7 @@ class Prediction:
         self.system = System(
             finger,
             surroundings=scene if scene.object is not None else None,
+            object_parameters=("object_x", "object_y") if moved else (),
             contacts=scene.contacts,
             gravity=scene.gravity,
             family=family,

@@ -282,6 +282,8 @@ class ControlScene(Surroundings):
             raise ValueError("estimator.disturbances.bending_stiffness needs parameters: [bending_stiffness]")
         if estimator.disturbances.contact_force is not None and not self.contacts:
             raise ValueError("estimator.disturbances.contact_force needs contacts")
+        if estimator.disturbances.object_position is not None and (self.object is None or self.object_moves):
+            raise ValueError("estimator.disturbances.object_position needs an object that does not move")
         if estimator.measured.tension is not None and self.lag is None:
             raise ValueError("estimator.measured.tension needs a lag; without one the tension is the command itself")
         periods = estimator.delay / self.controller.step

@@ -46,6 +46,8 @@ class Disturbed(Value):
     """Unknown world force at the tip, each component [N / s^0.5]."""
     contact_force: Positive | None = None
     """Unknown world force at each place of ``contacts``, each component [N / s^0.5]."""
+    object_position: Positive | None = None
+    """Position of an object that is touched and fixed, each coordinate [m / s^0.5]; seen only through its touch."""
     bending_stiffness: Positive | None = None
     """Bending stiffness, relative [1 / s^0.5]; must be one of the scene's ``parameters``."""
 
