@@ -120,7 +120,7 @@ def _report(run: ControlRun, others: dict[str, ControlRun], folder: Path, files:
 
 def _comparison(runs: dict[str, ControlRun]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """One line per controller."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for name, run in runs.items():
         found = run.metrics()
         first = found.tracking[0]

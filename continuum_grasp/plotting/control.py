@@ -65,8 +65,8 @@ def plot_control_path(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
     for shape in shapes:
         ax.plot(*shape.T, color=GREY, linewidth=0.8, alpha=0.7, zorder=1)
     if wanted is not None:
-        ax.plot(*wanted.T, color=ORANGE, linewidth=1.3, linestyle="--", label="set-point", zorder=3)
-        ax.plot(*_corners(wanted).T, "o", color=ORANGE, markersize=4, zorder=3)
+        ax.plot(*wanted.T, color=ORANGE, linewidth=1.0, linestyle="--", label="set-point", zorder=5)
+        ax.plot(*_corners(wanted).T, "o", color=ORANGE, markersize=4, zorder=5)
     ax.plot(*tip.T, color=BLUE, linewidth=1.6, label="tip", zorder=4)
     head(ax, run.name, entries=1 + (wanted is not None))
     return ax

@@ -34,16 +34,18 @@ class Record:
         self._measured: list[Array] = []
         self._references: list[Array] = []
         self._commands: list[Any] = []
+        self._parameters: list[Array] = []
         self.made_s = 0.0
 
-    def add(self, measured: Array, reference: Array, command: Any, state: Array) -> None:
-        """Keep one step: measurement and set-points at its begin, the command, the plant's state at its end."""
+    def add(self, measured: Array, reference: Array, p: Array | None, command: Any, state: Array) -> None:
+        """Keep one step: measurement, set-points and parameters at its begin, the command, the state at its end."""
+        self._parameters.append(self._stages.p_nominal if p is None else p)
         self._measured.append(measured)
         self._references.append(reference)
         self._commands.append(command)
         self._states.append(state)
 
-    def run(self, status: str, statistics: dict[str, Any]) -> ControlRun:
+    def run(self, status: str, statistics: dict[str, Any], estimated_names: tuple[str, ...] = ()) -> ControlRun:
         """The result so far."""
         plant, model, stages, count = self._plant, self._model, self._stages, len(self._commands)
         commands = self._commands
@@ -67,6 +69,7 @@ class Record:
             y=np.array(self._measured).reshape(count, len(plant.sensors.names)),
             estimate=_stack([c.estimate.x for c in commands], count),
             parameters=_stack([c.estimate.p for c in commands], count),
+            given_parameters=_stack(self._parameters[:count], count),
             std=_stack([() if c.estimate.std is None else c.estimate.std for c in commands], count),
             r=references,
             tracked=readings.tracked(x, last, w, held),
@@ -86,6 +89,7 @@ class Record:
             y_names=plant.sensors.names,
             r_names=stages.r_names,
             p_names=stages.p_names,
+            estimated_names=estimated_names,
             u_min=stages.u_min,
             u_max=stages.u_max,
             weights=stages.weights,

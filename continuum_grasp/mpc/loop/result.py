@@ -28,6 +28,7 @@ _ARRAYS = (
     "y",
     "estimate",
     "parameters",
+    "given_parameters",
     "std",
     "r",
     "tracked",
@@ -55,8 +56,12 @@ class ControlRun:
         Forces on the plant that the controller does not know.
     y : (K, ny) ndarray
         Measurements as they arrived.
-    estimate, parameters, std : ndarray
-        Estimated state and parameters of the controller's model, and standard deviations, row by row.
+    estimate, parameters : ndarray
+        Estimated state (K, nx) and parameters (K, np) of the controller's model.
+    given_parameters : (K, np) ndarray
+        Parameters as they were given to it.
+    std : ndarray
+        Standard deviations (K, nz) of what ``estimated_names`` says.
     r, tracked : (K + 1, nr) ndarray
         Set-points, and what they are for, on the plant.
     tip : (K + 1, 2) ndarray
@@ -89,6 +94,7 @@ class ControlRun:
     y: Array
     estimate: Array
     parameters: Array
+    given_parameters: Array
     std: Array
     r: Array
     tracked: Array
@@ -108,6 +114,7 @@ class ControlRun:
     y_names: tuple[str, ...]
     r_names: tuple[str, ...]
     p_names: tuple[str, ...]
+    estimated_names: tuple[str, ...]
     u_min: Array
     u_max: Array
     weights: Array
@@ -156,28 +163,32 @@ class ControlRun:
         return self.r[:, k : k + 2]
 
     @cached_property
-    def _disturbed(self) -> list[int]:
-        """Which parameters are estimated."""
-        estimator = self.scene.estimator
-        asked = {} if estimator is None else estimator.disturbances.model_dump(exclude_none=True)
-        begins = {"tip_moment": "missing_tip_moment", "tip_force": "tip_", "contact_force": "contact_"}
-        starts = tuple(begins.get(name, name) for name in asked)
-        return [k for k, name in enumerate(self.p_names) if starts and name.startswith(starts)]
+    def _disturbed(self) -> list[tuple[int, int]]:
+        """Columns in ``parameters`` and in ``std`` of each disturbance."""
+        plain = {name: _parameter(name) for name in self.estimated_names}
+        columns = {name: k for k, name in enumerate(self.p_names)}
+        named = [(columns.get(plain[name]), k) for k, name in enumerate(self.estimated_names)]
+        return [(column, k) for column, k in named if column is not None]
 
     @property
     def disturbance_names(self) -> tuple[str, ...]:
-        """Name and unit of each parameter that is estimated."""
-        return tuple(self.p_names[k] for k in self._disturbed)
+        """Name and unit of each estimated disturbance."""
+        return tuple(self.estimated_names[k] for _, k in self._disturbed)
 
     @property
     def disturbance(self) -> Array:
-        """Estimated parameters (K, nd)."""
-        return self.parameters[:, self._disturbed]
+        """Estimated disturbances (K, nd): what parameters are estimated to be beside what they are given as."""
+        columns = [column for column, _ in self._disturbed]
+        away = self.parameters[:, columns] - self.given_parameters[:, columns]
+        for j, name in enumerate(self.disturbance_names):
+            if name.endswith(_RELATIVE):
+                away[:, j] /= self.given_parameters[:, columns[j]]
+        return away
 
     @property
     def disturbance_std(self) -> Array:
         """Their standard deviations (K, nd)."""
-        return self.std[:, self.std.shape[1] - len(self._disturbed) :]
+        return self.std[:, [k for _, k in self._disturbed]]
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -231,7 +242,7 @@ class ControlRun:
             "events": [list(event) for event in self.events],
             "anomalies": {str(k): list(words) for k, words in enumerate(self.anomalies) if words},
             "names": {
-                **{key: list(getattr(self, f"{key}_names")) for key in ("x", "u", "y", "r", "p", "phase")},
+                **{key: list(getattr(self, f"{key}_names")) for key in ("x", "u", "y", "r", "p", "estimated", "phase")},
                 "bounds": [f"{b.name} [{b.unit}]" for b in self.bounds],
                 "contacts": [] if self.contacts is None else list(self.contacts.names),
             },
@@ -267,3 +278,11 @@ class ControlRun:
 
 _GOOD = frozenset(("solved", "iteration_limit", "row_violated"))
 """Statuses of commands that come from the solver."""
+_RELATIVE = "_error [1]"
+
+
+def _parameter(name: str) -> str:
+    """The parameter that a disturbance of the estimator adds to, by its name without what tells them apart."""
+    if name.endswith(_RELATIVE):
+        return f"{name.removesuffix(_RELATIVE)} [N m2]"
+    return name.removeprefix("unknown_")

@@ -105,7 +105,8 @@ def closed_loop(
     control.reset(u=tried.model.rest_input)
     record.made_s = perf_counter() - began
     error = _loop(control, tried, plan, record, round(duration / control.period), progress or (lambda share: None))
-    run = record.run("finished" if error is None else "stopped", getattr(control, "statistics", {}))
+    ended = "finished" if error is None else "stopped"
+    run = record.run(ended, getattr(control, "statistics", {}), tuple(getattr(control, "estimated_names", ())))
     if isinstance(error, Interrupted):
         raise Interrupted(str(error), result=run) from error
     if error is not None:
@@ -124,7 +125,7 @@ def _loop(
             reference, measured = plan.rows(plant.t + ahead), plant.measure()
             command = control.step(measured, reference, p=plan.phase.p)
             states = plant.advance(command.u)
-            record.add(measured, reference[0], command, states[-1])
+            record.add(measured, reference[0], plan.phase.p, command, states[-1])
             progress((k + 1) / steps)
             if not plan.advance(plant.t, control, plant, command):
                 break
