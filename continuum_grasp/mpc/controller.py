@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from os import PathLike
 from time import perf_counter_ns
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.mpc.arrays import control_scene, slices, vector
+from continuum_grasp.mpc.command import Command, Estimate, Plan
 from continuum_grasp.mpc.compiled import Compiled
 from continuum_grasp.mpc.controller_source import Field, controller_source
 from continuum_grasp.mpc.estimation import estimation_of
@@ -22,7 +23,7 @@ from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.problem import stages_of
 from continuum_grasp.mpc.setpoints import SetPoints, set_points
 from continuum_grasp.mpc.statistics import Statistics
-from continuum_grasp.mpc.status import Anomaly, Status, texts
+from continuum_grasp.mpc.status import Status
 from continuum_grasp.scene.control import ControlScene
 
 __all__ = ["Command", "Controller", "Estimate", "Plan"]
@@ -34,119 +35,6 @@ _CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max"
 _CHUNK = 128
 """Periods for which set-points are evaluated at once."""
 _LATE, _APPLIED = 1, 2
-
-
-class Plan(NamedTuple):
-    """States (N + 1, nx) and inputs (N, nu) over the horizon."""
-
-    x: Array
-    u: Array
-
-
-class Estimate(NamedTuple):
-    """What the plan starts from.
-
-    Attributes
-    ----------
-    x : (nx,) ndarray
-        State, of the prediction's ``x_names``.
-    p : (np,) ndarray
-        Parameters with the estimated disturbances.
-    std : (nz,) ndarray or None
-        Standard deviations of states and disturbances at the time of the measurement; None without an estimator.
-    """
-
-    x: Array
-    p: Array
-    std: Array | None
-
-
-class Times(NamedTuple):
-    """Durations of the phases [s]."""
-
-    estimate: float
-    prepare: float
-    feedback: float
-
-
-class Command:
-    """What a controller answers.
-
-    Attributes
-    ----------
-    u : (nu,) ndarray
-        Tip moment [N m] or tensions [N] to apply until the next command; finite, within the limits of input and rate.
-    status : Status
-    """
-
-    __slots__ = ("_control", "_out", "status", "u")
-
-    def __init__(self, control: Controller, status: Status, out: Array) -> None:
-        self._control, self._out = control, out
-        self.status = status
-        self.u = out[control._parts["u"]]
-
-    def _part(self, name: str) -> Array:
-        return self._out[self._control._parts[name]]
-
-    @property
-    def fallback(self) -> bool:
-        """Whether there was no new plan."""
-        return self.status.fallback
-
-    @property
-    def plan(self) -> Plan:
-        """The last plan that was solved; all zero where there is none yet."""
-        stages = self._control.stages
-        x, u = self._part("plan_x"), self._part("plan_u")
-        return Plan(x.reshape(-1, stages.nx), u.reshape(-1, stages.nu))
-
-    @property
-    def estimate(self) -> Estimate:
-        """State and parameters."""
-        variance = self._part("variance")
-        std = np.sqrt(np.maximum(variance, 0.0)) if variance.size else None
-        return Estimate(self._part("x")[: self._control.stages.nd], self._part("p"), std)
-
-    @property
-    def time(self) -> Times:
-        """Durations of the phases."""
-        return Times(*(1e-9 * self._part("ticks")).tolist())
-
-    @property
-    def iterations(self) -> int:
-        """Factorisations of the quadratic programme beyond the first."""
-        return int(self._out[1])
-
-    @property
-    def violation(self) -> float:
-        """Largest violation of a soft row, in shares of its bound's scale."""
-        return float(self._out[2])
-
-    @property
-    def residual(self) -> float:
-        """Largest residual of the optimality conditions, relative."""
-        return float(self._out[3])
-
-    @property
-    def cost(self) -> float:
-        """Cost of the quadratic programme at its solution."""
-        return float(self._out[4])
-
-    @property
-    def anomaly(self) -> Anomaly:
-        """What was noticed."""
-        return Anomaly(int(self._out[0]))
-
-    @property
-    def anomalies(self) -> tuple[str, ...]:
-        """What was noticed, in words; those of measurements begin with their name."""
-        return texts(int(self._out[0]), self._part("verdict").tolist(), self._control.measurement_names)
-
-    @property
-    def innovation(self) -> tuple[Array, Array]:
-        """Measured minus expected of each compared quantity, taken one by one, and its variance (0: not compared)."""
-        return self._part("innovation"), self._part("innovation_variance")
 
 
 class Controller:
@@ -323,8 +211,8 @@ class Controller:
         Parameters
         ----------
         **settings : array_like
-            By the names and in the sizes that they have in ``stages``: ``weights``, ``terminal_weights`` (nr); ``u_min``,
-            ``u_max`` (nu), within those of the scene; ``c_min``, ``c_max``, ``linear``, ``quadratic`` (nc).
+            By the names and in the sizes that they have in ``stages``: ``weights``, ``terminal_weights`` (nr);
+            ``u_min``, ``u_max`` (nu), within those of the scene; ``c_min``, ``c_max``, ``linear``, ``quadratic`` (nc).
 
         Raises
         ------

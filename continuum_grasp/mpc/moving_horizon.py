@@ -137,7 +137,13 @@ def _least_squares(x: ca.MX, errors: ca.MX, gaps: ca.MX, guess: Array) -> tuple[
         ["triu_hess_gamma_x_x"],
     )
     problem: dict[str, Any] = {"x": x, "f": 0.5 * ca.sumsqr(errors), "g": gaps}
-    options: dict[str, Any] = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "hess_lag": hessian, "ipopt.tol": 1e-8}
+    options: dict[str, Any] = {
+        "ipopt.print_level": 0,
+        "print_time": False,
+        "ipopt.sb": "yes",
+        "hess_lag": hessian,
+        "ipopt.tol": 1e-8,
+    }
     solver = ca.nlpsol("moving_horizon", "ipopt", problem, options)
     found = solver(x0=guess, lbg=0.0, ubg=0.0)
     if not solver.stats()["success"]:

@@ -24,7 +24,7 @@ static int controller_valid(const controller_settings *o)
   int good = cg_finite(&o->period, 1) && o->period > 0 && o->rti.stage > 0 && o->rti.substeps > 0;
   for (int j = 0; good && j < RTI_NU; ++j)
     good = cg_finite(&o->u_rate[j], 1) && o->u_rate[j] > 0 && cg_finite(&o->safe_rate[j], 1) && o->safe_rate[j] > 0
-        && o->rti.u_min[j] <= o->u_safe[j] && o->u_safe[j] <= o->rti.u_max[j];
+        && o->rti.u_min[j] <= o->rti.u_max[j];
   return good && cg_finite(o->rti.u_min, RTI_NU) && cg_finite(o->rti.u_max, RTI_NU) && cg_finite(o->u_safe, RTI_NU);
 }
 

@@ -1,0 +1,130 @@
+"""What a controller answers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.mpc.status import Anomaly, Status, texts
+
+if TYPE_CHECKING:
+    from continuum_grasp.mpc.controller import Controller
+
+__all__ = ["Command", "Estimate", "Plan", "Times"]
+
+Array = NDArray[np.float64]
+
+
+class Plan(NamedTuple):
+    """States (N + 1, nx) and inputs (N, nu) over the horizon."""
+
+    x: Array
+    u: Array
+
+
+class Estimate(NamedTuple):
+    """What the plan starts from.
+
+    Attributes
+    ----------
+    x : (nx,) ndarray
+        State, of the prediction's ``x_names``.
+    p : (np,) ndarray
+        Parameters with the estimated disturbances.
+    std : (nz,) ndarray or None
+        Standard deviations of states and disturbances at the time of the measurement; None without an estimator.
+    """
+
+    x: Array
+    p: Array
+    std: Array | None
+
+
+class Times(NamedTuple):
+    """Durations of the phases [s]."""
+
+    estimate: float
+    prepare: float
+    feedback: float
+
+
+class Command:
+    """What a controller answers.
+
+    Attributes
+    ----------
+    u : (nu,) ndarray
+        Tip moment [N m] or tensions [N] to apply until the next command; finite, within the limits of input and rate.
+    status : Status
+    """
+
+    __slots__ = ("_control", "_out", "status", "u")
+
+    def __init__(self, control: Controller, status: Status, out: Array) -> None:
+        self._control, self._out = control, out
+        self.status = status
+        self.u = out[control._parts["u"]]
+
+    def _part(self, name: str) -> Array:
+        return self._out[self._control._parts[name]]
+
+    @property
+    def fallback(self) -> bool:
+        """Whether there was no new plan."""
+        return self.status.fallback
+
+    @property
+    def plan(self) -> Plan:
+        """The last plan that was solved; all zero where there is none yet."""
+        stages = self._control.stages
+        x, u = self._part("plan_x"), self._part("plan_u")
+        return Plan(x.reshape(-1, stages.nx), u.reshape(-1, stages.nu))
+
+    @property
+    def estimate(self) -> Estimate:
+        """State and parameters."""
+        variance = self._part("variance")
+        std = np.sqrt(np.maximum(variance, 0.0)) if variance.size else None
+        return Estimate(self._part("x")[: self._control.stages.nd], self._part("p"), std)
+
+    @property
+    def time(self) -> Times:
+        """Durations of the phases."""
+        return Times(*(1e-9 * self._part("ticks")).tolist())
+
+    @property
+    def iterations(self) -> int:
+        """Factorisations of the quadratic programme beyond the first."""
+        return int(self._out[1])
+
+    @property
+    def violation(self) -> float:
+        """Largest violation of a soft row, in shares of its bound's scale."""
+        return float(self._out[2])
+
+    @property
+    def residual(self) -> float:
+        """Largest residual of the optimality conditions, relative."""
+        return float(self._out[3])
+
+    @property
+    def cost(self) -> float:
+        """Cost of the quadratic programme at its solution."""
+        return float(self._out[4])
+
+    @property
+    def anomaly(self) -> Anomaly:
+        """What was noticed."""
+        return Anomaly(int(self._out[0]))
+
+    @property
+    def anomalies(self) -> tuple[str, ...]:
+        """What was noticed, in words; those of measurements begin with their name."""
+        return texts(int(self._out[0]), self._part("verdict").tolist(), self._control.measurement_names)
+
+    @property
+    def innovation(self) -> tuple[Array, Array]:
+        """Measured minus expected of each compared quantity, taken one by one, and its variance (0: not compared)."""
+        return self._part("innovation"), self._part("innovation_variance")
