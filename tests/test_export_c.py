@@ -123,3 +123,13 @@ def test_a_vector_that_is_changed_fails(packages, tmp_path):  # noqa: F811
     program = compile_program("cc", package, "main", tmp_path / "vectors", *STRICT, "-O1")
     said = run(program, expect=1)
     assert re.search(r" [1-9]\d* of +\d+ cases failed", said)
+
+
+@pytest.mark.parametrize("native", [(), ("-march=native",)], ids=["16 bytes", "as wide as there are"])
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize(("name", "real"), CASES)
+def test_lanes_give_the_bits_of_single_steps(name, real, compiler, native, packages, tmp_path):  # noqa: F811
+    package, flags = packages(name, real), (*STRICT, *WARNINGS, "-O1", "-DFINGER_BATCH", *native)
+    sources = [*sorted((package / "src").glob("*.c")), package / "tests/batch.c"]
+    run(compiler, *flags, f"-I{package / 'include'}", *sources, "-o", tmp_path / "batch")
+    assert run(tmp_path / "batch").startswith("0 states of batches are not those of single steps")

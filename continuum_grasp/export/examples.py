@@ -26,6 +26,7 @@ def example_files(subject: Subject, parts: Sequence[Part], target: Target, words
         return found
     words |= _words(subject)
     found["examples/loop.c"] = fill("examples/loop.c", words)
+    found["tests/batch.c"] = fill("tests/batch.c", words)
     found["examples/cuda/batch.cu"] = fill("examples/cuda/batch.cu", words)
     found[f"examples/simulink/sfun_{subject.prefix}.c"] = fill("examples/simulink/sfun.c", words)
     for name in ("package.xml", "CMakeLists.txt", "src/node.cpp"):
@@ -43,6 +44,12 @@ def _words(subject: Subject) -> dict[str, str]:
         "level": real.literal(_SHARE * first.scale),
         "first_input": first.name,
         "first_state": state[0].name,
+        "reach": real.literal(0.5 * state[0].high),
+        "forces_array": f"\n  static const {prefix}_forces forces[MOST];" if forced else "",
+        "forces_heap": f"\n  {prefix}_forces *forces = calloc((size_t)count, sizeof *forces);" if forced else "",
+        "forces_free": "\n  free(forces);" if forced else "",
+        "forces_first": "forces, " if forced else "",
+        "forces_each": "&forces[k], " if forced else "",
         "nx": str(subject.nx),
         "nu": str(subject.input.size),
         "ports": "2" if forced else "1",

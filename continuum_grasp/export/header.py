@@ -101,7 +101,9 @@ def header(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> st
         "codes": table,
         "structs": "\n".join(struct.declaration(prefix) for struct in structs_of(subject, parts)),
         "model_parameters": "" if subject.parameters is None else f"\n  {prefix}_parameters parameters;",
-        "functions": "\n".join(_documented(call, prefix) for call in calls_of(parts)),
+        "functions": "\n".join(
+            [*(_documented(call, prefix) for call in calls_of(parts)), *(p.batch_prototype for p in parts)]
+        ),
     }
     return fill("header.h", {**words, **more})
 

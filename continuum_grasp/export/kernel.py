@@ -43,6 +43,20 @@ _C: dict[int, str] = {
     ca.OP_IF_ELSE_ZERO: "{0} < {zero} || {0} > {zero} ? {1} : {zero}",
 }
 """C by operation; arguments are names or literals."""
+_VECTORS = {ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV}
+"""Operations that C has for vectors, a literal among the arguments included."""
+_EACH = {
+    ca.OP_FABS: ("fabs", 1),
+    ca.OP_FMIN: ("fmin", 2),
+    ca.OP_FMAX: ("fmax", 2),
+    ca.OP_LT: ("lt", 2),
+    ca.OP_LE: ("le", 2),
+    ca.OP_NOT: ("not", 1),
+    ca.OP_IF_ELSE_ZERO: ("if_else_zero", 2),
+}
+"""Operations that go lane by lane, with their count of arguments."""
+_LANES = _C | {o: f"each_{name}({', '.join(f'{{{k}}}' for k in range(n))})" for o, (name, n) in _EACH.items()}
+"""C by operation on vectors."""
 _NUMPY: dict[int, Callable[..., Array]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: np.add,
@@ -133,33 +147,59 @@ class Kernel:
         InputError
             If a constant is outside the range of single precision.
         """
-        f, kind = self._function, f"const {prefix}_real"
+        return "\n".join([f"/* {self.text} */", self.prototype(prefix), *self._body(f"{prefix}_real", real, _C), ""])
+
+    def lane_source(self, real: Real) -> str:
+        """The same on vectors of the type ``lanes``, which ``batch.c`` declares, each lane with the same bits."""
+        arguments = [f"const lanes *{name}" for name in self.inputs] + [f"lanes *{name}" for name in self.outputs]
+        head = f"static void {self.name}_lanes({', '.join(arguments)})"
+        return "\n".join([head, *self._body("lanes", real, _LANES), ""])
+
+    def lane_helpers(self, real: Real) -> str:
+        """C of the functions that its lanes need one by one."""
+        words = {"zero": real.literal(0.0), "one": real.literal(1.0)}
+        used = set(self._operations)
+        rows = [(name, n, _C[o].format("a[k]", "b[k]", **words)) for o, (name, n) in _EACH.items() if o in used]
+        rows += [(name, 1, f"strict_{name}(a[k])") for name in sorted(self.calls)]
+        return "".join(
+            f"static lanes each_{name}(lanes a{', lanes b' if n == 2 else ''})\n{{\n  int k;\n"
+            f"  for (k = 0; k < LANES; ++k) a[k] = {text};\n  return a;\n}}\n\n"
+            for name, n, text in rows
+        )
+
+    def _body(self, kind: str, real: Real, expressions: dict[int, str]) -> list[str]:
+        """C between the braces, in single assignments of the type ``kind``."""
+        f, lanes = self._function, kind == "lanes"
         loads: dict[tuple[int, int], str] = {}
         lines: list[str] = []
         values: dict[int, str] = {}
-        symbols = {"zero": real.literal(0.0), "one": real.literal(1.0)}
+        constants: set[int] = set()
+        words = {"zero": real.literal(0.0), "one": real.literal(1.0)}
         for k, operation in enumerate(self._operations):
             arguments, results = f.instruction_input(k), f.instruction_output(k)
-            if operation == ca.OP_OUTPUT:
-                lines.append(f"  {f.name_out(results[0])}[{results[1]}] = {values[arguments[0]]};")
-                continue
             if operation == ca.OP_CONST:
+                constants.add(results[0])
                 values[results[0]] = real.literal(float(f.instruction_constant(k)))
                 continue
             if operation == ca.OP_INPUT:
                 at = (arguments[0], arguments[1])
-                loads.setdefault(at, f"{f.name_in(at[0])}{at[1]}")
-                values[results[0]] = loads[at]
+                values[results[0]] = loads.setdefault(at, f"{f.name_in(at[0])}{at[1]}")
+                constants.discard(results[0])
                 continue
-            operands = [values[a] for a in arguments]
+            wide = lanes and (operation not in _VECTORS or all(a in constants for a in arguments))
+            operands = [f"same({values[a]})" if wide and a in constants else values[a] for a in arguments]
+            if operation == ca.OP_OUTPUT:
+                lines.append(f"  {f.name_out(results[0])}[{results[1]}] = {operands[0]};")
+                continue
             if operation in _CALLS:
-                text = f"strict_{_CALLS[operation]}({operands[0]})"
+                text = f"{'each' if lanes else 'strict'}_{_CALLS[operation]}({operands[0]})"
             else:
-                text = _C[operation].format(*operands, **symbols)
-            lines.append(f"  {kind} a{k} = {text};")
+                text = expressions[operation].format(*operands, **words)
+            lines.append(f"  const {kind} a{k} = {text};")
             values[results[0]] = f"a{k}"
-        inputs = [f"  {kind} {name} = {f.name_in(i)}[{j}];" for (i, j), name in sorted(loads.items())]
-        return "\n".join([f"/* {self.text} */", self.prototype(prefix), "{", *inputs, *lines, "}", ""])
+            constants.discard(results[0])
+        inputs = [f"  const {kind} {name} = {f.name_in(i)}[{j}];" for (i, j), name in sorted(loads.items())]
+        return ["{", *inputs, *lines, "}"]
 
     def evaluate(self, real: Real, **rows: Array) -> dict[str, Array]:
         """What the C computes, to the last bit, for many rows of inputs.

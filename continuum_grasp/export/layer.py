@@ -72,7 +72,7 @@ def layer_source(subject: Subject, parts: Sequence[Part], words: dict[str, str])
         "readers": "\n".join(struct.reader(prefix) for struct in checked),
         "writers": "\n".join(struct.writer(prefix) for struct in outputs),
         "definitions": "\n".join(part.definitions for part in parts if part.definitions),
-        "functions": "\n".join(_function(subject, call) for call in calls),
+        "functions": "\n".join([*(_function(subject, call) for call in calls), *(p.batch for p in parts if p.batch)]),
         "codes": "\n".join(codes),
         "nominal": "".join(f"\n{line}" for line in nominal),
     }
@@ -94,37 +94,53 @@ def _bounds(subject: Subject, struct: Struct) -> str:
 
 
 def _function(subject: Subject, call: Call) -> str:
+    """A public function: what it accepts, what it does, what it gives."""
+    prefix, big = subject.prefix, subject.prefix.upper()
+    passed = _parameters(subject) + list(call.inputs)
+    arrays = [a for a in passed if a.is_struct]
+    given = ", ".join(["model", *(a.name for a in call.inputs), *(a.array for a in arrays)])
+    return f"""\
+{_accept(subject, call, arrays)}
+{big}_API {prototype(call, prefix)}
+{{
+  {prefix}_real {", ".join(f"{a.array}[{a.size}]" for a in arrays)}, result[{call.output.size}];
+  int code = {call.output.name} ? accept_{call.name}({given}) : {big}_ERR_NULL;
+  if (code < 0) return code;
+{call.body.rstrip()}
+  if (!all_finite(result, {call.output.size})) return {big}_ERR_RESULT;
+  write_{call.output.kind.name}(result, {call.output.name});
+  return code;
+}}
+"""
+
+
+def _accept(subject: Subject, call: Call, arrays: list[Argument]) -> str:
+    """What reads and checks everything that a function is given."""
     prefix, big, real = subject.prefix, subject.prefix.upper(), subject.real
-    structs = [a for a in call.inputs if a.is_struct]
-    numbers = [a for a in call.inputs if not a.is_struct]
-    parameters = [] if subject.parameters is None else [Argument("parameters", subject.parameters, "p")]
-    arrays = ", ".join(f"{a.array}[{a.size}]" for a in [*parameters, *structs])
-    pointers = ["model", *(a.name for a in structs), call.output.name]
+    declared = [f"const {prefix}_model *model"]
+    declared += [
+        f"const {prefix}_{a.kind.name} *{a.name}" if a.is_struct else f"{prefix}_real {a.name}" for a in call.inputs
+    ]
+    declared += [f"{prefix}_real *{a.array}" for a in arrays]
+    nulls = ["model", *(a.name for a in call.inputs if a.is_struct)]
     lines = [
-        f"{big}_API {prototype(call, prefix)}",
+        f"{big}_API static int accept_{call.name}({', '.join(declared)})",
         "{",
-        f"  {prefix}_real {arrays}, result[{call.output.size}];",
-        f"  int code = {big}_OK;",
-        f"  if ({' || '.join(f'!{name}' for name in pointers)}) return {big}_ERR_NULL;",
+        "  int code;",
+        f"  if ({' || '.join(f'!{name}' for name in nulls)}) return {big}_ERR_NULL;",
         f"  if (model->abi != {big}_ABI) return {big}_ERR_ABI;",
     ]
-    for a in [*parameters, *structs]:
-        source = "&model->parameters" if a.name == "parameters" else a.name
-        lines.append(f"  read_{a.kind.name}({source}, {a.array});")
-    for a in [*parameters, *structs]:
-        lines.append(
-            f"  if ((code = check({a.array}, {a.kind.name}_low, {a.kind.name}_high, {a.size})) < 0) return code;"
-        )
-    for a in numbers:
-        (low, high), code = (real.literal(v) for v in (a.fields[0].low, a.fields[0].high)), a.code.name
+    for a in arrays:
+        place, name = "&model->parameters" if a.name == "parameters" else a.name, a.kind.name
+        lines.append(f"  read_{name}({place}, {a.array});")
+        lines.append(f"  if ((code = check({a.array}, {name}_low, {name}_high, {a.size})) < 0) return code;")
+    for a in (a for a in call.inputs if not a.is_struct):
+        low, high = (real.literal(v) for v in (a.fields[0].low, a.fields[0].high))
         lines.append(f"  if (!{prefix}_is_finite(&{a.array})) return {big}_ERR_NON_FINITE;")
-        lines.append(f"  if ({a.array} < {low} || {a.array} > {high}) return {big}_{code};")
-    lines += [
-        call.body.rstrip("\n"),
-        f"  if (!all_finite(result, {call.output.size})) return {big}_ERR_RESULT;",
-        f"  write_{call.output.kind.name}(result, {call.output.name});",
-        "  return code;",
-        "}",
-        "",
-    ]
-    return "\n".join(lines)
+        lines.append(f"  if ({a.array} < {low} || {a.array} > {high}) return {big}_{a.code.name};")
+    lines += [call.guard.rstrip("\n")] if call.guard else []
+    return "\n".join([*lines, f"  return {big}_OK;", "}", ""])
+
+
+def _parameters(subject: Subject) -> list[Argument]:
+    return [] if subject.parameters is None else [Argument("parameters", subject.parameters, "p")]

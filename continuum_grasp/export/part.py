@@ -69,6 +69,8 @@ class Call:
     output: Argument
     body: str
     twin: Twin
+    guard: str = ""
+    """C that may return an error once its inputs are in range each."""
     codes: tuple[Code, ...] = ()
     """Warnings and errors that it may return beyond those of every function."""
 
@@ -85,6 +87,9 @@ class Part:
     """C expressions of ``#define``s of the header, by name behind the prefix."""
     definitions: str = ""
     """C that stands before the public functions, in the checked layer."""
+    batch: str = ""
+    """C that stands after them, for hosts with vector lanes."""
+    batch_prototype: str = ""
     sources: Mapping[str, str] = field(default_factory=dict)
     """Further files, by path in the package."""
 

@@ -140,15 +140,18 @@ class Subject:
         step = Field("h", "s", "step", _LEAST_PART * longest, longest, longest)
         return Argument("h", step, "h", Code.ERR_STEP)
 
-    def guarded(self, body: str) -> str:
-        """A body that refuses a matched tip out of its range first."""
+    @property
+    def guard_source(self) -> str:
+        """C that refuses a matched tip out of its range."""
         if self.guard is None:
-            return body
+            return ""
         return f"""\
-  {self.prefix}_real use[1];
-  {self.guard.call(self.prefix, x="x", u="u", p="p", use="use")}
-  if (!{self.prefix}_is_finite(use) || use[0] < -1 || use[0] > 1) return {self.prefix.upper()}_ERR_RANGE;
-{body}"""
+  {{
+    {self.prefix}_real use[1];
+    {self.guard.call(self.prefix, x="x", u="u", p="p", use="use")}
+    if (!{self.prefix}_is_finite(use) || use[0] < -1 || use[0] > 1) return {self.prefix.upper()}_ERR_RANGE;
+  }}
+"""
 
     def refused(self, rows: Rows) -> NDArray[np.bool_]:
         """Rows whose matched tip is out of its range."""

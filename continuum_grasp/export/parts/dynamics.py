@@ -41,7 +41,8 @@ def dynamics(subject: Subject) -> Part:
         "Rate of change of the state: accelerations of the finger under input and forces.",
         subject.acting(),
         Argument("rate", rate, "result"),
-        subject.guarded(body),
+        body,
         twin,
+        subject.guard_source,
     )
     return Part("dynamics", "rate of change of the state", (kernel, *subject.kernels), (call,))

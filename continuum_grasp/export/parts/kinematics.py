@@ -43,16 +43,18 @@ def kinematics(subject: Subject) -> Part:
             "The tip: position, angle, and derivatives by the bending coordinates.",
             acting,
             output,
-            subject.guarded(f"  {tip_kernel.call(prefix, x='x', u='u', p='p', at='result')}\n"),
+            f"  {tip_kernel.call(prefix, x='x', u='u', p='p', at='result')}\n",
             _twin(subject, tip_kernel),
+            subject.guard_source,
         ),
         Call(
             "section_at",
             "The section at a position s along the finger, from the base.",
             (*acting, Argument("s", _position(subject), "s")),
             output,
-            subject.guarded(f"  {section_kernel.call(prefix, x='x', u='u', s='&s', p='p', at='result')}\n"),
+            f"  {section_kernel.call(prefix, x='x', u='u', s='&s', p='p', at='result')}\n",
             _twin(subject, section_kernel),
+            subject.guard_source,
         ),
     )
     kernels = (tip_kernel, section_kernel, *subject.kernels)

@@ -41,7 +41,8 @@ def statics(subject: Subject) -> Part:
         "Balance of the finger at rest in a state, whose rates are not read.",
         subject.acting(),
         Argument("balance", balance, "result"),
-        subject.guarded(f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', balance='result')}\n"),
+        f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', balance='result')}\n",
         twin,
+        subject.guard_source,
     )
     return Part("statics", "equilibrium residual and tangent stiffness", (kernel, *subject.kernels), (call,))

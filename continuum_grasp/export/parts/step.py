@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from continuum_grasp.export.codes import Code
+from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Array, Call, Part, Rows
 from continuum_grasp.export.parts.dynamics import codes_of, dynamics_kernel
+from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 
@@ -46,20 +48,25 @@ def step(subject: Subject) -> Part:
         "p": subject.prefix,
         "P": subject.prefix.upper(),
         "dynamics": kernel.call(subject.prefix, x="point", u="u", w="w", p="p", xd="rate"),
+        "zero": real.literal(0.0),
         "one": real.literal(1.0),
         "two": real.literal(2.0),
         "six": real.literal(6.0),
         "half": real.literal(0.5),
         "substeps": real.literal(subject.substeps),
         "accurate": real.literal(coarse),
+        "forces_declared": f"const {subject.prefix}_forces *forces, " if subject.forces else "",
+        "forces_missing": " || !forces" if subject.forces else "",
+        "forces_at": "&forces[at], " if subject.forces else "",
     }
     call = Call(
         "step",
         "State after a step of h under constant input and forces, by the Runge-Kutta method of order 4.",
         (*subject.acting(), subject.step_argument()),
         Argument("next", subject.state, "result"),
-        subject.guarded(fill("step.c", words)),
+        fill("step.c", words),
         twin,
+        subject.guard_source,
         (Code.WARN_COARSE_STEP, Code.WARN_LEFT_RANGE, Code.ERR_STEP),
     )
     constants = {
@@ -67,4 +74,33 @@ def step(subject: Subject) -> Part:
         "LONGEST_STEP": real.literal(subject.longest_step),
         "ACCURATE_STEP": real.literal(coarse),
     }
-    return Part("step", "one step in time", (kernel, *subject.kernels), (call,), constants)
+    return Part(
+        "step",
+        "one step in time",
+        (kernel, *subject.kernels),
+        (call,),
+        constants,
+        batch=_batch(subject, kernel, words),
+        batch_prototype=fill("batch.h", words),
+    )
+
+
+def _batch(subject: Subject, kernel: Kernel, words: dict[str, str]) -> str:
+    """Many steps at once."""
+    fields = {"x": subject.state, "u": subject.input, "w": subject.forces, "p": subject.parameters}
+    held = {name: struct.size for name, struct in fields.items() if struct is not None}
+    narrow = [name for name in kernel.inputs if name != "p"]
+    more = {
+        "strict": c_source(kernel.calls, subject.real, subject.prefix),
+        "helpers": kernel.lane_helpers(subject.real),
+        "kernel": kernel.lane_source(subject.real),
+        "arrays": ", ".join(f"{name}[{size}] = {{0}}" for name, size in held.items()),
+        "lanes": ", ".join(f"v{name}[{size}]" for name, size in held.items() if name in kernel.inputs or name == "x"),
+        "gather": "\n      ".join(
+            f"for (i = 0; i < {held[name]}; ++i) v{name}[i][k] = {name}[i];" for name in dict.fromkeys(["x", *narrow])
+        ),
+        "spread": f"\n    for (i = 0; i < {held['p']}; ++i) vp[i] = same(p[i]);" if "p" in kernel.inputs else "",
+        "passed": "".join(f", {name}" for name in ("p", "x", "u", "w") if name in held),
+        "call": ", ".join([*("point" if name == "x" else f"v{name}" for name in kernel.inputs), "rate"]),
+    }
+    return fill("batch.c", {**words, **more})

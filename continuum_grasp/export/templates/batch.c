@@ -1,0 +1,69 @@
+#ifdef <<P>>_BATCH
+#if defined(__AVX512F__)
+#define LANE_BYTES 64
+#elif defined(__AVX__)
+#define LANE_BYTES 32
+#else
+#define LANE_BYTES 16
+#endif
+#ifndef __clang__
+#pragma GCC diagnostic ignored "-Wpsabi" /* vectors are passed between functions of this file alone */
+#endif
+
+typedef <<p>>_real lanes __attribute__((vector_size(LANE_BYTES)));
+#define LANES (LANE_BYTES / (int)sizeof(<<p>>_real))
+
+static inline lanes same(<<p>>_real value)
+{
+  lanes all;
+  int k;
+  for (k = 0; k < LANES; ++k) all[k] = value;
+  return all;
+}
+
+<<strict>><<helpers>><<kernel>>
+long <<p>>_step_batch(const <<p>>_model *model, const <<p>>_state *states, const <<p>>_input *inputs,
+                      <<forces_declared>><<p>>_real h, <<p>>_state *next, int *codes, long count)
+{
+  <<p>>_real <<arrays>>, result[<<P>>_NX];
+  lanes <<lanes>>, rate[<<P>>_NX], point[<<P>>_NX], total[<<P>>_NX];
+  const <<p>>_real part = h / <<substeps>>, half = <<half>> * part, sixth = part / <<six>>;
+  long first, refused = 0;
+  if (!model || !states || !inputs<<forces_missing>> || !next || !codes) return <<P>>_ERR_NULL;
+  for (first = 0; first < count; first += LANES) {
+    const int held = count - first < LANES ? (int)(count - first) : LANES;
+    int i, k, stage, substep;
+    for (k = 0; k < LANES; ++k) { /* the last state fills up the lanes; lanes do not touch each other */
+      const long at = first + (k < held ? k : held - 1);
+      codes[at] = accept_step(model, &states[at], &inputs[at], <<forces_at>>h<<passed>>);
+      <<gather>>
+    }<<spread>>
+    for (substep = 0; substep < <<P>>_SUBSTEPS; ++substep) {
+      for (i = 0; i < <<P>>_NX; ++i) { point[i] = vx[i]; total[i] = same(<<zero>>); }
+      for (stage = 0; stage < 4; ++stage) {
+        const <<p>>_real weight = stage == 1 || stage == 2 ? <<two>> : <<one>>;
+        const <<p>>_real ahead = stage == 2 ? part : half;
+        dynamics_lanes(<<call>>);
+        for (i = 0; i < <<P>>_NX; ++i) {
+          total[i] = total[i] + weight * rate[i];
+          point[i] = vx[i] + ahead * rate[i];
+        }
+      }
+      for (i = 0; i < <<P>>_NX; ++i) vx[i] = vx[i] + sixth * total[i];
+    }
+    for (k = 0; k < held; ++k) {
+      int *code = &codes[first + k];
+      for (i = 0; i < <<P>>_NX; ++i) result[i] = vx[i][k];
+      if (*code >= 0 && !all_finite(result, <<P>>_NX)) *code = <<P>>_ERR_RESULT;
+      if (*code < 0) {
+        ++refused;
+        continue;
+      }
+      if (h > <<accurate>>) *code = <<P>>_WARN_COARSE_STEP;
+      if (check(result, state_low, state_high, <<P>>_NX) == <<P>>_ERR_RANGE) *code = <<P>>_WARN_LEFT_RANGE;
+      write_state(result, &next[first + k]);
+    }
+  }
+  return refused;
+}
+#endif
