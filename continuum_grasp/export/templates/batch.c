@@ -15,7 +15,7 @@ typedef <<p>>_real lanes __attribute__((vector_size(LANE_BYTES)));
 
 static inline lanes same(<<p>>_real value)
 {
-  lanes all;
+  lanes all = {value};
   int k;
   for (k = 0; k < LANES; ++k) all[k] = value;
   return all;

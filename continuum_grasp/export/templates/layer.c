@@ -2,8 +2,10 @@
    Made by continuum_grasp <<version>>. */
 #include "<<p>>_internal.h"
 
-#if defined(__clang__) || defined(_MSC_VER)
+#if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
+#elif defined(_MSC_VER)
+#pragma fp_contract(off)
 #endif
 
 /* Structs are their numbers (an array of negative size is an error). */

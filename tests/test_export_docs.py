@@ -1,0 +1,56 @@
+"""The commands of docs/embedded.md, as they are written there."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+
+import pytest
+
+from tests.export_cases import ROOT, needs, run
+
+PAGE = (ROOT / "docs/embedded.md").read_text()
+VERB = "import typer; from continuum_grasp.cli.export_c import export_c; typer.run(export_c)"
+"""The verb, as the command line runs it."""
+
+
+@pytest.fixture(scope="module")
+def after_all_commands(tmp_path_factory):
+    """A copy of the configurations in which every command was run, and what they said."""
+    place = tmp_path_factory.mktemp("reader")
+    for folder in ("configs/simulate", "configs/fingers"):
+        shutil.copytree(ROOT / folder, place / folder)
+    said = {}
+    for block in re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL):
+        for command in block.replace("\\\n", " ").strip().splitlines():
+            if not command.startswith("sudo"):
+                line = command.replace("continuum-grasp export-c", f"{sys.executable} -c '{VERB}'")
+                said[command.split(" --")[0]] = run("env", f"PYTHONPATH={ROOT}", "sh", "-c", line, cwd=place)
+    return place, said
+
+
+@needs("cmake", "make", "arm-none-eabi-gcc", "qemu-system-arm")
+def test_every_command_runs(after_all_commands):
+    place, said = after_all_commands
+    assert (place / "build/finger/m4f/libfinger.a").exists()
+    board = next(text for command, text in said.items() if "baremetal" in command)
+    assert "0 failures" in board
+    assert len(re.findall(r"^\w+ \d+ \d+ \d+$", board, re.MULTILINE)) == 5
+
+
+@needs("cmake", "make", "arm-none-eabi-gcc", "qemu-system-arm")
+def test_its_c_compiles_and_runs(after_all_commands, tmp_path):
+    place, _ = after_all_commands
+    code = re.search(r"```c\n(.*?)```", PAGE, re.DOTALL)[1]
+    main = "int main(void) { control_start(); return control_tick(3.0f, 1.0f) < 0; }\n"
+    (tmp_path / "main.c").write_text(f"void control_start(void);\n{code}{main}")
+    package = place / "build/finger"
+    flags = ("-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{package / 'include'}")
+    run("cc", *flags, tmp_path / "main.c", *(package / "src").glob("*.c"), "-o", tmp_path / "main")
+    run(tmp_path / "main")
+
+
+def test_the_tools_of_the_tests_are_listed():
+    listed = {line for line in (ROOT / "tests/packages.txt").read_text().splitlines() if not line.startswith("#")}
+    assert {"gcc-arm-none-eabi", "qemu-system-arm", "clang", "lld", "cmake", "cppcheck"} <= listed
