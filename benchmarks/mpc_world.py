@@ -1,0 +1,119 @@
+"""A plant cheap enough for a million control periods: a controller's own model with other disturbances, in C."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.machine import CFLAGS, compiler
+from benchmarks.mpc_cases import state_step
+from benchmarks.mpc_loop import generated
+from continuum_grasp.mpc.controller import Controller
+from continuum_grasp.mpc.estimation import estimation_of
+from continuum_grasp.mpc.noise import ranges_of
+
+Array = NDArray[np.float64]
+
+FINER = 2
+"""Runge-Kutta steps of the plant for one of the controller's model."""
+_WRAPPER = """
+int world(const double **arg, double **res, long long int *iw, double *w, int mem);
+void advance(double *z, const double *u, const double *p, double *y)
+{{
+  static long long int iw[{iw} + 1];
+  static double w[{w} + 1], next[{nz} + 1];
+  const double *arg[{arg} + 1] = {{z, u, p}};
+  double *res[{res} + 1] = {{next, y}};
+  world(arg, res, iw, w, 0);
+  for (int i = 0; i < {nz}; ++i) z[i] = next[i];
+}}
+"""
+
+
+class World:
+    """The plant of a controller.
+
+    Its state z is that of the estimator, disturbances included, or that of the model where there is none.
+
+    Attributes
+    ----------
+    nx : int
+        States before the disturbances.
+    z : (nz,) ndarray
+        The state; may be set.
+    ranges : Ranges
+        Limits of the controller's numbers.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        model, stages, scene = controller.prediction, controller.stages, controller.scene
+        estimation = None if scene.estimator is None else estimation_of(scene, model, stages.method)
+        self.ranges = ranges_of(scene, model, stages, estimation)
+        self.nx = model.nx
+        nz = model.nx if estimation is None else estimation.nz
+        z, u, p = ca.MX.sym("z", nz), ca.MX.sym("u", stages.nu), ca.MX.sym("p", stages.np)
+        count = FINER * max(1, round(stages.substeps * controller.period / stages.stage))
+        after = z
+        for _ in range(count):
+            step = controller.period / count
+            if estimation is None:
+                held = ca.vertcat(after, u[: stages.nx - nz])
+                after = state_step(stages)(held, u, p, step)[:nz]
+            else:
+                after = estimation.flow(after, u, p, step)
+        measured = after if estimation is None else estimation.outputs(after, u, p)[0]
+        world = ca.Function("world", [z, u, p], [after, measured])
+        mixing = np.eye(nz) if estimation is None else estimation.mixing
+        self._unmix = np.linalg.pinv(mixing)
+        self._rest = (np.eye(mixing.shape[1]) - self._unmix @ mixing) @ np.full(mixing.shape[1], 5.0)
+        delay = 0 if scene.estimator is None else round(scene.estimator.delay / controller.period)
+        self._advance = self._compiled(world)
+        self.first = np.zeros(nz)
+        self.first[: model.nx] = controller.first
+        self.z, self._y = self.first.copy(), np.zeros(measured.numel())
+        self._ring = [self._still(controller)] * (delay + 1)
+
+    def _still(self, controller: Controller) -> Array:
+        """What is measured before anything has moved."""
+        z = self.z.copy()
+        self._call(np.clip(np.zeros(controller.stages.nu), controller.stages.u_min, None), controller.stages.p_nominal)
+        self.z[:] = z
+        return self._unmix @ self._y + self._rest
+
+    def _call(self, u: Array, p: Array) -> None:
+        given = (self.z, np.ascontiguousarray(u), p, self._y)
+        self._advance(*(ctypes.c_void_p(a.ctypes.data) for a in given))
+
+    def step(self, u: Array, p: Array) -> Array:
+        """Go on for a period; what is measured then (of the past, where measurements are late)."""
+        self._call(u, p)
+        self._ring.append(self._unmix @ self._y + self._rest)
+        return self._ring.pop(0)
+
+    def sound(self) -> bool:
+        """Whether the state is where the model means something."""
+        x = self.z[: self.nx]
+        return bool(np.isfinite(self.z).all() and (np.abs(x) <= self.ranges.x[:, 1]).all())
+
+    def reset(self) -> None:
+        """Back to the first state, disturbances kept."""
+        self.z[: self.nx] = self.first[: self.nx]
+
+    def _compiled(self, world: ca.Function) -> Any:
+        self._folder = tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-")
+        path = Path(self._folder.name)
+        sizes = {name: getattr(world, f"sz_{name}")() for name in ("arg", "res", "iw", "w")}
+        text = generated(world) + _WRAPPER.format(nz=world.numel_out(0), **sizes)
+        (path / "world.c").write_text(text, encoding="utf-8")
+        command = [compiler(), *CFLAGS, "-w", "-shared", f"{path}/world.c", "-o", f"{path}/world.so", "-lm"]
+        subprocess.run(command, check=True, capture_output=True)
+        function = ctypes.CDLL(f"{path}/world.so").advance
+        function.restype = None
+        return function

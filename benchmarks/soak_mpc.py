@@ -1,0 +1,379 @@
+"""A million steps of controllers in closed loops, with everything wrong that a controller may be given.
+
+Run ``python -m benchmarks.soak_mpc`` in the root of the repository. Each scene runs in a process of its own, so that a
+crash is seen; references, disturbances, pushes and what is injected are drawn at random. After every step: the command
+is finite and within the limits of input and rate, the status is one of the documented ones, and each thing injected
+shows among the anomalies.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import subprocess
+import sys
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import mpc_cases
+from benchmarks.machine import CFLAGS
+from benchmarks.mpc_world import World
+from benchmarks.report import RESULTS, Report, Table
+from continuum_grasp.errors import InputError
+from continuum_grasp.mpc.controller import Controller
+from continuum_grasp.mpc.status import Anomaly, Status
+
+Array = NDArray[np.float64]
+
+SCENES = {
+    "circle": ("mpc/tip_circle.yaml", "double", 0.25),
+    "circle, float": ("mpc/tip_circle.yaml", "float", 0.15),
+    "zones": ("mpc/keep_out.yaml", "double", 0.2),
+    "saturation": ("mpc/saturation.yaml", "double", 0.1),
+    "moment": ("mpc/nitinol_moment.yaml", "double", 0.15),
+    "state": ("", "double", 0.15),
+}
+"""File, precision and share of the steps; state: arcs whose whole state is measured, with no estimator."""
+EVENTS = {
+    "NaN in the measurement": (Anomaly.MISSING, 0.02),
+    "no measurement": (Anomaly.MISSING, 0.01),
+    "infinite measurement": (Anomaly.ABSURD, 0.01),
+    "measurement beyond its range": (Anomaly.ABSURD, 0.02),
+    "bad set-point": (Anomaly.BAD_SET_POINTS, 0.01),
+    "bad parameter": (Anomaly.BAD_PARAMETERS, 0.01),
+    "bad applied input": (Anomaly.BAD_APPLIED, 0.01),
+    "late command": (Anomaly.LATE, 0.01),
+}
+"""What is injected, the anomaly that must show, and how often."""
+BURST, LONGEST = 0.001, 80
+"""How often one of them lasts, and for how many steps at most."""
+OUTLIER = 0.01
+"""How often a measurement jumps within its range; whether that can be told depends on what the estimator knows."""
+DRIVE = 0.005
+"""How often the drive applies another input than the command, and says so."""
+SAVED = 5000
+"""Steps between two checks that a restored state gives the same command."""
+ROUNDING = {"double": 1e-12, "float": 3e-7}
+"""Of limits, as a share of them."""
+
+
+@dataclass
+class Counts:
+    """What happened."""
+
+    steps: int = 0
+    broken: Counter[str] = field(default_factory=Counter)
+    injected: Counter[str] = field(default_factory=Counter)
+    unseen: Counter[str] = field(default_factory=Counter)
+    statuses: Counter[str] = field(default_factory=Counter)
+    anomalies: Counter[str] = field(default_factory=Counter)
+    outliers: int = 0
+    outliers_seen: int = 0
+    plant_resets: int = 0
+    restored: int = 0
+    seconds: float = 0.0
+    memory: list[int] = field(default_factory=list)
+    """Resident memory after a tenth of the steps and at the end [bytes]."""
+    examples: list[str] = field(default_factory=list)
+
+    def fault(self, what: str, text: str) -> None:
+        """Count a broken promise and keep the first ones."""
+        self.broken[what] += 1
+        if len(self.examples) < 20:
+            self.examples.append(f"step {self.steps}: {what}: {text}")
+
+
+class Soak:
+    """One controller in a closed loop with a random world."""
+
+    def __init__(self, name: str, seed: int) -> None:
+        file, self.precision, _ = SCENES[name]
+        scene: Any = mpc_cases.CONFIGS / file if file else _measured_state()
+        self.control = Controller(scene, precision=self.precision, deadline=math.inf)
+        self.world, self.rng, self.counts = World(self.control), np.random.default_rng(seed), Counts()
+        stages, ranges = self.control.stages, self.world.ranges
+        self.stages, self.p = stages, np.array(stages.p_nominal)
+        self.references, self.far = self._targets()
+        self.reference = self.references[0]
+        self.noise = 1e-4 * np.minimum(np.abs(ranges.measurement[:, 1]), 10.0)
+        self.rate = np.full(stages.nu, self.control.scene.controller.input.rate_max or np.inf)
+        self.events = list(EVENTS)
+        self.chances = np.array([EVENTS[name][1] for name in EVENTS])
+        self.safe = np.clip(np.zeros(stages.nu), stages.u_min, stages.u_max)
+        self.before, self.old = self.safe, 0
+        self.applied: Array | None = None
+        self.measurement = self.world.step(self.before, self.p)
+        self.burst: tuple[str, int] = ("", 0)
+
+    def _targets(self) -> tuple[Array, Array]:
+        """Set-points that random shapes and inputs have, and some that nothing can reach."""
+        stages, model, limits = self.stages, self.control.prediction, self.world.ranges.r
+        shapes, rows = model.shapes(64), []
+        for shape in shapes:
+            u = self.rng.uniform(stages.u_min, stages.u_max)
+            x = np.concatenate([model.at_rest(shape, u), u if stages.nx > model.nx else []])
+            rows.append(np.array(stages.outputs(x, u, self.p)).ravel())
+        far = [self.rng.uniform(*np.clip(limits, -1e3, 1e3).T) for _ in range(4)]
+        return np.array(rows), np.vstack([*far, limits[:, 1], limits[:, 0]])
+
+    # -- what goes in -------------------------------------------------------------------------------------------------
+
+    def _beyond(self, low: float, high: float) -> float:
+        """A number outside a range, near or far."""
+        width = max(high - low, 1e-9)
+        far = width * 10.0 ** self.rng.uniform(-3.0, 12.0)
+        return float(high + far if self.rng.random() < 0.5 else low - far)
+
+    def _bad(self, values: Array, limits: Array) -> Array:
+        """Values of which one is not finite or beyond its limits."""
+        found, k = values.copy(), self.rng.integers(len(values))
+        found[k] = self.rng.choice([math.nan, math.inf, -math.inf, self._beyond(*limits[k])])
+        return found
+
+    def _events(self) -> set[str]:
+        chosen = {
+            n for n, hit in zip(self.events, self.rng.random(len(self.events)) < self.chances, strict=True) if hit
+        }
+        if self.burst[1] > 0:
+            chosen.add(self.burst[0])
+            self.burst = (self.burst[0], self.burst[1] - 1)
+        elif self.rng.random() < BURST:
+            self.burst = (str(self.rng.choice(self.events)), int(self.rng.integers(2, LONGEST)))
+        return chosen
+
+    def _inputs(self) -> tuple[dict[str, Any], set[str], bool]:
+        """Arguments of a step, what was injected in them, and whether a measurement jumps."""
+        rng, ranges, stages = self.rng, self.world.ranges, self.stages
+        chosen, measurement = self._events(), self.measurement + self.noise * rng.normal(size=len(self.noise))
+        size, limits = len(measurement), ranges.measurement
+        jumps = rng.random() < OUTLIER
+        if jumps:
+            k = rng.integers(size)
+            measurement[k] = rng.uniform(*(0.5 * limits[k] + 0.5 * measurement[k]))
+        kinds = [n for n in self.events[:4] if n in chosen and n != "no measurement"]
+        for place, name in zip(rng.permutation(size), kinds, strict=False):  # each has an entry of its own
+            if name.startswith("NaN"):
+                measurement[place] = math.nan
+            elif name.startswith("infinite"):
+                measurement[place] = rng.choice([-math.inf, math.inf])
+            else:
+                measurement[place] = self._beyond(*limits[place])
+        reference = self.reference
+        if rng.random() < 0.02:  # every node another
+            reference = self.references[rng.integers(len(self.references), size=stages.stages + 1)]
+        if "bad set-point" in chosen:
+            reference = np.array(np.broadcast_to(reference, (stages.stages + 1, stages.nr)))
+            reference = self._bad(reference.ravel(), np.tile(ranges.r, (stages.stages + 1, 1))).reshape(reference.shape)
+        p = self._bad(self.p, ranges.p) if "bad parameter" in chosen else self.p
+        applied = None
+        if "bad applied input" in chosen:
+            applied = self._bad(self.before, np.stack([stages.u_min, stages.u_max], axis=1))
+        elif self.applied is not None:
+            applied = self.before = self.applied
+        given = {"reference": reference, "p": p, "applied": applied, "late": "late command" in chosen}
+        given["measurement"] = None if "no measurement" in chosen else measurement
+        if given["measurement"] is None:
+            chosen -= set(self.events[:4]) - {"no measurement"}
+        elif len(chosen & set(self.events[:4])) > size:
+            chosen -= set(self.events[:4])
+        return given, chosen, jumps and not chosen & set(self.events[:4])
+
+    def _change(self) -> None:
+        """Another set-point, disturbance, push."""
+        rng, world = self.rng, self.world
+        if rng.random() < 0.02:
+            some = self.far if rng.random() < 0.05 else self.references
+            self.reference = some[rng.integers(len(some))]
+        if rng.random() < 0.005 and len(world.z) > world.nx:
+            world.z[world.nx :] = 0.02 * rng.uniform(*world.ranges.disturbances.T)
+        if rng.random() < 0.005:
+            world.z[: world.nx] += 0.003 * world.ranges.x[:, 1] * rng.normal(size=world.nx)
+        if not world.sound():
+            world.reset()
+            self.counts.plant_resets += 1
+
+    # -- a step -------------------------------------------------------------------------------------------------------
+
+    def step(self) -> None:
+        """One period."""
+        counts, control = self.counts, self.control
+        given, injected, jumps = self._inputs()
+        saved = control.save_state() if counts.steps % SAVED == 0 else None
+        command = control.step(**given)
+        self._check(command, injected)
+        counts.outliers += jumps
+        counts.outliers_seen += jumps and bool(command.anomaly & (Anomaly.OUTLIER | Anomaly.REOPENED | Anomaly.ABSURD))
+        if saved is not None:
+            after = control.save_state()
+            control.restore(saved)
+            again = control.step(**given)
+            if not (np.array_equal(again.u, command.u) and again.status == command.status):
+                counts.fault("restored state gives another command", f"{again.u} instead of {command.u}")
+            if control.save_state() != after:
+                counts.fault("restored state gives another state", "")
+            counts.restored += 1
+        self.before, self.applied = command.u.copy(), None
+        if not np.isfinite(self.before).all():
+            self.before = self.safe
+        elif self.rng.random() < DRIVE:
+            self.applied = self.rng.uniform(self.stages.u_min, self.stages.u_max)
+        self.measurement = self.world.step(self.before if self.applied is None else self.applied, self.p)
+        self._change()
+        counts.steps += 1
+
+    def _check(self, command: Any, injected: set[str]) -> None:
+        counts, stages, u = self.counts, self.stages, command.u
+        slack = ROUNDING[self.precision] * np.maximum(np.abs(stages.u_min), np.abs(stages.u_max))
+        if not np.isfinite(u).all():
+            counts.fault("command not finite", str(u))
+        elif (u < stages.u_min - slack).any() or (u > stages.u_max + slack).any():
+            counts.fault("command beyond its limits", f"{u}")
+        most = self.rate * self.control.period * (1.0 + 1e-6) + 2.0 * slack
+        if not (np.abs(u - self.before) <= most).all():
+            counts.fault("command beyond its rate", f"{self.before} to {u}, most {most}")
+        anomaly = command.anomaly
+        for name in injected:
+            counts.injected[name] += 1
+            if not anomaly & EVENTS[name][0]:
+                counts.unseen[name] += 1
+                counts.fault("injected and not in the status", f"{name}, {command.anomalies}")
+        counts.statuses[Status(command.status).name.lower()] += 1
+        self.old = self.old + 1 if command.status is Status.PREVIOUS_PLAN else 0
+        if self.old * self.control.period > stages.stages * stages.stage + 1e-9:
+            counts.fault("plan used beyond its end", f"for {self.old} steps")
+        for bit in anomaly:
+            counts.anomalies[(bit.name or "").lower()] += 1
+
+    def run(self, steps: int) -> Counts:
+        """So many of them."""
+        began = time.perf_counter()
+        for k in range(steps):
+            self.step()
+            if k + 1 in (steps // 10, steps):
+                self.counts.memory.append(_resident())
+        self.counts.seconds = time.perf_counter() - began
+        self._wrong_shapes()
+        return self.counts
+
+    def _wrong_shapes(self) -> None:
+        """What is no number of the right shape is refused, and the next step is as before."""
+        size = len(self.measurement)
+        bad: list[dict[str, Any]] = [{"measurement": np.zeros(size + 1)}, {"measurement": ["x"] * size}]
+        bad.append({"measurement": np.zeros(size), "p": np.zeros(len(self.p) + 1)})
+        for given in bad:
+            try:
+                self.control.step(**given)
+            except InputError:
+                continue
+            self.counts.fault("wrong shape taken", str(list(given)))
+        self.control.step(self.measurement, self.reference)
+
+
+def _measured_state() -> Any:
+    """Arcs whose whole state is measured; their moment has a rate limit."""
+    scene = mpc_cases.arcs(steps=1).scene
+    controller = scene.controller.model_copy(
+        update={"input": scene.controller.input.model_copy(update={"rate_max": 10.0})}
+    )
+    return scene.model_copy(update={"controller": controller})
+
+
+def _resident() -> int:
+    pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
+    return int(pages) * os.sysconf("SC_PAGE_SIZE")
+
+
+def child(name: str, steps: int, seed: int) -> None:
+    """Run one scene and print its counts."""
+    print(json.dumps(vars(Soak(name, seed).run(steps))))
+
+
+def add(report: Report, found: dict[str, dict[str, Any]]) -> None:
+    """Claims and tables."""
+    total = sum(data["steps"] for data in found.values())
+    report.claim("steps", total, ">=", 1_000_000)
+    broken = [sum(data["broken"].values()) for data in found.values()]
+    report.claim("broken promises (commands, statuses, restored states)", sum(broken), "<=", 0)
+    injected = sum(sum(data["injected"].values()) for data in found.values())
+    unseen = sum(sum(data["unseen"].values()) for data in found.values())
+    report.claim(f"injected anomalies that no status shows, of {injected}", unseen, "<=", 0)
+    growths = [(data["memory"][-1] - data["memory"][0]) / 1024.0 for data in found.values()]
+    report.claim("growth of memory over nine tenths of a run [KiB]", max(growths), "<=", 1024.0)
+    rows = []
+    for (name, data), growth in zip(found.items(), growths, strict=True):
+        statuses = [int(data["statuses"].get(s.name.lower(), 0)) for s in Status]
+        row = [name, data["steps"], sum(data["broken"].values()), sum(data["injected"].values()), *statuses]
+        seen = f"{data['outliers_seen']}/{data['outliers']}"
+        rows.append([*row, seen, data["plant_resets"], data["restored"], growth, 1e6 * data["seconds"] / data["steps"]])
+    columns = ["scene", "steps", "broken", "injected", *(s.name.lower() for s in Status), "jumps told"]
+    columns += ["plant resets", "restored", "memory [KiB]", "us per step"]
+    note = (
+        "jumps told: of measurements that jump within their range, those that the status calls outliers, which an "
+        "estimator that is unsure or a controller without one cannot; us per step: with plant and checks, in Python."
+    )
+    report.tables.append(Table("Steps", columns, rows, note))
+    rows = [[kind, *(int(data["injected"].get(kind, 0)) for data in found.values())] for kind in EVENTS]
+    report.tables.append(Table("Injected", ["", *found], rows))
+    names = [(a.name or "").lower() for a in Anomaly]
+    rows = [[kind, *(int(data["anomalies"].get(kind, 0)) for data in found.values())] for kind in names]
+    report.tables.append(Table("Anomalies told", ["", *found], rows))
+    examples = [[name, text] for name, data in found.items() for text in data["examples"]]
+    if examples:
+        report.tables.append(Table("Broken", ["scene", ""], examples))
+
+
+def main() -> None:
+    """Run all scenes and write the report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--steps", type=int, default=1_000_000, help="of all scenes together")
+    parser.add_argument("--scenes", nargs="*", choices=list(SCENES), default=list(SCENES))
+    parser.add_argument("--jobs", type=int, default=1, help="processes at once")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--name", default="mpc_soak", help="name of the report")
+    parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write it")
+    parser.add_argument("--child", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.child:
+        return child(arguments.child, arguments.steps, arguments.seed)
+    report = Report(arguments.name, arguments.seed)
+    report.machine["flags"] = f"of the package; plant: {' '.join(CFLAGS)}"
+    whole = sum(SCENES[name][2] for name in arguments.scenes)
+    waiting = list(enumerate(arguments.scenes))
+    running: dict[str, subprocess.Popen[str]] = {}
+    found: dict[str, dict[str, Any]] = {}
+    while waiting or running:
+        while waiting and len(running) < arguments.jobs:
+            k, name = waiting.pop(0)
+            steps = math.ceil(arguments.steps * SCENES[name][2] / whole)
+            command = [sys.executable, "-m", "benchmarks.soak_mpc", "--child", name]
+            command += ["--steps", str(steps), "--seed", str(arguments.seed + k)]
+            running[name] = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        for name, process in list(running.items()):
+            if process.poll() is None:
+                continue
+            said = (process.communicate()[0] or "").strip().splitlines()
+            del running[name]
+            if process.returncode == 0 and said:
+                found[name] = json.loads(said[-1])
+                print(name, found[name]["steps"], "steps,", sum(found[name]["broken"].values()), "broken", flush=True)
+            else:
+                report.claim(f"{name}: exit status", abs(process.returncode), "<=", 0)
+                print(name, "ended with", process.returncode, flush=True)
+        time.sleep(0.2)
+    add(report, {name: found[name] for name in arguments.scenes if name in found})
+    for file in report.write(arguments.folder):
+        print(file)
+    print(report.status)
+    return None
+
+
+if __name__ == "__main__":
+    main()
