@@ -102,7 +102,10 @@ def header(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> st
         "structs": "\n".join(struct.declaration(prefix) for struct in structs_of(subject, parts)),
         "model_parameters": "" if subject.parameters is None else f"\n  {prefix}_parameters parameters;",
         "functions": "\n".join(
-            [*(_documented(call, prefix) for call in calls_of(parts)), *(p.batch_prototype for p in parts)]
+            [
+                *(_documented(call, prefix) for call in calls_of(parts)),
+                *(part.declarations for part in parts if part.declarations),
+            ]
         ),
     }
     return fill("header.h", {**words, **more})

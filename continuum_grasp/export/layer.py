@@ -71,8 +71,9 @@ def layer_source(subject: Subject, parts: Sequence[Part], words: dict[str, str])
         "bounds": "\n".join(_bounds(subject, struct) for struct in checked),
         "readers": "\n".join(struct.reader(prefix) for struct in checked),
         "writers": "\n".join(struct.writer(prefix) for struct in outputs),
-        "definitions": "\n".join(part.definitions for part in parts if part.definitions),
-        "functions": "\n".join([*(_function(subject, call) for call in calls), *(p.batch for p in parts if p.batch)]),
+        "functions": "\n".join(
+            [*(_function(subject, call) for call in calls), *(part.definitions for part in parts if part.definitions)]
+        ),
         "codes": "\n".join(codes),
         "nominal": "".join(f"\n{line}" for line in nominal),
     }

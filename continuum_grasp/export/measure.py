@@ -19,7 +19,7 @@ TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")
 """Programs that measuring needs."""
 _TIMEOUT = 600.0
 _LINE = re.compile(r"^(\w+) (\d+) (\d+) (\d+)$", re.MULTILINE)
-_SIZE = re.compile(r"^\s*(\d+)\s+(\d+)\s+(\d+)\s+\d+\s+\w+\s+\S*?(\w+)\.o$", re.MULTILINE)
+_SIZE = re.compile(r"^\s*(\d+)\s+(\d+)\s+(\d+)\s+\d+\s+\w+\s+(\w+)\.o$", re.MULTILINE)
 
 
 def measure(files: Mapping[str, str], prefix: str, target: Target) -> dict[str, Any]:

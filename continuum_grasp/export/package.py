@@ -211,10 +211,17 @@ def _common_words(subject: Subject, parts: Sequence[Part], source: Source) -> di
         "real": subject.real.name,
         "title": source.title,
         "abi": abi_of(subject, parts),
+        "sources": " ".join(_library_sources(subject.prefix, parts)),
         "count": str(len(calls_of(parts))),
         "tolerance": "2e-3" if subject.real.name == "float" else "1e-11",
         "usage": _usage(subject, parts),
     }
+
+
+def _library_sources(prefix: str, parts: Sequence[Part]) -> list[str]:
+    """C files of the library below ``src``, without their suffix."""
+    own = [path for part in parts for path in part.sources if path.startswith("src/") and path.endswith(".c")]
+    return [prefix, f"{prefix}_kernels", *(path.removeprefix("src/").removesuffix(".c") for path in own)]
 
 
 def _usage(subject: Subject, parts: Sequence[Part]) -> str:

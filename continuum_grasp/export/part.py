@@ -85,13 +85,12 @@ class Part:
     calls: tuple[Call, ...]
     constants: Mapping[str, str] = field(default_factory=dict)
     """C expressions of ``#define``s of the header, by name behind the prefix."""
+    declarations: str = ""
+    """C of the header behind the functions of ``calls``: further functions and what they need."""
     definitions: str = ""
-    """C that stands before the public functions, in the checked layer."""
-    batch: str = ""
-    """C that stands after them, for hosts with vector lanes."""
-    batch_prototype: str = ""
+    """C of the checked layer behind the functions of ``calls``."""
     sources: Mapping[str, str] = field(default_factory=dict)
-    """Further files, by path in the package."""
+    """Further files, by path in the package; C under ``src`` becomes part of the library."""
 
     @property
     def structs(self) -> list[Struct]:

@@ -80,8 +80,8 @@ def step(subject: Subject) -> Part:
         (kernel, *subject.kernels),
         (call,),
         constants,
-        batch=_batch(subject, kernel, words),
-        batch_prototype=fill("batch.h", words),
+        definitions=_batch(subject, kernel, words),
+        declarations=fill("batch.h", words),
     )
 
 

@@ -35,7 +35,7 @@
   return 1;
 }
 
-<<definitions>><<P>>_API int <<p>>_init_abi(<<p>>_model *model, uint32_t abi)
+<<P>>_API int <<p>>_init_abi(<<p>>_model *model, uint32_t abi)
 {
   if (!model) return <<P>>_ERR_NULL;
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;

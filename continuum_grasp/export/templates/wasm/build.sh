@@ -6,10 +6,12 @@ root=$here/..
 out=${1:-$here}
 clang=${CLANG:-clang}
 mkdir -p "$out"
+sources=
+for source in <<sources>>; do sources="$sources $root/src/$source.c"; done
 flags="--target=wasm32 -nostdlib -std=c99 -O2 -ffp-contract=off -fno-builtin -mbulk-memory -Wl,--no-entry -Wl,--strip-all
   -Wl,--export=__heap_base"
 $clang $flags <<exports>> -I"$root/include" \
-  "$root/src/<<p>>.c" "$root/src/<<p>>_kernels.c" -o "$out/<<p>>.wasm"
+  $sources -o "$out/<<p>>.wasm"
 $clang $flags -Wl,--export=check_failures -Wl,--export=check_cases -I"$here" -I"$root/include" -I"$root/tests" \
-  "$root/src/<<p>>.c" "$root/src/<<p>>_kernels.c" "$root/tests/check.c" "$here/string.c" -o "$out/vectors.wasm"
+  $sources "$root/tests/check.c" "$here/string.c" -o "$out/vectors.wasm"
 [ "$out" -ef "$here" ] || cp "$here/<<p>>.mjs" "$here/test.mjs" "$out"

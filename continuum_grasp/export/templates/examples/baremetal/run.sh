@@ -15,13 +15,13 @@ build=${BUILD:-$here/build-$core}
 mkdir -p "$build"
 arm="arm-none-eabi-gcc $cpu -mthumb -mfloat-abi=hard -ffunction-sections -fdata-sections -fno-common"
 strict="-std=c99 -O2 -ffp-contract=off -fno-math-errno -fstack-usage"
-for source in <<p>> <<p>>_kernels; do
+for source in <<sources>>; do
   $arm $strict "$@" -I"$root/include" -c "$root/src/$source.c" -o "$build/$source.o"
 done
 for source in "$root/tests/check.c" "$here/start.c" "$here/main.c"; do
   $arm -std=gnu99 -O1 -I"$root/include" -I"$root/tests" -I"$here" -c "$source" -o "$build/$(basename "$source" .c)_.o"
 done
 $arm -nostartfiles -T "$here/board.ld" -Wl,--gc-sections "$build"/*.o -specs=nosys.specs -o "$build/image.elf"
-arm-none-eabi-size "$build/<<p>>.o" "$build/<<p>>_kernels.o"
+(cd "$build" && for source in <<sources>>; do arm-none-eabi-size "$source.o"; done)
 qemu-system-arm -M $board -nographic -monitor none -serial none -semihosting-config enable=on,target=native \
   -icount shift=0 -kernel "$build/image.elf"
