@@ -231,14 +231,16 @@ class RealTimeIteration:
         """
         s = self.stages
         n, nx, nu, nz, nc = s.stages, s.nx, s.nu, s.nx + s.nu, s.nc
-        shapes = {"x": (n + 1, nx), "u": (n, nu), "M": (n, nx, nz), "defect": (n, nx), "l": (n + 1,)}
-        shapes |= {"g": (n + 1, nz), "H": (n + 1, nz, nz), "c": (n + 1, max(nc, 1)), "C": (n + 1, max(nc, 1), nz)}
+        width = self._library.rti_width()
+        shapes = {"x": (n + 1, nx), "u": (n, nu), "M": (n, nx, width), "defect": (n, nx), "l": (n + 1,)}
+        shapes |= {"g": (n + 1, width), "H": (n + 1, nz, width), "c": (n + 1, max(nc, 1)), "C": (n + 1, max(nc, 1), nz)}
         found = {}
         for name, where in zip(PROBLEM, self._offsets(), strict=True):
             count = int(np.prod(shapes[name])) * self._x.itemsize
             found[name] = self._work[where : where + count].view(self._x.dtype).reshape(shapes[name]).copy()
         m = found.pop("M")
-        return found | {"A": m[..., :nx], "B": m[..., nx:], "c": found["c"][:, :nc], "C": found["C"][:, :nc]}
+        found |= {"A": m[..., :nx], "B": m[..., nx:nz], "g": found["g"][:, :nz], "H": found["H"][..., :nz]}
+        return found | {"c": found["c"][:, :nc], "C": found["C"][:, :nc]}
 
     def _offsets(self) -> list[int]:
         return [self._library.rti_offset(k) for k in range(len(PROBLEM))]

@@ -13,7 +13,7 @@ from continuum_grasp.mpc.stages import Stages
 
 __all__ = ["Settings"]
 
-_TOLERANCE = {8: 1e-9, 4: 1e-5}
+_TOLERANCE = {8: 1e-8, 4: 1e-4}
 _ITERATIONS = 40
 _REGULARISATION = 1e-9
 

@@ -43,8 +43,9 @@ def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True
     """
     vector = _lanes(stages, real) if lanes else ""
     functions = stage_functions(stages, real, vector=bool(vector))
-    parts = [dimensions(stages, real), functions, vector, _row_functions(stages)]
-    return "\n".join([*parts, template("rti.h"), template("rti.c")])
+    width = f"#define RTI_W {-(-(stages.nx + stages.nu) // 4) * 4}" if lanes else ""
+    parts = [dimensions(stages, real), width, functions, vector, template("rti.h"), _row_functions(stages)]
+    return "\n".join([*parts, template("rti.c")])
 
 
 def library_source(stages: Stages, *, real: str = "double", lanes: bool = True) -> str:
@@ -57,6 +58,7 @@ int rti_sizeof(int which)
   const size_t sizes[] = {{{structures}}};
   return (int)sizes[which];
 }}
+int rti_width(void) {{ return RTI_W; }}
 int rti_offset(int which)
 {{
   const size_t offsets[] = {{{offsets}}};
@@ -104,7 +106,7 @@ def _lanes(stages: Stages, real: str) -> str:
 
 def _row_functions(stages: Stages) -> str:
     """What the template needs of the rows' Jacobian, over the entries that can differ from zero."""
-    nz, nc = stages.nx + stages.nu, stages.nc
+    nc = stages.nc
     entries = _pattern(stages)
     values = [
         f"  y[{i}] = c[{i}]" + "".join(f" + C[{i}][{j}] * z[{j}]" for j in row) + ";" for i, row in enumerate(entries)
@@ -120,18 +122,18 @@ def _row_functions(stages: Stages) -> str:
     void = "  (void)C; (void)w; "
     return "\n".join(
         [
-            f"static inline void rti_row_values(const real c[{rows}], real C[{rows}][{nz}], const real z[{nz}],"
+            f"static inline void rti_row_values(const real c[{rows}], real C[{rows}][RTI_NZ], const real z[RTI_W],"
             f" real y[{rows}])",
             "{",
             "  (void)c; (void)C; (void)z; (void)y;",
             *values,
             "}",
-            f"static inline void rti_row_gradient(real C[{rows}][{nz}], const real w[{rows}], real q[{nz}])",
+            f"static inline void rti_row_gradient(real C[{rows}][RTI_NZ], const real w[{rows}], real q[RTI_W])",
             "{",
             f"{void}(void)q;",
             *gradient,
             "}",
-            f"static inline void rti_row_hessian(real C[{rows}][{nz}], const real w[{rows}], real G[{nz}][{nz}])",
+            f"static inline void rti_row_hessian(real C[{rows}][RTI_NZ], const real w[{rows}], real G[RTI_NZ][RTI_W])",
             "{",
             f"{void}(void)G;",
             *hessian,

@@ -41,6 +41,16 @@ typedef uint64_t rti_bits;
 #ifndef RTI_FRESH
 #define RTI_FRESH 0
 #endif
+#ifndef RTI_MANY
+#define RTI_MANY 8
+#endif
+#ifndef RTI_FIRST
+#define RTI_FIRST RTI_R(1e-4)
+#define RTI_NEXT RTI_R(1e-3)
+#endif
+#ifndef RTI_FEW
+#define RTI_FEW 4
+#endif
 #ifndef RTI_POLISH
 #define RTI_POLISH 3
 #endif
@@ -48,7 +58,9 @@ typedef uint64_t rti_bits;
 #ifdef RTI_SINGLE
 #define RTI_STIFFER RTI_R(1e3)       /* weight of a row at its bound, per stiffness */
 #else
+#ifndef RTI_STIFFER
 #define RTI_STIFFER RTI_R(1e8)
+#endif
 #endif
 
 #ifndef RTI_DEBUG
@@ -225,13 +237,12 @@ static void rti_linearise(rti_work *o, const rti_settings *settings, const real 
       const int at = k + l;
       for (int i = 0; i < RTI_NX; ++i) {
         o->defect[at][i] = RTI_AT(x[i], l) - o->x[at + 1][i];
-        for (int j = 0; j < RTI_NZ; ++j) o->M[at][i][j] = RTI_AT(M[j][i], l);
+        for (int j = 0; j < RTI_W; ++j) o->M[at][i][j] = j < RTI_NZ ? RTI_AT(M[j < RTI_NZ ? j : 0][i], l) : 0;
       }
       o->l[at] = RTI_AT(cost[0], l);
-      for (int i = 0; i < RTI_NZ; ++i) {
-        o->g[at][i] = RTI_AT(g[i], l);
-        for (int j = 0; j < RTI_NZ; ++j) o->H[at][i][j] = RTI_AT(H[i][j], l);
-      }
+      for (int i = 0; i < RTI_W; ++i) o->g[at][i] = i < RTI_NZ ? RTI_AT(g[i < RTI_NZ ? i : 0], l) : 0;
+      for (int i = 0; i < RTI_NZ; ++i)
+        for (int j = 0; j < RTI_W; ++j) o->H[at][i][j] = j < RTI_NZ ? RTI_AT(H[i][j < RTI_NZ ? j : 0], l) : 0;
       for (int j = RTI_NX; j < RTI_NZ; ++j) o->H[at][j][j] += settings->regularisation;
       for (int i = 0; i < RTI_NC; ++i) {
         o->c[at][i] = RTI_AT(c[i], l);
@@ -260,35 +271,41 @@ static void rti_linearise(rti_work *o, const rti_settings *settings, const real 
 /* ---- Riccati recursion ---- */
 
 /* G += M' P M */
-static inline void rti_carry(real G[RTI_NZ][RTI_NZ], real P[RTI_NZ][RTI_NZ], real M[RTI_NX][RTI_NZ])
+static inline void rti_carry(real G[RTI_NZ][RTI_W], real P[RTI_NZ][RTI_W], real M[RTI_NX][RTI_W])
 {
-  real PM[RTI_NX][RTI_NZ];
+  real PM[RTI_NX][RTI_W];
   for (int i = 0; i < RTI_NX; ++i) {
-    for (int l = 0; l < RTI_NZ; ++l) PM[i][l] = P[i][0] * M[0][l];
+    real row[RTI_W];
+    for (int l = 0; l < RTI_W; ++l) row[l] = P[i][0] * M[0][l];
     for (int q = 1; q < RTI_NX; ++q)
-      for (int l = 0; l < RTI_NZ; ++l) PM[i][l] += P[i][q] * M[q][l];
+      for (int l = 0; l < RTI_W; ++l) row[l] += P[i][q] * M[q][l];
+    memcpy(PM[i], row, sizeof row);
   }
-  for (int j = 0; j < RTI_NZ; ++j)
+  for (int j = 0; j < RTI_NZ; ++j) {
+    real row[RTI_W];
+    memcpy(row, G[j], sizeof row);
     for (int i = 0; i < RTI_NX; ++i)
-      for (int l = 0; l < RTI_NZ; ++l) G[j][l] += M[i][j] * PM[i][l];
+      for (int l = 0; l < RTI_W; ++l) row[l] += M[i][j] * PM[i][l];
+    memcpy(G[j], row, sizeof row);
+  }
 }
 
 /* q += M' p */
-static inline void rti_pull(real q[RTI_NZ], real M[RTI_NX][RTI_NZ], const real p[RTI_NX])
+static inline void rti_pull(real q[RTI_W], real M[RTI_NX][RTI_W], const real p[RTI_NX])
 {
   for (int i = 0; i < RTI_NX; ++i)
-    for (int l = 0; l < RTI_NZ; ++l) q[l] += M[i][l] * p[i];
+    for (int l = 0; l < RTI_W; ++l) q[l] += M[i][l] * p[i];
 }
 
 /* Minimise over the inputs, last first: u_j = K_j [x, u_0 .. u_j-1]; what remains is the Hessian of the state. */
-static inline void rti_eliminate(real G[RTI_NZ][RTI_NZ], real K[RTI_NU][RTI_NZ], real inverse[RTI_NU])
+static inline void rti_eliminate(real G[RTI_NZ][RTI_W], real K[RTI_NU][RTI_W], real inverse[RTI_NU])
 {
   real least[RTI_NU];
   for (int j = 0; j < RTI_NU; ++j) least[j] = 8 * RTI_EPS * G[RTI_NX + j][RTI_NX + j];
   for (int j = RTI_NU - 1; j >= 0; --j) {
     const int v = RTI_NX + j;
     inverse[j] = G[v][v] > least[j] ? 1 / G[v][v] : 0;
-    for (int l = 0; l < RTI_NZ; ++l) K[j][l] = l < v ? -G[v][l] * inverse[j] : 0;
+    for (int l = 0; l < RTI_W; ++l) K[j][l] = l < v ? -G[v][l] * inverse[j] : 0;
     for (int i = 0; i < v; ++i)
       for (int l = 0; l <= i; ++l) G[i][l] += G[v][i] * K[j][l];
     for (int i = 0; i < v; ++i)
@@ -297,7 +314,7 @@ static inline void rti_eliminate(real G[RTI_NZ][RTI_NZ], real K[RTI_NU][RTI_NZ],
 }
 
 /* The same for the gradient: gives the constant part of the inputs. */
-static inline void rti_eliminate_gradient(real q[RTI_NZ], real K[RTI_NU][RTI_NZ], const real inverse[RTI_NU],
+static inline void rti_eliminate_gradient(real q[RTI_W], real K[RTI_NU][RTI_W], const real inverse[RTI_NU],
     real constant[RTI_NU])
 {
   for (int j = RTI_NU - 1; j >= 0; --j) {
@@ -307,7 +324,7 @@ static inline void rti_eliminate_gradient(real q[RTI_NZ], real K[RTI_NU][RTI_NZ]
   }
 }
 
-static inline void rti_inputs(real z[RTI_NZ], real K[RTI_NU][RTI_NZ], const real constant[RTI_NU])
+static inline void rti_inputs(real z[RTI_W], real K[RTI_NU][RTI_W], const real constant[RTI_NU])
 {
   for (int j = 0; j < RTI_NU; ++j) {
     real u = constant[j];
@@ -317,7 +334,7 @@ static inline void rti_inputs(real z[RTI_NZ], real K[RTI_NU][RTI_NZ], const real
 }
 
 /* next = M z, to which more is added */
-static inline void rti_following(real next[RTI_NZ], real M[RTI_NX][RTI_NZ], const real z[RTI_NZ])
+static inline void rti_following(real next[RTI_W], real M[RTI_NX][RTI_W], const real z[RTI_W])
 {
   for (int i = 0; i < RTI_NX; ++i) {
     real sum = 0;
@@ -329,7 +346,7 @@ static inline void rti_following(real next[RTI_NZ], real M[RTI_NX][RTI_NZ], cons
 /* The law that solves the problem without bounds. */
 static void rti_solve_free(rti_work *o)
 {
-  real G[RTI_NZ][RTI_NZ], P[RTI_NZ][RTI_NZ], q[RTI_NZ], p[RTI_NX];
+  real G[RTI_NZ][RTI_W], P[RTI_NZ][RTI_W], q[RTI_W], p[RTI_NX];
   memcpy(P, o->H[RTI_N], sizeof P);
   memcpy(p, o->g[RTI_N], sizeof p);
   for (int k = RTI_N - 1; k >= 0; --k) {
@@ -375,7 +392,7 @@ static inline void rti_row_entries(real from[RTI_ROWS][RTI_LENGTH], int node, re
 }
 
 /* Values of all rows on the way z; with_constant adds those of the plan. */
-static void rti_bounded(rti_work *o, real z[RTI_N + 1][RTI_NZ], real y[RTI_ROWS][RTI_LENGTH], int with_constant)
+static void rti_bounded(rti_work *o, real z[RTI_N + 1][RTI_W], real y[RTI_ROWS][RTI_LENGTH], int with_constant)
 {
   static const real zero[RTI_SIZE(RTI_NC)] = {0};
   for (int k = 0; k <= RTI_N; ++k) {
@@ -428,13 +445,14 @@ static int rti_inside(const rti_work *o, const rti_settings *s)
 /* The way without bounds from the state x0. */
 static void rti_free_way(rti_work *o, const real *x0)
 {
+  memset(o->z[0], 0, sizeof o->z[0]);
   for (int i = 0; i < RTI_NX; ++i) o->z[0][i] = x0[i] - o->x[0][i];
   for (int k = 0; k < RTI_N; ++k) {
     rti_inputs(o->z[k], o->gain[k], o->offset[k]);
+    memset(o->z[k + 1], 0, sizeof o->z[k + 1]);
     memcpy(o->z[k + 1], o->defect[k], sizeof o->defect[k]);
     rti_following(o->z[k + 1], o->M[k], o->z[k]);
   }
-  for (int j = RTI_NX; j < RTI_NZ; ++j) o->z[RTI_N][j] = 0;
   rti_bounded(o, o->z, o->y, 1);
 }
 
@@ -493,10 +511,10 @@ static real rti_gradient(rti_work *o)
 {
   real pi[RTI_NX], w[RTI_SIZE(RTI_NC)], most[RTI_NU] = {0}, size[RTI_NU] = {0};
   for (int k = RTI_N; k >= 0; --k) {
-    real r[RTI_NZ], carried[RTI_NZ] = {0};
+    real r[RTI_W], carried[RTI_W] = {0};
     memcpy(r, o->g[k], sizeof r);
     for (int i = 0; i < RTI_NZ; ++i)
-      for (int l = 0; l < RTI_NZ; ++l) r[l] += o->H[k][i][l] * o->z[k][i];
+      for (int l = 0; l < RTI_W; ++l) r[l] += o->H[k][i][l] * o->z[k][i];
     rti_row_entries(o->force, k, w);
     rti_row_gradient(o->C[k], w, r);
     if (k < RTI_N) {
@@ -521,14 +539,14 @@ static real rti_gradient(rti_work *o)
 /* Factors with the present weights; then the step with the present residual and push. */
 static void rti_factor(rti_work *o)
 {
-  real P[RTI_NZ][RTI_NZ], p[RTI_NZ] = {0}, w[RTI_SIZE(RTI_NC)];
+  real P[RTI_NZ][RTI_W], p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
   memcpy(P, o->H[RTI_N], sizeof P);
   rti_row_entries(o->weight, RTI_N, w);
   rti_row_hessian(o->C[RTI_N], w, P);
   rti_row_entries(o->push, RTI_N, w);
   rti_row_gradient(o->C[RTI_N], w, p);
   for (int k = RTI_N - 1; k >= 0; --k) {
-    real G[RTI_NZ][RTI_NZ], q[RTI_NZ] = {0};
+    real G[RTI_NZ][RTI_W], q[RTI_W] = {0};
     memcpy(G, o->H[k], sizeof G);
     rti_row_entries(o->weight, k, w);
     rti_row_hessian(o->C[k], w, G);
@@ -550,11 +568,11 @@ static void rti_factor(rti_work *o)
 /* The step with the present factors. */
 static void rti_resolve(rti_work *o)
 {
-  real p[RTI_NZ] = {0}, w[RTI_SIZE(RTI_NC)];
+  real p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
   rti_row_entries(o->push, RTI_N, w);
   rti_row_gradient(o->C[RTI_N], w, p);
   for (int k = RTI_N - 1; k >= 0; --k) {
-    real q[RTI_NZ] = {0};
+    real q[RTI_W] = {0};
     rti_row_entries(o->push, k, w);
     rti_row_gradient(o->C[k], w, q);
     for (int j = 0; j < RTI_NU; ++j) q[RTI_NX + j] += o->push[j][k] + o->residual[k][j];
@@ -578,30 +596,59 @@ static void rti_advance(rti_work *o)
 static void rti_move(rti_work *o, real length)
 {
   for (int k = 0; k <= RTI_N; ++k)
-    for (int l = 0; l < RTI_NZ; ++l) o->z[k][l] += length * o->dz[k][l];
+    for (int l = 0; l < RTI_W; ++l) o->z[k][l] += length * o->dz[k][l];
   rti_bounded(o, o->z, o->y, 1);
 }
 
-/* ---- active set: a bound holds, or does not, as the multiplier and the distance say; then a Newton step ---- */
+/* ---- active set: which bounds hold; a Newton step for these; anew ----
+ *
+ * A bound that holds is let go if its multiplier pulls the wrong way, and one that is violated is made to hold. A row
+ * whose multiplier exceeds its linear price leaves its bound, and comes back to it if it lies inside. Of the first set,
+ * which comes from an estimate, multiplier and distance from the bound say together what holds.
+ */
 
+enum { RTI_KEPT, RTI_ESTIMATED, RTI_EXCHANGED };   /* how a set comes about */
 enum { RTI_FREE = 0, RTI_AT_HIGH = 1, RTI_AT_LOW = -1, RTI_OVER_HIGH = 2, RTI_UNDER_LOW = -2 };
 
-/* Weights and pushes of the set that the present point and multipliers a tell; the number of changes of the set. */
-static int rti_choose(rti_work *o, const rti_settings *s, real *gap)
+/* The next state of a bounded quantity; `up` is the multiplier's pull, `price` what it may reach at the bound. */
+static inline int rti_next(int at, int how, real y, real up, real low, real high, real stiffness, real price)
+{
+  if (how == RTI_KEPT) return at;
+  if (how == RTI_ESTIMATED) {
+    const real above = up + stiffness * (y - high), below = -up + stiffness * (low - y);
+    if (high < RTI_ABSENT && above > 0) return above < price ? RTI_AT_HIGH : RTI_OVER_HIGH;
+    if (low > -RTI_ABSENT && below > 0) return below < price ? RTI_AT_LOW : RTI_UNDER_LOW;
+    return RTI_FREE;
+  }
+  switch (at) {
+    case RTI_AT_HIGH: return up <= 0 ? RTI_FREE : up < price ? RTI_AT_HIGH : RTI_OVER_HIGH;
+    case RTI_AT_LOW: return up >= 0 ? RTI_FREE : -up < price ? RTI_AT_LOW : RTI_UNDER_LOW;
+    case RTI_OVER_HIGH: return y > high ? RTI_OVER_HIGH : price > 0 ? RTI_AT_HIGH : RTI_FREE;
+    case RTI_UNDER_LOW: return y < low ? RTI_UNDER_LOW : price > 0 ? RTI_AT_LOW : RTI_FREE;
+    default: break;
+  }
+  if (high < RTI_ABSENT && y > high) return price > 0 ? RTI_AT_HIGH : RTI_OVER_HIGH;
+  if (low > -RTI_ABSENT && y < low) return price > 0 ? RTI_AT_LOW : RTI_UNDER_LOW;
+  return RTI_FREE;
+}
+
+/* The next set with its weights and pushes, from the present point and multipliers; the number of changes. */
+static int rti_choose(rti_work *o, const rti_settings *s, int how, real *gap)
 {
   int changes = 0;
   *gap = 0;
   for (int j = 0; j < RTI_NU; ++j) {
-    const real low = s->u_min[j], high = s->u_max[j];
+    const real low = s->u_min[j], high = s->u_max[j], unit = rti_scale(s, j);
     for (int k = 0; k < RTI_N; ++k) {
-      const real wish = o->stiffness[j][k] > 0 ? o->y[j][k] - o->residual[k][j] / o->stiffness[j][k] : o->y[j][k];
-      const int at = wish >= high ? RTI_AT_HIGH : wish <= low ? RTI_AT_LOW : RTI_FREE;
-      const real away = at == RTI_FREE ? 0 : o->y[j][k] - (at == RTI_AT_HIGH ? high : low);
+      const real y = o->y[j][k], residual = o->residual[k][j];
+      int at = RTI_AT_HIGH;
+      if (low < high) at = rti_next(o->active[j][k], how, y, -residual, low, high, o->stiffness[j][k], RTI_FIXED);
+      const real away = at == RTI_FREE ? 0 : y - (at == RTI_AT_HIGH ? high : low);
       changes += at != o->active[j][k];
       o->active[j][k] = (signed char)at;
-      *gap = rti_max(*gap, rti_abs(away) / rti_scale(s, j));
+      *gap = rti_max(*gap, rti_abs(away) / unit);
       o->weight[j][k] = at == RTI_FREE ? 0 : RTI_FIXED;
-      o->push[j][k] = at == RTI_FREE ? 0 : RTI_FIXED * away - o->residual[k][j];
+      o->push[j][k] = at == RTI_FREE ? 0 : RTI_FIXED * away - residual;
     }
   }
   for (int i = 0; i < RTI_NC; ++i) {
@@ -611,28 +658,18 @@ static int rti_choose(rti_work *o, const rti_settings *s, real *gap)
       memset(o->push[row], 0, sizeof o->push[row]);
       continue;
     }
-    const real low = s->c_min[i], high = s->c_max[i], linear = s->linear[i], quadratic = s->quadratic[i];
+    const real low = s->c_min[i], high = s->c_max[i], price = s->linear[i], unit = rti_scale(s, row);
     for (int k = 0; k < RTI_N; ++k) {
-      const real stiffness = o->stiffness[row][k], y = o->y[row][k], a = o->a[row][k];
-      const real up = high < RTI_ABSENT ? a + stiffness * (y - high) : 0;
-      const real down = low > -RTI_ABSENT ? -a + stiffness * (low - y) : 0;
-      int at = RTI_FREE;
-      real weight = 0, push = -a;
-      if (up > 0) {
-        at = up < linear ? RTI_AT_HIGH : RTI_OVER_HIGH;
-        weight = up < linear ? RTI_STIFFER * stiffness : quadratic;
-        push = weight * (y - high) + (up < linear ? 0 : linear - a);
-        if (up < linear) *gap = rti_max(*gap, rti_abs(y - high) / rti_scale(s, row));
-      } else if (down > 0) {
-        at = down < linear ? RTI_AT_LOW : RTI_UNDER_LOW;
-        weight = down < linear ? RTI_STIFFER * stiffness : quadratic;
-        push = weight * (y - low) - (down < linear ? 0 : linear + a);
-        if (down < linear) *gap = rti_max(*gap, rti_abs(y - low) / rti_scale(s, row));
-      }
+      const real y = o->y[row][k], a = o->a[row][k], c = o->stiffness[row][k];
+      const int at = rti_next(o->active[row][k], how, y, a, low, high, c, price);
+      const real away = at == RTI_FREE ? 0 : y - (at > 0 ? high : low);
+      const int holds = at == RTI_AT_HIGH || at == RTI_AT_LOW;
+      const real weight = holds ? RTI_STIFFER * c : at == RTI_FREE ? 0 : s->quadratic[i];
       changes += at != o->active[row][k];
       o->active[row][k] = (signed char)at;
+      if (holds) *gap = rti_max(*gap, rti_abs(away) / unit);
       o->weight[row][k] = weight;
-      o->push[row][k] = push;
+      o->push[row][k] = weight * away + (holds ? 0 : (at > 0 ? price : at < 0 ? -price : 0) - a);
     }
   }
   return changes;
@@ -650,21 +687,23 @@ static real rti_free_residual(const rti_work *o)
 }
 
 /* From the present point and multipliers a; 1 if the optimality conditions are met. */
-static int rti_active_set(rti_work *o, const rti_settings *s, int limit, rti_report *report)
+static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit, rti_report *report)
 {
-  memset(o->active, 0, sizeof o->active);
+  int before = RTI_ROWS * RTI_N;
   for (int round = 0;; ++round) {
     real gap;
     memset(o->force, 0, sizeof o->force[0] * RTI_NU);
     for (int i = RTI_NU; i < RTI_ROWS; ++i) memcpy(o->force[i], o->a[i], sizeof o->force[i]);
     rti_gradient(o);
-    const int changes = rti_choose(o, s, &gap);
+    const int changes = rti_choose(o, s, round == 0 ? how : RTI_EXCHANGED, &gap);
     report->kkt = rti_max(gap, rti_free_residual(o));
     RTI_DEBUG("  set %d changes %d gap %g res %g\n", round, changes, gap, rti_free_residual(o));
     if (round > 0 && changes == 0 && report->kkt <= s->tolerance) return 1;
-    if (round == limit) return 0;
+    if (round == limit || (round > 1 && changes > before && changes > RTI_MANY)) return 0;
+    if (round > 0) before = changes;
     ++report->iterations;
-    rti_factor(o);
+    if (round > 0 && changes == 0) rti_resolve(o);
+    else rti_factor(o);
     rti_advance(o);
     rti_move(o, 1);
     for (int i = RTI_NU; i < RTI_ROWS; ++i)
@@ -709,6 +748,7 @@ static void rti_inner_way(rti_work *o, const rti_settings *s)
       if (high < RTI_ABSENT) inner = rti_min(inner, high - margin);
       o->z[k][RTI_NX + j] = inner - u;
     }
+    memset(o->z[k + 1], 0, sizeof o->z[k + 1]);
     memcpy(o->z[k + 1], o->defect[k], sizeof o->defect[k]);
     rti_following(o->z[k + 1], o->M[k], o->z[k]);
   }
@@ -832,48 +872,51 @@ typedef struct { real ratio, first, second; } rti_change;
 /* Changes of slacks and multipliers with dy: largest relative decrease, and how the sum of products changes. */
 static rti_change rti_changes(rti_work *o, real target, real second)
 {
-  real ratio[RTI_LANES] = {0}, first[RTI_LANES] = {0}, square[RTI_LANES] = {0};
+  real ratio[RTI_LENGTH] = {0}, first[RTI_LENGTH] = {0}, square[RTI_LENGTH] = {0};
   for (int i = 0; i < o->sides; ++i) {
     const rti_side side = o->side[i];
     const real *restrict y = o->y[side.row], *restrict dy = o->dy[side.row];
     const real *restrict t = o->t[i], *restrict m = o->m[i], *restrict s = o->s[i], *restrict n = o->n[i];
     const real *restrict W = o->W[i], *restrict V = o->V[i], *restrict e = o->e[i], *restrict f = o->f[i];
     real *restrict dt = o->dt[i], *restrict dm = o->dm[i], *restrict ds = o->ds[i], *restrict dn = o->dn[i];
-    for (int b = 0; b < RTI_LENGTH; b += RTI_LANES)
-      for (int l = 0; l < RTI_LANES; ++l) {
-        const int k = b + l;
-        const real multiplier = W[k] * side.sign * dy[k] + e[k];
-        const real violation = V[k] * multiplier + f[k];
-        const real slack = violation - side.sign * (y[k] + dy[k]) + s[k] + side.bound - t[k];
-        if (side.soft) {
-          dn[k] = (target - second * ds[k] * dn[k] - n[k] * violation) / s[k] - n[k];
-          ratio[l] = rti_max(ratio[l], rti_max(-violation / s[k], -dn[k] / n[k]));
-          first[l] += s[k] * dn[k] + n[k] * violation;
-          square[l] += violation * dn[k];
-        }
-        dm[k] = multiplier;
-        ds[k] = violation;
-        dt[k] = slack;
-        ratio[l] = rti_max(ratio[l], rti_max(-slack / t[k], -multiplier / m[k]));
-        first[l] += t[k] * multiplier + m[k] * slack;
-        square[l] += slack * multiplier;
+    if (side.soft)
+      for (int k = 0; k < RTI_LENGTH; ++k) {
+        const real violation = V[k] * (W[k] * side.sign * dy[k] + e[k]) + f[k], inverse = 1 / (s[k] * n[k]);
+        const real pull = (target - second * ds[k] * dn[k] - n[k] * violation) * n[k] * inverse - n[k];
+        dn[k] = pull;
+        ratio[k] = rti_max(ratio[k], -inverse * rti_min(n[k] * violation, s[k] * pull));
+        first[k] += s[k] * pull + n[k] * violation;
+        square[k] += violation * pull;
       }
+    for (int k = 0; k < RTI_LENGTH; ++k) {
+      const real multiplier = W[k] * side.sign * dy[k] + e[k], violation = V[k] * multiplier + f[k];
+      const real slack = violation - side.sign * (y[k] + dy[k]) + s[k] + side.bound - t[k];
+      dm[k] = multiplier;
+      ds[k] = violation;
+      dt[k] = slack;
+      ratio[k] = rti_max(ratio[k], -rti_min(m[k] * slack, t[k] * multiplier) / (t[k] * m[k]));
+      first[k] += t[k] * multiplier + m[k] * slack;
+      square[k] += slack * multiplier;
+    }
   }
-  rti_change change = {ratio[0], first[0], square[0]};
-  for (int l = 1; l < RTI_LANES; ++l) {
-    change.ratio = rti_max(change.ratio, ratio[l]);
-    change.first += first[l];
-    change.second += square[l];
+  rti_change change = {0, 0, 0};
+  for (int k = 0; k < RTI_LENGTH; ++k) {
+    change.ratio = rti_max(change.ratio, ratio[k]);
+    change.first += first[k];
+    change.second += square[k];
   }
   return change;
 }
 
 static real rti_products(const rti_work *o)
 {
-  real sum = 0;
-  for (int i = 0; i < o->sides; ++i)
-    for (int k = 0; k < RTI_LENGTH; ++k)
-      sum += o->t[i][k] * o->m[i][k] + (o->side[i].soft ? o->s[i][k] * o->n[i][k] : 0);
+  real sum = 0, products[RTI_LENGTH] = {0};
+  for (int i = 0; i < o->sides; ++i) {
+    const real *t = o->t[i], *m = o->m[i], *s = o->s[i], *n = o->n[i];
+    const real soft = o->side[i].soft ? 1 : 0;
+    for (int k = 0; k < RTI_LENGTH; ++k) products[k] += t[k] * m[k] + soft * s[k] * n[k];
+  }
+  for (int k = 0; k < RTI_LENGTH; ++k) sum += products[k];
   return sum;
 }
 
@@ -961,17 +1004,37 @@ static real rti_cost(const rti_work *o, const rti_settings *s, real *violation)
   return cost;
 }
 
+/* The set that the plan tells, which is that of the last solution moved on: what is at its bound. Whether any is. */
+static int rti_planned(rti_work *o, const rti_settings *s)
+{
+  int count = 0, violated = 0;
+  for (int row = 0; row < RTI_ROWS; ++row) {
+    const real low = rti_low(s, row), high = rti_high(s, row);
+    const real margin = (row < RTI_NU ? RTI_R(1e-6) : RTI_R(1e-2)) * rti_scale(s, row);
+    for (int k = 0; k < RTI_N; ++k) {
+      const real y = row < RTI_NU ? o->u[k][row < RTI_NU ? row : 0] : o->c[k + (row - RTI_NU < RTI_NS)][row < RTI_NU ? 0 : row - RTI_NU];
+      int at = RTI_FREE;
+      if (rti_priced(s, row) && high < RTI_ABSENT && y > high - margin) at = row >= RTI_NU && y > high + margin ? RTI_OVER_HIGH : RTI_AT_HIGH;
+      else if (rti_priced(s, row) && low > -RTI_ABSENT && y < low + margin) at = row >= RTI_NU && y < low - margin ? RTI_UNDER_LOW : RTI_AT_LOW;
+      o->active[row][k] = (signed char)at;
+      count += at != RTI_FREE;
+      violated += rti_priced(s, row) && (o->y[row][k] < low || o->y[row][k] > high);
+    }
+  }
+  return count > 0 && violated > RTI_FEW;
+}
+
 static void rti_solve_bounded(rti_work *o, const rti_settings *s, const real *x0, rti_report *report)
 {
   rti_stiffnesses(o);
   memset(o->a, 0, sizeof o->a);
-  if (rti_active_set(o, s, RTI_GUESSES, report)) return;
+  if (rti_active_set(o, s, rti_planned(o, s) ? RTI_KEPT : RTI_ESTIMATED, RTI_GUESSES, report)) return;
   rti_sides(o, s);
   rti_free_way(o, x0);
   rti_inner_way(o, s);
   rti_centre(o, RTI_CENTRE * rti_first_product(o, s));
   const real unit = rti_unit_cost(o, s);
-  real fall = RTI_R(1e-4);
+  real fall = RTI_FIRST;
   int left = s->iterations;
   for (;;) {
     const int small = rti_interior_point(o, s, fall * unit, &left);
@@ -979,12 +1042,12 @@ static void rti_solve_bounded(rti_work *o, const rti_settings *s, const real *x0
     for (int i = RTI_NU; i < RTI_ROWS; ++i) memset(o->a[i], 0, sizeof o->a[i]);
     for (int i = 0; i < o->sides; ++i)
       for (int k = 0; k < RTI_N; ++k) o->a[o->side[i].row][k] += o->side[i].sign * o->m[i][k];
-    const int solved = rti_active_set(o, s, RTI_POLISH, report);
+    const int solved = rti_active_set(o, s, RTI_ESTIMATED, RTI_POLISH, report);
     RTI_DEBUG("polish %d\n", solved);
     if (solved) break;
     memcpy(o->z, o->saved, sizeof o->z);
     rti_bounded(o, o->z, o->y, 1);
-    fall *= RTI_R(1e-3);
+    fall *= RTI_NEXT;
     if (!small || fall < RTI_LEAST) {
       rti_forces(o);
       report->kkt = rti_max(rti_gradient(o), RTI_SQRT(rti_products(o) / unit));
@@ -1008,7 +1071,7 @@ int rti_feedback(rti_work *o, rti_plan *plan, const rti_settings *settings, cons
   for (int k = 0; k < RTI_N; ++k)
     for (int j = 0; j < RTI_NU; ++j)
       o->next_u[k][j] = rti_max(settings->u_min[j], rti_min(settings->u_max[j], o->u[k][j] + o->z[k][RTI_NX + j]));
-  const int finite = rti_finite(o->next_x[0], (RTI_N + 1) * RTI_NX) && rti_finite(&o->z[0][0], (RTI_N + 1) * RTI_NZ)
+  const int finite = rti_finite(o->next_x[0], (RTI_N + 1) * RTI_NX) && rti_finite(&o->z[0][0], (RTI_N + 1) * RTI_W)
       && rti_finite(&report->cost, 1);
   if (!finite) return report->status = RTI_BAD_SOLUTION;
   memcpy(plan->x, o->next_x, sizeof plan->x);

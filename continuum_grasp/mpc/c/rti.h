@@ -17,6 +17,9 @@
 #define RTI_H
 
 #define RTI_NZ (RTI_NX + RTI_NU)
+#ifndef RTI_W
+#define RTI_W RTI_NZ                          /* length of a row of RTI_NZ numbers, with zeros behind them */
+#endif
 #define RTI_SIZE(n) ((n) > 0 ? (n) : 1)
 #define RTI_ROWS (RTI_NU + RTI_NC)           /* bounded quantities of a node: inputs, then rows of c */
 #define RTI_SIDES (2 * RTI_ROWS)
@@ -67,19 +70,19 @@ typedef struct {
   int ready;
   /* the problem: made by rti_prepare, read by rti_feedback */
   real x[RTI_N + 1][RTI_NX], u[RTI_N][RTI_NU];
-  real M[RTI_N][RTI_NX][RTI_NZ];              /* [A B] */
+  real M[RTI_N][RTI_NX][RTI_W];              /* [A B] */
   real defect[RTI_N][RTI_NX];
-  real l[RTI_N + 1], g[RTI_N + 1][RTI_NZ], H[RTI_N + 1][RTI_NZ][RTI_NZ];
+  real l[RTI_N + 1], g[RTI_N + 1][RTI_W], H[RTI_N + 1][RTI_NZ][RTI_W];
   real c[RTI_N + 1][RTI_SIZE(RTI_NC)], C[RTI_N + 1][RTI_SIZE(RTI_NC)][RTI_NZ];
   /* its solution without bounds, as a law of the state */
-  real gain[RTI_N][RTI_NU][RTI_NZ], offset[RTI_N][RTI_NU], ease[RTI_N][RTI_NU];
+  real gain[RTI_N][RTI_NU][RTI_W], offset[RTI_N][RTI_NU], ease[RTI_N][RTI_NU];
   /* the solution: change of the plan, bounded quantities */
-  real z[RTI_N + 1][RTI_NZ], dz[RTI_N + 1][RTI_NZ], saved[RTI_N + 1][RTI_NZ];
+  real z[RTI_N + 1][RTI_W], dz[RTI_N + 1][RTI_W], saved[RTI_N + 1][RTI_W];
   real y[RTI_ROWS][RTI_LENGTH], dy[RTI_ROWS][RTI_LENGTH];
   real stiffness[RTI_ROWS][RTI_LENGTH];       /* curvature of the cost along a bounded quantity */
   /* a Newton step: weights and multipliers of bounded quantities, factors, gradients */
   real weight[RTI_ROWS][RTI_LENGTH], force[RTI_ROWS][RTI_LENGTH], push[RTI_ROWS][RTI_LENGTH];
-  real K[RTI_N][RTI_NU][RTI_NZ], inverse[RTI_N][RTI_NU], constant[RTI_N][RTI_NU];
+  real K[RTI_N][RTI_NU][RTI_W], inverse[RTI_N][RTI_NU], constant[RTI_N][RTI_NU];
   real residual[RTI_N][RTI_NU], gradient_size[RTI_NU];
   /* sides of bounds: slack t, its multiplier m, violation s, its multiplier n, and their changes */
   int sides;

@@ -61,7 +61,7 @@ class Plant:
         self.method = choose_method(self.model, self.period)
         self.sensors = Sensors(scene, self.model, Prediction(scene) if prediction is None else prediction)
         self._integration = Integration(self.model, self.method.name)
-        self.x = self.model.start
+        self.x = self.model.start.copy()
         self.t = 0.0
         self._u = self.model.rest_input
         self._past_t, self._past_x = np.zeros(1), self.x[None]

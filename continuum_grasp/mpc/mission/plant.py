@@ -93,5 +93,6 @@ def mission_plant(
     equations.p = nominal * np.array([stiffness, damping, asked.mass, asked.friction])
     equations.outside = timetable.outside()
     plant = Plant(assignment.control, prediction, assignment.mission.controller.period, equations)
+    plant.x = plant.x.copy()
     plant.x[equations.system.object_states] += np.array([*asked.shift, 0.0, 0.0])
     return plant

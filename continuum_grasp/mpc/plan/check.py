@@ -44,12 +44,15 @@ class Deviation:
         Largest deviation of the tip, and that at the end [m].
     final_rate : float
         Largest bending rate at the end [rad/s].
+    contact_forces : tuple of float
+        Normal force at each place where the finger may touch the object, at the end [N].
     """
 
     model: str
     tip: float
     final_tip: float
     final_rate: float
+    contact_forces: tuple[float, ...] = ()
 
 
 class Player:

@@ -65,7 +65,7 @@ def load_plan(folder: str | os.PathLike[str]) -> Plan:
         name: Constraint(name, about["key"], about["unit"], *(data[f"constraint {name} {part}"] for part in _PARTS))
         for name, about in meta["constraints"].items()
     }
-    deviation, finer = (None if meta[k] is None else Deviation(**meta[k]) for k in ("deviation", "finer"))
+    deviation, finer = (_deviation(meta[k]) for k in ("deviation", "finer"))
     return Plan(
         scene=PlanScene(**meta["config"]),
         status=PlanStatus(meta["status"]),
@@ -89,3 +89,7 @@ def load_plan(folder: str | os.PathLike[str]) -> Plan:
             if name.startswith("solver ")
         },
     )
+
+
+def _deviation(found: dict[str, Any] | None) -> Deviation | None:
+    return None if found is None else Deviation(**{**found, "contact_forces": tuple(found["contact_forces"])})

@@ -88,7 +88,8 @@ def _deviation(name: str, model: Prediction, plan: Plan, states: Array) -> Devia
     tips = np.array([np.array(model.tip(x, u, p)).ravel() for x, u in zip(at_nodes, plan.u, strict=True)])
     off = np.hypot(*(tips - plan.tip).T)
     rates = np.array(model.bending_rate(states[-1], plan.u[-1], p)).ravel()
-    return Deviation(name, float(off.max()), float(off[-1]), float(np.abs(rates).max()))
+    force = np.array(model.contact_force(states[-1], plan.u[-1], p)).ravel() if model.contact_names else ()
+    return Deviation(name, float(off.max()), float(off[-1]), float(np.abs(rates).max()), tuple(map(float, force)))
 
 
 def _outside(motion: Motion, excess: Array) -> str:
@@ -104,7 +105,8 @@ def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | Non
     """The same on the finer model."""
     if scene.check.finer is None:
         return None, []
-    fine = scene.model_copy(update={"fidelity": scene.check.finer})
+    law = scene.check.contact_law or scene.contact_law
+    fine = scene.model_copy(update={"fidelity": scene.check.finer, "contact_law": law})
     model = Prediction(control_scene(fine))
     name = f"{len(model.system.finger_model.lengths)} elements ({model.system.finger_model.family})"
     try:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from continuum_grasp.mpc.plan.goal import GoalPart
 from continuum_grasp.mpc.plan.motion import Motion
 
-__all__ = ["Path", "Posture", "detours", "final_posture", "smooth_path"]
+__all__ = ["Hint", "Path", "Posture", "detours", "final_posture", "smooth_path"]
 
 Array = NDArray[np.float64]
 
@@ -31,6 +31,14 @@ class Posture:
 
 
 @dataclass(frozen=True)
+class Hint:
+    """Bending angles of the elements [rad] and input (nu) near which the last posture is."""
+
+    bends: Array
+    u: Array
+
+
+@dataclass(frozen=True)
 class Path:
     """States x (N + 1, nx), inputs u (N + 1, nu) and the duration [s]."""
 
@@ -39,8 +47,11 @@ class Path:
     duration: float
 
 
-def final_posture(motion: Motion, goal: list[GoalPart], first: Posture) -> Posture:
-    """A posture at rest and nearly in balance that meets the goal as well as may be, near the first one."""
+def final_posture(motion: Motion, goal: list[GoalPart], first: Posture, near: Hint | None = None) -> Posture:
+    """A posture at rest and nearly in balance that meets the goal as well as may be.
+
+    It is sought near the first one, or near what is given.
+    """
     if all(part.name in ("still", "held") for part in goal):
         return first
     n = len(first.q)
@@ -50,13 +61,28 @@ def final_posture(motion: Motion, goal: list[GoalPart], first: Posture) -> Postu
     low = np.concatenate([np.full(n, -2.0), np.full(motion.nu, least) / motion.scales.u])
     high = np.concatenate([np.full(n, 2.0), np.full(motion.nu, most) / motion.scales.u])
     best: tuple[float, Array] | None = None
-    for side in (0.0, 0.5, -0.5):
-        y = np.concatenate([first.q / reach + side, first.u / motion.scales.u])
+    starts = [Posture(first.q + side * reach, first.u) for side in (0.0, 0.5, -0.5)]
+    if near is not None:
+        starts = [Posture(_with_bends(motion, first, near.bends), near.u)]
+    for start in starts:
+        y = np.clip(np.concatenate([start.q / reach, start.u / motion.scales.u]), low, high)
         value, y = _least_squares(slope, y, low, high)
         if best is None or value < 0.9 * best[0]:
             best = value, y
     y = first.q / reach if best is None else best[1]
     return Posture(y[:n] * reach, y[n:] * motion.scales.u)
+
+
+def _with_bends(motion: Motion, first: Posture, bends: Array) -> Array:
+    """Coordinates nearest to the first ones with other bending angles."""
+    model, n = motion.prediction, len(first.q)
+
+    def bending(q: Array) -> Array:
+        return np.array(model.bending(model.at_rest(q, first.u), first.u, model.p_nominal)).ravel()
+
+    # Bends are linear in the coordinates.
+    slope = np.array([bending(first.q + e) - bending(first.q) for e in np.eye(n)]).T
+    return np.asarray(first.q + np.linalg.lstsq(slope, bends - bending(first.q), rcond=None)[0])
 
 
 def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Function:
@@ -75,10 +101,13 @@ def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Functi
         s = ca.vertcat(s, y[n:])
     end = motion.scene.duration_range[1]
     numbers = ca.DM(motion.numbers([end]).ravel())
-    errors = [
-        part.rows(motion).value(ca.vertcat(s, y[n:]), numbers) for part in goal if part.name not in ("still", "held")
-    ]
     p = numbers[: model.np]
+    errors = []
+    for part in goal:
+        if part.key == "goal.contact_force":
+            errors.append((_spring_forces(motion, x, u, p) - ca.DM(part.target)) / ca.DM(part.scale))
+        elif part.name not in ("still", "held"):
+            errors.append(part.rows(motion).value(ca.vertcat(s, y[n:]), numbers))
     frequency = 2.0 * np.pi / motion.first_duration
     rate = model.dynamics(x, u, p)[n : 2 * n] / ca.DM(reach * frequency**2)
     held = any(part.name == "held" for part in goal)
@@ -88,6 +117,13 @@ def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Functi
     ]
     residual = ca.vertcat(*errors)
     return ca.Function("residual", [y], [residual, ca.jacobian(residual, y)])
+
+
+def _spring_forces(motion: Motion, x: ca.SX, u: ca.SX, p: ca.DM) -> ca.SX:
+    """Contact forces as if surfaces that are apart pulled: they tell the way to where they touch."""
+    model, law = motion.prediction, motion.scene.contact_law
+    gap = ca.Function("gap", [model.x, model.u, model.p], [model.system.touch(*model.arguments)[0]])(x, u, p)
+    return -(law.stiffness if law is not None else 0.0) * gap[: len(model.contact_names)]
 
 
 def _least_squares(residual: ca.Function, y: Array, low: Array, high: Array) -> tuple[float, Array]:

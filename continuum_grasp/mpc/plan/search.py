@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.mpc.plan.diagnosis import Diagnosis, diagnose
-from continuum_grasp.mpc.plan.guess import Path, detours, final_posture, smooth_path
+from continuum_grasp.mpc.plan.fine import simulated
+from continuum_grasp.mpc.plan.guess import Hint, Path, detours, final_posture, smooth_path
 from continuum_grasp.mpc.plan.initial import first_state_of_plan
 from continuum_grasp.mpc.plan.ipopt import Attempt, Multipliers, ProgrammeSolver
 from continuum_grasp.mpc.plan.motion import Motion
@@ -38,6 +40,8 @@ class Search:
     scene : PlanScene
     warm : Plan or None
         From which to begin.
+    near : Hint or None
+        Near what the last posture is sought.
     attempts, relaxed : list of (str, Attempt)
         What was tried, by name, at the problem and at the relaxed one that seeks the least distance from the goal.
     best : Attempt or None
@@ -51,7 +55,8 @@ class Search:
     """
 
     scene: PlanScene
-    warm: Plan | None
+    warm: Plan | None = None
+    near: Hint | None = None
     attempts: list[tuple[str, Attempt]] = field(default_factory=list)
     relaxed: list[tuple[str, Attempt]] = field(default_factory=list)
     best: Attempt | None = None
@@ -99,18 +104,28 @@ class Search:
 
     def _paths(self) -> Iterator[tuple[str, Path]]:
         count = self.scene.solver.starts or (_STARTS_WITH_ZONES if self.scene.bounds.keep_out else 1)
-        last = final_posture(self.motion, self.problem.goal, self.first)
+        last = final_posture(self.motion, self.problem.goal, self.first, self.near)
+        if self.scene.object is not None:
+            direct = smooth_path(self.motion, self.x0, self.first, last, 0.0)
+            with suppress(NumericalError):
+                states = simulated(self.scene, self.motion.prediction, direct, self.x0, 1)
+                yield "simulated", replace(direct, x=states)
         for side in detours(count):
             name = "direct" if side == 0.0 else f"detour {side:+g}"
             yield name, smooth_path(self.motion, self.x0, self.first, last, side)
 
     def _warm_start(self, earlier: Plan) -> tuple[Array, Multipliers | None]:
         """Unknowns and, where everything has its place as before, multipliers of an earlier plan."""
-        if earlier.x.shape[1] != self.motion.nx or earlier.u.shape[1] != self.motion.nu:
-            raise InputError("the plan has another number of states or inputs than this model", key="warm")
+        known, wanted = earlier.x_names, list(self.motion.prediction.x_names)
+        if earlier.n != self.motion.prediction.system.n or earlier.u.shape[1] != self.motion.nu:
+            raise InputError("the plan has other bending coordinates or inputs than this model", key="warm")
         least, most = self.scene.duration_range
         t = np.linspace(0.0, earlier.duration, self.scene.intervals + 1)
-        path = Path(earlier.states_at(t), earlier.inputs_at(t), float(np.clip(earlier.duration, least, most)))
+        states, x = earlier.states_at(t), np.tile(self.x0, (len(t), 1))
+        for k, name in enumerate(wanted):
+            if name in known:
+                x[:, k] = states[:, known.index(name)]
+        path = Path(x, earlier.inputs_at(t), float(np.clip(earlier.duration, least, most)))
         state, programme = earlier.solver_state, self.problem.programme
         if not np.array_equal(state.get("units", []), self.motion.units):
             return self.problem.start(path), None

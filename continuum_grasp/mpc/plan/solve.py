@@ -6,11 +6,12 @@ import os
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from continuum_grasp.errors import InputError, Interrupted, SolverError
+from continuum_grasp.mpc.plan.closing import closing
 from continuum_grasp.mpc.plan.files import load_plan
 from continuum_grasp.mpc.plan.fine import checked
 from continuum_grasp.mpc.plan.ipopt import Attempt
@@ -20,6 +21,9 @@ from continuum_grasp.mpc.plan.search import KEPT, Search
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.plan import PlanScene
 
+if TYPE_CHECKING:
+    from continuum_grasp.grasp.result import GraspResult
+
 __all__ = ["plan"]
 
 
@@ -27,6 +31,7 @@ def plan(
     scene: PlanScene | str | os.PathLike[str],
     *,
     warm: Plan | str | os.PathLike[str] | None = None,
+    grasp: GraspResult | str | os.PathLike[str] | None = None,
     raise_on_failure: bool = True,
 ) -> Plan:
     """Plan a motion as a whole.
@@ -42,6 +47,8 @@ def plan(
         What is to be planned, or its YAML file.
     warm : Plan or path-like, optional
         A plan of a similar scene, or its run folder, from which the search begins.
+    grasp : GraspResult or path-like, optional
+        The grasp that the scene names, or its run folder, where it was found already.
     raise_on_failure : bool
         Whether to raise where there is no plan; where not, its ``status`` says so.
 
@@ -59,9 +66,9 @@ def plan(
         Ctrl-C; ``result`` is the best plan so far, or the last iterate.
     """
     began = time.perf_counter()
-    asked = _scene(scene)
+    asked, near = closing(_scene(scene), grasp)
     earlier = load_plan(warm) if isinstance(warm, (str, os.PathLike)) else warm
-    search = Search(asked, earlier)
+    search = Search(asked, earlier, near)
     built = time.perf_counter()
     search.run()
     searched = time.perf_counter()
