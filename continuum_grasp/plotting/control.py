@@ -65,20 +65,20 @@ def plot_control_path(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
     for shape in shapes:
         ax.plot(*shape.T, color=GREY, linewidth=0.8, alpha=0.7, zorder=1)
     if wanted is not None:
-        ax.plot(*wanted.T, color=ORANGE, linewidth=1.0, linestyle="--", label="set-point", zorder=5)
-        ax.plot(*_corners(wanted).T, "o", color=ORANGE, markersize=4, zorder=5)
+        jumps = _jumps(wanted)
+        whole = np.insert(wanted, jumps + 1, np.nan, axis=0)
+        ax.plot(*whole.T, color=ORANGE, linewidth=1.0, linestyle="--", zorder=5)
+        ends = wanted[np.unique([0, *jumps, *(jumps + 1), len(wanted) - 1])]
+        ax.plot(*ends.T, "o", color=ORANGE, markersize=4, label="set-point", zorder=5)
     ax.plot(*tip.T, color=BLUE, linewidth=1.6, label="tip", zorder=4)
     head(ax, run.name, entries=1 + (wanted is not None))
     return ax
 
 
-def _corners(wanted: Any) -> Any:
-    """Where set-points jump: both ends of each jump; where none does, the first and the last."""
+def _jumps(wanted: Any) -> Any:
+    """After which set-points the next one is far away."""
     steps = np.linalg.norm(np.diff(wanted, axis=0), axis=1)
-    typical = np.median(steps)
-    jumps = np.flatnonzero(steps > max(20.0 * typical, 1e-6))
-    chosen = np.unique([0, *jumps, *(jumps + 1), len(wanted) - 1])
-    return wanted[chosen] if len(chosen) < 0.2 * len(wanted) else wanted[[0, -1]]
+    return np.flatnonzero(steps > max(20.0 * float(np.median(steps)), 1e-6))
 
 
 def plot_inputs(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
