@@ -1,4 +1,4 @@
-"""Planar tendon-driven continuum fingers: physics written once, compiled C, simulation and grasping.
+"""Planar tendon-driven continuum fingers: physics written once, compiled C, simulation, grasping and control.
 
 Everything here is loaded when it is first used; importing the package is quick.
 """
@@ -16,18 +16,28 @@ _ROOMS = {
     "continuum_grasp.errors": ("ContinuumGraspError", "InputError", "Interrupted", "NumericalError", "SolverError"),
     "continuum_grasp.grasp": ("optimize_grasp",),
     "continuum_grasp.identification.fitting": ("identify",),
-    "continuum_grasp.model": ("FingerModel",),
+    "continuum_grasp.model": ("FingerModel", "System"),
+    "continuum_grasp.export": ("export_c",),
+    "continuum_grasp.mpc.controller": ("Controller",),
+    "continuum_grasp.mpc.estimator": ("Estimator",),
+    "continuum_grasp.mpc.loop.run": ("closed_loop",),
+    "continuum_grasp.mpc.mission.run": ("run_mission",),
+    "continuum_grasp.mpc.mission.trials": ("run_trials",),
+    "continuum_grasp.mpc.plan": ("plan",),
     "continuum_grasp.scene": (
         "Actuation",
         "BasePose",
+        "ControlScene",
         "Damping",
         "Fidelity",
         "Finger",
         "ForceLoad",
         "GraspScene",
         "Initial",
+        "MissionScene",
         "MomentLoad",
         "PiecewiseCurvature",
+        "PlanScene",
         "PointMass",
         "Rod",
         "Samples",
@@ -51,21 +61,32 @@ if TYPE_CHECKING:
     from continuum_grasp.errors import Interrupted as Interrupted
     from continuum_grasp.errors import NumericalError as NumericalError
     from continuum_grasp.errors import SolverError as SolverError
+    from continuum_grasp.export import export_c as export_c
     from continuum_grasp.fidelity.choose import choose_fidelity as choose_fidelity
     from continuum_grasp.fidelity.report import accuracy as accuracy
     from continuum_grasp.grasp import optimize_grasp as optimize_grasp
     from continuum_grasp.identification.fitting import identify as identify
     from continuum_grasp.model import FingerModel as FingerModel
+    from continuum_grasp.model import System as System
+    from continuum_grasp.mpc.controller import Controller as Controller
+    from continuum_grasp.mpc.estimator import Estimator as Estimator
+    from continuum_grasp.mpc.loop.run import closed_loop as closed_loop
+    from continuum_grasp.mpc.mission.run import run_mission as run_mission
+    from continuum_grasp.mpc.mission.trials import run_trials as run_trials
+    from continuum_grasp.mpc.plan import plan as plan
     from continuum_grasp.scene import Actuation as Actuation
     from continuum_grasp.scene import BasePose as BasePose
+    from continuum_grasp.scene import ControlScene as ControlScene
     from continuum_grasp.scene import Damping as Damping
     from continuum_grasp.scene import Fidelity as Fidelity
     from continuum_grasp.scene import Finger as Finger
     from continuum_grasp.scene import ForceLoad as ForceLoad
     from continuum_grasp.scene import GraspScene as GraspScene
     from continuum_grasp.scene import Initial as Initial
+    from continuum_grasp.scene import MissionScene as MissionScene
     from continuum_grasp.scene import MomentLoad as MomentLoad
     from continuum_grasp.scene import PiecewiseCurvature as PiecewiseCurvature
+    from continuum_grasp.scene import PlanScene as PlanScene
     from continuum_grasp.scene import PointMass as PointMass
     from continuum_grasp.scene import Rod as Rod
     from continuum_grasp.scene import Samples as Samples

@@ -12,9 +12,12 @@ from continuum_grasp import __version__
 from continuum_grasp.cli.accuracy import accuracy
 from continuum_grasp.cli.codegen import codegen
 from continuum_grasp.cli.doctor import doctor
+from continuum_grasp.cli.export_c import export_c
 from continuum_grasp.cli.grasp import grasp
 from continuum_grasp.cli.identify import identify
 from continuum_grasp.cli.modes import modes
+from continuum_grasp.cli.mpc import mpc
+from continuum_grasp.cli.plan import plan
 from continuum_grasp.cli.schema import schema
 from continuum_grasp.cli.simulate import simulate
 from continuum_grasp.cli.sweep import sweep
@@ -53,7 +56,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Planar tendon-driven continuum fingers: simulate, grasp, generate C.",
+    help="Planar tendon-driven continuum fingers: simulate, grasp, control, generate C.",
     epilog="Exit status: 0 done, 1 a solver failed, 2 bad input, 130 interrupted.",
 )
 
@@ -73,7 +76,21 @@ def _root(
     pass
 
 
-for _verb in (simulate, grasp, sweep, modes, accuracy, identify, codegen, schema, validate, doctor):
+for _verb in (
+    simulate,
+    grasp,
+    plan,
+    mpc,
+    sweep,
+    modes,
+    accuracy,
+    identify,
+    codegen,
+    export_c,
+    schema,
+    validate,
+    doctor,
+):
     app.command()(_verb)
 
 

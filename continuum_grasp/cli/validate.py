@@ -25,19 +25,13 @@ def validate(
 ) -> None:
     """Check configurations, any number of them, and whether a finger can be modelled so."""
     from continuum_grasp.errors import InputError
+    from continuum_grasp.scene.load import kind_of_scene
 
     output = Output(as_json, quiet)
-    kinds = {
-        "Scene": "simulate",
-        "IdentifyScene": "identify",
-        "GraspScene": "grasp",
-        "Sweep": "sweep",
-        "Finger": "finger",
-    }
     checked: list[dict[str, Any]] = []
     for file in files:
         try:
-            kind = kinds[type(_checked(file, changes or ())).__name__]
+            kind = kind_of_scene(_checked(file, changes or ()))
         except InputError as error:
             checked.append({"file": str(file), "valid": False, "errors": str(error).splitlines()})
             if not as_json:
@@ -60,20 +54,22 @@ def _checked(file: Path, changes: Iterable[str]) -> Loaded:
     """
     from continuum_grasp.errors import InputError
     from continuum_grasp.model import FingerModel
+    from continuum_grasp.mpc.prediction import Prediction
+    from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.document import undotted
-    from continuum_grasp.scene.grasp import GraspScene
+    from continuum_grasp.scene.finger import Finger
     from continuum_grasp.scene.load import load_placed
     from continuum_grasp.scene.simulate import Scene
-    from continuum_grasp.scene.sweep import Sweep
 
     loaded, document = load_placed(file, changes)
-    if not isinstance(loaded, GraspScene | Sweep):
-        given = loaded
-        if isinstance(given, Scene):  # which model a tolerance needs is not asked here
-            given = given.model_copy(update={"fidelity": given.fidelity.model_copy(update={"tolerance": None})})
-        try:
-            FingerModel(given)
-        except InputError as error:
-            path = undotted(error.key or "")
-            raise document.nearest(path).error(error.message, path) from None
+    try:
+        if isinstance(loaded, Scene):  # which model a tolerance needs is not asked here
+            FingerModel(loaded.model_copy(update={"fidelity": loaded.fidelity.model_copy(update={"tolerance": None})}))
+        elif isinstance(loaded, Finger):
+            FingerModel(loaded)
+        elif isinstance(loaded, ControlScene):
+            Prediction(loaded)
+    except InputError as error:
+        path = undotted(error.key or "")
+        raise document.nearest(path).error(error.message, path) from None
     return loaded

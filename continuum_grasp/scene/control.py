@@ -46,7 +46,7 @@ class Weight(Value):
     """The same at the end of the horizon, once."""
 
 
-Weighted = Annotated[Weight, BeforeValidator(_running)]
+Weighted = Annotated[Weight, BeforeValidator(_running, json_schema_input_type=float | Weight)]
 
 
 class ShapeWeight(Weight):
@@ -63,6 +63,9 @@ class ForceWeight(Weight):
     """Names of the contacts: finger.1 and so on at ``contacts``, finger.tip; None: all of these."""
 
 
+ForcesWeighted = Annotated[ForceWeight, BeforeValidator(_running, json_schema_input_type=float | ForceWeight)]
+
+
 class Cost(Value):
     """Weights of half the squared errors; what has no weight costs no instruction."""
 
@@ -74,7 +77,7 @@ class Cost(Value):
     """World positions along the finger [1/m2]."""
     speed: Weighted | None = None
     """Bending rate of each element, towards zero [s2/rad2]."""
-    contact_force: Annotated[ForceWeight, BeforeValidator(_running)] | None = None
+    contact_force: ForcesWeighted | None = None
     """Normal force at each place where the finger may touch the object [1/N2]."""
     effort: NonNegative | None = None
     """Input away from ``reference.input`` [1/N2, or 1/(N m)2 of the tip moment]."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | PlanScene | Finger | Sweep
 
-__all__ = ["assembled", "changed", "kind_of", "load", "load_placed", "model_of", "scene_of", "validated"]
+__all__ = ["assembled", "changed", "kind_of", "kind_of_scene", "load", "load_placed", "model_of", "scene_of", "validated"]
 
 _VERSION = 1
 _MODELS = {
@@ -152,6 +152,11 @@ def kind_of(data: Any) -> str:
         if "rod" in data and "finger" not in data:
             return "finger"
     return "simulate"
+
+
+def kind_of_scene(loaded: Loaded) -> str:
+    """What kind of configuration a loaded one is."""
+    return next(kind for kind, (_, name) in _MODELS.items() if name == type(loaded).__name__)
 
 
 def model_of(kind: str) -> type[BaseModel]:
