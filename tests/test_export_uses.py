@@ -76,9 +76,8 @@ target_link_libraries(whole finger::finger)
 
 
 @needs("cmake", "make", "cc")
-@pytest.mark.parametrize("real", REALS)
-def test_fast_flags_by_cmake(real, packages, tmp_path):  # noqa: F811
-    run("cmake", "-S", packages("contact", real), "-B", tmp_path, "-DFINGER_FAST=ON")
+def test_options_by_cmake(packages, tmp_path):  # noqa: F811
+    run("cmake", "-S", packages("contact", "float"), "-B", tmp_path, "-DFINGER_FAST=ON", "-DBUILD_SHARED_LIBS=ON")
     run("cmake", "--build", tmp_path)
     assert "100% tests passed" in run("ctest", "--test-dir", tmp_path)
 

@@ -62,6 +62,7 @@ void board_clock_start(void)
   *(volatile uint32_t *)0xE000E014u = 0xFFFFFFu;
   *(volatile uint32_t *)0xE000E018u = 0;
   *(volatile uint32_t *)0xE000E010u = 5;
+  while (*(volatile uint32_t *)0xE000E018u == 0) {} /* it begins with a zero */
 }
 
 uint32_t board_ticks(void)
