@@ -81,7 +81,9 @@ def test_only_what_is_asked_for(tmp_path):
 
 @pytest.mark.parametrize("name", PARTS)
 def test_each_part_stands_alone(name, tmp_path):
-    assert export_c(scene("arcs"), tmp_path, what=[name]).manifest["parts"] == [name]
+    manifest = export_c(scene("arcs"), tmp_path, what=[name]).manifest
+    assert manifest["parts"] == [name]
+    assert sum(f["test_cases"] for f in manifest["functions"].values()) >= 200
 
 
 # Numbers.

@@ -137,7 +137,7 @@ def export_c(
         for seed, (narrow, true) in enumerate(zip(calls_of(parts), calls_of(wide), strict=True))
     }
     check_errors(kind, errors, _ASKED_ERROR[kind.name] if error is None else error)
-    vectors = [vectors_of(subject, call, seed) for seed, call in enumerate(calls_of(parts))]
+    vectors = vectors_of(subject, calls_of(parts))
     words = _common_words(subject, parts, source)
     files = _files(subject, parts, aim, vectors, words)
     target_folder = Path(folder)

@@ -5,6 +5,8 @@ The outputs come from the kernels' twins in numpy, not from the C.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +22,8 @@ __all__ = ["Bad", "Vectors", "arguments_of", "sample", "split", "vectors_of"]
 
 Array = NDArray[Any]
 
-_COUNT = 64
-"""Rows per function."""
+_LEAST, _IN_ALL = 64, 200
+"""Rows per function, and of all functions together."""
 _DRAWN = 512
 """Rows that are drawn, of which those that are refused are few."""
 _REFUSED = 4
@@ -67,13 +69,19 @@ def arguments_of(subject: Subject, call: Call) -> list[Argument]:
     return [Argument("parameters", subject.parameters, "p"), *call.inputs]
 
 
-def vectors_of(subject: Subject, call: Call, seed: int) -> Vectors:
+def vectors_of(subject: Subject, calls: Sequence[Call]) -> list[Vectors]:
+    """Vectors of the functions of a package."""
+    count = max(_LEAST, math.ceil(_IN_ALL / len(calls)))
+    return [_vectors(subject, call, seed, count) for seed, call in enumerate(calls)]
+
+
+def _vectors(subject: Subject, call: Call, seed: int, count: int) -> Vectors:
     """Vectors of a function: at rest, at tiny bends, overflowing, at limits, over the whole range, and bad ones."""
     arguments = arguments_of(subject, call)
     rows = sample(subject, arguments, seed, _DRAWN).astype(subject.real.dtype)
     outputs, codes = call.twin(split(rows, arguments))
     good, refused = np.flatnonzero(codes >= 0), np.flatnonzero(codes < 0)
-    kept = np.sort(np.concatenate([good[: _COUNT - min(_REFUSED, len(refused))], refused[:_REFUSED]]))
+    kept = np.sort(np.concatenate([good[: count - min(_REFUSED, len(refused))], refused[:_REFUSED]]))
     rows, outputs, codes = rows[kept], outputs[kept], codes[kept]
     base = int(np.flatnonzero(codes >= 0)[0])
     return Vectors(call, rows, outputs, codes, tuple(_bad(subject.real, arguments, base)))
