@@ -67,6 +67,10 @@ class Command:
         self.status = status
         self.u = out[control._parts["u"]]
 
+    def __repr__(self) -> str:
+        odd = f", anomalies={self.anomalies}" if self.anomaly else ""
+        return f"Command(u={self.u.tolist()}, status={self.status.name}{odd})"
+
     def _part(self, name: str) -> Array:
         return self._out[self._control._parts[name]]
 

@@ -85,6 +85,12 @@ class Stages:
     terminal_weights: Array
     p_nominal: Array
 
+    def __repr__(self) -> str:
+        return (
+            f"Stages({self.stages} of {self.stage:g} s, {self.substeps} {self.method} steps each: {self.nx} states, "
+            f"{self.nu} inputs, {self.np} parameters, {self.nr} set-points, {self.nc} rows)"
+        )
+
     @property
     def nx(self) -> int:
         """Number of states."""

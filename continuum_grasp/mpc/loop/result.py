@@ -121,6 +121,9 @@ class ControlRun:
     period: float
     statistics: Mapping[str, Any]
 
+    def __repr__(self) -> str:
+        return f"ControlRun({self.ended}: {self.t[-1]:g} s in {len(self.u)} periods, tip at {self.tip[-1].tolist()} m)"
+
     @property
     def name(self) -> str | None:
         """Name of the scene."""

@@ -136,6 +136,11 @@ class Plan:
     statistics: Mapping[str, Any] = field(default_factory=dict)
     solver_state: Mapping[str, Array] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        return (
+            f"Plan({self.status}: {self.duration:.4g} s, {len(self.t) - 1} intervals, objective {self.objective:.6g})"
+        )
+
     @property
     def solved(self) -> bool:
         """Whether all constraints are kept."""
