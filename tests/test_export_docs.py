@@ -11,8 +11,6 @@ import pytest
 from tests.export_cases import ROOT, needs, run
 
 PAGE = (ROOT / "docs/embedded.md").read_text()
-VERB = "import typer; from continuum_grasp.cli.export_c import export_c; typer.run(export_c)"
-"""The verb, as the command line runs it."""
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +23,7 @@ def after_all_commands(tmp_path_factory):
     for block in re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL):
         for command in block.replace("\\\n", " ").strip().splitlines():
             if not command.startswith("sudo"):
-                line = command.replace("continuum-grasp export-c", f"{sys.executable} -c '{VERB}'")
+                line = command.replace("continuum-grasp", f"{sys.executable} -m continuum_grasp")
                 said[command.split(" --")[0]] = run("env", f"PYTHONPATH={ROOT}", "sh", "-c", line, cwd=place)
     return place, said
 

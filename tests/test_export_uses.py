@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from continuum_grasp.cli import app
 from continuum_grasp.core import Core
 from continuum_grasp.export.reals import REALS
 from continuum_grasp.model import FingerModel
@@ -123,32 +124,26 @@ def test_the_source_is_cuda_too(real, packages, tmp_path):  # noqa: F811
 
 
 def test_the_command_line(tmp_path):
-    from continuum_grasp.cli.export_c import export_c
-
-    app = pytest.importorskip("typer").Typer()
-    app.command()(export_c)
-    line = f"{TENDONS} --out {tmp_path / 'out'} --real float --what step --prefix arm --target cortex-m4f"
+    line = f"export-c {TENDONS} --out {tmp_path / 'out'} --real float --what step --prefix arm --target cortex-m4f"
     result = CliRunner().invoke(
         app, [*shlex.split(line), "--set", "parameters=[tip_mass]", "--range", "tip_mass=0:0.01"]
     )
     assert result.exit_code == 0, result.output
     assert "start with README.md" in result.output
     assert "0 to 0.01" in (tmp_path / "out/include/arm.h").read_text()
-    bad = CliRunner().invoke(app, [str(TENDONS), "--out", str(tmp_path / "two"), "--range", "tip_mass=1"])
-    assert bad.exit_code != 0
+    bad = CliRunner().invoke(app, ["export-c", str(TENDONS), "--out", str(tmp_path / "two"), "--range", "tip_mass=1"])
+    assert bad.exit_code == 2
     assert not (tmp_path / "two").exists()
 
 
 @needs("sh", "cmake", "make")
-def test_the_commands_of_the_example_run(tmp_path, monkeypatch):
+def test_the_commands_of_the_example_run(tmp_path):
     """As its README writes them, in a copy of the folders that they name."""
     commands = re.findall(r"^    (.+)$", (PROJECT / "README.md").read_text(), re.MULTILINE)
     for folder in ("configs/simulate", "configs/fingers", "examples/c_project"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
-    from continuum_grasp.export import export_c
-
-    assert commands[0] == "continuum-grasp export-c configs/simulate/tendon_step.yaml --out build/finger"
-    export_c(tmp_path / "configs/simulate/tendon_step.yaml", tmp_path / "build/finger")
-    for command in commands[1:]:
-        run("sh", "-c", command.replace("python ", f"{sys.executable} "), cwd=tmp_path)
+    for command in commands:
+        line = command.replace("continuum-grasp", f"{sys.executable} -m continuum_grasp")
+        line = re.sub("^python ", f"{sys.executable} ", line)
+        run("env", f"PYTHONPATH={ROOT}", "sh", "-c", line, cwd=tmp_path)
     assert (tmp_path / "build/reach.png").exists()
