@@ -13,6 +13,7 @@ import pytest
 from scipy.optimize import minimize
 
 import continuum_grasp as cg
+from continuum_grasp import plotting
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.mpc.loop.converged import Converged
 from continuum_grasp.mpc.loop.metrics import metrics_of
@@ -23,6 +24,7 @@ from continuum_grasp.mpc.loop.run import closed_loop
 from continuum_grasp.mpc.loop.schedule import Phase, Schedule
 from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.problem import stages_of
+from continuum_grasp.plotting.control_frames import control_frames
 from continuum_grasp.scene import (
     ControlScene,
     Damping,
@@ -408,3 +410,40 @@ def test_other_controllers_have_other_scenes():
     with pytest.raises(InputError, match="estimator"):
         Converged(make(estimator=ESTIMATOR))
     assert replace(run(), ended="stopped").metrics() == run().metrics()
+
+
+# -- pictures ---------------------------------------------------------------------------------------------------------
+
+
+def lines(ax):
+    """Data of the labelled lines by their labels."""
+    return {line.get_label(): np.array(line.get_data()).T for line in ax.get_lines()}
+
+
+def test_pictures_show_the_arrays():
+    found = run()
+    path = lines(plotting.plot_control_path(found))
+    assert np.array_equal(path["tip"], found.tip)
+    assert path["set-point"] == pytest.approx(np.array([ON_CURVE] * 2))
+    tracking = lines(plotting.plot_tracking(found))
+    assert np.array_equal(tracking["tip y"][:, 1], found.tracked[:, 1])
+    error = plotting.plot_tracking_error(found).get_lines()[0].get_ydata()
+    assert error == pytest.approx(1e3 * np.linalg.norm(found.tip - ON_CURVE, axis=1))
+    inputs = plotting.plot_inputs(found)
+    assert [np.array_equal(steps.get_data().values, found.u[:, k]) for k, steps in enumerate(inputs.patches)] == [
+        True
+    ] * 2
+    disturbances = lines(plotting.plot_disturbances(found))
+    assert np.array_equal(disturbances["missing tip moment"][:, 1], found.disturbance[:, 0])
+    bounds = lines(plotting.plot_bounds(found))
+    assert bounds["input rate"][:, 1] == pytest.approx(found.bounds[1].excess / 600.0)
+
+
+def test_frames_show_finger_and_prediction():
+    found = run()
+    pictures = list(control_frames(found, np.array([0, 20, 40, 40]), 200))
+    assert len({picture.shape for picture in pictures}) == 1
+    assert np.array_equal(pictures[2], pictures[3])
+    green = [np.count_nonzero((p[..., 1] > 120) & (p[..., 0] < 60)) for p in pictures]
+    assert min(green) > 5
+    assert not np.array_equal(pictures[0], pictures[1])
