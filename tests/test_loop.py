@@ -18,7 +18,8 @@ from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.mpc.loop.converged import Converged
 from continuum_grasp.mpc.loop.metrics import metrics_of
 from continuum_grasp.mpc.loop.plant import Plant
-from continuum_grasp.mpc.loop.plant_model import PlantModel, plant_scene
+from continuum_grasp.mpc.loop.plant_model import PlantModel
+from continuum_grasp.mpc.loop.plant_scene import plant_scene
 from continuum_grasp.mpc.loop.readings import Bound, Readings
 from continuum_grasp.mpc.loop.run import closed_loop
 from continuum_grasp.mpc.loop.schedule import Phase, Schedule
