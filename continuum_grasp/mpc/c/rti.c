@@ -30,7 +30,7 @@ typedef uint64_t rti_bits;
 #define RTI_GUESSES 6
 #endif
 #ifndef RTI_CENTRE
-#define RTI_CENTRE RTI_R(1)
+#define RTI_CENTRE RTI_R(0.01)
 #endif
 #ifdef RTI_SINGLE
 #define RTI_LEAST RTI_R(1e-7)
@@ -45,7 +45,7 @@ typedef uint64_t rti_bits;
 #define RTI_MANY 8
 #endif
 #ifndef RTI_FIRST
-#define RTI_FIRST RTI_R(1e-4)
+#define RTI_FIRST RTI_R(1e-2)
 #define RTI_NEXT RTI_R(1e-3)
 #endif
 #ifndef RTI_FEW
@@ -582,7 +582,8 @@ static void rti_resolve(rti_work *o)
   }
 }
 
-static void rti_advance(rti_work *o)
+/* The change of the way and of what is bounded; whether it is finite. */
+static int rti_advance(rti_work *o)
 {
   memset(o->dz[0], 0, sizeof o->dz[0]);
   for (int k = 0; k < RTI_N; ++k) {
@@ -591,6 +592,7 @@ static void rti_advance(rti_work *o)
     rti_following(o->dz[k + 1], o->M[k], o->dz[k]);
   }
   rti_bounded(o, o->dz, o->dy, 0);
+  return rti_finite(o->dz[0], (RTI_N + 1) * RTI_W);
 }
 
 static void rti_move(rti_work *o, real length)
@@ -704,7 +706,7 @@ static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit
     ++report->iterations;
     if (round > 0 && changes == 0) rti_resolve(o);
     else rti_factor(o);
-    rti_advance(o);
+    if (!rti_advance(o)) return 0;
     rti_move(o, 1);
     for (int i = RTI_NU; i < RTI_ROWS; ++i)
       for (int k = 0; k < RTI_N; ++k) o->a[i][k] += o->push[i][k] + o->weight[i][k] * o->dy[i][k];
@@ -781,6 +783,10 @@ static real rti_first_product(rti_work *o, const rti_settings *s)
 /* Slacks and multipliers whose products are about `product`, and which meet all conditions but that on the gradient. */
 static void rti_centre(rti_work *o, real product)
 {
+  memset(o->dt, 0, sizeof o->dt);
+  memset(o->dm, 0, sizeof o->dm);
+  memset(o->ds, 0, sizeof o->ds);
+  memset(o->dn, 0, sizeof o->dn);
   for (int i = 0; i < o->sides; ++i) {
     const rti_side side = o->side[i];
     for (int k = 0; k < RTI_LENGTH; ++k) {
@@ -869,7 +875,7 @@ static void rti_aim(rti_work *o, real target, real second)
 
 typedef struct { real ratio, first, second; } rti_change;
 
-/* Changes of slacks and multipliers with dy: largest relative decrease, and how the sum of products changes. */
+/* Changes of slacks and multipliers with dy: largest relative decrease, and how the mean product changes. */
 static rti_change rti_changes(rti_work *o, real target, real second)
 {
   real ratio[RTI_LENGTH] = {0}, first[RTI_LENGTH] = {0}, square[RTI_LENGTH] = {0};
@@ -900,24 +906,28 @@ static rti_change rti_changes(rti_work *o, real target, real second)
     }
   }
   rti_change change = {0, 0, 0};
+  real pairs = 0;
+  for (int i = 0; i < o->sides; ++i) pairs += o->side[i].soft ? 2 * RTI_LENGTH : RTI_LENGTH;
   for (int k = 0; k < RTI_LENGTH; ++k) {
     change.ratio = rti_max(change.ratio, ratio[k]);
-    change.first += first[k];
-    change.second += square[k];
+    change.first += first[k] / pairs;
+    change.second += square[k] / pairs;
   }
   return change;
 }
 
-static real rti_products(const rti_work *o)
+/* Mean product of a slack and its multiplier. */
+static real rti_mean(const rti_work *o)
 {
-  real sum = 0, products[RTI_LENGTH] = {0};
+  real sum = 0, pairs = 0, products[RTI_LENGTH] = {0};
   for (int i = 0; i < o->sides; ++i) {
     const real *t = o->t[i], *m = o->m[i], *s = o->s[i], *n = o->n[i];
     const real soft = o->side[i].soft ? 1 : 0;
     for (int k = 0; k < RTI_LENGTH; ++k) products[k] += t[k] * m[k] + soft * s[k] * n[k];
+    pairs += (1 + soft) * RTI_LENGTH;
   }
   for (int k = 0; k < RTI_LENGTH; ++k) sum += products[k];
-  return sum;
+  return sum / pairs;
 }
 
 static void rti_step_sides(rti_work *o, real length)
@@ -935,10 +945,8 @@ static void rti_step_sides(rti_work *o, real length)
 /* Until the mean product of pairs is small; 1 if so, 0 if the steps become too short or too many. */
 static int rti_interior_point(rti_work *o, const rti_settings *s, real small, int *left)
 {
-  real pairs = 0;
-  for (int i = 0; i < o->sides; ++i) pairs += (real)(o->side[i].soft ? 2 * RTI_LENGTH : RTI_LENGTH);
   for (;;) {
-    const real sum = rti_products(o), mean = sum / pairs;
+    const real mean = rti_mean(o);
     if (mean <= small) return 1;
     if (*left == 0) return 0;
     --*left;
@@ -949,14 +957,14 @@ static int rti_interior_point(rti_work *o, const rti_settings *s, real small, in
     rti_weights(o, s);
     rti_aim(o, 0, 0);
     rti_factor(o);
-    rti_advance(o);
+    if (!rti_advance(o)) return 0;
     rti_change change = rti_changes(o, 0, 0);
     real length = change.ratio > 1 ? 1 / change.ratio : 1;
-    const real rest = rti_max(0, (sum + length * (change.first + length * change.second)) / sum);
+    const real rest = rti_max(0, 1 + length * (change.first + length * change.second) / mean);
     const real target = rest * rest * rest * mean;
     rti_aim(o, target, 1);
     rti_resolve(o);
-    rti_advance(o);
+    if (!rti_advance(o)) return 0;
     change = rti_changes(o, target, 1);
     length = change.ratio > RTI_R(0.995) ? RTI_R(0.995) / change.ratio : 1;
     RTI_DEBUG("   sigma %g length %g\n", rest*rest*rest, length);
@@ -1050,8 +1058,8 @@ static void rti_solve_bounded(rti_work *o, const rti_settings *s, const real *x0
     fall *= RTI_NEXT;
     if (!small || fall < RTI_LEAST) {
       rti_forces(o);
-      report->kkt = rti_max(rti_gradient(o), RTI_SQRT(rti_products(o) / unit));
-      if (report->kkt > RTI_R(1e-6)) report->status = RTI_ITERATION_LIMIT;
+      report->kkt = rti_max(rti_gradient(o), RTI_SQRT(rti_mean(o) / unit));
+      if (report->kkt > 100 * s->tolerance) report->status = RTI_ITERATION_LIMIT;
       break;
     }
   }
