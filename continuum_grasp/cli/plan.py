@@ -25,6 +25,9 @@ def plan(
     warm: Annotated[
         Path | None, typer.Option("--warm", metavar="DIR", help="Run folder of a plan from which to begin.")
     ] = None,
+    grasp: Annotated[
+        Path | None, typer.Option("--grasp", metavar="DIR", help="Run folder of the grasp that is to be carried out.")
+    ] = None,
     animation: Annotated[
         str | None,
         typer.Option("--animate", metavar="gif|mp4", help="Write an animation too; mp4 needs ffmpeg."),
@@ -50,7 +53,7 @@ def plan(
 
     try:
         with output.busy("planning"):
-            found = run(scene, warm=warm, raise_on_failure=False)
+            found = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
     except Interrupted as error:
         if error.result is not None:
             error.result.save(folder)

@@ -8,10 +8,11 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from continuum_grasp.scene.control import Bounds, Cost, DiscZone, HalfPlaneZone, InputLimits, Penalty
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reference import CircleReference, Reference, Row, RowSamples
 from continuum_grasp.scene.simulate import Fidelity, Initial
-from continuum_grasp.scene.surroundings import Surroundings
+from continuum_grasp.scene.surroundings import ContactLaw, Surroundings
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Value, Vector2
 
 __all__ = [
@@ -87,6 +88,8 @@ class Goal(Value):
     """Normal force at each place where the finger may touch the object, from base to tip [N]."""
     input: Aim | None = None
     """Last input: tip moment [N m] or tensions [N]."""
+    grasp_weight: Positive = 1e4
+    """Price of half the squared error of the contact forces of ``grasp`` [1/N2]."""
 
 
 class DurationRange(Value):
@@ -165,6 +168,8 @@ class FineCheck(Value):
     """Deviation of the tip from the plan, per finger length, from which on there is a warning."""
     finer: Fidelity | None = None
     """A finer model on which the inputs are tried too."""
+    contact_law: ContactLaw | None = None
+    """Of the finer model; None: the same."""
 
 
 class PlanScene(Surroundings):
@@ -181,6 +186,9 @@ class PlanScene(Surroundings):
     fidelity: Fidelity = Fidelity()
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Model parameters that stay arguments of the model."""
+    grasp: GraspScene | None = None
+    """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimised first:
+    contacts, contact forces to be reached, the finger's base and the object's pose are then those of the grasp."""
     initial: Initial = Initial(pose="rest")
     input: PlanInput = PlanInput()
     bounds: PlanBounds = PlanBounds()
@@ -221,11 +229,30 @@ class PlanScene(Surroundings):
                 raise ValueError(f"input.{name} is for a finger without tendons; see finger.tendons")
         if self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not for plans: give family and elements")
+        self._check_contact()
         self._check_inputs()
         self._check_goal()
         self._check_objective()
         self._check_loads()
         return self
+
+    def _check_contact(self) -> None:
+        law = self.contact_law
+        if law is not None and law.friction > 0.0 and law.slip_speed is None:
+            raise ValueError(
+                "contact_law: plans need friction that is a smooth function of the speed of slip: give slip_speed "
+                "(0.01 m/s, for example), or friction: 0; check.contact_law may be another one"
+            )
+        if self.goal.contact_force is not None and self.object is None:
+            raise ValueError("goal.contact_force needs an object that is touched")
+        if self.grasp is None:
+            return
+        if self.object is None:
+            raise ValueError("grasp: give the object and its contact_law too")
+        if len(self.grasp.setups) != 1:
+            raise ValueError(f"grasp: a plan is for one finger, the grasp has {len(self.grasp.setups)}")
+        if self.contacts or self.goal.contact_force is not None:
+            raise ValueError("contacts and goal.contact_force are those of the grasp: leave them out")
 
     def _check_inputs(self) -> None:
         width = 1 if self.finger.tendons is None else 2
@@ -245,9 +272,9 @@ class PlanScene(Surroundings):
         for k, at in enumerate(shape.at if shape is not None else ()):
             if at > self.finger.rod.length * (1 + 1e-9):
                 raise ValueError(f"goal.shape.at[{k}] = {at} m is beyond the finger")
-        anything = (self.goal.tip, self.goal.bending, shape, self.goal.contact_force)
+        anything = (self.goal.tip, self.goal.bending, shape, self.goal.contact_force, self.goal.input, self.grasp)
         if self.objective != "tracking" and all(aim is None for aim in anything):
-            raise ValueError("goal: give tip, bending, shape or contact_force (only tracking may do without)")
+            raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking may do without)")
 
     def _check_objective(self) -> None:
         free = isinstance(self.duration, DurationRange)

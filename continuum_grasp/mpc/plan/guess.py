@@ -133,7 +133,8 @@ def _least_squares(residual: ca.Function, y: Array, low: Array, high: Array) -> 
     value = 0.5 * float((r * r).sum())
     for _ in range(_ITERATIONS):
         normal = jacobian.T @ jacobian
-        step = np.linalg.solve(normal + damping * np.eye(len(y)), -jacobian.T @ r).ravel()
+        least = 1e-12 * float(np.trace(normal))
+        step = np.linalg.solve(normal + max(damping, least) * np.eye(len(y)), -jacobian.T @ r).ravel()
         trial = np.clip(y + step, low, high)
         r_new, jacobian_new = (np.array(v) for v in residual(trial))
         new = 0.5 * float((r_new * r_new).sum())

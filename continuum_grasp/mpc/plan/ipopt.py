@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 CONVERGED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 _NEAR = 1e-4
 """Barrier parameter, and distance that is kept from bounds, next to an answer."""
+_CLOSE = 1e-6
+"""Distance that is kept from bounds by a start that is worth staying near."""
 _PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
 
 
@@ -137,14 +139,27 @@ class ProgrammeSolver:
             **programme.functions,
         }
 
-    def run(self, w: Array, multipliers: Multipliers | None = None) -> Attempt:
-        """Solve from a start; with multipliers, from next to an answer."""
+    def run(self, w: Array, multipliers: Multipliers | None = None, barrier: float | None = None) -> Attempt:
+        """Solve from a start.
+
+        Parameters
+        ----------
+        w : ndarray
+            Unknowns to begin with.
+        multipliers : Multipliers, optional
+            Where they are known, the start is next to an answer.
+        barrier : float, optional
+            First barrier parameter, for a start that is worth staying near.
+        """
         options, given = dict(self._options), {}
         bounds = self._programme.bounds
         if multipliers is not None:
             options |= {"ipopt.warm_start_init_point": "yes", "ipopt.mu_strategy": "monotone", "ipopt.mu_init": _NEAR}
             options |= {f"ipopt.warm_start_{name}": _NEAR for name in _PUSHES}
             given = {"lam_x0": multipliers.bounds, "lam_g0": multipliers.constraints}
+        elif barrier is not None:
+            options |= {"ipopt.mu_strategy": "monotone", "ipopt.mu_init": barrier}
+            options |= {f"ipopt.{name}": _CLOSE for name in _PUSHES[:4]}
         began = time.perf_counter()
         solver = ca.nlpsol("plan", "ipopt", self._programme.nlp, options)
         with self.watch.on_interrupt():

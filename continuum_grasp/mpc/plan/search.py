@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.mpc.plan.diagnosis import Diagnosis, diagnose
 from continuum_grasp.mpc.plan.fine import simulated
-from continuum_grasp.mpc.plan.guess import Hint, Path, detours, final_posture, smooth_path
+from continuum_grasp.mpc.plan.guess import Hint, Path, Posture, detours, final_posture, smooth_path
 from continuum_grasp.mpc.plan.initial import first_state_of_plan
 from continuum_grasp.mpc.plan.ipopt import Attempt, Multipliers, ProgrammeSolver
 from continuum_grasp.mpc.plan.motion import Motion
@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 KEPT = 1e-6
 """Violation in units of the programme below which constraints count as kept."""
 _STARTS_WITH_ZONES = 5
+_BARRIERS = (1e-3, 1e-4, 1e-2)
+"""First barrier parameters from a simulated motion with contact, whose forces change steeply."""
 
 
 @dataclass
@@ -80,12 +82,27 @@ class Search:
         there is none left, the problem is solved from there.
         """
         if self.warm is not None:
-            self._try("warm", *self._warm_start(self.warm))
+            w, multipliers = self._warm_start(self.warm)
+            self._try("warm", w, multipliers, _BARRIERS[0])
+        if self.best is None and self.scene.object is not None:
+            self._try_motion()
         if self.best is None:
             self._try_paths()
         if self.best is not None and self.best.converged and not self.over:
             self.best, self.tightened = kept_between_nodes(self.problem, self._solver, self.best)
             self.interrupted |= self._solver.watch.interrupted
+
+    def _try_motion(self) -> None:
+        """Start from what the finger does under an input that grows smoothly: it keeps off the object, or presses."""
+        direct = smooth_path(self.motion, self.x0, self.first, self.last, 0.0)
+        try:
+            states = simulated(self.scene, self.motion.prediction, direct, self.x0, 1)
+        except NumericalError:
+            return
+        w = self.problem.start(replace(direct, x=states))
+        for barrier in _BARRIERS:
+            if self.best is None and not self.over:
+                self._try(f"simulated, barrier {barrier:g}", w, None, barrier)
 
     def _try_paths(self) -> None:
         failed = False
@@ -94,7 +111,7 @@ class Search:
                 return
             if not failed:
                 failed = not self._try(name, self.problem.start(path))
-            if failed and not self.over:
+            if failed and not self.over and self.scene.object is None:
                 self._approach(name, path)
 
     @property
@@ -104,15 +121,9 @@ class Search:
 
     def _paths(self) -> Iterator[tuple[str, Path]]:
         count = self.scene.solver.starts or (_STARTS_WITH_ZONES if self.scene.bounds.keep_out else 1)
-        last = final_posture(self.motion, self.problem.goal, self.first, self.near)
-        if self.scene.object is not None:
-            direct = smooth_path(self.motion, self.x0, self.first, last, 0.0)
-            with suppress(NumericalError):
-                states = simulated(self.scene, self.motion.prediction, direct, self.x0, 1)
-                yield "simulated", replace(direct, x=states)
         for side in detours(count):
             name = "direct" if side == 0.0 else f"detour {side:+g}"
-            yield name, smooth_path(self.motion, self.x0, self.first, last, side)
+            yield name, smooth_path(self.motion, self.x0, self.first, self.last, side)
 
     def _warm_start(self, earlier: Plan) -> tuple[Array, Multipliers | None]:
         """Unknowns and, where everything has its place as before, multipliers of an earlier plan."""
@@ -133,9 +144,14 @@ class Search:
             return self.problem.start(path), None
         return state["w"], Multipliers(state["bounds"], state["constraints"])
 
-    def _try(self, name: str, w: Array, multipliers: Multipliers | None = None) -> bool:
+    @cached_property
+    def last(self) -> Posture:
+        """A posture that meets the goal."""
+        return final_posture(self.motion, self.problem.goal, self.first, self.near)
+
+    def _try(self, name: str, w: Array, multipliers: Multipliers | None = None, barrier: float | None = None) -> bool:
         """Solve from a start; whether that gave a plan."""
-        attempt = self._solver.run(w, multipliers)
+        attempt = self._solver.run(w, multipliers, barrier)
         self.attempts.append((name, attempt))
         self.interrupted |= self._solver.watch.interrupted
         kept = attempt.violation < KEPT

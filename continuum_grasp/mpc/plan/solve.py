@@ -144,6 +144,10 @@ def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
     broken = [c for c in constraints_of(search.problem, last).values() if c.excess > KEPT]
     violated = tuple(str(c) for c in sorted(broken, key=lambda c: -c.excess))
     advice = "give the solver more iterations or time, more intervals, another initial duration, or a warm start"
+    if search.scene.object is not None:
+        advice += (
+            "; plan with a softer contact first (contact_law: stiffness, rounding, slip_speed), and start from that"
+        )
     return PlanStatus.NOT_SOLVED, f"no plan was found: {_stopped(last)}", advice, violated
 
 
