@@ -25,6 +25,9 @@ FORMS = {
 }
 """How CasADi's programme is written; rows of all but the last are hard, which makes smaller programmes."""
 
+QP_ITERATIONS = 250
+"""Limit of qrqp's, which has 1000 by itself and reaches it wherever its hard rows cannot be kept."""
+
 _HOOKS = """
 #include <string.h>
 int rti(const double **arg, double **res, long long int *iw, double *w, int mem);
@@ -120,7 +123,8 @@ def sqp_loop(case: Case, form: str) -> CLoop:
     """
     stages = case.stages
     nlp = Nlp(stages, soft=form == "soft", variational=form in ("custom_jacobian", "soft"))
-    quiet = {"print_iter": False, "print_header": False, "print_info": False, "error_on_fail": False}
+    quiet: dict[str, Any] = {"print_iter": False, "print_header": False, "print_info": False, "error_on_fail": False}
+    quiet |= {"max_iter": QP_ITERATIONS}
     options: dict[str, Any] = {
         "qpsol": "qrqp",
         "qpsol_options": quiet,
