@@ -69,8 +69,8 @@ class ShapeAim(_Aim):
         return self
 
 
-Aim = Annotated[RowAim, BeforeValidator(_exact)]
-TipAim = Annotated[PointAim, BeforeValidator(_exact)]
+Aim = Annotated[RowAim, BeforeValidator(_exact, json_schema_input_type=Row | RowAim)]
+TipAim = Annotated[PointAim, BeforeValidator(_exact, json_schema_input_type=Vector2 | PointAim)]
 
 
 class Goal(Value):

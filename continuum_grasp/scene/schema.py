@@ -15,6 +15,7 @@ KINDS = ("simulate", "identify", "grasp", "mpc", "mission", "plan", "sweep", "fi
 
 _Node = dict[str, Any]
 _SUFFIX = "Changes"
+_GRASP = {"type": "string", "description": "Path of a grasp file, relative to this file."}
 
 
 def json_schema(kind: str) -> _Node:
@@ -50,8 +51,7 @@ def json_schema(kind: str) -> _Node:
         schema["required"] = ["schema_version"]
         schema["anyOf"] = [{"required": ["rod"]}, {"required": ["extends"]}]
     elif kind == "mission":
-        path = {"type": "string", "description": "Path of a grasp file, relative to this file."}
-        schema["properties"]["grasp"] = {"anyOf": [path, {"$ref": "#/$defs/GraspScene"}]}
+        schema["properties"]["grasp"] = {"anyOf": [_GRASP, {"$ref": "#/$defs/GraspScene"}]}
     elif kind != "sweep":
         own = "GraspFinger" if kind == "grasp" else "Finger"
         changes = _changes(own, definitions)
@@ -69,6 +69,8 @@ def json_schema(kind: str) -> _Node:
             ],
         }
         schema["properties"]["finger"] = finger
+        if kind == "plan":
+            schema["properties"]["grasp"]["anyOf"].insert(0, _GRASP)
         if kind == "grasp":
             many = schema["properties"]["fingers"]
             many.pop("anyOf"), many.pop("default", None)
