@@ -83,10 +83,9 @@ def run(estimated=True, **changes):
 # -- the plant --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.05])
-def test_the_plant_moves_as_the_simulator_says(friction):
+def test_the_plant_moves_as_the_simulator_says():
     push = VectorSamples(times=(0.02, 0.05, 0.1), values=((0.0, 0.0), (0.1, -0.05), (0.0, 0.0)))
-    plant = {"fidelity": {"family": "clothoid", "elements": 4}, "stiffness": 1.1, "tendon_friction": friction}
+    plant = {"fidelity": {"family": "clothoid", "elements": 3}, "stiffness": 1.1, "tendon_friction": 0.05}
     scene, tension = make(plant=plant, loads=(ForceLoad(at=0.18, force=push),)), (20.0, 2.0)
     tried = Plant(scene)
     step, method = tried.period / tried.method.substeps, tried.method.name
@@ -97,7 +96,7 @@ def test_the_plant_moves_as_the_simulator_says(friction):
     for _ in range(12):
         tried.advance(tension)
     x = trajectory.x[-1]
-    assert np.abs(x[:5]).max() > 1.0
+    assert np.abs(x[:4]).max() > 1.0
     assert tried.x[: len(x)] == pytest.approx(x, rel=1e-8, abs=1e-8)
 
 
