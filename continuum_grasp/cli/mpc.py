@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from continuum_grasp.cli.mission import carry_out, try_out
 from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set, Verbose
 from continuum_grasp.cli.output import Output, run_folder
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     from continuum_grasp.mpc.loop.result import ControlRun
     from continuum_grasp.scene.control import ControlScene
+    from continuum_grasp.scene.mission import MissionScene
 
 __all__ = ["mpc"]
 
@@ -35,20 +37,46 @@ def mpc(
     seed: Annotated[
         int | None, typer.Option("--seed", metavar="N", help="Seed of the noise (default: as in the configuration).")
     ] = None,
+    trials: Annotated[
+        str | None,
+        typer.Option(
+            "--trials",
+            metavar="N|all",
+            help="Carry a mission out on N plants that differ at random (all: as many as it says).",
+        ),
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes for --trials (default: all cores).")
+    ] = None,
     pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")] = True,
     as_json: Json = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Control a finger in closed loop with a finer model of it: saves the run, prints how well it went, draws it."""
+    """Control a finger in closed loop with a finer model of it: saves the run, prints how well it went, draws it.
+
+    A mission (its configuration has a grasp) takes an object from approach to release; exit status 1 if it is dropped.
+    """
     from continuum_grasp.errors import InputError, Interrupted, NumericalError
+    from continuum_grasp.scene.mission import MissionScene
 
     output = Output(as_json, quiet, verbose)
     if animation not in (None, "gif", "mp4"):
         raise InputError(f"expected gif or mp4, got {animation!r}", key="--animate")
-    seeding = [] if seed is None else [f"plant.seed={seed}"]
-    scene = _scene(config, [*(changes or ()), *seeding])
+    scene = _scene(config, [*(changes or ()), *_settings(seed, trials)])
     folder = run_folder(out, config)
+    if isinstance(scene, MissionScene):
+        if compare:
+            raise InputError("is not for missions", key="--compare")
+        if trials is None:
+            carry_out(scene, folder, animation, pictures, output)
+        elif animation:
+            raise InputError("is for one mission, not for --trials", key="--animate")
+        else:
+            try_out(scene, folder, jobs, pictures, output)
+        return
+    if trials is not None:
+        raise InputError("is for missions", key="--trials")
 
     from continuum_grasp.mpc.loop.run import closed_loop
 
@@ -69,17 +97,32 @@ def mpc(
     _report(run, others, folder, files, output)
 
 
-def _scene(config: Path, changes: Iterable[str]) -> ControlScene:
+def _settings(seed: int | None, trials: str | None) -> list[str]:
+    """Entries of the configuration that have options of their own."""
+    from continuum_grasp.errors import InputError
+
+    found = [] if seed is None else [f"plant.seed={seed}"]
+    if trials is not None and seed is not None:
+        found.append(f"trials.seed={seed}")
+    if trials not in (None, "all"):
+        if not trials.isdecimal():
+            raise InputError(f"expected a number or all, got {trials!r}", key="--trials")
+        found.append(f"trials.count={trials}")
+    return found
+
+
+def _scene(config: Path, changes: Iterable[str]) -> ControlScene | MissionScene:
     from continuum_grasp.errors import InputError
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.load import load
+    from continuum_grasp.scene.mission import MissionScene
 
     scene = load(config, changes)
-    if not isinstance(scene, ControlScene):
+    if not isinstance(scene, (ControlScene, MissionScene)):
         raise InputError(
             f"expected a closed loop (finger, controller, ...), got a {type(scene).__name__}", file=str(config)
         )
-    if scene.duration is None:
+    if isinstance(scene, ControlScene) and scene.duration is None:
         raise InputError("a closed loop needs a duration [s]", file=str(config), key="duration")
     return scene
 

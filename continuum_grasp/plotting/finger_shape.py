@@ -23,6 +23,7 @@ __all__ = [
     "draw_forces",
     "explain",
     "force_scale",
+    "kind_color",
     "mass_positions",
     "masses_of",
 ]
@@ -106,7 +107,7 @@ def draw_forces(ax: Axes, loads: Sequence[Force], scale: float) -> dict[str, Qui
             headlength=5,
             headaxislength=4.5,
             minlength=0.5,
-            color=_color(kind),
+            color=kind_color(kind),
             zorder=5,
         )
     return drawn
@@ -120,7 +121,7 @@ def explain(ax: Axes, masses: Sequence[tuple[float, float]], loads: Sequence[For
     for kind in _kinds(loads):
         greatest = max(float(np.hypot(*force)) for _, force, k in loads if k == kind)
         label = rf"{kind} $\leq$ {greatest:.3g} N"
-        ax.plot([], [], color=_color(kind), marker=r"$\rightarrow$", markersize=13, linestyle="", label=label)
+        ax.plot([], [], color=kind_color(kind), marker=r"$\rightarrow$", markersize=13, linestyle="", label=label)
     entries = bool(masses) + len(_kinds(loads))
     slim = np.ptp(ax.get_xlim()) < 1.3 * np.ptp(ax.get_ylim())
     head(ax, name, entries, columns=2 if slim and entries > 2 else 4)
@@ -130,6 +131,6 @@ def _kinds(loads: Sequence[Force]) -> list[str]:
     return list(dict.fromkeys(kind for _, _, kind in loads))
 
 
-def _color(kind: str) -> str:
+def kind_color(kind: str) -> str:
     """The colour of a kind of force; the same for the same word."""
     return _KIND_COLORS.get(kind) or SPARE[sum(kind.encode()) % len(SPARE)]

@@ -219,8 +219,20 @@ class ControlRun:
         k = np.atleast_1d(np.asarray(indices, dtype=int))
         return self.readings.backbone(self.x[k], self._inputs[k], self.w[k], points)
 
-    def save(self, folder: str | Path) -> Path:
+    def save(
+        self,
+        folder: str | Path,
+        *,
+        arrays: Mapping[str, ArrayLike] | None = None,
+        meta: Mapping[str, Any] | None = None,
+    ) -> Path:
         """Write ``result.npz``, ``meta.json`` and ``report.txt`` into a folder, each whole or not at all.
+
+        Parameters
+        ----------
+        folder : path-like
+        arrays, meta : mapping, optional
+            More that is to stand in the two files.
 
         Returns
         -------
@@ -229,13 +241,13 @@ class ControlRun:
         """
         from continuum_grasp.results import replacing, write_run
 
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
-        arrays |= {"bounds": np.array([b.excess for b in self.bounds]), "status": np.array(self.status, dtype=str)}
+        stored = {name: getattr(self, name) for name in _ARRAYS}
+        stored |= {"bounds": np.array([b.excess for b in self.bounds]), "status": np.array(self.status, dtype=str)}
         if self.contacts is not None:
-            arrays |= self.contacts.arrays()
+            stored |= self.contacts.arrays()
         if self.object_pose is not None:
-            arrays["object_pose"] = self.object_pose
-        meta = {
+            stored["object_pose"] = self.object_pose
+        told = {
             "config": self.scene.model_dump(mode="json"),
             "status": self.ended,
             "seed": self.scene.plant.seed,
@@ -250,7 +262,7 @@ class ControlRun:
                 "contacts": [] if self.contacts is None else list(self.contacts.names),
             },
         }
-        target = write_run(folder, arrays, meta)
+        target = write_run(folder, {**stored, **(arrays or {})}, {**told, **(meta or {})})
         with replacing(target / "report.txt") as temporary:
             temporary.write_text(self.report(), encoding="utf-8")
         return target

@@ -31,6 +31,8 @@ class Variation:
         Of the object and of all its contacts, per those of the mission [1].
     shift : (float, float)
         Of where the object stands, world x, y [m].
+    seed : int or None
+        Of the measurement noise; None: as the mission's ``plant`` says.
     """
 
     stiffness: float | None = None
@@ -38,6 +40,7 @@ class Variation:
     mass: float = 1.0
     friction: float = 1.0
     shift: tuple[float, float] = (0.0, 0.0)
+    seed: int | None = None
 
 
 def mission_plant_model(assignment: Assignment) -> PlantModel:
@@ -92,7 +95,10 @@ def mission_plant(
     damping = 1.0 if asked.damping is None else asked.damping / own.damping
     equations.p = nominal * np.array([stiffness, damping, asked.mass, asked.friction])
     equations.outside = timetable.outside()
-    plant = Plant(assignment.control, prediction, assignment.mission.controller.period, equations)
+    control = assignment.control
+    if asked.seed is not None:
+        control = control.model_copy(update={"plant": own.model_copy(update={"seed": asked.seed})})
+    plant = Plant(control, prediction, assignment.mission.controller.period, equations)
     plant.x = plant.x.copy()
     plant.x[equations.system.object_states] += np.array([*asked.shift, 0.0, 0.0])
     return plant

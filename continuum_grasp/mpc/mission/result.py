@@ -1,9 +1,9 @@
-"""How a mission went."""
+"""A mission that was carried out: numbers, files, pictures."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,58 +12,14 @@ from numpy.typing import NDArray
 from continuum_grasp.mpc.loop.result import ControlRun
 from continuum_grasp.mpc.mission.assignment import Assignment
 from continuum_grasp.mpc.mission.plant import Variation
-from continuum_grasp.mpc.mission.timetable import Timetable
+from continuum_grasp.mpc.mission.timetable import Span, Timetable
+from continuum_grasp.mpc.mission.verdict import Verdict, friction_limits
+from continuum_grasp.mpc.prediction import Prediction
+from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["MissionRun", "Verdict"]
+__all__ = ["MissionRun", "estimated_force"]
 
 Array = NDArray[np.float64]
-
-_FALLEN = 0.005
-"""Height that an object loses before it counts as dropped [m]."""
-_SETTLED = 0.5
-"""Last share of the hold over which forces are judged."""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """A mission in numbers.
-
-    Attributes
-    ----------
-    held : bool
-        Whether the object was never dropped.
-    sunk : float
-        Greatest height that it lost between lift and lowering [m].
-    moved : float
-        Greatest distance that it moved in the plane while it was held, pulls included [m].
-    force_error : float
-        Greatest error of the held contact force, smoothed over 0.1 s, in the second half of the hold, per set-point.
-    force_mean_error : float
-        Error of its mean there, per set-point.
-    force_estimate_error : float
-        Error of the mean of its estimate there, per set-point.
-    slip_margin : float
-        Least share of the friction cone that was left at any contact while nothing pulled.
-    released : bool
-        Whether nothing of the finger touched the object in the end.
-    fallbacks : int
-        Commands that were not of a new plan.
-    """
-
-    held: bool
-    sunk: float
-    moved: float
-    force_error: float
-    force_mean_error: float
-    force_estimate_error: float
-    slip_margin: float
-    released: bool
-    fallbacks: int
-
-    @property
-    def succeeded(self) -> bool:
-        """Held from lift to lowering, and let go."""
-        return self.held and self.released
 
 
 @dataclass(frozen=True)
@@ -75,8 +31,13 @@ class MissionRun:
     assignment : Assignment
     timetable : Timetable
     variation : Variation
+        How the plant differed from the mission's own.
     run : ControlRun
         The closed loop.
+    scene : Scene
+        The plant's finger with object and supports.
+    force_estimate : (K,) ndarray
+        Normal force of the held contact as the controller estimated it [N].
     verdict : Verdict
     """
 
@@ -84,78 +45,128 @@ class MissionRun:
     timetable: Timetable
     variation: Variation
     run: ControlRun
+    scene: Scene = field(repr=False)
+    force_estimate: Array
     verdict: Verdict
 
-    def save(self, folder: str | Path) -> Path:
-        """Write the closed loop and ``mission.json`` into a folder."""
-        from continuum_grasp.results import replacing
-        from continuum_grasp.results.plain import plain
+    @property
+    def name(self) -> str | None:
+        """Name of the mission."""
+        return self.assignment.mission.name
 
-        target = self.run.save(folder)
-        told = {
-            "verdict": asdict(self.verdict),
-            "variation": asdict(self.variation),
-            "pulls": self.assignment.pulls.tolist(),
-            "phases": [asdict(span) for span in self.timetable.spans],
-        }
-        with replacing(target / "mission.json") as temporary:
-            temporary.write_text(json.dumps(plain(told), indent=1) + "\n", encoding="utf-8")
+    @property
+    def held_contact(self) -> str:
+        """Name of the contact whose force is held."""
+        return self.assignment.mission.controller.contact
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """The phases with their times."""
+        return self.timetable.spans
+
+    @property
+    def pulls(self) -> dict[str, Array]:
+        """Wrench (3) of each phase that pulls: world force x, y [N] and moment about the centre of mass [N m]."""
+        return {f"pull {k + 1}": wrench for k, wrench in enumerate(self.assignment.pulls)}
+
+    @cached_property
+    def friction_use(self) -> Array:
+        """Share of the friction cone (K + 1, contacts) that each contact uses [1]; NaN for the table and in the air."""
+        contacts = self.run.contacts
+        if contacts is None:
+            raise ValueError("a mission has an object that moves")
+        limits = friction_limits(self.assignment, self.variation, contacts.names) * contacts.normal_force
+        found: Array = np.divide(contacts.shear, limits, out=np.full_like(limits, np.nan), where=limits > 0.0)
+        return found
+
+    def rows(self) -> list[tuple[str, str, str, str, str]]:
+        """Table of the phases: name, begin, end, what was pulled with, furthest displacement since the lift."""
+        t, pose, lift = self.run.t, self.run.object_pose, self.timetable.span("lift")
+        found = [("phase", "from", "to", "pulled with", "moved")]
+        for span in self.spans:
+            if span.start > t[-1]:
+                break
+            during = (t >= span.start) & (t <= span.end)
+            moved = ""
+            if pose is not None and lift.end <= span.start < self.timetable.span("lower").end:
+                begin = pose[np.searchsorted(t, lift.start), :2]
+                moved = f"{1e3 * np.linalg.norm(pose[during, :2] - begin, axis=1).max(initial=0.0):.2f} mm"
+            wrench = self.pulls.get(span.name)
+            pulled = "" if wrench is None else wrench_text(wrench)
+            found.append((span.name, f"{span.start:.2f} s", f"{min(span.end, t[-1]):.2f} s", pulled, moved))
+        return found
+
+    def report(self) -> str:
+        """Verdict, phases and the closed loop's table as text."""
+        pairs, rows = self.verdict.pairs(), self.rows()
+        wide, widths = max(map(len, pairs)), [max(len(row[k]) for row in rows) for k in range(5)]
+        lines = [self.name or "mission", "", *(f"{key:<{wide}}  {value}" for key, value in pairs.items()), ""]
+        lines += [
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+        ]
+        return "\n".join([*lines, "", self.run.report()])
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the closed loop with phases and verdict, and below it the grasp, into a folder.
+
+        ``result.npz`` has, beside the closed loop's arrays, ``force_estimate``, ``friction_use`` and ``pulls``; the
+        meta data has ``verdict``, ``variation`` and ``phases``; ``grasp/`` is the run folder of the grasp.
+
+        Returns
+        -------
+        pathlib.Path
+            The folder.
+        """
+        from continuum_grasp.results import replacing
+
+        target = self.run.save(
+            folder,
+            arrays={
+                "force_estimate": self.force_estimate,
+                "friction_use": self.friction_use,
+                "pulls": self.assignment.pulls,
+            },
+            meta={
+                "mission": self.assignment.mission.model_dump(mode="json"),
+                "verdict": {**asdict(self.verdict), "succeeded": self.verdict.succeeded},
+                "variation": asdict(self.variation),
+                "phases": [asdict(span) for span in self.spans],
+            },
+        )
+        self.assignment.grasp.save(target / "grasp")
+        with replacing(target / "report.txt") as temporary:
+            temporary.write_text(self.report(), encoding="utf-8")
         return target
 
+    def plot(self, folder: str | Path) -> list[Path]:
+        """Draw ``timeline.png`` and ``snapshots.png`` into a folder."""
+        from continuum_grasp.plotting.mission import save_mission_pictures
 
-def judge(assignment: Assignment, timetable: Timetable, run: ControlRun) -> Verdict:
-    """The verdict on a closed loop."""
-    contacts, pose, t = run.contacts, run.object_pose, run.t
-    if contacts is None or pose is None:
-        raise ValueError("a mission has an object that moves")
-    lift, hold, lower = (timetable.span(name) for name in ("lift", "hold", "lower"))
-    carried = (t >= lift.start) & (t <= lower.start)
-    still = (t >= hold.end - _SETTLED * (hold.end - hold.start)) & (t <= hold.end)
-    calm = (t >= hold.start) & (t <= hold.end)
-    fingers = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
-    bearing = [k for k, name in enumerate(contacts.names) if name != "table"]
-    whole = bool(t[-1] >= lower.start)
-    sunk = float(np.max(pose[carried][:1, 3] - pose[carried][:, 3], initial=0.0)) if carried.any() else 0.0
-    moved = float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0))
-    k = run.r_names.index(f"contact_force_{assignment.mission.controller.contact} [N]")
-    force = run.tracked[:, k]
-    smooth = np.convolve(force, np.full(_window(run), 1.0 / _window(run)), mode="same")
-    wanted, estimated = assignment.force, estimated_force(assignment, run)
-    shear = contacts.shear[calm][:, bearing]
-    limits = _friction(assignment, contacts.names)[bearing] * contacts.normal_force[calm][:, bearing]
-    margins = 1.0 - shear / np.maximum(limits, 1e-9)
-    loaded = contacts.normal_force[calm][:, bearing] > 0.05 * wanted
-    return Verdict(
-        held=whole and sunk < _FALLEN,
-        sunk=sunk,
-        moved=moved,
-        force_error=float(np.max(np.abs(smooth[still] - wanted), initial=0.0)) / wanted,
-        force_mean_error=float(np.mean(force[still]) - wanted) / wanted if still.any() else np.inf,
-        force_estimate_error=float(np.mean((estimated - force[:-1])[still[:-1]])) / wanted if still.any() else np.inf,
-        slip_margin=float(np.min(margins[loaded], initial=1.0)),
-        released=whole and bool(np.all(contacts.normal_force[-1, fingers] == 0.0)),
-        fallbacks=sum(word in ("previous_plan", "safe_ramp") for word in run.status),
-    )
+        return save_mission_pictures(self, folder)
+
+    def animate(self, path: str | Path, fps: float = 25.0) -> Path:
+        """Write an animation of finger, object, contact forces and predicted tip paths, GIF or MP4 by the suffix."""
+        from continuum_grasp.plotting.mission_frames import animate_mission
+
+        return animate_mission(self, path, fps)
 
 
-def estimated_force(assignment: Assignment, run: ControlRun) -> Array:
-    """Estimated normal force of the held contact (K) [N]."""
-    from continuum_grasp.mpc.prediction import Prediction
+def wrench_text(wrench: Array) -> str:
+    """A wrench in words, without what is zero."""
+    units = (("N", "in x", 1.0), ("N", "in y", 1.0), ("mN m", "about z", 1e3))
+    told = [
+        f"{scale * value:+.3g} {unit} {along}"
+        for value, (unit, along, scale) in zip(wrench, units, strict=True)
+        if value
+    ]
+    return ", ".join(told) or "nothing"
 
-    model = Prediction(assignment.control)
-    k = model.contact_names.index(assignment.mission.controller.contact)
+
+def estimated_force(run: ControlRun, model: Prediction, contact: str) -> Array:
+    """Normal force (K,) of a contact in the controller's model, at its estimates [N]."""
+    if not len(run.u):
+        return np.zeros(0)
+    k = model.contact_names.index(contact)
     mapped = model.contact_force.map(len(run.u))(run.estimate[:, : model.nx].T, run.u.T, run.parameters.T)
     found: Array = np.array(mapped)[k]
     return found
-
-
-def _window(run: ControlRun) -> int:
-    return max(1, round(0.1 / run.period))
-
-
-def _friction(assignment: Assignment, names: tuple[str, ...]) -> Array:
-    """Friction coefficient of each contact."""
-    mission = assignment.mission
-    own = {wall.name: wall.friction for wall in mission.grasp.walls}
-    found = [own.get(name.partition(".")[0] if name not in own else name) for name in names]
-    return np.array([mission.contact_law.friction if f is None else f for f in found])

@@ -6,15 +6,17 @@ import math
 from collections.abc import Callable
 from os import PathLike
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mpc.controller import Controller
 from continuum_grasp.mpc.loop.plant_model import PlantModel
+from continuum_grasp.mpc.loop.result import ControlRun
 from continuum_grasp.mpc.loop.run import closed_loop
 from continuum_grasp.mpc.mission.assignment import Assignment, assign
 from continuum_grasp.mpc.mission.plant import Variation, mission_plant, mission_plant_model
-from continuum_grasp.mpc.mission.result import MissionRun, judge
+from continuum_grasp.mpc.mission.result import MissionRun, estimated_force
 from continuum_grasp.mpc.mission.timetable import Timetable
+from continuum_grasp.mpc.mission.verdict import judge
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import MissionScene
 
@@ -54,9 +56,9 @@ def run_mission(
     InputError
         If the mission does not make sense.
     NumericalError
-        If the plant's motion does not stay finite; ``result`` is the closed loop until then.
+        If the plant's motion does not stay finite; ``result`` is the mission until then.
     Interrupted
-        On Ctrl-C; ``result`` is the closed loop until then.
+        On Ctrl-C; ``result`` is the mission until then.
     """
     return Crew(assign(mission_of(scene), grasp)).run(variation, progress)
 
@@ -76,12 +78,23 @@ class Crew:
         self._model: PlantModel = mission_plant_model(assignment)
 
     def run(self, variation: Variation | None = None, progress: Progress | None = None) -> MissionRun:
-        """Carry the mission out on one plant."""
-        of, control = self.assignment, self._controller
-        plant = mission_plant(of, self.timetable, control.prediction, variation, self._model)
+        """Carry the mission out on one plant; errors are those of ``run_mission``."""
+        of, control, asked = self.assignment, self._controller, variation or Variation()
+        plant = mission_plant(of, self.timetable, control.prediction, asked, self._model)
         schedule = self.timetable.phases(control.stages)
-        found = closed_loop(of.control, controller=control, plant=plant, schedule=schedule, progress=progress)
-        return MissionRun(of, self.timetable, variation or Variation(), found, judge(of, self.timetable, found))
+        try:
+            found = closed_loop(of.control, controller=control, plant=plant, schedule=schedule, progress=progress)
+        except (Interrupted, NumericalError) as error:
+            if isinstance(error.result, ControlRun):
+                error.result = self._judged(asked, error.result)
+            raise
+        return self._judged(asked, found)
+
+    def _judged(self, variation: Variation, run: ControlRun) -> MissionRun:
+        of = self.assignment
+        force = estimated_force(run, self._controller.prediction, of.mission.controller.contact)
+        verdict = judge(of, self.timetable, variation, run, force)
+        return MissionRun(of, self.timetable, variation, run, self._model.scene, force, verdict)
 
 
 def mission_of(given: MissionScene | str | PathLike[str]) -> MissionScene:

@@ -4,36 +4,25 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from os import PathLike
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from continuum_grasp.errors import ContinuumGraspError, InputError
+from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
+from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mpc.mission.assignment import Assignment, assign
+from continuum_grasp.mpc.mission.outcomes import Outcome
 from continuum_grasp.mpc.mission.plant import Variation
-from continuum_grasp.mpc.mission.result import Verdict
 from continuum_grasp.mpc.mission.run import Crew, mission_of
 from continuum_grasp.scene.mission import MissionScene, Trials
 
-__all__ = ["Outcome", "run_trials", "save_trials", "variations"]
+__all__ = ["run_trials", "variations"]
 
-
-@dataclass(frozen=True)
-class Outcome:
-    """One plant, and how the mission went on it; ``error`` says why there is no verdict."""
-
-    variation: Variation
-    verdict: Verdict | None
-    error: str = ""
-
-    @property
-    def succeeded(self) -> bool:
-        """Held from lift to lowering, and let go."""
-        return self.verdict is not None and self.verdict.succeeded
+_SEEDS = 2**31
 
 
 def variations(trials: Trials) -> list[Variation]:
@@ -48,13 +37,14 @@ def variations(trials: Trials) -> list[Variation]:
         stiffness, damping = factor(trials.stiffness), factor(trials.damping)
         mass, friction = factor(trials.mass), factor(trials.friction)
         dx, dy = (float(v) for v in trials.position * rng.uniform(-1.0, 1.0, 2))
-        found.append(Variation(stiffness, damping, mass, friction, (dx, dy)))
+        found.append(Variation(stiffness, damping, mass, friction, (dx, dy), int(rng.integers(_SEEDS))))
     return found
 
 
 def run_trials(
     scene: MissionScene | str | PathLike[str],
     *,
+    grasp: GraspResult | None = None,
     jobs: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[Outcome]:
@@ -64,6 +54,8 @@ def run_trials(
     ----------
     scene : MissionScene or path-like
         The mission, or its YAML file.
+    grasp : GraspResult, optional
+        The grasp, where it has been found already.
     jobs : int, optional
         Processes; one per core where not given.
     progress : callable, optional
@@ -80,48 +72,68 @@ def run_trials(
         If there is no verified grasp.
     InputError
         If the mission does not make sense.
+    Interrupted
+        On Ctrl-C; ``result`` is the list of those that were done.
     """
     mission = mission_of(scene)
     drawn = variations(mission.trials)
-    count = min(jobs or os.cpu_count() or 1, len(drawn))
+    count = min(os.cpu_count() or 1 if jobs is None else jobs, len(drawn))
     if count < 1:
         raise InputError(f"expected one process at least, got {jobs}", key="jobs")
-    assignment = assign(mission)
+    assignment = assign(mission, grasp)
     report = progress or (lambda share: None)
-    outcomes = []
-    for outcome in _outcomes(assignment, drawn, count):
-        outcomes.append(outcome)
-        report(len(outcomes) / len(drawn))
-    return outcomes
+    done: dict[int, Outcome] = {}
+    try:
+        for k, outcome in _outcomes(assignment, drawn, count):
+            done[k] = outcome
+            report(len(done) / len(drawn))
+    except KeyboardInterrupt:
+        kept = [done[k] for k in sorted(done)]
+        raise Interrupted(f"interrupted after {len(kept)} of {len(drawn)} plants", result=kept) from None
+    return [done[k] for k in range(len(drawn))]
 
 
-def _outcomes(assignment: Assignment, drawn: list[Variation], jobs: int) -> Iterator[Outcome]:
+def _outcomes(assignment: Assignment, drawn: list[Variation], jobs: int) -> Iterator[tuple[int, Outcome]]:
+    """Each plant's number and outcome, as they come."""
     first = _Worker(assignment)
     if jobs == 1:
-        yield from map(first.run, drawn)
+        yield from ((k, first.run(variation)) for k, variation in enumerate(drawn))
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, _start, (assignment,)) as pool:
-        yield from pool.map(_run, drawn)
+    stop = context.Event()
+    with ProcessPoolExecutor(jobs, context, _start, (assignment, stop)) as pool:
+        asked = {pool.submit(_run, variation): k for k, variation in enumerate(drawn)}
+        try:
+            for future in as_completed(asked):
+                yield asked[future], future.result()
+        except BaseException:
+            stop.set()
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 class _Worker:
-    """Controller and plant in one process."""
+    """Controller and plant in one process; ``stop`` is set when nothing more is wanted."""
 
     current: _Worker | None = None
 
-    def __init__(self, assignment: Assignment) -> None:
-        self._crew = Crew(assignment)
+    def __init__(self, assignment: Assignment, stop: Any = None) -> None:
+        self._crew, self._stop = Crew(assignment), stop
 
     def run(self, variation: Variation) -> Outcome:
         try:
-            return Outcome(variation, self._crew.run(variation).verdict)
+            return Outcome(variation, self._crew.run(variation, self._watch).verdict)
         except ContinuumGraspError as error:
             return Outcome(variation, None, str(error))
 
+    def _watch(self, share: float) -> None:
+        if self._stop is not None and self._stop.is_set():
+            raise KeyboardInterrupt
 
-def _start(assignment: Assignment) -> None:
-    _Worker.current = _Worker(assignment)
+
+def _start(assignment: Assignment, stop: Any) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _Worker.current = _Worker(assignment, stop)
 
 
 def _run(variation: Variation) -> Outcome:
@@ -129,27 +141,3 @@ def _run(variation: Variation) -> Outcome:
     if worker is None:
         raise RuntimeError("a worker that was not started")
     return worker.run(variation)
-
-
-def save_trials(outcomes: list[Outcome], folder: str | Path) -> Path:
-    """Write ``trials.csv`` into a folder, one line per plant."""
-    from continuum_grasp.results import replacing
-
-    target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
-    rows = []
-    for outcome in outcomes:
-        own = asdict(outcome.variation)
-        x, y = own.pop("shift")
-        judged = asdict(outcome.verdict) if outcome.verdict is not None else {}
-        rows.append({**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")})
-    columns = max(rows, key=len).keys() if rows else ()
-    lines = [",".join(columns), *(",".join(_cell(row.get(name, "")) for name in columns) for row in rows)]
-    with replacing(target / "trials.csv") as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return target / "trials.csv"
-
-
-def _cell(value: object) -> str:
-    text = f"{value:.9g}" if isinstance(value, float) else str(value)
-    return f'"{text}"' if "," in text else text
