@@ -32,6 +32,9 @@ Array = NDArray[Any]
 _WORDS = {"load": "pull", "contact": "contact, on the finger", "support": "support, on the object"}
 """What a legend calls a kind of force, where that is another word."""
 
+_SEEN = 0.02
+"""Share of the greatest force below which a force is not drawn."""
+
 
 class DrawableMission(Protocol):
     """A mission that was carried out; SI units, world frame."""
@@ -126,11 +129,15 @@ def pull_at(mission: DrawableMission, t: float) -> Array:
 
 
 def acting_forces(mission: DrawableMission, index: int) -> list[Force]:
-    """Forces of the contacts and of a pull at one instant: where (2,) [m], force (2,) [N], and of what kind."""
+    """Forces of the contacts and of a pull at one instant: where (2,) [m], force (2,) [N], and of what kind.
+
+    What is too small to be seen beside the greatest is left out.
+    """
     run = mission.run
     pulled = pull_at(mission, float(run.t[index]))[:2]
+    least = _SEEN * float(np.max(run.contacts.normal_force, initial=0.0))
     found = [*run.contacts.at(index), (run.object_pose[index, :2], pulled, "load")]
-    return [(np.asarray(at), np.asarray(force), kind) for at, force, kind in found if np.any(force)]
+    return [(np.asarray(at), np.asarray(force), kind) for at, force, kind in found if np.hypot(*force) > least]
 
 
 def draw_moment(ax: Axes, pose: Array, moment: float, radius: float, **style: Any) -> list[Any]:

@@ -43,14 +43,14 @@ def plot_trials(outcomes: Sequence[Any]) -> list[Axes]:
     }
     figure = new_figure(10.2, 4.4)
     grid = figure.subplots(2, len(given), sharex="col", sharey="row", squeeze=False)
+    for ax, name in zip(grid[-1], given, strict=True):
+        ax.set_xlabel(name, color=INK, fontsize=9)
     for row, (what, values) in zip(grid, found.items(), strict=True):
-        for ax, (name, against) in zip(row, given.items(), strict=True):
+        for ax, against in zip(row, given.values(), strict=True):
             x = np.array(against, dtype=float)
             quiet(ax)
             ax.plot(x[good], values[good], "o", color=BLUE, markersize=3.5, alpha=0.8, markeredgewidth=0.0)
             ax.plot(x[~good], values[~good], "x", color=ORANGE, markersize=6, markeredgewidth=1.6)
-            if row is grid[-1]:
-                ax.set_xlabel(name, color=INK, fontsize=9)
         row[0].set_ylabel(what, color=INK, fontsize=9)
         row[0].set_ylim(bottom=min(0.0, 1.1 * float(np.nanmin(values, initial=0.0))))
     held = f"{int(good.sum())} of {len(outcomes)} plants held and released"

@@ -15,6 +15,8 @@ from continuum_grasp.scene.value import Length, NonNegative, Positive, Value
 
 __all__ = ["MissionController", "MissionScene", "Phases", "Trials"]
 
+Count = Annotated[int, Field(ge=1, le=8)]
+
 
 class Phases(Value):
     """How long each phase lasts; set-points move smoothly within a phase."""
@@ -34,7 +36,7 @@ class Phases(Value):
     lower: Positive = 0.3
     """While the table comes back [s]."""
     release: Positive = 0.8
-    """Until the finger is straight again [s]."""
+    """Until the finger is straight again [s]; a quarter of that follows in which nothing is asked."""
 
 
 class MissionController(Value):
@@ -43,7 +45,7 @@ class MissionController(Value):
     period: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.01
     """Time from one command to the next [s]."""
     horizon: Horizon = Horizon(stages=20)
-    elements: Annotated[tuple[int, int], Field(strict=False)] = (2, 2)
+    elements: Annotated[tuple[Count, Count], Field(strict=False)] = (2, 2)
     """Matched clothoids before and after the middle contact."""
     input: InputLimits = InputLimits()
     bounds: Bounds = Bounds()
@@ -86,7 +88,11 @@ class Trials(Value):
 
 
 class MissionScene(Value):
-    """A grasp that is optimised first, and then carried out by a controller on a plant."""
+    """A grasp that is optimised first, and then carried out by a controller on a plant.
+
+    The controller believes that the object is fixed and touches without friction, at the middle contact of the grasp
+    and at the tip; in the plant it moves, rubs, has a weight and stands on a table until that sinks away.
+    """
 
     schema_version: Literal[1]
     name: str | None = None
@@ -94,7 +100,7 @@ class MissionScene(Value):
     """The grasp, or the path of its file relative to this file: one finger with a tendon drive and its tip and one
     middle contact on the object."""
     contact_law: ContactLaw
-    """As the controller knows it; friction is that of the plant's object."""
+    """Of all contacts; the controller knows it but for its friction."""
     controller: MissionController = MissionController()
     estimator: Estimator
     plant: Plant = Plant()
@@ -104,23 +110,27 @@ class MissionScene(Value):
     """Mass of the object in the plant [kg]; None: that of the grasp."""
     table_friction: NonNegative = 0.3
     """Friction coefficient between the object and the table on which it stands until it is held [1]."""
-    touching: Annotated[tuple[Length, ...], Field(strict=False)] = ()
-    """More positions along the plant's finger where it may touch the object [m]."""
+    more_contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
+    """More positions along the plant's finger where it may touch the object, which the controller does not know [m]."""
     phases: Phases = Phases()
-    pull: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
-    """Share of the disturbances that the certificate promises to resist, pulled one after the other."""
+    pull_share: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
+    """Share of the disturbances that the certificate promises to resist, pulled one after the other [1]."""
     trials: Trials = Trials()
 
     @model_validator(mode="after")
     def _sense(self) -> MissionScene:
         fingers = self.grasp.setups
         if len(fingers) != 1:
-            raise ValueError(f"grasp: a mission is for one finger, the grasp has {len(fingers)}")
+            raise ValueError(f"grasp has {len(fingers)} fingers: a mission is for one")
         if self.grasp.gravity.mode != "out_of_plane":
-            raise ValueError("grasp.gravity: a mission lifts the object off a table: expected mode out_of_plane")
-        tendons = fingers[0].finger.tendons
+            raise ValueError("grasp.gravity must be out_of_plane: a mission lifts the object off a table")
+        if len(fingers[0].middles) != 1 or "off" in (fingers[0].middles[0], fingers[0].tip):
+            raise ValueError("grasp.contacts must have one middle contact and the tip: a mission closes with both")
+        tendons, length = fingers[0].finger.tendons, fingers[0].finger.rod.length
         if tendons is None or tendons.time_constant is None:
-            raise ValueError("grasp: the finger needs tendons with a time_constant")
+            raise ValueError("grasp.finger.tendons needs a time_constant: tensions that jump throw a fine finger")
+        if any(not 0.0 < at < length for at in self.more_contacts):
+            raise ValueError(f"more_contacts must lie between base and tip of the finger, within {length} m")
         return self
 
     @property

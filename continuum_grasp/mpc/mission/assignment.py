@@ -125,7 +125,7 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
         bends=moment / finger.rod.stiffness * np.asarray(control.fidelity.elements),
         posture=_posture(posture, np.asarray(control.fidelity.elements)),
         force=force,
-        pulls=mission.pull * factors[:, None] * np.asarray(resistance.wrenches),
+        pulls=mission.pull_share * factors[:, None] * np.asarray(resistance.wrenches),
     )
 
 

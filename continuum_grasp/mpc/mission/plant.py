@@ -51,7 +51,7 @@ def mission_plant_model(assignment: Assignment) -> PlantModel:
     mass = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
     scene: Scene = plant_scene(control).model_copy(
         update={
-            "contacts": tuple(sorted({*control.contacts, *mission.touching})),
+            "contacts": tuple(sorted({*control.contacts, *mission.more_contacts})),
             "object": control.object.model_copy(update={"mass": mass}),
             "object_moves": True,
             "supports": mission.grasp.supports,
