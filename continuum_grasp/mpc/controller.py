@@ -271,9 +271,20 @@ class Controller:
 
     def _shape_error(self, *given: Any) -> InputError:
         s, rows = self.stages, self._set_points.shape
-        shapes = (f"({len(self._measurement)},)", f"({s.nr},) or {rows}", f"({s.np},)", f"({s.nu},)")
+        shapes: tuple[tuple[tuple[int, ...], ...], ...] = (
+            ((len(self._measurement),),),
+            ((s.nr,), rows),
+            ((s.np,),),
+            ((s.nu,),),
+        )
         said = zip(("measurement", "reference", "p", "applied"), given, shapes, strict=True)
-        told = [f"{name}: expected {shape}, got {np.shape(v) or v!r}" for name, v, shape in said if v is not None]
+        asked = [(name, v, expected) for name, v, expected in said if v is not None]
+        wrong = [one for one in asked if np.shape(one[1]) not in one[2]] or asked
+        told = [
+            f"{name}: expected {' or '.join(map(str, e))}, got "
+            + (f"{v!r:.80}" if np.shape(v) in ((), *e) else str(np.shape(v)))
+            for name, v, e in wrong
+        ]
         return InputError("a step takes arrays of numbers; " + "; ".join(told))
 
 
