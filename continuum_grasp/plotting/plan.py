@@ -26,6 +26,8 @@ from continuum_grasp.plotting.contact import plot_contact_forces
 from continuum_grasp.plotting.control_scene import draw_surroundings, zone_points
 from continuum_grasp.plotting.coordinates import plot_coordinates
 from continuum_grasp.plotting.finger_shape import draw_clamp
+from continuum_grasp.plotting.objects import draw_object, object_outlines
+from continuum_grasp.plotting.objects import draw_surroundings as draw_supports
 from continuum_grasp.plotting.pictures import save_picture
 
 if TYPE_CHECKING:
@@ -55,8 +57,13 @@ def plot_plan_path(plan: Any, *, ax: Axes | None = None) -> Axes:
     around, tip = plan.prediction.scene, np.asarray(plan.tip)
     shown = np.unique(np.linspace(0, len(tip) - 1, _SNAPSHOTS).astype(int))
     shapes = plan.backbone(shown, points=60)
-    ax = plane_axes(ax, bend_box([shapes, tip, *zone_points(around)], 0.07 * plan.length))
-    draw_surroundings(ax, around)
+    things = [] if plan.object_pose is None else object_outlines(plan.scene, np.asarray(plan.object_pose)[-1, :3])
+    ax = plane_axes(ax, bend_box([shapes, tip, *zone_points(around), *things], 0.07 * plan.length))
+    draw_surroundings(ax, around.model_copy(update={"object": None}))
+    if plan.object_pose is not None:
+        draw_supports(ax, plan.scene)
+        for k, pose in enumerate(np.asarray(plan.object_pose)[[0, -1], :3]):
+            draw_object(ax, object_outlines(plan.scene, pose), faint=k == 0)
     lines = LineCollection(list(shapes), cmap=time_map(), linewidths=2.0, capstyle="round", zorder=2)
     lines.set_array(plan.t[shown])
     ax.add_collection(lines)

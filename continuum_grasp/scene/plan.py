@@ -10,7 +10,7 @@ from continuum_grasp.scene.control import Bounds, Cost, DiscZone, HalfPlaneZone,
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.reference import CircleReference, Reference, Row, RowSamples
+from continuum_grasp.scene.reference import Reference, Row, RowSamples
 from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.surroundings import ContactLaw, Surroundings
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Value, Vector2
@@ -328,9 +328,6 @@ class PlanScene(Surroundings):
         return (given.least, given.most) if isinstance(given, DurationRange) else (given, given)
 
     @property
-    def runs_in_time(self) -> bool:
-        """Whether references or loads vary over time."""
-        varying = (RowSamples, CircleReference)
-        given = self.reference
-        rows = (given.tip, given.bending, given.shape, given.contact_force, given.input)
-        return any(isinstance(row, varying) for row in rows) or any(not isinstance(v.force, tuple) for v in self.loads)
+    def load_varies(self) -> bool:
+        """Whether a load varies over time."""
+        return any(not isinstance(load.force, tuple) for load in self.loads)

@@ -103,11 +103,11 @@ class Player:
             at = np.linspace(0.0, 1.0, 2 * substeps * kept + 1)[:, None]
             rows = u[k] + (u[k + 1] - u[k]) * at if linear else np.tile(u[k], (len(at), 1))
             begin, end = (np.array([2 * kept * j]) for j in (k, k + 1))
+            numbers = np.tile(p[0], (len(at), 1))
             if len(p) > 1:
                 instants = begin + (end - begin) * at.ravel()
-                numbers = np.stack([np.interp(instants, np.arange(len(p)), column) for column in p.T], axis=1)
-            else:
-                numbers = np.tile(p, (len(at), 1))
+                for j, column in enumerate(p.T):
+                    numbers[:, j] = np.interp(instants, np.arange(len(p)), column)
             found, count = run(
                 np.ascontiguousarray(states[-1][-1:]),
                 kept,

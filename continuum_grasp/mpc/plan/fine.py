@@ -40,7 +40,7 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
     """
     intervals, nu = len(path.u) - 1, model.nu
     rate = fastest_rate(model, *(np.full(nu, limit) for limit in scene.input_limits))
-    times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.runs_in_time else [0.0]
+    times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.load_varies else [0.0]
     p = parameters_over_time(scene, model, times)
     t = np.linspace(0.0, path.duration, intervals + 1)
     return Player(model, rate).play(x0, t, path.u, p, linear=scene.input.form == "linear", kept=parts)
@@ -54,7 +54,7 @@ def excess_over_intervals(motion: Motion, states: Array) -> Array:
     every = stages.rows.map(count)(states.T, *(np.tile(v, (count, 1)).T for v in fixed))
     rows = np.array(every).T[:, : stages.ns]
     excess = np.maximum(np.maximum(stages.c_min[: stages.ns] - rows, rows - stages.c_max[: stages.ns]), 0.0)
-    inner = excess[1:].reshape(-1, PARTS, stages.ns)
+    inner = excess[1:].reshape((count - 1) // PARTS, PARTS, stages.ns)
     return np.asarray(inner.max(axis=1))
 
 

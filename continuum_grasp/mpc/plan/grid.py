@@ -19,6 +19,8 @@ __all__ = ["Grid", "add_collocation", "add_shooting", "default_substeps"]
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+_LONGER = 2.0
+"""How much longer than where the search begins a duration is expected to be."""
 _TARGET = 0.6
 """Product of sub-step and fastest rate, where the Runge-Kutta method is accurate to some 1e-4 of the fastest mode."""
 
@@ -60,7 +62,8 @@ def default_substeps(motion: Motion) -> int:
     least, most = scene.input_limits
     low, high = np.full(motion.nu, least), np.full(motion.nu, most)
     rate = fastest_rate(motion.prediction, low, high)
-    return max(1, math.ceil(scene.duration_range[1] / scene.intervals * rate / _TARGET))
+    longest = min(scene.duration_range[1], _LONGER * motion.first_duration)
+    return max(1, math.ceil(longest / scene.intervals * rate / _TARGET))
 
 
 def add_shooting(programme: Programme, motion: Motion, grid: Grid, substeps: int, price: float) -> None:
