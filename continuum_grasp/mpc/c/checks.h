@@ -5,7 +5,6 @@
  */
 #ifndef CG_CHECKS_H
 #define CG_CHECKS_H
-#include <math.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -22,12 +21,18 @@ enum {                        /* what became of a measurement */
 typedef uint32_t cg_bits;
 #define CG_EXPONENT ((cg_bits)0x7f800000)
 #define CG_FRACTION ((cg_bits)0x007fffff)
-#define CG_SQRT sqrtf
 #else
 typedef uint64_t cg_bits;
 #define CG_EXPONENT ((cg_bits)0x7ff0000000000000)
 #define CG_FRACTION ((cg_bits)0x000fffffffffffff)
+#endif
+#ifndef CG_SQRT
+#include <math.h>
+#ifdef CG_SINGLE
+#define CG_SQRT sqrtf
+#else
 #define CG_SQRT sqrt
+#endif
 #endif
 
 static inline cg_bits cg_bits_of(real a)
