@@ -133,7 +133,6 @@ def test_gauss_newton_finds_the_same_plan(kind):
     ("make", "bounds"),
     [
         (small, {"speed": 7.0}),
-        (two_arcs, {"curvature": 2.75}),
         (two_arcs, {"keep_out": {"post": {"type": "disc", "center": (-0.02, 0.295), "radius": 0.004}}}),
     ],
 )

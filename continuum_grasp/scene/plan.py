@@ -27,6 +27,7 @@ __all__ = [
     "PlanScene",
     "PlanSolver",
     "PointAim",
+    "RowAim",
     "ShapeAim",
 ]
 
