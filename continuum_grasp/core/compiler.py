@@ -41,7 +41,7 @@ class Compiler:
         longest = max(function.count("\n") for function in source.split("\n}\n"))
         level = next((flag for limit, flag in _LEVELS if longest <= limit), "-O0")
         is_gcc = "clang" not in self.version.lower()
-        return (*_COMMON, level, *(_GCC if is_gcc and level == "-O3" else ()))
+        return (*_COMMON, level, *(_GCC if is_gcc and source.count("\n") <= _SHORT else ()))
 
     def identity(self, source: str) -> str:
         """Everything that a compiled source depends on."""
