@@ -77,7 +77,7 @@ def _grasp(scene: MissionScene, output: Output) -> GraspResult:
 
 def _tell(run: MissionRun, folder: Path, files: list[Path], output: Output) -> None:
     found = run.run.metrics()
-    output.warn(run.run.warnings)
+    output.warn(run.warnings)
     output.pairs(run.verdict.pairs())
     output.say("")
     rows = run.rows()
@@ -98,7 +98,7 @@ def _tell(run: MissionRun, folder: Path, files: list[Path], output: Output) -> N
         phases=[asdict(span) for span in run.spans],
         pulls={name: wrench.tolist() for name, wrench in run.pulls.items()},
         metrics=asdict(found),
-        warnings=list(run.run.warnings),
+        warnings=list(run.warnings),
         statistics=dict(run.run.statistics),
     )
 

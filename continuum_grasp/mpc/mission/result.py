@@ -16,10 +16,16 @@ from continuum_grasp.mpc.mission.timetable import Span, Timetable
 from continuum_grasp.mpc.mission.verdict import Verdict, friction_limits
 from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.contacts import overlaps
 
 __all__ = ["MissionRun", "estimated_force"]
 
 Array = NDArray[np.float64]
+
+_LOOKS = 50
+"""Instants at which overlaps are looked for."""
+_THROUGH = 0.5
+"""Overlap between contacts that is told, as a part of the half thickness."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +85,24 @@ class MissionRun:
         found: Array = np.divide(contacts.shear, limits, out=np.full_like(limits, np.nan), where=limits > 0.0)
         return found
 
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user must know: that of the closed loop, and of a finger in the object between its contacts."""
+        run, contacts, poses = self.run, self.run.contacts, self.run.object_pose
+        thing = self.scene.object
+        if contacts is None or poses is None or thing is None:
+            raise ValueError("a mission has an object that moves")
+        looked = np.unique(np.linspace(0, len(run.t) - 1, _LOOKS).astype(int))
+        own = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
+        half = self.scene.finger.thickness_radius
+        deep = overlaps(thing, poses[looked, :3], run.backbone(looked), half)
+        beyond = deep - np.maximum(0.0, -contacts.gap[looked][:, own].min(axis=1))
+        k = int(beyond.argmax())
+        if beyond[k] <= _THROUGH * half:
+            return run.warnings
+        where = f"by {1e3 * beyond[k]:.2g} mm at t = {run.t[looked[k]]:g} s"
+        return (*run.warnings, f"between its contacts the finger overlaps the object {where}: add more_contacts")
+
     def rows(self) -> list[tuple[str, str, str, str, str]]:
         """Table of the phases: name, begin, end, what was pulled with, furthest displacement since the lift."""
         t, pose, lift = self.run.t, self.run.object_pose, self.timetable.span("lift")
@@ -128,6 +152,7 @@ class MissionRun:
             },
             meta={
                 "mission": self.assignment.mission.model_dump(mode="json"),
+                "warnings": list(self.warnings),
                 "verdict": {**asdict(self.verdict), "succeeded": self.verdict.succeeded},
                 "variation": asdict(self.variation),
                 "phases": [asdict(span) for span in self.spans],
