@@ -11,10 +11,10 @@ from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.plant import Plant
-from continuum_grasp.scene.reference import Reference, RowSamples
+from continuum_grasp.scene.reference import CircleReference, Reference, RowSamples
 from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.scene.value import Length, NonNegative, Positive, Real, Value, Vector2
+from continuum_grasp.scene.value import Length, NonNegative, Positive, Real, Value, Vector2, doubt
 
 __all__ = [
     "Bounds",
@@ -271,10 +271,27 @@ class ControlScene(Surroundings):
             for k, at in enumerate(cost.shape.at):
                 if at > self.finger.rod.length * (1 + 1e-9):
                     raise ValueError(f"controller.cost.shape.at[{k}] = {at} m is beyond the finger")
+        self._doubt_reach()
         if given.input is not None:
             width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
             if width != (1 if self.finger.tendons is None else 2):
                 raise ValueError(f"reference.input: expected the tip moment or two tensions, got {width} numbers")
+
+    def _doubt_reach(self) -> None:
+        """Warn of set-points of the tip that are farther from the base than the finger is long."""
+        tip, length = self.reference.tip, self.finger.rod.length
+        if tip is None:
+            return
+        if isinstance(tip, CircleReference):
+            points, beyond = [tip.center], tip.radius
+        else:
+            points, beyond = (list(tip.values) if isinstance(tip, RowSamples) else [tip]), 0.0
+        far = max(math.dist((p[0], p[1]), self.finger.base.position) for p in points) + beyond
+        if far > 2.0 * length:
+            doubt(
+                f"reference.tip is up to {far:g} m from the base, the finger is {length:g} m long; is it in "
+                "millimetres? (expected: m)"
+            )
 
     def _check_estimator(self, estimator: Estimator) -> None:
         sensors = estimator.measured.bending

@@ -27,7 +27,17 @@ if TYPE_CHECKING:
 
     Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | PlanScene | Finger | Sweep
 
-__all__ = ["assembled", "changed", "kind_of", "kind_of_scene", "load", "load_placed", "model_of", "scene_of", "validated"]
+__all__ = [
+    "assembled",
+    "changed",
+    "kind_of",
+    "kind_of_scene",
+    "load",
+    "load_placed",
+    "model_of",
+    "scene_of",
+    "validated",
+]
 
 _VERSION = 1
 _MODELS = {
