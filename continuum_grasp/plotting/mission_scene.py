@@ -32,7 +32,7 @@ Array = NDArray[Any]
 _WORDS = {"load": "pull", "contact": "contact, on the finger", "support": "support, on the object"}
 """What a legend calls a kind of force, where that is another word."""
 
-_SEEN = 0.02
+_SEEN = 0.05
 """Share of the greatest force below which a force is not drawn."""
 
 
