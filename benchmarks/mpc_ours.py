@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from typing import Any
 
 import numpy as np
@@ -76,4 +77,5 @@ def rti_loop(case: Case, *, lanes: bool = True, real: str = "double", iterations
         p="given_p" if narrow else "p",
         refs="given_refs" if narrow else "refs",
     )
-    return CLoop(case, iteration_source(case.stages, real=real, lanes=lanes) + hooks, primal=1e-3 if narrow else 1e-6)
+    primal = math.inf if iterations > 1 else 1e-3 if narrow else 1e-6  # of one programme, linearised at the guess
+    return CLoop(case, iteration_source(case.stages, real=real, lanes=lanes) + hooks, primal=primal)
