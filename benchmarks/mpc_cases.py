@@ -214,13 +214,7 @@ def _bounds(which: str, *, curvature: float, speed: float) -> dict[str, Any]:
 
 def _stages(scene: ControlScene) -> tuple[Stages, Prediction]:
     prediction = Prediction(scene)
-    stages = stages_of(scene, prediction)
-    if stages.step.numel_out(0) > stages.nx:  # one input, none remembered: xn has an entry too many
-        given = stages.step.sx_in()
-        xn, a, b = stages.step(*given)
-        step = ca.Function("stage_step", given, [xn[: stages.nx], a, b], list("xuph"), ["xn", "A", "B"])
-        stages = replace(stages, step=step)
-    return stages, prediction
+    return stages_of(scene, prediction), prediction
 
 
 def _closed(

@@ -33,7 +33,7 @@ def step_function(dynamics: ca.Function, nx: int, method: str = "rk4") -> ca.Fun
     slope = ca.Function("slope", [x, u, p], ca.cse([rate, ca.jacobian(rate, x)[:, :nd], ca.jacobian(rate, u)]))
     step = implicit_step if method == "implicit" else _explicit_step
     following, by_x, by_u = step(slope, x[:nd], (u, p), h, x[nd:])
-    following = ca.vertcat(following, u[: nx - nd])
+    following = ca.vertcat(following, u[: nx - nd, :])
     a = ca.diagcat(by_x, ca.SX(nx - nd, nx - nd))
     b = ca.vertcat(by_u, ca.SX.eye(u.numel())[: nx - nd, :])
     expressions = [ca.densify(e) for e in ca.cse([following, a, b])]
