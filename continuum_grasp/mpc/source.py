@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from importlib.resources import files
 
 import casadi as ca
@@ -11,7 +12,22 @@ from continuum_grasp.core.precision import single
 from continuum_grasp.errors import InputError
 from continuum_grasp.mpc.stages import Stages
 
-__all__ = ["PROBLEM", "dimensions", "iteration_source", "library_source", "stage_functions", "template"]
+__all__ = [
+    "ITERATION",
+    "PROBLEM",
+    "dimensions",
+    "iteration_source",
+    "library_source",
+    "row_functions",
+    "stage_functions",
+    "template",
+]
+
+_BODY = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)
+"""Name and body of a function in what CasADi writes."""
+
+ITERATION = ("rti_basis.c", "rti_linearise.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c")
+"""Templates behind the header, in their order."""
 
 PROBLEM = ("x", "u", "M", "defect", "l", "g", "H", "c", "C")
 """Members of the workspace that say which quadratic programme is solved."""
@@ -41,11 +57,12 @@ def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True
         If a stage function is not a straight-line SX function of the expected sizes, or has a constant that single
         precision cannot hold.
     """
+    _check(stages)
     vector = _lanes(stages, real) if lanes else ""
     functions = stage_functions(stages, real, vector=bool(vector))
     width = f"#define RTI_W {-(-(stages.nx + stages.nu) // 4) * 4}" if lanes else ""
-    parts = [dimensions(stages, real), width, functions, vector, template("rti.h"), _row_functions(stages)]
-    return "\n".join([*parts, template("rti.c")])
+    parts = [dimensions(stages, real), width, functions, vector, template("rti.h"), row_functions(stages)]
+    return "\n".join([*parts, *[template(name) for name in ITERATION]])
 
 
 def library_source(stages: Stages, *, real: str = "double", lanes: bool = True) -> str:
@@ -86,13 +103,39 @@ def stage_functions(stages: Stages, real: str, *, vector: bool = False) -> str:
     """C of step and costs by CasADi; of the terminal cost alone where the others come as vector lanes."""
     options = {"with_header": False, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator("stages.c", options)
-    for function in (stages.step, stages.cost, stages.terminal):
+    for function in (stages.terminal,) if vector else (stages.step, stages.cost, stages.terminal):
+        generator.add(function)
+    code = str(generator.dump())
+    begin, _, _ = code.partition("/* Configuration this file was compiled with */")
+    bodies = [
+        f"static int {name}(const casadi_real **arg, casadi_real **res)\n{{{body}}}\n"
+        for name, body in _BODY.findall(code)
+    ]
+    code = "\n".join([begin, *bodies])
+    return single(code) if real == "float" else code
+
+
+def _check(stages: Stages) -> None:
+    """Whether the functions are those that the template calls.
+
+    Raises
+    ------
+    InputError
+        If one is not a straight-line function, or an output is not dense and of its size.
+    """
+    nx, nu, nc, ns = stages.nx, stages.nu, stages.nc, stages.ns
+    nz = nx + nu
+    sizes = {
+        stages.step: [nx, nx * nx, nx * nu],
+        stages.cost: [1, nz, nz * nz, nc, nc * nz],
+        stages.terminal: [1, nx, nx * nx, ns, ns * nx],
+    }
+    for function, expected in sizes.items():
         if not function.is_a("SXFunction"):
             raise InputError(f"{function.name()}: expected a straight-line SX function, got {function.class_name()}")
-        if function is stages.terminal or not vector:
-            generator.add(function)
-    code = str(generator.dump())
-    return single(code) if real == "float" else code
+        found = [function.nnz_out(k) for k in range(function.n_out())]
+        if found != expected:
+            raise InputError(f"{function.name()}: expected dense outputs of {expected} entries, got {found}")
 
 
 def _lanes(stages: Stages, real: str) -> str:
@@ -104,7 +147,7 @@ def _lanes(stages: Stages, real: str) -> str:
     return "\n".join([lane_prelude(real), *functions, "#define RTI_VECTOR\n"])
 
 
-def _row_functions(stages: Stages) -> str:
+def row_functions(stages: Stages) -> str:
     """What the template needs of the rows' Jacobian, over the entries that can differ from zero."""
     nc = stages.nc
     entries = _pattern(stages)
@@ -122,18 +165,18 @@ def _row_functions(stages: Stages) -> str:
     void = "  (void)C; (void)w; "
     return "\n".join(
         [
-            f"static inline void rti_row_values(const real c[{rows}], real C[{rows}][RTI_NZ], const real z[RTI_W],"
+            f"static inline void rti_row_values(const real c[{rows}], real (*C)[RTI_NZ], const real z[RTI_W],"
             f" real y[{rows}])",
             "{",
             "  (void)c; (void)C; (void)z; (void)y;",
             *values,
             "}",
-            f"static inline void rti_row_gradient(real C[{rows}][RTI_NZ], const real w[{rows}], real q[RTI_W])",
+            f"static inline void rti_row_gradient(real (*C)[RTI_NZ], const real w[{rows}], real q[RTI_W])",
             "{",
             f"{void}(void)q;",
             *gradient,
             "}",
-            f"static inline void rti_row_hessian(real C[{rows}][RTI_NZ], const real w[{rows}], real G[RTI_NZ][RTI_W])",
+            f"static inline void rti_row_hessian(real (*C)[RTI_NZ], const real w[{rows}], real (*G)[RTI_W])",
             "{",
             f"{void}(void)G;",
             *hessian,

@@ -10,8 +10,8 @@
  * Rows 0 to RTI_NS - 1 of c hold at the nodes 1 to RTI_N, the others at 0 to RTI_N - 1. A bound of 1e30 or more is none.
  *
  * Dimensions are set before this file is read: RTI_N, RTI_NX, RTI_NU (1 or more), RTI_NC, RTI_NS, RTI_NP, RTI_NR; and
- * the type `real`, with RTI_SINGLE defined if that is float. No function allocates, keeps anything between calls beside
- * what its caller owns, or calls a library.
+ * the type `real`, with RTI_SINGLE defined if that is float. No function allocates, or keeps anything between calls beside
+ * what its caller owns. The functions of a stage stand before the other parts: stage_step, stage_cost, terminal_cost.
  */
 #ifndef RTI_H
 #define RTI_H
@@ -23,12 +23,14 @@
 #define RTI_SIZE(n) ((n) > 0 ? (n) : 1)
 #define RTI_ROWS (RTI_NU + RTI_NC)           /* bounded quantities of a node: inputs, then rows of c */
 #define RTI_SIDES (2 * RTI_ROWS)
+#ifndef RTI_LANES
 #define RTI_LANES 8
+#endif
 #define RTI_LENGTH ((RTI_N + RTI_LANES - 1) / RTI_LANES * RTI_LANES)
 
 enum {
   RTI_SOLVED = 0,
-  RTI_ITERATION_LIMIT = 1,    /* usable: the best point found */
+  RTI_ITERATION_LIMIT = 1,    /* usable: what was reached */
   RTI_ROW_VIOLATED = 2,       /* solved, and a soft row is violated */
   RTI_BAD_INPUT = -1,         /* state, parameters, set-points, plan or settings are not finite, or bounds cross */
   RTI_BAD_LINEARISATION = -2, /* model or cost are not finite at the plan */
@@ -39,7 +41,7 @@ enum {
 typedef struct {
   real u_min[RTI_NU], u_max[RTI_NU];
   real c_min[RTI_SIZE(RTI_NC)], c_max[RTI_SIZE(RTI_NC)];
-  real linear[RTI_SIZE(RTI_NC)], quadratic[RTI_SIZE(RTI_NC)];     /* prices of violations; negative ones are invalid */
+  real linear[RTI_SIZE(RTI_NC)], quadratic[RTI_SIZE(RTI_NC)];     /* prices of violations, 0 or more */
   real weights[RTI_SIZE(RTI_NR)], terminal_weights[RTI_SIZE(RTI_NR)];
   real stage;                 /* length of a stage [s], of the integration; the cost has its own */
   int substeps;               /* Runge-Kutta steps per stage */
@@ -55,8 +57,8 @@ typedef struct {
 typedef struct {
   int status;
   int iterations;             /* factorisations beyond that of the preparation */
-  real kkt;                   /* largest residual of the optimality conditions, relative */
-  real violation;             /* largest slack of a row */
+  real kkt;                   /* largest residual of the optimality conditions, relative; 0 if no bound is active */
+  real violation;             /* largest violation of a row */
   real cost;                  /* of the quadratic programme at its solution, penalties included */
 } rti_report;
 
@@ -94,12 +96,12 @@ typedef struct {
   /* active set: which bound holds, multipliers */
   signed char active[RTI_ROWS][RTI_LENGTH];
   real a[RTI_ROWS][RTI_LENGTH];
-  real next_x[RTI_N + 1][RTI_NX], next_u[RTI_N][RTI_NU];
+  rti_plan next;
 } rti_work;
 
 /* A plan that stays at a state with an input. */
 void rti_start(rti_plan *plan, const real *x0, const real *u0);
-/* The states of a plan by integration of its inputs from x0. */
+/* The states of a plan by integration of its inputs from x0; of no use if the result is negative. */
 int rti_rollout(rti_plan *plan, rti_work *work, const rti_settings *settings, const real *x0, const real *p);
 /* The same from a node on, which stays. */
 int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const real *p);

@@ -1,0 +1,141 @@
+/* Active set: which bounds hold; a Newton step for these; anew.
+ *
+ * A bound that holds is let go if its multiplier pulls the wrong way, and one that is violated is made to hold. A row
+ * whose multiplier exceeds its linear price leaves its bound, and comes back to it if it lies inside. Of a first set that comes
+ * from an estimate, multiplier and distance from the bound say together what holds.
+ */
+
+enum { RTI_KEPT, RTI_ESTIMATED, RTI_EXCHANGED };    /* how a set comes about */
+enum { RTI_FREE = 0, RTI_AT_HIGH = 1, RTI_AT_LOW = -1, RTI_OVER_HIGH = 2, RTI_UNDER_LOW = -2 };
+
+#define RTI_FIXED RTI_R(1e30)         /* weight of an input at its bound: as good as infinite, and harmless */
+#define RTI_MANY 8                    /* changes of a set that may be more than the round before */
+#ifdef RTI_SINGLE
+#define RTI_STIFFER RTI_R(1e3)        /* weight of a row at its bound, per stiffness; multipliers do the rest */
+#else
+#define RTI_STIFFER RTI_R(1e8)
+#endif
+
+typedef struct {
+  real low, high, price, stiffness, slack;      /* price: least multiplier at which the bound is left */
+} rti_bound;
+
+/* The next state of a bounded quantity y with a multiplier that is positive where it pulls down. */
+static inline int rti_next(const rti_bound *b, int how, int at, real y, real multiplier)
+{
+  if (how == RTI_KEPT) return at;
+  if (how == RTI_ESTIMATED) {
+    const real above = multiplier + b->stiffness * (y - b->high), below = b->stiffness * (b->low - y) - multiplier;
+    if (b->high < RTI_ABSENT && above > 0) return above < b->price ? RTI_AT_HIGH : RTI_OVER_HIGH;
+    if (b->low > -RTI_ABSENT && below > 0) return below < b->price ? RTI_AT_LOW : RTI_UNDER_LOW;
+    return RTI_FREE;
+  }
+  const int to_high = b->price > 0 ? RTI_AT_HIGH : RTI_OVER_HIGH, to_low = b->price > 0 ? RTI_AT_LOW : RTI_UNDER_LOW;
+  switch (at) {
+    case RTI_AT_HIGH:
+      return multiplier <= 0 ? RTI_FREE : multiplier < b->price ? RTI_AT_HIGH : RTI_OVER_HIGH;
+    case RTI_AT_LOW:
+      return multiplier >= 0 ? RTI_FREE : -multiplier < b->price ? RTI_AT_LOW : RTI_UNDER_LOW;
+    case RTI_OVER_HIGH:
+      return y > b->high - b->slack ? RTI_OVER_HIGH : b->price > 0 ? RTI_AT_HIGH : RTI_FREE;
+    case RTI_UNDER_LOW:
+      return y < b->low + b->slack ? RTI_UNDER_LOW : b->price > 0 ? RTI_AT_LOW : RTI_FREE;
+    default:
+      break;
+  }
+  if (b->high < RTI_ABSENT && y > b->high + b->slack) return to_high;
+  if (b->low > -RTI_ABSENT && y < b->low - b->slack) return to_low;
+  return RTI_FREE;
+}
+
+/* The next set with its weights and pushes, from the present point and multipliers. Gives the number of changes, and how
+ * far what is to hold is from its bound, relative. */
+static int rti_choose(rti_work *o, const rti_settings *s, int how, real *gap)
+{
+  int changes = 0;
+  *gap = 0;
+  for (int row = 0; row < RTI_ROWS; ++row) {
+    const int input = row < RTI_NU, i = input ? 0 : row - RTI_NU;
+    const real unit = rti_scale(s, row), linear = input ? 0 : s->linear[i], quadratic = input ? 0 : s->quadratic[i];
+    rti_bound bound = {rti_low(s, row), rti_high(s, row), 0, 0, s->tolerance * unit / 10};
+    memset(o->weight[row], 0, sizeof o->weight[row]);
+    memset(o->push[row], 0, sizeof o->push[row]);
+    if (!rti_priced(s, row)) continue;
+    for (int k = 0; k < RTI_N; ++k) {
+      const real y = o->y[row][k], c = o->stiffness[row][k], residual = input ? o->residual[k][input ? row : 0] : 0;
+      const real a = input ? -residual : o->a[row][k];
+      bound.stiffness = c;
+      bound.price = input ? RTI_FIXED : c > 0 ? linear : 0;
+      const int at = input && rti_fixed(s, row) ? RTI_AT_HIGH : rti_next(&bound, how, o->active[row][k], y, a);
+      const real away = at == RTI_FREE ? 0 : y - (at > 0 ? bound.high : bound.low);
+      const int holds = at == RTI_AT_HIGH || at == RTI_AT_LOW;
+      changes += at != o->active[row][k];
+      o->active[row][k] = (signed char)at;
+      if (holds) *gap = rti_max(*gap, rti_abs(away) / unit);
+      const real weight = at == RTI_FREE ? 0 : input ? RTI_FIXED : holds ? RTI_STIFFER * c : quadratic;
+      o->weight[row][k] = weight;
+      o->push[row][k] = weight * away;
+      if (input) o->push[row][k] -= at == RTI_FREE ? 0 : residual;
+      else if (!holds) o->push[row][k] += (at > 0 ? linear : at < 0 ? -linear : 0) - a;
+    }
+  }
+  return changes;
+}
+
+/* Largest gradient by an input that is free, relative. */
+static real rti_free_residual(const rti_work *o)
+{
+  real worst = 0;
+  for (int j = 0; j < RTI_NU; ++j)
+    for (int k = 0; k < RTI_N; ++k)
+      if (o->active[j][k] == RTI_FREE && o->gradient_size[j] > 0)
+        worst = rti_max(worst, rti_abs(o->residual[k][j]) / o->gradient_size[j]);
+  return worst;
+}
+
+/* From the present point and the rows' multipliers a; whether the optimality conditions are met in the end. */
+static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit, rti_report *report)
+{
+  int before = RTI_ROWS * RTI_N;
+  for (int round = 0;; ++round) {
+    real gap;
+    memset(o->force, 0, sizeof o->force[0] * RTI_NU);
+    for (int i = RTI_NU; i < RTI_ROWS; ++i) memcpy(o->force[i], o->a[i], sizeof o->force[i]);
+    rti_gradient(o);
+    const int changes = rti_choose(o, s, round == 0 ? how : RTI_EXCHANGED, &gap);
+    report->kkt = rti_max(gap, rti_free_residual(o));
+    if (round > 0 && changes == 0 && report->kkt <= s->tolerance) return 1;
+    if (round == limit || (round > 1 && changes > before && changes > RTI_MANY)) return 0;
+    if (round > 0) before = changes;
+    ++report->iterations;
+    if (round > 0 && changes == 0) rti_resolve(o);
+    else rti_factor(o);
+    if (!rti_advance(o)) return 0;
+    rti_move(o, 1);
+    for (int i = RTI_NU; i < RTI_ROWS; ++i)
+      for (int k = 0; k < RTI_N; ++k) o->a[i][k] += o->push[i][k] + o->weight[i][k] * o->dy[i][k];
+  }
+}
+
+/* The set that the plan tells, which is the last solution moved on: what is at its bound there, or beyond. Whether that
+ * promises more than what the solution without bounds violates, which is much where it is far from the plan. */
+static int rti_planned(rti_work *o, const rti_settings *s)
+{
+  int count = 0, violated = 0;
+  for (int row = 0; row < RTI_ROWS; ++row) {
+    const int input = row < RTI_NU, i = input ? 0 : row - RTI_NU, later = !input && i < RTI_NS;
+    const real low = rti_low(s, row), high = rti_high(s, row);
+    const real margin = rti_scale(s, row) * (input ? RTI_R(1e-6) : RTI_R(1e-2));
+    const int priced = rti_priced(s, row), over = input ? RTI_AT_HIGH : RTI_OVER_HIGH;
+    for (int k = 0; k < RTI_N; ++k) {
+      const real y = input ? o->u[k][input ? row : 0] : o->c[k + later][i];
+      int at = RTI_FREE;
+      if (priced && high < RTI_ABSENT && y > high - margin) at = y > high + margin ? over : RTI_AT_HIGH;
+      else if (priced && low > -RTI_ABSENT && y < low + margin) at = y < low - margin ? -over : RTI_AT_LOW;
+      o->active[row][k] = (signed char)at;
+      count += at != RTI_FREE;
+      violated += priced && (o->y[row][k] < low || o->y[row][k] > high);
+    }
+  }
+  return count > 0 && violated > 4;
+}

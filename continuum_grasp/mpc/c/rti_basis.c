@@ -1,0 +1,89 @@
+/* What all parts of the real-time iteration use; rti.h says what they are for. The parts make up one translation unit. */
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#ifdef RTI_SINGLE
+#define RTI_EPS ((real)1.1920929e-7)
+typedef uint32_t rti_bits;
+#define RTI_EXPONENT ((rti_bits)0x7f800000)
+#else
+#define RTI_EPS ((real)2.220446049250313e-16)
+typedef uint64_t rti_bits;
+#define RTI_EXPONENT ((rti_bits)0x7ff0000000000000)
+#endif
+#ifndef RTI_SQRT
+#include <math.h>
+#ifdef RTI_SINGLE
+#define RTI_SQRT sqrtf
+#else
+#define RTI_SQRT sqrt
+#endif
+#endif
+#define RTI_R(a) ((real)(a))
+#define RTI_ABSENT RTI_R(1e30)
+
+static inline real rti_abs(real a) { return a < 0 ? -a : a; }
+static inline real rti_max(real a, real b) { return a > b ? a : b; }
+static inline real rti_min(real a, real b) { return a < b ? a : b; }
+static inline int rti_lesser(int a, int b) { return a < b ? a : b; }
+
+/* Whether all numbers are finite, by their bits: this holds whatever the compiler assumes about arithmetic. */
+static int rti_finite(const real *a, size_t count)
+{
+  int good = 1;
+  for (size_t i = 0; i < count; ++i) {
+    rti_bits bits;
+    memcpy(&bits, &a[i], sizeof bits);
+    good &= (bits & RTI_EXPONENT) != RTI_EXPONENT;
+  }
+  return good;
+}
+
+/* Whether a number is between finite limits, which NaN is not. */
+static inline int rti_between(real a, real least, real most)
+{
+  return rti_finite(&a, 1) && a >= least && a <= most;
+}
+
+/* Bounds of a bounded quantity: of an input, or of a row of c. */
+static inline real rti_low(const rti_settings *s, int row)
+{
+  return row < RTI_NU ? s->u_min[row] : s->c_min[row - RTI_NU];
+}
+
+static inline real rti_high(const rti_settings *s, int row)
+{
+  return row < RTI_NU ? s->u_max[row] : s->c_max[row - RTI_NU];
+}
+
+/* Whether leaving the bounds costs anything. */
+static inline int rti_priced(const rti_settings *s, int row)
+{
+  return row < RTI_NU || s->linear[row - RTI_NU] > 0 || s->quadratic[row - RTI_NU] > 0;
+}
+
+static inline int rti_fixed(const rti_settings *s, int input) { return s->u_min[input] == s->u_max[input]; }
+
+/* What a bounded quantity is compared with: its greatest bound; one where that is zero. */
+static real rti_scale(const rti_settings *s, int row)
+{
+  const real low = rti_abs(rti_low(s, row)), high = rti_abs(rti_high(s, row));
+  const real scale = rti_max(low < RTI_ABSENT ? low : 0, high < RTI_ABSENT ? high : 0);
+  return scale > 0 ? scale : 1;
+}
+
+static int rti_settings_valid(const rti_settings *s)
+{
+  const real limit = RTI_R(1e38);
+  int good = rti_between(s->stage, RTI_R(1e-30), limit) && s->substeps > 0 && s->iterations >= 0
+      && rti_between(s->tolerance, RTI_R(1e-30), 1) && rti_between(s->regularisation, 0, limit)
+      && rti_finite(s->u_min, RTI_NU) && rti_finite(s->u_max, RTI_NU);
+  for (int j = 0; good && j < RTI_NU; ++j) good = s->u_min[j] <= s->u_max[j];
+  for (int i = 0; good && i < RTI_NR; ++i)
+    good = rti_finite(&s->weights[i], 1) && rti_finite(&s->terminal_weights[i], 1);
+  for (int i = 0; good && i < RTI_NC; ++i)
+    good = rti_finite(&s->c_min[i], 1) && rti_finite(&s->c_max[i], 1) && s->c_min[i] <= s->c_max[i]
+        && rti_between(s->linear[i], 0, limit) && rti_between(s->quadratic[i], 0, limit);
+  return good;
+}

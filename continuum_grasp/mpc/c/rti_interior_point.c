@@ -1,0 +1,275 @@
+/* Interior point: S. Mehrotra, SIAM J. Optim. 2 (1992) 575, doi:10.1137/0802028.
+ *
+ * Of a side sign y <= bound + s, with t = bound + s - sign y >= 0 and multiplier m, and s >= 0 with multiplier
+ * n = linear + quadratic s - m, a Newton step is dm = W sign dy + e, ds = V dm + f; V is the ease with which s yields.
+ * Inputs have no s; rows without a linear price have s = m / quadratic and no n.
+ */
+
+#define RTI_CENTRE RTI_R(0.01)        /* first products, per what can be gained */
+#define RTI_SHORT RTI_R(1e-6)         /* a step that leads nowhere */
+
+static void rti_sides(rti_work *o, const rti_settings *s)
+{
+  o->sides = 0;
+  for (int row = 0; row < RTI_ROWS; ++row)
+    for (int sign = -1; sign <= 1; sign += 2) {
+      const real bound = sign > 0 ? rti_high(s, row) : -rti_low(s, row);
+      const int input = row < RTI_NU, i = input ? 0 : row - RTI_NU;
+      if (!rti_priced(s, row) || bound >= RTI_ABSENT || (input && rti_fixed(s, row))) continue;
+      rti_side *side = &o->side[o->sides++];
+      side->row = row;
+      side->sign = (real)sign;
+      side->bound = bound;
+      side->linear = input ? 0 : s->linear[i];
+      side->quadratic = input ? 0 : s->quadratic[i];
+      side->soft = side->linear > 0;
+      side->yield = input || side->soft ? 0 : 1 / side->quadratic;
+    }
+}
+
+/* Inputs of the present way moved inside their bounds, and the states that follow from them. */
+static void rti_inner_way(rti_work *o, const rti_settings *s)
+{
+  for (int k = 0; k < RTI_N; ++k) {
+    for (int j = 0; j < RTI_NU; ++j) {
+      const real low = s->u_min[j], high = s->u_max[j], u = o->u[k][j];
+      const real margin = RTI_R(0.1) * (low > -RTI_ABSENT && high < RTI_ABSENT ? high - low : rti_scale(s, j));
+      real inner = u + o->z[k][RTI_NX + j];
+      if (low > -RTI_ABSENT) inner = rti_max(inner, low + margin);
+      if (high < RTI_ABSENT) inner = rti_min(inner, high - margin);
+      o->z[k][RTI_NX + j] = inner - u;
+    }
+    memset(o->z[k + 1], 0, sizeof o->z[k + 1]);
+    memcpy(o->z[k + 1], o->defect[k], sizeof o->defect[k]);
+    rti_following(o->z[k + 1], o->M[k], o->z[k]);
+  }
+  rti_bounded(o, o->z, o->y, 1);
+}
+
+/* What could be gained by an input at most, on average. */
+static real rti_first_product(rti_work *o, const rti_settings *s)
+{
+  real sum = 0;
+  memset(o->force, 0, sizeof o->force);
+  for (int i = 0; i < o->sides; ++i) {
+    const rti_side side = o->side[i];
+    for (int k = 0; k < RTI_LENGTH; ++k) {
+      const real over = side.sign * o->y[side.row][k] - side.bound;
+      if (over > 0) o->force[side.row][k] += side.sign * (side.linear + side.quadratic * over);
+    }
+  }
+  rti_gradient(o);
+  for (int k = 0; k < RTI_N; ++k)
+    for (int j = 0; j < RTI_NU; ++j) {
+      const real r = o->residual[k][j], c = o->stiffness[j][k], y = o->y[j][k];
+      const real room = r > 0 ? y - s->u_min[j] : s->u_max[j] - y;
+      if (c > 0) sum += rti_abs(r) * rti_min(room, rti_abs(r) / c);
+    }
+  return rti_max(sum / (real)(RTI_N * RTI_NU), RTI_R(1e-20));
+}
+
+/* Slacks and multipliers whose products are about `product`; they meet all conditions but that on the gradient. */
+static void rti_centre(rti_work *o, real product)
+{
+  memset(o->dt, 0, sizeof o->dt);
+  memset(o->dm, 0, sizeof o->dm);
+  memset(o->ds, 0, sizeof o->ds);
+  memset(o->dn, 0, sizeof o->dn);
+  for (int i = 0; i < o->sides; ++i) {
+    const rti_side side = o->side[i];
+    for (int k = 0; k < RTI_LENGTH; ++k) {
+      const real room = side.bound - side.sign * o->y[side.row][k], over = rti_max(0, -room);
+      real t = room, m = product / t, v = 0, n = 1;
+      if (side.soft) {
+        const real price = side.linear + side.quadratic * over;
+        const real most = side.quadratic > 0 ? RTI_SQRT(product / side.quadratic) : product / price;
+        const real inward = rti_min(product / price, most);
+        const real all = price + side.quadratic * inward;
+        v = over + inward;
+        t = room + v;
+        if (room < 0) {
+          n = rti_min(product / v, all / 2);
+          m = all - n;
+        } else {
+          m = rti_min(product / t, all / 2);
+          n = all - m;
+        }
+      } else if (side.yield > 0) {
+        const real root = RTI_SQRT(room * room + 4 * product * side.yield);
+        t = room > 0 ? (room + root) / 2 : 2 * product * side.yield / (root - room);
+        m = product / t;
+        v = m * side.yield;
+      }
+      o->t[i][k] = t;
+      o->m[i][k] = m;
+      o->s[i][k] = v;
+      o->n[i][k] = n;
+    }
+  }
+}
+
+/* What the multipliers pull with. */
+static void rti_forces(rti_work *o)
+{
+  memset(o->force, 0, sizeof o->force);
+  for (int i = 0; i < o->sides; ++i) {
+    const real sign = o->side[i].sign;
+    real *restrict force = o->force[o->side[i].row];
+    const real *restrict m = o->m[i];
+    for (int k = 0; k < RTI_LENGTH; ++k) force[k] += sign * m[k];
+  }
+}
+
+/* Weights of the bounded quantities in a Newton step. */
+static void rti_weights(rti_work *o, const rti_settings *settings)
+{
+  memset(o->weight, 0, sizeof o->weight);
+  for (int j = 0; j < RTI_NU; ++j)
+    for (int k = 0; rti_fixed(settings, j) && k < RTI_N; ++k) o->weight[j][k] = RTI_FIXED;
+  for (int i = 0; i < o->sides; ++i) {
+    const rti_side side = o->side[i];
+    const real *restrict t = o->t[i], *restrict m = o->m[i], *restrict s = o->s[i], *restrict n = o->n[i];
+    real *restrict W = o->W[i], *restrict V = o->V[i], *restrict weight = o->weight[side.row];
+    if (side.soft)
+      for (int k = 0; k < RTI_LENGTH; ++k) V[k] = s[k] / (side.quadratic * s[k] + n[k]);
+    else
+      for (int k = 0; k < RTI_LENGTH; ++k) V[k] = side.yield;
+    for (int k = 0; k < RTI_LENGTH; ++k) {
+      W[k] = m[k] / (t[k] + V[k] * m[k]);
+      weight[k] += W[k];
+    }
+  }
+}
+
+/* Constant parts of the step towards products of `target`; `second` of the changes before is taken into account. */
+static void rti_aim(rti_work *o, real target, real second)
+{
+  memset(o->push, 0, sizeof o->push);
+  for (int i = 0; i < o->sides; ++i) {
+    const rti_side side = o->side[i];
+    const real *restrict y = o->y[side.row], *restrict W = o->W[i], *restrict V = o->V[i];
+    const real *restrict m = o->m[i], *restrict s = o->s[i];
+    const real *restrict dt = o->dt[i], *restrict dm = o->dm[i], *restrict ds = o->ds[i], *restrict dn = o->dn[i];
+    real *restrict e = o->e[i], *restrict f = o->f[i], *restrict push = o->push[side.row];
+    if (side.soft)
+      for (int k = 0; k < RTI_LENGTH; ++k)
+        f[k] = V[k] * ((target - second * ds[k] * dn[k]) / s[k] - side.linear - side.quadratic * s[k] + m[k]);
+    else
+      for (int k = 0; k < RTI_LENGTH; ++k) f[k] = 0;
+    for (int k = 0; k < RTI_LENGTH; ++k) {
+      const real off = side.sign * y[k] - s[k] - side.bound;
+      e[k] = W[k] * ((target - second * dt[k] * dm[k]) / m[k] + off - f[k]);
+      push[k] += side.sign * e[k];
+    }
+  }
+}
+
+typedef struct { real ratio, first, second; } rti_change;
+
+/* Changes of slacks and multipliers with dy: largest relative decrease, and how the mean product changes. */
+static rti_change rti_changes(rti_work *o, real target, real second)
+{
+  real ratio[RTI_LENGTH] = {0}, first[RTI_LENGTH] = {0}, square[RTI_LENGTH] = {0};
+  for (int i = 0; i < o->sides; ++i) {
+    const rti_side side = o->side[i];
+    const real *restrict y = o->y[side.row], *restrict dy = o->dy[side.row];
+    const real *restrict t = o->t[i], *restrict m = o->m[i], *restrict s = o->s[i], *restrict n = o->n[i];
+    const real *restrict W = o->W[i], *restrict V = o->V[i], *restrict e = o->e[i], *restrict f = o->f[i];
+    real *restrict dt = o->dt[i], *restrict dm = o->dm[i], *restrict ds = o->ds[i], *restrict dn = o->dn[i];
+    if (side.soft)
+      for (int k = 0; k < RTI_LENGTH; ++k) {
+        const real violation = V[k] * (W[k] * side.sign * dy[k] + e[k]) + f[k], inverse = 1 / (s[k] * n[k]);
+        const real pull = (target - second * ds[k] * dn[k] - n[k] * violation) * n[k] * inverse - n[k];
+        dn[k] = pull;
+        ratio[k] = rti_max(ratio[k], -inverse * rti_min(n[k] * violation, s[k] * pull));
+        first[k] += s[k] * pull + n[k] * violation;
+        square[k] += violation * pull;
+      }
+    for (int k = 0; k < RTI_LENGTH; ++k) {
+      const real multiplier = W[k] * side.sign * dy[k] + e[k], violation = V[k] * multiplier + f[k];
+      const real slack = violation - side.sign * (y[k] + dy[k]) + s[k] + side.bound - t[k];
+      dm[k] = multiplier;
+      ds[k] = violation;
+      dt[k] = slack;
+      ratio[k] = rti_max(ratio[k], -rti_min(m[k] * slack, t[k] * multiplier) / (t[k] * m[k]));
+      first[k] += t[k] * multiplier + m[k] * slack;
+      square[k] += slack * multiplier;
+    }
+  }
+  rti_change change = {0, 0, 0};
+  real pairs = 0;
+  for (int i = 0; i < o->sides; ++i) pairs += o->side[i].soft ? (real)(2 * RTI_LENGTH) : (real)RTI_LENGTH;
+  for (int k = 0; k < RTI_LENGTH; ++k) {
+    change.ratio = rti_max(change.ratio, ratio[k]);
+    change.first += first[k] / pairs;
+    change.second += square[k] / pairs;
+  }
+  return change;
+}
+
+/* Mean product of a slack and its multiplier. */
+static real rti_mean(const rti_work *o)
+{
+  real sum = 0, pairs = 0, products[RTI_LENGTH] = {0};
+  for (int i = 0; i < o->sides; ++i) {
+    const real *t = o->t[i], *m = o->m[i], *s = o->s[i], *n = o->n[i];
+    const real soft = o->side[i].soft ? 1 : 0;
+    for (int k = 0; k < RTI_LENGTH; ++k) products[k] += t[k] * m[k] + soft * s[k] * n[k];
+    pairs += (1 + soft) * (real)RTI_LENGTH;
+  }
+  for (int k = 0; k < RTI_LENGTH; ++k) sum += products[k];
+  return sum / pairs;
+}
+
+static void rti_step_sides(rti_work *o, real length)
+{
+  for (int i = 0; i < o->sides; ++i)
+    for (int k = 0; k < RTI_LENGTH; ++k) {
+      o->t[i][k] += length * o->dt[i][k];
+      o->m[i][k] += length * o->dm[i][k];
+      o->s[i][k] += length * o->ds[i][k];
+      if (o->side[i].soft) o->n[i][k] += length * o->dn[i][k];
+    }
+}
+
+/* Until the mean product of pairs is small; 1 if so, 0 if the steps become too short or too many. */
+static int rti_interior_point(rti_work *o, const rti_settings *s, real small, int *left)
+{
+  for (;;) {
+    const real mean = rti_mean(o);
+    if (mean <= small) return 1;
+    if (*left == 0) return 0;
+    --*left;
+    rti_forces(o);
+    rti_gradient(o);
+    rti_weights(o, s);
+    rti_aim(o, 0, 0);
+    rti_factor(o);
+    if (!rti_advance(o)) return 0;
+    rti_change change = rti_changes(o, 0, 0);
+    real length = change.ratio > 1 ? 1 / change.ratio : 1;
+    const real rest = rti_max(0, 1 + length * (change.first + length * change.second) / mean);
+    const real target = rest * rest * rest * mean;
+    const real second = length;     /* the whole product can make steps go round in circles */
+    rti_aim(o, target, second);
+    rti_resolve(o);
+    if (!rti_advance(o)) return 0;
+    change = rti_changes(o, target, second);
+    length = change.ratio > RTI_R(0.995) ? RTI_R(0.995) / change.ratio : 1;
+    if (length < RTI_SHORT) return 0;
+    rti_move(o, length);
+    rti_step_sides(o, length);
+  }
+}
+
+/* Cost of moving an input by its scale, the least of all. */
+static real rti_unit_cost(const rti_work *o, const rti_settings *s)
+{
+  real least = 0;
+  for (int j = 0; j < RTI_NU; ++j)
+    for (int k = 0; k < RTI_N; ++k) {
+      const real unit = rti_scale(s, j), cost = o->stiffness[j][k] * unit * unit;
+      if (cost > 0 && (cost < least || least == 0)) least = cost;
+    }
+  return least > 0 ? least : 1;
+}

@@ -1,0 +1,134 @@
+/* Linearisation of the stages, in vector lanes where RTI_VECTOR is defined: lane l has stage k + l. */
+
+#ifdef RTI_VECTOR
+typedef cg_lanes rti_wide;
+#define RTI_WIDE CG_LANES
+#define RTI_AT(a, l) (a)[l]
+#else
+typedef real rti_wide;
+#define RTI_WIDE 1
+#define RTI_AT(a, l) (a)
+#endif
+
+static inline void rti_wide_step(const rti_wide *x, const rti_wide *u, const rti_wide *p, const rti_wide *h,
+    rti_wide *next, rti_wide *A, rti_wide *B)
+{
+  const rti_wide *in[] = {x, u, p, h};
+  rti_wide *out[] = {next, A, B};
+#ifdef RTI_VECTOR
+  stage_step_lanes(in, out);
+#else
+  stage_step(in, out);
+#endif
+}
+
+static inline void rti_wide_cost(const rti_wide *x, const rti_wide *u, const rti_wide *p, const rti_wide *r,
+    const rti_wide *w, rti_wide *l, rti_wide *g, rti_wide *H, rti_wide *c, rti_wide *C)
+{
+  const rti_wide *in[] = {x, u, p, r, w};
+  rti_wide *out[] = {l, g, H, c, C};
+#ifdef RTI_VECTOR
+  stage_cost_lanes(in, out);
+#else
+  stage_cost(in, out);
+#endif
+}
+
+static inline void rti_spread(const real *from, int count, rti_wide *to)
+{
+  memset(to, 0, sizeof *to);
+  for (int j = 0; j < count; ++j)
+    for (int l = 0; l < RTI_WIDE; ++l) RTI_AT(to[j], l) = from[j];
+}
+
+/* End of a stage and its derivatives by the state and the input, by columns. */
+static inline void rti_stage(int substeps, rti_wide *x, const rti_wide *u, const rti_wide *p, const rti_wide *h,
+    rti_wide M[RTI_NZ][RTI_NX])
+{
+  rti_wide next[RTI_NX], A[RTI_NX][RTI_NX], B[RTI_NU][RTI_NX];
+  rti_wide_step(x, u, p, h, next, M[0], M[RTI_NX]);
+  for (int i = 1; i < substeps; ++i) {
+    memcpy(x, next, sizeof next);
+    rti_wide_step(x, u, p, h, next, A[0], B[0]);
+    for (int j = 0; j < RTI_NZ; ++j) {
+      rti_wide column[RTI_NX];
+      for (int r = 0; r < RTI_NX; ++r) {
+        rti_wide sum = A[0][r] * M[j][0];
+        for (int q = 1; q < RTI_NX; ++q) sum += A[q][r] * M[j][q];
+        column[r] = j < RTI_NX ? sum : sum + B[j < RTI_NX ? 0 : j - RTI_NX][r];
+      }
+      memcpy(M[j], column, sizeof column);
+    }
+  }
+  memcpy(x, next, sizeof next);
+}
+
+/* Stages 0 to RTI_N - 1. */
+static void rti_linearise(rti_work *o, const rti_settings *settings, const real *p, const real *refs)
+{
+  const real step = settings->stage / (real)settings->substeps;
+  if (RTI_W > RTI_NZ || RTI_NC == 0) { /* what no function writes */
+    memset(o->M, 0, sizeof o->M);
+    memset(o->g, 0, sizeof o->g);
+    memset(o->H, 0, sizeof o->H);
+    memset(o->c, 0, sizeof o->c);
+    memset(o->C, 0, sizeof o->C);
+  }
+  rti_wide wp[RTI_SIZE(RTI_NP)], ww[RTI_SIZE(RTI_NR)], wr[RTI_SIZE(RTI_NR)], h[1];
+  rti_spread(p, RTI_NP, wp);
+  rti_spread(settings->weights, RTI_NR, ww);
+  rti_spread(&step, 1, h);
+  memset(wr, 0, sizeof wr);
+  for (int k = 0; k < RTI_N; k += RTI_WIDE) {
+    rti_wide x[RTI_NX], u[RTI_NU], M[RTI_NZ][RTI_NX], cost[1], g[RTI_NZ], H[RTI_NZ][RTI_NZ];
+    rti_wide c[RTI_SIZE(RTI_NC)], C[RTI_NZ][RTI_SIZE(RTI_NC)];
+    memset(x, 0, sizeof x);
+    memset(u, 0, sizeof u);
+    for (int l = 0; l < RTI_WIDE; ++l) {
+      const int at = rti_lesser(k + l, RTI_N - 1);
+      for (int j = 0; j < RTI_NX; ++j) RTI_AT(x[j], l) = o->x[at][j];
+      for (int j = 0; j < RTI_NU; ++j) RTI_AT(u[j], l) = o->u[at][j];
+      for (int j = 0; j < RTI_NR; ++j) RTI_AT(wr[j], l) = refs[at * RTI_NR + j];
+    }
+    rti_wide_cost(x, u, wp, wr, ww, cost, g, H[0], c, C[0]);
+    rti_stage(settings->substeps, x, u, wp, h, M);
+    for (int l = 0; l < rti_lesser(RTI_WIDE, RTI_N - k); ++l) {
+      const int at = k + l;
+      for (int i = 0; i < RTI_NX; ++i) {
+        o->defect[at][i] = RTI_AT(x[i], l) - o->x[at + 1][i];
+        for (int j = 0; j < RTI_NZ; ++j) o->M[at][i][j] = RTI_AT(M[j][i], l);
+      }
+      o->l[at] = RTI_AT(cost[0], l);
+      for (int i = 0; i < RTI_NZ; ++i) {
+        o->g[at][i] = RTI_AT(g[i], l);
+        for (int j = 0; j < RTI_NZ; ++j) o->H[at][i][j] = RTI_AT(H[i][j], l);
+      }
+      for (int j = RTI_NX; j < RTI_NZ; ++j) o->H[at][j][j] += settings->regularisation;
+      for (int i = 0; i < RTI_NC; ++i) {
+        o->c[at][i] = RTI_AT(c[i], l);
+        for (int j = 0; j < RTI_NZ; ++j) o->C[at][i][j] = RTI_AT(C[j][i], l);
+      }
+    }
+  }
+}
+
+/* The last node; rows that it does not have are zero. */
+static void rti_linearise_end(rti_work *o, const rti_settings *settings, const real *p, const real *refs)
+{
+  real g[RTI_NX], H[RTI_NX][RTI_NX], c[RTI_SIZE(RTI_NS)], C[RTI_NX][RTI_SIZE(RTI_NS)];
+  const real *in[] = {o->x[RTI_N], p, refs, settings->terminal_weights};
+  real *out[] = {&o->l[RTI_N], g, H[0], c, C[0]};
+  terminal_cost(in, out);
+  memset(o->g[RTI_N], 0, sizeof o->g[RTI_N]);
+  memset(o->H[RTI_N], 0, sizeof o->H[RTI_N]);
+  memset(o->c[RTI_N], 0, sizeof o->c[RTI_N]);
+  memset(o->C[RTI_N], 0, sizeof o->C[RTI_N]);
+  for (int i = 0; i < RTI_NX; ++i) {
+    o->g[RTI_N][i] = g[i];
+    for (int j = 0; j < RTI_NX; ++j) o->H[RTI_N][i][j] = H[i][j];
+  }
+  for (int i = 0; i < RTI_NS; ++i) {
+    o->c[RTI_N][i] = c[i];
+    for (int j = 0; j < RTI_NX; ++j) o->C[RTI_N][i][j] = C[j][i];
+  }
+}

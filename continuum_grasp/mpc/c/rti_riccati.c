@@ -1,0 +1,279 @@
+/* Riccati recursion: the problem without bounds, and Newton steps of the problem with bounds.
+ *
+ * Bounded quantities are the inputs, then the rows of c. Entry k of one is its value at node k, or at node k + 1 if it is
+ * a row of the state alone; entries from RTI_N on repeat the last one. Rows come from three generated functions:
+ *   rti_row_values(c, C, z, y)    y = c + C z
+ *   rti_row_gradient(C, w, q)     q += C' w
+ *   rti_row_hessian(C, W, G)      G += C' diag(W) C
+ */
+
+/* G += M' P M */
+static inline void rti_carry(real (*G)[RTI_W], real (*P)[RTI_W], real (*M)[RTI_W])
+{
+  real PM[RTI_NX][RTI_W];
+  for (int i = 0; i < RTI_NX; ++i) {
+    real row[RTI_W];
+    for (int l = 0; l < RTI_W; ++l) row[l] = P[i][0] * M[0][l];
+    for (int q = 1; q < RTI_NX; ++q)
+      for (int l = 0; l < RTI_W; ++l) row[l] += P[i][q] * M[q][l];
+    memcpy(PM[i], row, sizeof row);
+  }
+  for (int j = 0; j < RTI_NZ; ++j) {
+    real row[RTI_W];
+    memcpy(row, G[j], sizeof row);
+    for (int i = 0; i < RTI_NX; ++i)
+      for (int l = 0; l < RTI_W; ++l) row[l] += M[i][j] * PM[i][l];
+    memcpy(G[j], row, sizeof row);
+  }
+}
+
+/* q += M' p */
+static inline void rti_pull(real q[RTI_W], real (*M)[RTI_W], const real p[RTI_NX])
+{
+  for (int i = 0; i < RTI_NX; ++i)
+    for (int l = 0; l < RTI_W; ++l) q[l] += M[i][l] * p[i];
+}
+
+/* Minimise over the inputs, last first: u_j = K_j [x, u_0 .. u_j-1]; what remains is the Hessian of the state. */
+static inline void rti_eliminate(real (*G)[RTI_W], real (*K)[RTI_W], real inverse[RTI_NU])
+{
+  real least[RTI_NU];
+  for (int j = 0; j < RTI_NU; ++j) least[j] = 8 * RTI_EPS * G[RTI_NX + j][RTI_NX + j];
+  for (int j = RTI_NU - 1; j >= 0; --j) {
+    const int v = RTI_NX + j;
+    inverse[j] = G[v][v] > least[j] ? 1 / G[v][v] : 0;
+    for (int l = 0; l < RTI_W; ++l) K[j][l] = l < v ? -G[v][l] * inverse[j] : 0;
+    for (int i = 0; i < v; ++i)
+      for (int l = 0; l <= i; ++l) G[i][l] += G[v][i] * K[j][l];
+    for (int i = 0; i < v; ++i)
+      for (int l = 0; l < i; ++l) G[l][i] = G[i][l];
+  }
+}
+
+/* The same for the gradient: gives the constant part of the inputs. */
+static inline void rti_eliminate_gradient(real q[RTI_W], real (*K)[RTI_W], const real inverse[RTI_NU],
+    real constant[RTI_NU])
+{
+  for (int j = RTI_NU - 1; j >= 0; --j) {
+    const real pull = q[RTI_NX + j];
+    constant[j] = -pull * inverse[j];
+    for (int l = 0; l < RTI_NX + j; ++l) q[l] += K[j][l] * pull;
+  }
+}
+
+static inline void rti_inputs(real z[RTI_W], real (*K)[RTI_W], const real constant[RTI_NU])
+{
+  for (int j = 0; j < RTI_NU; ++j) {
+    real u = constant[j];
+    for (int l = 0; l < RTI_NX + j; ++l) u += K[j][l] * z[l];
+    z[RTI_NX + j] = u;
+  }
+}
+
+/* next = M z, to which more is added */
+static inline void rti_following(real next[RTI_W], real (*M)[RTI_W], const real z[RTI_W])
+{
+  for (int i = 0; i < RTI_NX; ++i) {
+    real sum = 0;
+    for (int l = 0; l < RTI_NZ; ++l) sum += M[i][l] * z[l];
+    next[i] += sum;
+  }
+}
+
+/* The law that solves the problem without bounds. */
+static void rti_solve_free(rti_work *o)
+{
+  real G[RTI_NZ][RTI_W], P[RTI_NZ][RTI_W], q[RTI_W], p[RTI_NX];
+  memcpy(P, o->H[RTI_N], sizeof P);
+  memcpy(p, o->g[RTI_N], sizeof p);
+  for (int k = RTI_N - 1; k >= 0; --k) {
+    memcpy(G, o->H[k], sizeof G);
+    memcpy(q, o->g[k], sizeof q);
+    rti_carry(G, P, o->M[k]);
+    for (int i = 0; i < RTI_NX; ++i)
+      for (int l = 0; l < RTI_NX; ++l) p[i] += P[i][l] * o->defect[k][l];
+    rti_pull(q, o->M[k], p);
+    rti_eliminate(G, o->gain[k], o->ease[k]);
+    rti_eliminate_gradient(q, o->gain[k], o->ease[k], o->offset[k]);
+    memcpy(P, G, sizeof P);
+    memcpy(p, q, sizeof p);
+  }
+}
+
+static inline void rti_row_entries(real (*from)[RTI_LENGTH], int node, real to[RTI_SIZE(RTI_NC)])
+{
+  for (int i = 0; i < RTI_NC; ++i) {
+    const int k = i < RTI_NS ? node - 1 : node;
+    to[i] = k >= 0 && k < RTI_N ? from[RTI_NU + i][k] : 0;
+  }
+}
+
+/* Bounded quantities along z; with_constant adds their values on the plan. */
+static void rti_bounded(rti_work *o, real (*z)[RTI_W], real (*y)[RTI_LENGTH], int with_constant)
+{
+  static const real zero[RTI_SIZE(RTI_NC)] = {0};
+  for (int k = 0; k <= RTI_N; ++k) {
+    real value[RTI_SIZE(RTI_NC)];
+    if (k < RTI_N)
+      for (int j = 0; j < RTI_NU; ++j) y[j][k] = z[k][RTI_NX + j] + (with_constant ? o->u[k][j] : 0);
+    rti_row_values(with_constant ? o->c[k] : zero, o->C[k], z[k], value);
+    for (int i = 0; i < RTI_NC; ++i) {
+      const int at = i < RTI_NS ? k - 1 : k;
+      if (at >= 0 && at < RTI_N) y[RTI_NU + i][at] = value[i];
+    }
+  }
+  for (int i = 0; i < RTI_ROWS; ++i)
+    for (int k = RTI_N; k < RTI_LENGTH; ++k) y[i][k] = y[i][RTI_N - 1];
+}
+
+/* The way without bounds from the state x0. */
+static void rti_free_way(rti_work *o, const real *x0)
+{
+  memset(o->z[0], 0, sizeof o->z[0]);
+  for (int i = 0; i < RTI_NX; ++i) o->z[0][i] = x0[i] - o->x[0][i];
+  for (int k = 0; k < RTI_N; ++k) {
+    rti_inputs(o->z[k], o->gain[k], o->offset[k]);
+    memset(o->z[k + 1], 0, sizeof o->z[k + 1]);
+    memcpy(o->z[k + 1], o->defect[k], sizeof o->defect[k]);
+    rti_following(o->z[k + 1], o->M[k], o->z[k]);
+  }
+  rti_bounded(o, o->z, o->y, 1);
+}
+
+/* Force per change of each bounded quantity, from the inverse Hessian of the problem without bounds: with S that of the
+ * state, that of z is [I; K] S [I; K]' + the inverse Hessian of the inputs. Zero where no input has any influence. */
+static void rti_stiffnesses(rti_work *o)
+{
+  real S[RTI_NX][RTI_NX] = {{0}};
+  for (int k = 0; k <= RTI_N; ++k) {
+    real Z[RTI_NZ][RTI_NZ] = {{0}};
+    for (int i = 0; i < RTI_NX; ++i) memcpy(Z[i], S[i], sizeof S[i]);
+    for (int j = 0; j < RTI_NU && k < RTI_N; ++j) {
+      const int v = RTI_NX + j;
+      for (int i = 0; i < v; ++i) {
+        real sum = 0;
+        for (int l = 0; l < v; ++l) sum += o->gain[k][j][l] * Z[l][i];
+        Z[v][i] = Z[i][v] = sum;
+      }
+      real own = o->ease[k][j];
+      for (int l = 0; l < v; ++l) own += o->gain[k][j][l] * Z[l][v];
+      Z[v][v] = own;
+      o->stiffness[j][k] = own > 0 ? 1 / own : 0;
+    }
+    for (int i = 0; i < RTI_NC; ++i) {
+      const int at = i < RTI_NS ? k - 1 : k;
+      if (at < 0 || at >= RTI_N) continue;
+      real sum = 0, size = 0;
+      for (int l = 0; l < RTI_NZ; ++l) {
+        real product = 0;
+        for (int m = 0; m < RTI_NZ; ++m) product += Z[l][m] * o->C[k][i][m];
+        sum += o->C[k][i][l] * product;
+        size += o->C[k][i][l] * o->C[k][i][l] * Z[l][l];
+      }
+      o->stiffness[RTI_NU + i][at] = sum > 64 * RTI_EPS * size ? 1 / sum : 0;
+    }
+    if (k == RTI_N) break;
+    real MZ[RTI_NX][RTI_NZ] = {{0}};
+    for (int i = 0; i < RTI_NX; ++i)
+      for (int m = 0; m < RTI_NZ; ++m)
+        for (int l = 0; l < RTI_NZ; ++l) MZ[i][l] += o->M[k][i][m] * Z[m][l];
+    for (int i = 0; i < RTI_NX; ++i)
+      for (int l = 0; l <= i; ++l) {
+        real sum = 0;
+        for (int m = 0; m < RTI_NZ; ++m) sum += MZ[i][m] * o->M[k][l][m];
+        S[i][l] = S[l][i] = sum;
+      }
+  }
+  for (int i = 0; i < RTI_ROWS; ++i)
+    for (int k = RTI_N; k < RTI_LENGTH; ++k) o->stiffness[i][k] = o->stiffness[i][RTI_N - 1];
+}
+
+/* Gradient of the Lagrangian by each input, and the largest sum of its terms. */
+static void rti_gradient(rti_work *o)
+{
+  real pi[RTI_NX] = {0}, w[RTI_SIZE(RTI_NC)], *size = o->gradient_size;
+  memset(o->gradient_size, 0, sizeof o->gradient_size);
+  for (int k = RTI_N; k >= 0; --k) {
+    real r[RTI_W], carried[RTI_W] = {0};
+    memcpy(r, o->g[k], sizeof r);
+    for (int i = 0; i < RTI_NZ; ++i)
+      for (int l = 0; l < RTI_W; ++l) r[l] += o->H[k][i][l] * o->z[k][i];
+    rti_row_entries(o->force, k, w);
+    rti_row_gradient(o->C[k], w, r);
+    if (k < RTI_N) {
+      rti_pull(carried, o->M[k], pi);
+      for (int j = 0; j < RTI_NU; ++j) {
+        const real own = r[RTI_NX + j], from = carried[RTI_NX + j], bound = o->force[j][k];
+        o->residual[k][j] = own + from + bound;
+        size[j] = rti_max(size[j], rti_abs(own) + rti_abs(from) + rti_abs(bound));
+      }
+    }
+    for (int l = 0; l < RTI_NX; ++l) pi[l] = r[l] + carried[l];
+  }
+}
+
+/* Factors with the present weights; then the step with the present residual and push. */
+static void rti_factor(rti_work *o)
+{
+  real P[RTI_NZ][RTI_W], p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
+  memcpy(P, o->H[RTI_N], sizeof P);
+  rti_row_entries(o->weight, RTI_N, w);
+  rti_row_hessian(o->C[RTI_N], w, P);
+  rti_row_entries(o->push, RTI_N, w);
+  rti_row_gradient(o->C[RTI_N], w, p);
+  for (int k = RTI_N - 1; k >= 0; --k) {
+    real G[RTI_NZ][RTI_W], q[RTI_W] = {0};
+    memcpy(G, o->H[k], sizeof G);
+    rti_row_entries(o->weight, k, w);
+    rti_row_hessian(o->C[k], w, G);
+    rti_row_entries(o->push, k, w);
+    rti_row_gradient(o->C[k], w, q);
+    for (int j = 0; j < RTI_NU; ++j) {
+      G[RTI_NX + j][RTI_NX + j] += o->weight[j][k];
+      q[RTI_NX + j] += o->push[j][k] + o->residual[k][j];
+    }
+    rti_carry(G, P, o->M[k]);
+    rti_pull(q, o->M[k], p);
+    rti_eliminate(G, o->K[k], o->inverse[k]);
+    rti_eliminate_gradient(q, o->K[k], o->inverse[k], o->constant[k]);
+    memcpy(P, G, sizeof P);
+    memcpy(p, q, sizeof p);
+  }
+}
+
+/* The step with the present factors. */
+static void rti_resolve(rti_work *o)
+{
+  real p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
+  rti_row_entries(o->push, RTI_N, w);
+  rti_row_gradient(o->C[RTI_N], w, p);
+  for (int k = RTI_N - 1; k >= 0; --k) {
+    real q[RTI_W] = {0};
+    rti_row_entries(o->push, k, w);
+    rti_row_gradient(o->C[k], w, q);
+    for (int j = 0; j < RTI_NU; ++j) q[RTI_NX + j] += o->push[j][k] + o->residual[k][j];
+    rti_pull(q, o->M[k], p);
+    rti_eliminate_gradient(q, o->K[k], o->inverse[k], o->constant[k]);
+    memcpy(p, q, sizeof p);
+  }
+}
+
+/* The change of the way and of what is bounded; whether it is finite. */
+static int rti_advance(rti_work *o)
+{
+  memset(o->dz[0], 0, sizeof o->dz[0]);
+  for (int k = 0; k < RTI_N; ++k) {
+    rti_inputs(o->dz[k], o->K[k], o->constant[k]);
+    memset(o->dz[k + 1], 0, sizeof o->dz[k + 1]);
+    rti_following(o->dz[k + 1], o->M[k], o->dz[k]);
+  }
+  rti_bounded(o, o->dz, o->dy, 0);
+  return rti_finite(o->dz[0], (RTI_N + 1) * RTI_W);
+}
+
+static void rti_move(rti_work *o, real length)
+{
+  for (int k = 0; k <= RTI_N; ++k)
+    for (int l = 0; l < RTI_W; ++l) o->z[k][l] += length * o->dz[k][l];
+  rti_bounded(o, o->z, o->y, 1);
+}
