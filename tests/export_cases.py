@@ -12,6 +12,7 @@ import pytest
 
 from continuum_grasp.export import export_c
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
 from tests.rods import ROOT
 
@@ -31,13 +32,48 @@ WARNINGS += ("-Wundef", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Werror"
 
 @lru_cache
 def scene(name: str):
-    """Scenes by name: tendons that rub, a contact, tendons alone."""
+    """Scenes by name: tendons that rub, a contact, tendons alone, two arcs; closed loops with and without estimator."""
     return {
+        "observed": lambda: loop_scene(8),
+        "given": lambda: loop_scene(8, observed=False),
         "rubbing": lambda: load(TENDONS, RUBBING),
         "contact": lambda: load(CONTACT, {"fidelity.family": "matched_clothoid"}),
         "tendons": lambda: load(TENDONS),
         "arcs": lambda: load(TENDONS, {"fidelity.family": "arc", "fidelity.elements": 2}),
     }[name]()
+
+
+def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
+    """Two arcs on two tendons under weight, whose curvature is bounded; an estimator for late measurements or none."""
+    finger = scene("tendons").finger
+    asked = {
+        "measured": {"tip": 3e-4, "tension": 0.1},
+        "disturbances": {"tip_moment": 0.02},
+        "delay": 0.01,
+    }
+    if not observed:
+        finger = finger.model_copy(update={"tendons": finger.tendons.model_copy(update={"time_constant": None})})
+    return ControlScene(
+        schema_version=1,
+        name="two arcs under control",
+        finger=finger,
+        gravity=(0.0, -9.81),
+        fidelity={"family": "arc", "elements": 2},
+        parameters=("bending_stiffness",) if observed else (),
+        controller={
+            "horizon": {"stages": stages, "stage": 0.01, "substeps": 2},
+            "cost": {"bending": {"running": 100.0, "terminal": 10.0}, "effort": 1e-3},
+            "bounds": {"curvature": 9.0},
+        },
+        reference={
+            "bending": {
+                "times": (0.0, 0.3, 0.6, 0.9),
+                "values": ((0.0, 0.0), (0.7, 0.5), (-0.6, -0.4), (0.9, 0.9)),
+                "interpolation": "hold",
+            }
+        },
+        estimator=asked if observed else None,
+    )
 
 
 def two_arcs(real: str) -> FingerModel:

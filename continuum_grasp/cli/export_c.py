@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -25,8 +25,14 @@ def export_c(
         str | None, typer.Option("--real", metavar="float|double", help="What to compute in (default: the target's).")
     ] = None,
     what: Annotated[
-        str, typer.Option("--what", metavar="PART,...", help="Parts of the package.")
-    ] = "dynamics,step,kinematics,statics",
+        str | None,
+        typer.Option(
+            "--what",
+            metavar="PART,...",
+            help="Some of dynamics, step, kinematics, statics; of a closed loop also estimator and mpc (default: of a "
+            "closed loop those two, else the others).",
+        ),
+    ] = None,
     prefix: Annotated[str, typer.Option("--prefix", metavar="NAME", help="Of all names in C.")] = "finger",
     target: Annotated[
         str, typer.Option("--target", metavar="NAME", help="host, cortex-m4f, cortex-m7 or wasm.")
@@ -49,11 +55,14 @@ def export_c(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write the finger's functions as a C package for use without Python: microcontroller, host or WebAssembly."""
+    """Write a finger, its estimator or controller as a C package: for a microcontroller, a host, or a browser."""
     from continuum_grasp.cli.scenes import simulation_scene
+    from continuum_grasp.scene.control import ControlScene
+    from continuum_grasp.scene.load import load
 
     output = Output(as_json, quiet)
-    scene, _ = simulation_scene(config, changes, output)
+    loaded = load(config, changes or ())
+    scene = loaded if isinstance(loaded, ControlScene) else simulation_scene(config, changes, output)[0]
     folder = run_folder(out if out is not None else Path(f"{config.stem}_c"), config)
 
     from continuum_grasp.export import export_c as write
@@ -63,7 +72,7 @@ def export_c(
             scene,
             folder,
             real=real,
-            what=[name.strip() for name in what.split(",")],
+            what=None if what is None else [name.strip() for name in what.split(",")],
             prefix=prefix,
             target=target,
             ranges=_ranges(ranges or ()),
@@ -78,7 +87,7 @@ def export_c(
             "package": f"{folder} ({len(package.files)} files; start with README.md)",
             "computes in": made["real"],
             "configuration": made["configuration_hash"],
-            "longest step [s]": f"{made['stability']['longest_step_s']:g}",
+            **_limits(made),
             "test cases": sum(f["test_cases"] for f in made["functions"].values()),
             "greatest error": f"{max(f['relative_error'] for f in made['functions'].values()):g}",
         }
@@ -86,6 +95,17 @@ def export_c(
     for name, found in ((made["measured"] or {}).get("functions", {})).items():
         output.say(f"{name}: {found['most_instructions']} instructions, {found['stack_bytes']} bytes of stack at most")
     output.result(folder=str(folder), files=list(package.files), manifest=made)
+
+
+def _limits(made: Mapping[str, Any]) -> dict[str, str]:
+    """Longest step, where the package steps; memory of estimator and controller."""
+    found = {}
+    if "step" in made["functions"]:
+        found["longest step [s]"] = f"{made['stability']['longest_step_s']:g}"
+    memory = {k: v for f in made["functions"].values() for k, v in f.get("memory_bytes", {}).items()}
+    if memory:
+        found["memory [bytes]"] = ", ".join(f"{name} {size}" for name, size in memory.items())
+    return found
 
 
 def _ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from continuum_grasp.export.part import Argument
 from continuum_grasp.export.reals import Real
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
-from continuum_grasp.export.vectors import Vectors, arguments_of
+from continuum_grasp.export.vectors import Vectors
 
 __all__ = ["check_source", "vectors_source"]
 
@@ -30,13 +29,14 @@ def vectors_source(subject: Subject, vectors: Sequence[Vectors], words: dict[str
 def check_source(subject: Subject, vectors: Sequence[Vectors], words: dict[str, str]) -> str:
     """C that runs the vectors without a library but memcpy."""
     table = ",\n".join(
-        f'  {{"{v.call.name}", run_{v.call.name}, {v.call.name}_inputs, {v.call.name}_outputs, {v.call.name}_codes, '
-        f"{v.call.name}_bad,\n   {len(v.inputs)}, {v.inputs.shape[1]}, {v.outputs.shape[1]}, {len(v.bad)}, "
-        f"{2 + sum(a.is_struct for a in v.call.inputs)}}}"
+        f'  {{"{v.name}", run_{v.name}, {v.name}_inputs, {v.name}_outputs, {v.name}_codes, '
+        f"{v.name}_bad, "
+        f"{v.name}_spoilt,\n   {len(v.inputs)}, {v.inputs.shape[1]}, {v.outputs.shape[1]}, {v.close}, {len(v.bad)}, "
+        f"{v.pointers}, {int(v.kept)}}}"
         for v in vectors
     )
     more = {
-        "runners": "\n".join(_runner(subject, v) for v in vectors),
+        "runners": "\n".join(v.runner for v in vectors),
         "table": table,
         "count": str(len(vectors)),
         "most_inputs": str(max(v.inputs.shape[1] for v in vectors)),
@@ -49,20 +49,30 @@ def check_source(subject: Subject, vectors: Sequence[Vectors], words: dict[str, 
 
 
 def _tables(vectors: Vectors, prefix: str, real: Real) -> str:
-    name, untouched = vectors.call.name, (vectors.codes < 0)[:, None]
-    bad = ",\n".join(f"  {{{b.row}, {b.entry}, {_bits(b.value, real)}, {int(b.code)}}}" for b in vectors.bad)
+    name, untouched = vectors.name, (vectors.codes < 0)[:, None]
+    bad = [(b.row, b.entry, _bits(b.value, real), int(b.code)) for b in vectors.bad]
+    spoilt = [
+        (int(k), int(j), _bits(vectors.inputs[k, j], real), 0) for k, j in np.argwhere(~np.isfinite(vectors.inputs))
+    ]
     return f"""\
 static const {prefix}_real {name}_inputs[] = {{
-{_rows(vectors.inputs, real)}
+{_rows(np.where(np.isfinite(vectors.inputs), vectors.inputs, 0), real)}
 }};
 static const {prefix}_real {name}_outputs[] = {{
 {_rows(np.where(untouched, 0, vectors.outputs), real)}
 }};
 static const signed char {name}_codes[] = {{{", ".join(str(int(code)) for code in vectors.codes)}}};
 static const bad_input {name}_bad[] = {{
-{bad}
+{_entries(bad)}
+}};
+static const bad_input {name}_spoilt[] = {{
+{_entries([*spoilt, (-1, 0, _bits(0.0, real), 0)])}
 }};
 """
+
+
+def _entries(rows: Sequence[tuple[int, int, str, int]]) -> str:
+    return ",\n".join(f"  {{{', '.join(map(str, row))}}}" for row in rows)
 
 
 def _rows(rows: np.ndarray, real: Real) -> str:
@@ -71,44 +81,3 @@ def _rows(rows: np.ndarray, real: Real) -> str:
 
 def _bits(value: float, real: Real) -> str:
     return hex(int(np.array([value], dtype=real.dtype).view(real.bits)[0])) + "u" + real.bits_suffix
-
-
-def _runner(subject: Subject, vectors: Vectors) -> str:
-    prefix, call = subject.prefix, vectors.call
-    declared, copied, passed, at, pointer = [], [], [], 0, 0
-
-    def address(expression: str) -> str:
-        nonlocal pointer
-        pointer += 1
-        return f"null == {pointer} ? 0 : {expression}"
-
-    passed.append(address("&model"))
-    for argument in arguments_of(subject, call):
-        if argument.name == "parameters":
-            copied.append(f"  memcpy(&model.parameters, row + {at}, sizeof model.parameters);")
-        elif argument.is_struct:
-            declared.append(f"  {prefix}_{argument.kind.name} {argument.name};")
-            copied.append(f"  memcpy(&{argument.name}, row + {at}, sizeof {argument.name});")
-            passed.append(address(f"&{argument.name}"))
-        else:
-            passed.append(f"row[{at}]")
-        at += argument.size
-    output: Argument = call.output
-    declared.append(f"  {prefix}_{output.kind.name} {output.name};")
-    passed.append(address(f"&{output.name}"))
-    newline = "\n"
-    return f"""\
-static int run_{call.name}(const {prefix}_real *row, {prefix}_real *out, uint32_t other_abi, int null, int repeat)
-{{
-  {prefix}_model model;
-{newline.join(declared)}
-  int k, code = {prefix}_init(&model);
-{newline.join(copied)}
-  memcpy(&{output.name}, out, sizeof {output.name});
-  model.abi ^= other_abi;
-  for (k = 0; k < repeat; ++k)
-    code = {prefix}_{call.name}({", ".join(passed)});
-  memcpy(out, &{output.name}, sizeof {output.name});
-  return code;
-}}
-"""

@@ -8,18 +8,18 @@ from collections.abc import Sequence
 
 from continuum_grasp.export.codes import Code
 from continuum_grasp.export.fields import Struct
-from continuum_grasp.export.part import Call, Part
+from continuum_grasp.export.part import Call, Kept, Part
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.template import fill
+from continuum_grasp.export.template import fill, filled
 
-__all__ = ["abi_of", "calls_of", "codes_of_package", "header", "prototype", "structs_of"]
+__all__ = ["abi_of", "calls_of", "codes_of_package", "header", "kept_of", "prototype", "structs_of"]
 
 _LINE = 118
 
 
 def structs_of(subject: Subject, parts: Sequence[Part]) -> list[Struct]:
     """Structs of a package, each once, those of the model first."""
-    found = {} if subject.parameters is None else {subject.parameters.name: subject.parameters}
+    found = {subject.parameters.name: subject.parameters} if subject.parameters and calls_of(parts) else {}
     for part in parts:
         for struct in part.structs:
             found.setdefault(struct.name, struct)
@@ -31,10 +31,15 @@ def calls_of(parts: Sequence[Part]) -> list[Call]:
     return [call for part in parts for call in part.calls]
 
 
+def kept_of(parts: Sequence[Part]) -> list[Kept]:
+    """Public functions of a package that keep something."""
+    return [function for part in parts for function in part.kept]
+
+
 def codes_of_package(parts: Sequence[Part]) -> list[Code]:
     """Codes that some function of a package may return."""
     common = {Code.OK, Code.ERR_NULL, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT, Code.ERR_ABI}
-    used = common.union(*(call.codes for call in calls_of(parts)))
+    used = common.union(*(call.codes for call in calls_of(parts)), *(part.codes for part in parts))
     return sorted(used, key=lambda code: (code < 0, abs(code)))
 
 
@@ -61,7 +66,9 @@ def interface(subject: Subject, parts: Sequence[Part]) -> str:
     """All that a caller is compiled against."""
     structs = "\n".join(struct.declaration(subject.prefix) for struct in structs_of(subject, parts))
     calls = "\n".join(prototype(call, subject.prefix) for call in calls_of(parts))
-    return f"{subject.real.name}\n{structs}\n{calls}"
+    kept = [part.declarations for part in parts if part.kept]
+    kept += [text for part in parts for path, text in part.sources.items() if path.startswith("include/")]
+    return "\n".join([f"{subject.real.name}\n{structs}\n{calls}", *kept])
 
 
 def abi_of(subject: Subject, parts: Sequence[Part]) -> str:
@@ -86,7 +93,8 @@ def header(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> st
         "NW": "force components",
         "NP": "run-time parameters",
     }
-    lines = [f"#define {big}_{name} {size} /* {notes[name]} */" for name, size in dimensions.items()]
+    modelled = bool(calls_of(parts))
+    lines = [f"#define {big}_{name} {size} /* {notes[name]} */" for name, size in dimensions.items() if modelled]
     for part in parts:
         lines += [f"#define {big}_{name} {value}" for name, value in part.constants.items()]
     codes = codes_of_package(parts)
@@ -100,15 +108,24 @@ def header(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> st
         "dimensions": "\n".join(lines),
         "codes": table,
         "structs": "\n".join(struct.declaration(prefix) for struct in structs_of(subject, parts)),
-        "model_parameters": "" if subject.parameters is None else f"\n  {prefix}_parameters parameters;",
+        "use": fill("use_model.h", words) if modelled else _use_of_kept(kept_of(parts)[-1], words),
+        "model": fill("model.h", {**words, "model_parameters": _parameters_member(subject)}) if modelled else "",
         "functions": "\n".join(
             [
                 *(_documented(call, prefix) for call in calls_of(parts)),
-                *(part.declarations for part in parts if part.declarations),
+                *(filled(part.declarations, words) for part in parts if part.declarations),
             ]
         ),
     }
     return fill("header.h", {**words, **more})
+
+
+def _use_of_kept(function: Kept, words: dict[str, str]) -> str:
+    return fill("use_loop.h", {**words, "owner": function.types[0], "step": function.name})
+
+
+def _parameters_member(subject: Subject) -> str:
+    return "" if subject.parameters is None else f"\n  {subject.prefix}_parameters parameters;"
 
 
 def _documented(call: Call, prefix: str) -> str:

@@ -66,18 +66,18 @@ def layer_source(subject: Subject, parts: Sequence[Part], words: dict[str, str])
             subject.parameters.fields if subject.parameters else (), subject.model.p_nominal, strict=True
         )
     ]
-    more = {
-        "sizes": "\n".join(sizes),
+    model = {
         "bounds": "\n".join(_bounds(subject, struct) for struct in checked),
         "readers": "\n".join(struct.reader(prefix) for struct in checked),
         "writers": "\n".join(struct.writer(prefix) for struct in outputs),
+        "check": fill("check_numbers.c", words),
         "functions": "\n".join(
             [*(_function(subject, call) for call in calls), *(part.definitions for part in parts if part.definitions)]
         ),
-        "codes": "\n".join(codes),
         "nominal": "".join(f"\n{line}" for line in nominal),
     }
-    return fill("layer.c", {**words, **more})
+    written = fill("layer_model.c", {**words, **model}) if calls else ""
+    return fill("layer.c", {**words, "sizes": "\n".join(sizes), "model": written, "codes": "\n".join(codes)})
 
 
 def _unique(structs: list[Struct]) -> list[Struct]:

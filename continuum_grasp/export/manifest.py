@@ -12,7 +12,7 @@ import casadi as ca
 
 from continuum_grasp import __version__
 from continuum_grasp.export.fields import Field
-from continuum_grasp.export.header import calls_of, codes_of_package, structs_of
+from continuum_grasp.export.header import calls_of, codes_of_package, kept_of, structs_of
 from continuum_grasp.export.layer import kernels_of
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
@@ -68,6 +68,16 @@ def manifest(
                 "relative_error": float(f"{errors[call.name]:.1g}"),
             }
             for call in calls_of(parts)
+        }
+        | {
+            function.name: {
+                "inputs": list(function.inputs),
+                "output": function.output,
+                "test_cases": vectors[function.name],
+                "relative_error": float(f"{errors[function.name]:.1g}"),
+                "memory_bytes": {name: int(words[f"{name}_bytes"]) for name in function.types},
+            }
+            for function in kept_of(parts)
         },
         "codes": {code.name: {"value": int(code), "text": code.text} for code in codes_of_package(parts)},
         "operations": {kernel.name: dict(sorted(kernel.operations.items())) for kernel in kernels_of(parts)},

@@ -11,17 +11,19 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp import __version__
-from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import check_errors, rounding_errors
+from continuum_grasp.export.arguments import count_of, parts_of, prefix_of
 from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.check_program import check_source, vectors_source
+from continuum_grasp.export.control.kept import SIZES, UNKNOWN, kept_usage, kept_vectors
+from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.examples import example_files
-from continuum_grasp.export.header import abi_of, calls_of, header
+from continuum_grasp.export.header import abi_of, calls_of, header, kept_of
 from continuum_grasp.export.layer import internal_header, kernels_source, layer_source
 from continuum_grasp.export.manifest import manifest, manifest_text
 from continuum_grasp.export.measure import measure
 from continuum_grasp.export.part import Part
-from continuum_grasp.export.parts import PARTS
+from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.readme import readme
 from continuum_grasp.export.reals import REALS, real_of
 from continuum_grasp.export.source import Given, Source, source_of
@@ -33,22 +35,6 @@ from continuum_grasp.export.vectors import Vectors, vectors_of
 __all__ = ["Package", "export_c"]
 
 _ASKED_ERROR = {"float": 1e-2, "double": 1e-9}
-_TAKEN = {"auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern"}
-_TAKEN |= {"float", "for", "goto", "if", "inline", "int", "long", "main", "register", "restrict", "return", "short"}
-_TAKEN |= {
-    "signed",
-    "sizeof",
-    "static",
-    "struct",
-    "switch",
-    "typedef",
-    "union",
-    "unsigned",
-    "void",
-    "volatile",
-    "while",
-}
-"""Words that cannot be the prefix."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +60,7 @@ def export_c(
     folder: str | os.PathLike[str],
     *,
     real: str | None = None,
-    what: Sequence[str] = tuple(PARTS),
+    what: Sequence[str] | None = None,
     prefix: str = "finger",
     target: str = "host",
     ranges: Mapping[str, Sequence[float]] | None = None,
@@ -87,14 +73,15 @@ def export_c(
 
     Parameters
     ----------
-    given : FingerModel, Scene or path of a configuration
+    given : FingerModel, Scene, ControlScene, Controller, Estimator or path of a configuration
         What to export. Parameters that it names stay fields of a struct.
     folder : path-like
         Where to; files of the same names are replaced.
     real : {"float", "double"}, optional
         What to compute in; that of the target where nothing is said.
     what : sequence of str
-        Parts: dynamics, step, kinematics, statics.
+        Parts: dynamics, step, kinematics, statics, and of a closed loop estimator and mpc; where nothing is said those
+        two of a closed loop, else the others. They may be mixed: the model is that of the controller's prediction.
     prefix : str
         Of all names, a C identifier.
     target : {"host", "cortex-m4f", "cortex-m7", "wasm"}
@@ -128,20 +115,36 @@ def export_c(
     kind = real_of(aim.real(real))
     source = source_of(given, kind)
     subject = Subject.of(
-        source.model, _prefix(prefix), kind, ranges or {}, step if step is not None else source.step, _count(substeps)
+        source.model,
+        prefix_of(prefix),
+        kind,
+        ranges or {},
+        step if step is not None else source.step,
+        count_of(substeps),
     )
-    parts = [PARTS[name](subject) for name in _names(what)]
+    names = parts_of(what, source)
+    if source.loop is not None:
+        loop = Loop.of(source.loop, kind, [name for name in names if name in OF_LOOPS])
+        subject = replace(subject, loop=loop)
+    parts = [PARTS[name](subject) for name in names]
     wide = [PARTS[part.name](replace(subject, real=REALS["double"])) for part in parts]
     errors = {
         narrow.name: rounding_errors(subject, narrow, true, seed)
         for seed, (narrow, true) in enumerate(zip(calls_of(parts), calls_of(wide), strict=True))
     }
-    check_errors(kind, errors, _ASKED_ERROR[kind.name] if error is None else error)
-    vectors = vectors_of(subject, calls_of(parts))
+    if errors:
+        check_errors(kind, errors, _ASKED_ERROR[kind.name] if error is None else error)
+    vectors = vectors_of(subject, calls_of(parts)) if calls_of(parts) else []
     words = _common_words(subject, parts, source)
-    files = _files(subject, parts, aim, vectors, words)
+    files = _library_files(subject, parts, words)
+    if kept_of(parts):
+        kept, more = kept_vectors(subject, parts, wide, files, words)
+        vectors += kept
+        errors |= more
+        files = _library_files(subject, parts, words)
+    files |= _further_files(subject, parts, aim, vectors, words)
     target_folder = Path(folder)
-    counts = {v.call.name: v.count for v in vectors}
+    counts = {v.name: v.count for v in vectors}
     found = measure(files, prefix, aim) if measured else None
     files["README.md"] = readme(
         subject,
@@ -169,32 +172,41 @@ def export_c(
     return Package(target_folder, tuple(sorted(files)), values)
 
 
-def _files(
+def _further_files(
     subject: Subject, parts: Sequence[Part], target: Target, vectors: Sequence[Vectors], words: dict[str, str]
 ) -> dict[str, str]:
-    """Everything but README and manifest."""
+    """Tests, examples, and what builds and finds the library."""
     prefix = subject.prefix
-    kernels = kernels_source(subject, parts, words)
-    words["hash"] = hashlib.sha256(kernels.encode()).hexdigest()[:16]
     files = {
-        f"include/{prefix}.h": header(subject, parts, words),
-        f"src/{prefix}_internal.h": internal_header(subject, parts, words),
-        f"src/{prefix}_kernels.c": kernels,
-        f"src/{prefix}.c": layer_source(subject, parts, words),
         "tests/vectors.h": vectors_source(subject, vectors, words),
         "tests/check.c": check_source(subject, vectors, words),
         f"examples/python/{prefix}.py": python_binding(subject, parts, words),
         f"{prefix}.pc.in": fill("pkgconfig.pc.in", words),
-        **{f"tests/{name}": fill(f"tests/{name}", words) for name in ("check.h", "main.c", "fuzz.c", "threads.c")},
+        **{f"tests/{name}": fill(f"tests/{name}", words) for name in ("main.c", "fuzz.c", "threads.c")},
         **{f"cmake/{name}": fill(f"cmake/{name}", words) for name in _CMAKE},
         **{name: fill(name, words) for name in ("CMakeLists.txt", "LICENSE")},
         **example_files(subject, parts, target, words),
     }
-    for part in parts:
-        files |= part.sources
     if target.name == "wasm":
         files |= wasm_files(subject, parts, words)
     return files
+
+
+def _library_files(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> dict[str, str]:
+    """The library, and the header of its check program."""
+    prefix = subject.prefix
+    kernels = kernels_source(subject, parts, words)
+    own = {path: text for part in parts for path, text in part.sources.items()}
+    computed = "".join([kernels, *(text for path, text in sorted(own.items()) if path.endswith(".c"))])
+    words["hash"] = hashlib.sha256(computed.encode()).hexdigest()[:16]
+    return {
+        f"include/{prefix}.h": header(subject, parts, words),
+        f"src/{prefix}_internal.h": internal_header(subject, parts, words),
+        f"src/{prefix}_kernels.c": kernels,
+        f"src/{prefix}.c": layer_source(subject, parts, words),
+        "tests/check.h": fill("tests/check.h", words),
+        **own,
+    }
 
 
 _CMAKE = ("config.cmake.in", "cortex-m4f.cmake", "cortex-m7.cmake")
@@ -212,7 +224,12 @@ def _common_words(subject: Subject, parts: Sequence[Part], source: Source) -> di
         "title": source.title,
         "abi": abi_of(subject, parts),
         "sources": " ".join(_library_sources(subject.prefix, parts)),
-        "count": str(len(calls_of(parts))),
+        "count": str(len(calls_of(parts)) + len(kept_of(parts))),
+        "check_memory": "".join(
+            f"\n  {subject.prefix}_{name} {name};" for function in kept_of(parts) for name in function.types
+        )
+        or "\n  int nothing;",
+        **dict.fromkeys(SIZES, UNKNOWN),
         "tolerance": "2e-3" if subject.real.name == "float" else "1e-11",
         "usage": _usage(subject, parts),
     }
@@ -220,12 +237,15 @@ def _common_words(subject: Subject, parts: Sequence[Part], source: Source) -> di
 
 def _library_sources(prefix: str, parts: Sequence[Part]) -> list[str]:
     """C files of the library below ``src``, without their suffix."""
-    own = [path for part in parts for path in part.sources if path.startswith("src/") and path.endswith(".c")]
+    paths = dict.fromkeys(path for part in parts for path in part.sources)
+    own = [path for path in paths if path.startswith("src/") and path.endswith(".c")]
     return [prefix, f"{prefix}_kernels", *(path.removeprefix("src/").removesuffix(".c") for path in own)]
 
 
 def _usage(subject: Subject, parts: Sequence[Part]) -> str:
     """C of a first call."""
+    if not calls_of(parts):
+        return kept_usage(subject.prefix, kept_of(parts)[-1])
     prefix, call = subject.prefix, next((c for c in calls_of(parts) if c.name == "step"), calls_of(parts)[0])
     lines = [f"{prefix}_{a.kind.name} {a.name} = {{0}};" for a in call.inputs if a.is_struct]
     if call.output.kind.name != "state":
@@ -238,30 +258,6 @@ def _usage(subject: Subject, parts: Sequence[Part]) -> str:
         f"if (code < 0) report({prefix}_strerror(code));",
     ]
     return "\n".join(lines)
-
-
-def _prefix(given: Any) -> str:
-    if not isinstance(given, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", given) or given in _TAKEN:
-        raise InputError(
-            f"expected a free C identifier of small letters, digits and underscores, got {given!r:.60}", key="prefix"
-        )
-    return given
-
-
-def _count(given: Any) -> int:
-    if type(given) is not int or not 1 <= given <= 1000:
-        raise InputError(f"expected a whole number from 1 to 1000, got {given!r:.60}", key="substeps")
-    return given
-
-
-def _names(what: Sequence[str]) -> list[str]:
-    names = [what] if isinstance(what, str) else list(what)
-    for name in names:
-        if name not in PARTS:
-            raise InputError(f"expected some of {', '.join(PARTS)}, got {name!r:.60}", key="what")
-    if not names or len(set(names)) < len(names):
-        raise InputError(f"expected one part or more, each once, got {names}", key="what")
-    return [name for name in PARTS if name in names]
 
 
 def _write(folder: Path, files: Mapping[str, str]) -> None:

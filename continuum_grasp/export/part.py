@@ -2,15 +2,15 @@
 
 A part is what ``--what`` names. It brings the strict kernels, the structs of the header and the public functions, each
 with the C between its checked inputs and its outputs and with a twin that computes the same bits from arrays. Checks,
-declarations, documentation, test vectors and bindings all follow from that. A part written by hand in C (an estimator,
-a controller) brings its text in ``sources`` and calls it from the bodies of its functions.
+declarations, documentation, test vectors and bindings all follow from that. A part written by hand in C (estimator and
+controller) brings its text in ``sources`` and ``declarations``, and its functions with memory in ``kept``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
@@ -18,7 +18,11 @@ from continuum_grasp.export.codes import Code
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
 
-__all__ = ["Argument", "Call", "Part", "Rows", "Twin"]
+if TYPE_CHECKING:
+    from continuum_grasp.export.control.host import Host
+    from continuum_grasp.export.vectors import Vectors
+
+__all__ = ["Argument", "Call", "Kept", "Part", "Rows", "Twin"]
 
 Array = NDArray[Any]
 Rows = Mapping[str, Array]
@@ -76,6 +80,22 @@ class Call:
 
 
 @dataclass(frozen=True)
+class Kept:
+    """A public function that keeps something between its calls, in memory of its caller."""
+
+    name: str
+    text: str
+    runner: str
+    """C of the check program that runs it on a row."""
+    types: tuple[str, ...]
+    """Types of what it keeps and works in; the check program has one of each, of the same name."""
+    vectors: Callable[[Host, str], Vectors]
+    """Its vectors by the strict build of this machine, with the runner."""
+    inputs: tuple[str, ...]
+    output: str
+
+
+@dataclass(frozen=True)
 class Part:
     """One entry of ``--what``."""
 
@@ -91,6 +111,12 @@ class Part:
     """C of the checked layer behind the functions of ``calls``."""
     sources: Mapping[str, str] = field(default_factory=dict)
     """Further files, by path in the package; C under ``src`` becomes part of the library."""
+    further: tuple[Struct, ...] = ()
+    """Structs beyond those of ``calls``."""
+    codes: tuple[Code, ...] = ()
+    """Codes beyond those of ``calls``."""
+    kept: tuple[Kept, ...] = ()
+    """Functions that keep something."""
 
     @property
     def structs(self) -> list[Struct]:
@@ -100,4 +126,6 @@ class Part:
             for argument in (*call.inputs, call.output):
                 if isinstance(argument.kind, Struct):
                     found.setdefault(argument.kind.name, argument.kind)
+        for struct in self.further:
+            found.setdefault(struct.name, struct)
         return list(found.values())

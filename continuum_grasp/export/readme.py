@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from continuum_grasp.export.header import calls_of, codes_of_package, structs_of
+from continuum_grasp.export.header import calls_of, codes_of_package, kept_of, structs_of
 from continuum_grasp.export.layer import kernels_of
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
@@ -30,7 +30,10 @@ def readme(
     calls = calls_of(parts)
     functions = _table(
         ("function", "gives", "relative error", "test cases"),
-        [(f"`{prefix}_{c.name}`", c.text, f"{errors[c.name]:.0e}", str(vectors[c.name])) for c in calls],
+        [
+            (f"`{prefix}_{name}`", text, f"{errors[name]:.0e}", str(vectors[name]))
+            for name, text in [(f.name, f.text) for f in calls] + [(f.name, f.text) for f in kept_of(parts)]
+        ],
     )
     structs = _table(
         ("struct", "field", "unit", "range"),
@@ -54,19 +57,76 @@ def readme(
         "family": model.family,
         "elements": " + ".join(f"{h:g}" for h in model.lengths),
         "ranges": ", ".join(f"{r:.4g}" for r in model.ranges),
-        "radius": f"{subject.radius:.4g}",
-        "longest": f"{subject.longest_step:g}",
-        "accurate": f"{subject.accurate_step:g}",
         "functions": functions,
         "structs": structs,
         "operations": operations,
         "codes": codes,
         "measured": _measured(measured),
         "error_note": _error_note(subject),
+        "loops": "Loops have bounded counts." if kept_of(parts) else "Loops have fixed counts.",
+        "expected": _expected(parts),
+        "promise": _CHECKED if calls else "",
+        "kept": _kept(subject, parts, words) if kept_of(parts) else "",
+        "loop": "- `examples/loop.c`: a plain loop that writes CSV.\n" if any(c.name == "step" for c in calls) else "",
+        "examples": _PYTHON.format(p=prefix) + (_EXAMPLES if any(c.name == "step" for c in calls) else ""),
+        "stability": _stability(subject) if calls else "",
         "wasm": _WASM if wasm else "",
         "cases": str(sum(vectors.values())),
     }
     return fill("README.md", {**words, **more})
+
+
+_CHECKED = """\
+- Every number that comes in is checked for NaN, infinity and range, every one that goes out for NaN and infinity, by
+  its bits, so that `-ffast-math` does not drop the check. On an error outputs are left alone. Nothing is clamped.
+"""
+_PYTHON = "- `examples/python/{p}.py`: the library by ctypes.\n"
+_EXAMPLES = """\
+- `examples/ros2`: a node that simulates the finger; `examples/simulink`: an S-function. Both are skeletons: they were
+  compiled against stand-ins of ROS 2 and Simulink, not run in them.
+- `examples/cuda/batch.cu`: many fingers on a GPU.
+"""
+
+
+def _stability(subject: Subject) -> str:
+    return (
+        f" The fastest motion within these ranges\n(and those of the parameters) changes at {subject.radius:.4g} 1/s: "
+        f"steps up to {subject.longest_step:g} s are stable, up to {subject.accurate_step:g} s accurate (a\n"
+        "warning says when they are not). Velocities and forces are left out of that estimate."
+    )
+
+
+def _expected(parts: Sequence[Part]) -> str:
+    """Where the expected numbers of the vectors come from."""
+    if not calls_of(parts):
+        return "; the expected numbers are those of a build on\n  the machine that made the package."
+    if kept_of(parts):
+        return (
+            "; the expected numbers of estimator and\n  controller are those of a build on the machine that made "
+            "the package, the others were not\n  computed by this code."
+        )
+    return ", of which the expected numbers were not computed by this code."
+
+
+def _kept(subject: Subject, parts: Sequence[Part], words: Mapping[str, str]) -> str:
+    """What estimator and controller need, and what they do."""
+    loop = subject.loop
+    if loop is None:
+        return ""
+    owners = [name for function in kept_of(parts) for name in function.types]
+    rows = [(f"`{subject.prefix}_{name}`", words[f"{name}_bytes"]) for name in owners]
+    more = {
+        **words,
+        "period": f"{loop.period:g}",
+        "memory": _table(("memory", "bytes"), rows),
+        "n": str(loop.stages.stages),
+        "stage": f"{loop.stages.stage:g}",
+        "starts": str(loop.starts),
+        "safe": loop.safe,
+    }
+    controlled = fill("control/controlled.md", more) if "mpc" in loop.parts else ""
+    observed = fill("control/observed.md", more) if loop.estimation is not None else ""
+    return fill("control/README.md", {**more, "controlled": controlled, "observed": observed})
 
 
 _WASM = """

@@ -10,12 +10,16 @@ from typing import Any
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.reals import Real
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.load import scene_of
+from continuum_grasp.mpc.controller import Controller
+from continuum_grasp.mpc.estimator import Estimator
+from continuum_grasp.mpc.prediction import Prediction
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["Given", "Source", "source_of"]
 
-Given = FingerModel | Scene | str | os.PathLike[str]
+Given = FingerModel | Scene | ControlScene | Controller | Estimator | str | os.PathLike[str]
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,8 @@ class Source:
     step: float | None
     configuration: Mapping[str, Any] | None
     """The resolved scene as plain values."""
+    loop: ControlScene | None = None
+    """The closed loop, where it is one."""
 
 
 def source_of(given: Given, real: Real) -> Source:
@@ -46,9 +52,15 @@ def source_of(given: Given, real: Real) -> Source:
     """
     if isinstance(given, FingerModel):
         return Source(given, "a continuum finger", "a FingerModel", None, None)
-    if not isinstance(given, (Scene, str, os.PathLike)):
-        raise InputError(f"expected a FingerModel, a Scene or the path of its file, got {given!r:.80}")
-    scene = scene_of(given)
+    if isinstance(given, (str, os.PathLike)):
+        given = load(given)  # type: ignore[assignment, arg-type]
+    if isinstance(given, (Controller, Estimator)):
+        given = given.scene
+    if isinstance(given, ControlScene):
+        return _of_loop(given, real)
+    if not isinstance(given, Scene):
+        raise InputError(f"expected a FingerModel, a Scene, a closed loop or the path of its file, got {given!r:.80}")
+    scene = given
     if scene.fidelity.tolerance is not None:
         from continuum_grasp.fidelity.resolve import resolve_fidelity
 
@@ -56,7 +68,20 @@ def source_of(given: Given, real: Real) -> Source:
     arcs = scene.fidelity.family == "arc"
     cut = real.epsilon / 4 if real.name == "float" and arcs and scene.fidelity.accuracy is None else None
     model = FingerModel(scene, accuracy=cut) if cut is not None else FingerModel(scene)
-    title = " ".join(scene.name.split()) if scene.name else "a continuum finger"
-    name = f"the scene '{title}'" if scene.name else "a scene without a name"
     step = scene.time.step if scene.time is not None else None
-    return Source(model, title.replace("*/", ""), name, step, scene.model_dump(mode="json"))
+    return Source(model, *_names(scene), step, scene.model_dump(mode="json"))
+
+
+def _of_loop(scene: ControlScene, real: Real) -> Source:
+    """The closed loop, and the model that its controller predicts with."""
+    fidelity = scene.fidelity
+    if real.name == "float" and fidelity.family == "arc" and fidelity.accuracy is None:
+        scene = scene.model_copy(update={"fidelity": fidelity.model_copy(update={"accuracy": real.epsilon / 4})})
+    model = Prediction(scene).system.finger_model
+    return Source(model, *_names(scene), None, scene.model_dump(mode="json"), scene)
+
+
+def _names(scene: Scene | ControlScene) -> tuple[str, str]:
+    """Title, and what the README says that it was made from."""
+    title = " ".join(scene.name.split()) if scene.name else "a continuum finger"
+    return title.replace("*/", ""), f"the scene '{title}'" if scene.name else "a scene without a name"

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from continuum_grasp.core.precision import check_solvable
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.codes import Code
+from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Rows
@@ -43,6 +44,8 @@ class Subject:
         Greatest spectral radius [1/s].
     guard : Kernel or None
         (x, u, p) -> use: share of its range that the curvature of a matched tip takes, which is no coordinate.
+    loop : Loop or None
+        The closed loop that it is part of.
     """
 
     model: FingerModel
@@ -56,6 +59,7 @@ class Subject:
     radius: float
     substeps: int
     guard: Kernel | None
+    loop: Loop | None = None
 
     @staticmethod
     def of(

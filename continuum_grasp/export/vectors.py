@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.export.codes import Code
+from continuum_grasp.export.fields import Field
 from continuum_grasp.export.part import Argument, Call
 from continuum_grasp.export.reals import Real
+from continuum_grasp.export.runner import arguments_of, runner_of
 from continuum_grasp.export.subject import Subject
 
-__all__ = ["Bad", "Vectors", "arguments_of", "sample", "split", "vectors_of"]
+__all__ = ["Bad", "Vectors", "arguments_of", "bad_entries", "sample", "split", "vectors_of"]
 
 Array = NDArray[Any]
 
@@ -50,23 +52,25 @@ class Bad:
 class Vectors:
     """Rows of one function: inputs (count, inputs), outputs (count, outputs), codes (count); and bad inputs."""
 
-    call: Call
+    name: str
+    runner: str
+    """C of the check program that runs a row."""
     inputs: Array
     outputs: Array
     codes: NDArray[np.int_]
     bad: tuple[Bad, ...]
+    pointers: int
+    """Count of its arguments that may be null."""
+    close: int
+    """Count of the outputs, the first ones, that must agree where rounding may differ."""
+    kept: bool = False
+    """Whether a row depends on those before: of what the function keeps; such rows have four flags first, of
+    which the first says whether the function begins anew, and the last of which kind the call is."""
 
     @property
     def count(self) -> int:
         """Cases in all."""
         return len(self.inputs) + len(self.bad)
-
-
-def arguments_of(subject: Subject, call: Call) -> list[Argument]:
-    """Parameters and inputs of a function, in the order of the rows."""
-    if subject.parameters is None:
-        return list(call.inputs)
-    return [Argument("parameters", subject.parameters, "p"), *call.inputs]
 
 
 def vectors_of(subject: Subject, calls: Sequence[Call]) -> list[Vectors]:
@@ -84,7 +88,9 @@ def _vectors(subject: Subject, call: Call, seed: int, count: int) -> Vectors:
     kept = np.sort(np.concatenate([good[: count - min(_REFUSED, len(refused))], refused[:_REFUSED]]))
     rows, outputs, codes = rows[kept], outputs[kept], codes[kept]
     base = int(np.flatnonzero(codes >= 0)[0])
-    return Vectors(call, rows, outputs, codes, tuple(_bad(subject.real, arguments, base)))
+    bad = tuple(_bad(subject.real, arguments, base))
+    pointers = 2 + sum(a.is_struct for a in call.inputs)
+    return Vectors(call.name, runner_of(subject, call), rows, outputs, codes, bad, pointers, call.output.size)
 
 
 def split(rows: Array, arguments: list[Argument]) -> dict[str, Array]:
@@ -128,16 +134,23 @@ def sample(subject: Subject, arguments: list[Argument], seed: int, count: int) -
 
 def _bad(real: Real, arguments: list[Argument], row: int) -> list[Bad]:
     """Each number not finite, and each below and above its range."""
-    found, entry = [], 0
+    found, first = [], 0
     for argument in arguments:
-        for field in (f for f in argument.fields for _ in range(f.size)):
-            for value in (np.nan, np.inf, -np.inf):
-                found.append(Bad(row, entry, float(value), Code.ERR_NON_FINITE))
-            if field.low > -np.inf:
-                found.append(Bad(row, entry, _beyond(real, field.low, -1.0), argument.code))
-            if field.high < np.inf:
-                found.append(Bad(row, entry, _beyond(real, field.high, 1.0), argument.code))
-            entry += 1
+        found += bad_entries(real, argument.fields, row, first, argument.code)
+        first += argument.size
+    return found
+
+
+def bad_entries(real: Real, fields: Sequence[Field], row: int, first: int, code: Code) -> list[Bad]:
+    """The same for the fields of one struct, whose numbers stand in the row from ``first`` on."""
+    found = []
+    for entry, field in enumerate(f for f in fields for _ in range(f.size)):
+        for value in (np.nan, np.inf, -np.inf):
+            found.append(Bad(row, first + entry, float(value), Code.ERR_NON_FINITE))
+        if field.low > -np.inf:
+            found.append(Bad(row, first + entry, _beyond(real, field.low, -1.0), code))
+        if field.high < np.inf:
+            found.append(Bad(row, first + entry, _beyond(real, field.high, 1.0), code))
     return found
 
 

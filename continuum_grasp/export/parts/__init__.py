@@ -5,18 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from continuum_grasp.export.part import Part
+from continuum_grasp.export.parts.control import estimator, mpc
 from continuum_grasp.export.parts.dynamics import dynamics
 from continuum_grasp.export.parts.kinematics import kinematics
 from continuum_grasp.export.parts.statics import statics
 from continuum_grasp.export.parts.step import step
 from continuum_grasp.export.subject import Subject
 
-__all__ = ["PARTS"]
+__all__ = ["OF_LOOPS", "PARTS"]
 
 PARTS: dict[str, Callable[[Subject], Part]] = {
     "dynamics": dynamics,
     "step": step,
     "kinematics": kinematics,
     "statics": statics,
+    "estimator": estimator,
+    "mpc": mpc,
 }
 """What makes each part of a subject."""
+OF_LOOPS = ("estimator", "mpc")
+"""Parts that need a closed loop."""

@@ -5,7 +5,8 @@
 
 #include "<<p>>.h"
 
-/* A row of good inputs with one entry replaced. */
+/* One entry of a row replaced: of a good row, and the code that belongs to it; or where it is not finite, for which C has
+   no literal. */
 typedef struct {
   int row, entry;
   uint<<width>>_t bits;

@@ -10,8 +10,8 @@ sources=
 for source in <<sources>>; do sources="$sources $root/src/$source.c"; done
 flags="--target=wasm32 -nostdlib -std=c99 -O2 -ffp-contract=off -fno-builtin -mbulk-memory -Wl,--no-entry -Wl,--strip-all
   -Wl,--export=__heap_base"
-$clang $flags <<exports>> -I"$root/include" \
-  $sources -o "$out/<<p>>.wasm"
-$clang $flags -Wl,--export=check_failures -Wl,--export=check_cases -I"$here" -I"$root/include" -I"$root/tests" \
-  $sources "$root/tests/check.c" "$here/string.c" -o "$out/vectors.wasm"
-[ "$out" -ef "$here" ] || cp "$here/<<p>>.mjs" "$here/test.mjs" "$out"
+$clang $flags <<exports>> -I"$here" -I"$root/include" \
+  $sources "$here/string.c" -o "$out/<<p>>.wasm"
+$clang $flags -Wl,--export=vectors_failures -Wl,--export=check_cases -I"$here" -I"$root/include" -I"$root/tests" \
+  $sources "$root/tests/check.c" "$here/vectors.c" "$here/string.c" -o "$out/vectors.wasm"
+[ "$out" -ef "$here" ] || cp "$here"/*.mjs "$out"

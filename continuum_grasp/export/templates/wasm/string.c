@@ -8,6 +8,13 @@ void *memcpy(void *to, const void *from, size_t count)
   return to;
 }
 
+void *memset(void *to, int value, size_t count)
+{
+  char *a = to;
+  while (count--) *a++ = (char)value;
+  return to;
+}
+
 int memcmp(const void *one, const void *other, size_t count)
 {
   const unsigned char *a = one, *b = other;

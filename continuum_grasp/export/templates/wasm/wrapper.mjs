@@ -2,7 +2,7 @@
 //
 //   import { load } from "./<<p>>.mjs";
 //   const finger = await load(await (await fetch("<<p>>.wasm")).arrayBuffer());
-//   const { code, <<first_output>> } = finger.<<first_call>>(<<first_arguments>>);
+//   <<example>>
 //
 // Structs are plain objects with the fields of <<p>>.h; fields that are left out are zero. Each function returns its
 // output by name, with the code; a negative code throws FingerError. Change finger.parameters at any time.
@@ -32,6 +32,10 @@ class Finger {
     this.#c = exports;
     this.#real = INTERFACE.real === "float" ? Float32Array : Float64Array;
     this.#start = (exports.__heap_base.value + 15) & ~15;
+    for (const [owner, kept] of Object.entries(INTERFACE.kept)) {
+      this[`new_${owner}`] = () => this.#keep(owner, kept);
+    }
+    if (!exports.<<p>>_init_abi) return;
     for (const [name, call] of Object.entries(INTERFACE.functions)) {
       this[name] = (...given) => this.#call(name, call, given);
     }
@@ -61,6 +65,43 @@ class Finger {
     });
     const code = this.#check(c[`<<p>>_${name}`](this.#start, ...passed, at));
     return { code, [output[0]]: this.#read(at, INTERFACE.structs[output[1]]) };
+  }
+
+  // What a function keeps and works in lies before what calls need; step makes a call of it.
+  #keep(owner, { function: name, bytes, members, inputs, output }) {
+    const size = bytes.map((count) => (count + 15) & ~15);
+    const [place, work] = [this.#start, this.#start + size[0]];
+    this.#start += size[0] + size[1];
+    this.#reserve(this.#start);
+    this.#check(this.#c[`<<p>>_${owner}_init_abi`](place, INTERFACE.abi));
+    const found = {};
+    const places = {};
+    let at = place + this.#offset;
+    for (const member of members) {
+      places[member] = at;
+      found[member] = this.#read(at, INTERFACE.structs[member]);
+      at += this.#real.BYTES_PER_ELEMENT * sizeOf(INTERFACE.structs[member]);
+    }
+    found.step = (...given) => {
+      for (const member of members) this.#write(places[member], INTERFACE.structs[member], found[member]);
+      let next = this.#start;
+      const passed = inputs.map((struct, k) => {
+        const to = next;
+        next += 8 * sizeOf(INTERFACE.structs[struct]);
+        this.#reserve(next);
+        this.#write(to, INTERFACE.structs[struct], given[k] ?? {});
+        return to;
+      });
+      this.#reserve(next + 8 * sizeOf(INTERFACE.structs[output]));
+      const code = this.#check(this.#c[`<<p>>_${name}`](place, work, ...passed, next));
+      return { code, [output]: this.#read(next, INTERFACE.structs[output]) };
+    };
+    return found;
+  }
+
+  #reserve(end) {
+    const missing = end - this.#c.memory.buffer.byteLength;
+    if (missing > 0) this.#c.memory.grow(Math.ceil(missing / 65536));
   }
 
   #check(code) {

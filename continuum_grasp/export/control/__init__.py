@@ -1,0 +1,1 @@
+"""Estimator and controller of a closed loop, as parts of a package."""

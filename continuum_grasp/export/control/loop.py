@@ -1,0 +1,236 @@
+"""What is exported of a closed loop: problem, estimator, their numbers, and the structs of the header."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.export.control.names import identifiers, named_fields, unit_of
+from continuum_grasp.export.fields import Field, Struct
+from continuum_grasp.export.kernel import Kernel
+from continuum_grasp.export.reals import Real
+from continuum_grasp.mpc.controller_source import Field as Member
+from continuum_grasp.mpc.estimation import Estimation, estimation_of
+from continuum_grasp.mpc.estimator_settings import controller_fields, delay_periods
+from continuum_grasp.mpc.first_state import first_state, rest_input
+from continuum_grasp.mpc.noise import Ranges, ranges_of
+from continuum_grasp.mpc.prediction import Prediction
+from continuum_grasp.mpc.problem import stages_of
+from continuum_grasp.mpc.stages import Stages
+from continuum_grasp.scene.control import ControlScene
+
+__all__ = ["CHANGEABLE", "Loop"]
+
+Array = NDArray[np.float64]
+
+CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
+"""Members of ``rti_settings`` that the public settings have, in their order."""
+_WEIGHTS, _LIMITS, _ROWS = CHANGEABLE[:2], CHANGEABLE[2:4], CHANGEABLE[4:]
+_NAMES = {
+    "weights": ("weight_{}", "of half the squared error of {0}, per second"),
+    "terminal_weights": ("terminal_weight_{}", "the same at the end of the horizon, once"),
+    "u_min": ("least_{}", "least command"),
+    "u_max": ("most_{}", "greatest command"),
+    "c_min": ("least_{}", "least value of row {0}, in shares of its scale"),
+    "c_max": ("most_{}", "greatest value"),
+    "linear": ("price_{}", "price of leaving it, per share"),
+    "quadratic": ("square_price_{}", "of half the squared share"),
+}
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A closed loop as its parts see it.
+
+    Attributes
+    ----------
+    parts : tuple of str
+        Of these that the package has: estimator, mpc.
+    periods : int
+        Age of a measurement when it arrives, in periods.
+    members : tuple of Member
+        Numbers of ``controller_settings``.
+    first, before : ndarray
+        State (nz) from which the controller starts, and the input (nu) before.
+    """
+
+    scene: ControlScene
+    parts: tuple[str, ...]
+    prediction: Prediction
+    stages: Stages
+    estimation: Estimation | None
+    ranges: Ranges
+    periods: int
+    members: tuple[Member, ...]
+    first: Array
+    before: Array
+
+    @staticmethod
+    def of(scene: ControlScene, real: Real, parts: Sequence[str]) -> Loop:
+        """A scene's loop for a package that computes in a type.
+
+        Raises
+        ------
+        InputError
+            If the pieces of the scene do not fit together.
+        """
+        model = Prediction(scene)
+        stages = stages_of(scene, model)
+        if scene.controller.step > stages.stage * (1.0 + 1e-9):
+            raise InputError(
+                f"{scene.controller.step:g} s is longer than a stage of {stages.stage:g} s", key="controller.period"
+            )
+        estimation = None if scene.estimator is None else estimation_of(scene, model, stages.method)
+        z = np.zeros(model.nx if estimation is None else estimation.nz)
+        z[: model.nx] = first_state(scene, model)
+        return Loop(
+            scene=scene,
+            parts=tuple(parts),
+            prediction=model,
+            stages=stages,
+            estimation=estimation,
+            ranges=ranges_of(scene, model, stages, estimation),
+            periods=delay_periods(scene),
+            members=tuple(controller_fields(scene, model, stages, estimation, real.name)),
+            first=z,
+            before=rest_input(scene),
+        )
+
+    @property
+    def period(self) -> float:
+        """Time from one call to the next [s]."""
+        return self.scene.controller.step
+
+    @property
+    def starts(self) -> int:
+        """Real-time iterations of a plan from rest."""
+        return next(int(np.asarray(m.values)) for m in self.members if m.member == "starts")
+
+    @property
+    def safe(self) -> str:
+        """Where commands go when there is no plan."""
+        return "the least tensions" if self.scene.finger.tendons is not None else "no moment"
+
+    @property
+    def measurement_names(self) -> tuple[str, ...]:
+        """Names and units of what is measured; the state where there is no estimator."""
+        return self.prediction.x_names if self.estimation is None else self.estimation.measurement_names
+
+    # -- structs ------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def measurement(self) -> Struct:
+        """What is measured."""
+        text = "What is measured, NaN where it was not." if self.estimation else "The state of the finger."
+        return Struct("measurement", text, named_fields(self.measurement_names, self.ranges.measurement))
+
+    @cached_property
+    def estimate(self) -> Struct:
+        """States and disturbances."""
+        names = self.prediction.x_names if self.estimation is None else self.estimation.z_names
+        ranges = np.vstack([self.ranges.x, self.ranges.disturbances])
+        return Struct("estimate", "State of the finger and, behind it, what disturbs it.", named_fields(names, ranges))
+
+    @property
+    def start(self) -> Struct:
+        """From which the controller starts."""
+        return self.measurement if self.estimation is None else self.estimate
+
+    @cached_property
+    def command(self) -> Struct:
+        """The input."""
+        ranges = np.stack([self.stages.u_min, self.stages.u_max], axis=1)
+        return Struct(
+            "command", "What the drives are to do until the next one.", named_fields(self.stages.u_names, ranges)
+        )
+
+    @cached_property
+    def known(self) -> Struct | None:
+        """Parameters of the prediction, None where it has none."""
+        fields = named_fields(self.stages.p_names, self.ranges.p)
+        text = "What the model is told of the finger: parameters, forces that are known."
+        return Struct("known", text, fields) if fields else None
+
+    @cached_property
+    def reference(self) -> Struct:
+        """Set-points of all nodes."""
+        nodes = self.stages.stages + 1
+        fields = [
+            Field(name, unit_of(label), "", float(low), float(high), shape=(nodes,))
+            for name, label, (low, high) in zip(
+                identifiers(self.stages.r_names), self.stages.r_names, self.ranges.r, strict=True
+            )
+        ]
+        text = f"Set-points from now on, one each {self.stages.stage:g} s."
+        return Struct("reference", text, tuple(fields))
+
+    @cached_property
+    def settings(self) -> Struct:
+        """What may be changed between calls, in the order of ``CHANGEABLE``."""
+        s = self.stages
+        labels = {**dict.fromkeys(_WEIGHTS, s.r_names), **dict.fromkeys(_LIMITS, s.u_names)}
+        labels |= dict.fromkeys(_ROWS, s.c_names)
+        fields = []
+        for member in CHANGEABLE:
+            pattern, text = _NAMES[member]
+            for k, (name, label) in enumerate(zip(identifiers(labels[member]), labels[member], strict=True)):
+                unit = unit_of(label)
+                low, high = 0.0, np.inf
+                if member in _LIMITS:
+                    low, high = float(s.u_min[k]), float(s.u_max[k])
+                elif member in _WEIGHTS:
+                    unit = f"1/{unit}2" if unit.isalpha() else f"1/({unit})2"
+                elif member in ("c_min", "c_max"):
+                    low = -np.inf
+                fields.append(Field(pattern.format(name), unit, text.format(name), low, high))
+        text = "Weights, limits and prices of the controller, which may be changed between calls."
+        unique = identifiers(field.name for field in fields)
+        return Struct("settings", text, tuple(replace(f, name=n) for f, n in zip(fields, unique, strict=True)))
+
+    @property
+    def nominal_settings(self) -> Array:
+        """Values of ``settings`` that the scene gives."""
+        return np.concatenate([np.ravel(getattr(self.stages, member)) for member in CHANGEABLE])
+
+    # -- kernels ------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def problem_kernels(self) -> tuple[Kernel, ...]:
+        """Functions of the stages."""
+        s = self.stages
+        return (
+            _kernel(s.step, "One integration step of a stage, with its derivatives."),
+            _kernel(s.cost, "Cost of a stage with gradient and Hessian; bounded rows with their Jacobian."),
+            _kernel(s.terminal, "The same at the end of the horizon."),
+        )
+
+    @cached_property
+    def estimator_kernels(self) -> tuple[Kernel, ...]:
+        """Functions of the estimator."""
+        e = self.estimation
+        if e is None:
+            return ()
+        found = [
+            _kernel(e.step, "One integration step of state and disturbances, with its derivatives."),
+            _kernel(e.outputs, "What is compared with measurements, with its derivative."),
+        ]
+        if self.stages.np:
+            found.append(_kernel(e.parameters, "Parameters with the disturbances."))
+        if self.periods:
+            found.append(_kernel(e.flow, "The integration step alone."))
+        return tuple(found)
+
+
+def _kernel(function: ca.Function, text: str) -> Kernel:
+    """A kernel without the outputs that have no entry."""
+    symbols = function.sx_in()
+    outputs = dict(zip(function.name_out(), function.call(symbols), strict=True))
+    kept = {name: value for name, value in outputs.items() if value.numel()}
+    made = ca.Function(function.name(), symbols, list(kept.values()), function.name_in(), list(kept))
+    return Kernel(function.name(), made, text)

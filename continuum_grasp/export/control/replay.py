@@ -1,0 +1,202 @@
+"""Test vectors of estimator and controller: calls in their order, on a finger that is simulated along.
+
+The rows hold what is measured, wanted and set; the expected outputs are those of the strict build on this machine.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.export.codes import Code
+from continuum_grasp.export.control.host import Host
+from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.reals import Real
+from continuum_grasp.export.vectors import Vectors, bad_entries
+from continuum_grasp.mpc.setpoints import set_points
+
+__all__ = ["controller_vectors", "estimator_vectors", "replayed"]
+
+Array = NDArray[Any]
+
+_EPISODE = 70
+_EPISODES = 3
+_FLAGS = 4
+"""Numbers before the others of a row: begin anew, late, whether something else was applied, kind of the call."""
+
+
+class _Finger:
+    """The prediction as a plant, with what is measured of it."""
+
+    def __init__(self, loop: Loop, rng: np.random.Generator) -> None:
+        self._loop, self._rng = loop, rng
+        s = loop.stages
+        self._parts = max(1, math.ceil(s.substeps * loop.period / s.stage - 1e-9))
+        self.x = loop.first[: s.nd].copy()
+        self._mixing = None if loop.estimation is None else np.linalg.pinv(loop.estimation.mixing)
+        self._then: list[Array] = []
+
+    def advance(self, u: Array) -> None:
+        s = self._loop.stages
+        held = np.asarray(u, dtype=float)
+        for _ in range(self._parts):
+            given = np.concatenate([self.x, held[: s.nx - s.nd]])
+            x = np.array(s.step(given, held, s.p_nominal, self._loop.period / self._parts)[0]).ravel()[: s.nd]
+            self.x = x if np.isfinite(x).all() else self._loop.first[: s.nd].copy()
+
+    def measured(self, u: Array) -> Array:
+        """What is measured now, of as long ago as measurements are late."""
+        loop, e = self._loop, self._loop.estimation
+        if e is None or self._mixing is None:
+            return self.x.copy()
+        z = np.zeros(e.nz)
+        z[: e.nx] = self.x
+        value = self._mixing @ np.array(e.outputs(z, u, loop.stages.p_nominal)[0]).ravel()
+        self._then = [*self._then[-loop.periods :], value] if loop.periods else [value]
+        noise = np.array([1e-4 if "[m]" in name else 1e-2 for name in loop.measurement_names])
+        found: Array = self._then[0] + noise * self._rng.standard_normal(len(noise))
+        return found
+
+    def kick(self, size: float) -> None:
+        """A push."""
+        n = self._loop.prediction.system.finger_model.n
+        self.x[n : 2 * n] += size * self._rng.standard_normal(n)
+
+
+def _spoilt(loop: Loop, y: Array, episode: int, k: int, rng: np.random.Generator) -> Array:
+    """What arrives of a measurement: now and then an entry is missing or infinite, later on all are, or far off."""
+    y = y.copy()
+    patience = round(loop.stages.stages * loop.stages.stage / loop.period)
+    if k % 17 == 9:
+        y[rng.integers(len(y))] = np.nan
+    if k % 23 == 11:
+        y[rng.integers(len(y))] = np.inf if k % 2 else -np.inf
+    if episode and k % 19 == 13:
+        at = rng.integers(len(y))
+        y[at] += 0.4 * (loop.measurement.bounded[at][1] - y[at])
+    start = _EPISODE - 2 * patience - 4 if 2 * patience + 4 < _EPISODE else _EPISODE - 4
+    if episode and start <= k < start + patience + 3:
+        y[:] = np.nan
+    return y
+
+
+def _known(loop: Loop, k: int) -> Array:
+    """Parameters: nominal; at times another within their range, and one that is none."""
+    p = np.array(loop.stages.p_nominal, dtype=float)
+    if loop.known is not None and k % 31 == 20:
+        p[0] = np.nan
+    elif loop.known is not None and k % 31 > 24:
+        low, high = loop.known.bounded[0]
+        p[0] = min(max(1.02 * p[0], low), high)
+    return p
+
+
+def _settings(loop: Loop, episode: int, k: int) -> Array:
+    """Settings of the scene; in later episodes other weights, tighter limits."""
+    s = loop.stages
+    values = loop.nominal_settings.copy()
+    if episode == 0 or k < 10:
+        return values
+    parts = np.cumsum([0, s.nr, s.nr, s.nu, s.nu, s.nc, s.nc])
+    values[: parts[2]] *= 1.5 if episode == 1 else 0.7
+    width = values[parts[3] : parts[4]] - values[parts[2] : parts[3]]
+    values[parts[3] : parts[4]] -= 0.3 * width * (episode == 1)
+    for low, high in ((parts[4], parts[5]), (parts[5], parts[6])):
+        rows = values[low:high]
+        rows[np.abs(rows) < 1e20] *= 0.25 if episode == 2 else 0.6
+    return values
+
+
+def _targets(loop: Loop, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Set-points of the scene at two instants."""
+    rows = set_points(loop.scene, loop.stages, loop.prediction)
+    first, second = rows.rows(rng.uniform(0.0, loop.scene.duration or 1.0, 2))
+    return first, second
+
+
+def _kind(episode: int, planned: bool) -> int:
+    """Kind of a call as in ``tests/check.h``: usual, without a plan before, or hard."""
+    return 1 if not planned else 2 if episode else 0
+
+
+def controller_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vectors:
+    """Vectors of the controller."""
+    rng = np.random.default_rng(0)
+    nu, outputs = loop.command.size, loop.command.size + loop.start.size + 3
+    rows, outs, codes = [], [], []
+    for episode in range(_EPISODES):
+        finger, u, planned = _Finger(loop, rng), loop.before.copy(), False
+        for k in range(_EPISODE):
+            if k % 20 == 0:
+                now, later = _targets(loop, rng)
+            if k % 25 == 15:
+                finger.kick(1.0 + episode)
+            wanted = np.where(np.arange(len(now)) == k % len(now), np.nan, now) if k % 29 == 21 else now
+            given = rng.uniform(loop.stages.u_min, loop.stages.u_max) if k % 27 == 5 else u
+            flags = [float(k == 0), float(k % 37 == 8), float(k % 27 in (5, 6)), float(_kind(episode, planned))]
+            settings = _settings(loop, episode, k)
+            y = _spoilt(loop, finger.measured(u), episode, k, rng)
+            switch = float(rng.integers(0, loop.stages.stages + 1))
+            parts = [flags, settings, _known(loop, k), y, wanted, later, [switch], given]
+            row = np.concatenate([np.asarray(part, dtype=float) for part in parts]).astype(real.dtype)
+            code, out = host.run("mpc", row, outputs)
+            planned = code in (Code.OK, Code.WARN_ITERATION_LIMIT, Code.WARN_BOUND_LEFT, Code.WARN_PREVIOUS_PLAN)
+            rows.append(row)
+            outs.append(out)
+            codes.append(code)
+            u = out[:nu].astype(float) if code >= 0 else u
+            finger.advance(u)
+    bad = bad_entries(real, loop.settings.fields, 0, _FLAGS, Code.ERR_RANGE)
+    return Vectors(
+        "mpc", runner, np.array(rows), np.array(outs), np.array(codes), tuple(bad), pointers=5, close=nu, kept=True
+    )
+
+
+def estimator_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vectors:
+    """Vectors of the estimator."""
+    rng = np.random.default_rng(1)
+    nz, low, high = loop.estimate.size, loop.stages.u_min, loop.stages.u_max
+    outputs = 2 * nz + 1
+    rows, outs, codes = [], [], []
+    for episode in range(_EPISODES):
+        finger, u = _Finger(loop, rng), loop.before.copy()
+        for k in range(_EPISODE):
+            if k % 10 == 0:
+                target = low + (high - low) * rng.uniform(0.0, 0.3, len(low))
+            u = u + 0.3 * (target - u)
+            y = _spoilt(loop, finger.measured(u), episode, k, rng)
+            flags = [float(k == 0), 0.0, 0.0, 0.0]
+            p = np.array(loop.stages.p_nominal, dtype=float) if k % 31 == 20 else _known(loop, k)
+            row = np.concatenate([flags, p, y, u]).astype(real.dtype)
+            code, out = host.run("estimator_step", row, outputs)
+            rows.append(row)
+            outs.append(out)
+            codes.append(code)
+            finger.advance(u)
+            if k % 25 == 15:
+                finger.kick(1.0 + episode)
+    known = loop.known.fields if loop.known is not None else ()
+    bad = bad_entries(real, known, 0, _FLAGS, Code.ERR_RANGE)
+    at = _FLAGS + loop.stages.np + loop.measurement.size
+    bad += bad_entries(real, loop.command.fields, 0, at, Code.ERR_RANGE)
+    return Vectors(
+        "estimator_step",
+        runner,
+        np.array(rows),
+        np.array(outs),
+        np.array(codes),
+        tuple(bad),
+        pointers=5,
+        close=nz,
+        kept=True,
+    )
+
+
+def replayed(vectors: Vectors, host: Host, real: Real) -> Array:
+    """Outputs that another build gives for the same rows."""
+    return np.array(
+        [host.run(vectors.name, row.astype(real.dtype), vectors.outputs.shape[1])[1] for row in vectors.inputs]
+    )

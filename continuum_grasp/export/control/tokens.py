@@ -1,0 +1,94 @@
+"""The C of ``mpc/c`` with the names, the type and the literals of a package."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+
+from continuum_grasp.core.precision import literal
+
+__all__ = ["renamed", "without", "without_prototypes"]
+
+_TOKEN = re.compile(
+    r"(?P<comment>/\*.*?\*/|//[^\n]*)|(?P<text>\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*')|(?P<name>[A-Za-z_]\w*)"
+    r"|(?P<number>(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])|\d\w*",
+    re.DOTALL,
+)
+_ROOMS = {"rti": "rti", "ekf": "ekf", "controller": "loop", "cg": "checks"}
+"""What names begin with in ``mpc/c``, and behind the prefix of a package."""
+_NAME = re.compile(rf"\b(?:{'|'.join(_ROOMS)})_\w+|\b(?:{'|'.join(room.upper() for room in _ROOMS)})_\w+")
+_HEADER = re.compile(r"\b(?:rti|ekf|controller|checks)\.h\b")
+_INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)
+_PROTOTYPE = re.compile(
+    r"^(?:/\*(?:(?!\*/).)*\*/\n)?(?:int|void) \w+\([^;{}]*\);\n",
+    re.MULTILINE | re.DOTALL,
+)
+
+
+def renamed(source: str, prefix: str, real: str, functions: Collection[str] = ()) -> str:
+    """C whose names begin with a package's prefix, and whose type and literals are those of a package.
+
+    Parameters
+    ----------
+    source : str
+        C of ``mpc/c``.
+    prefix : str
+        Of the package.
+    real : {"double", "float"}
+        What the package computes in.
+    functions : collection of str
+        Names of what calls the kernels, which get ``call_`` behind the prefix.
+
+    Returns
+    -------
+    str
+        Includes of the other files are left out; names in comments are changed too.
+    """
+
+    def of_package(match: re.Match[str]) -> str:
+        room, rest = match[0].split("_", 1)
+        if room.isupper():
+            return f"{prefix.upper()}_{_ROOMS[room.lower()].upper()}_{rest}"
+        return f"{prefix}_{_ROOMS[room]}_{rest}"
+
+    def changed(match: re.Match[str]) -> str:
+        if match["comment"]:
+            text = _NAME.sub(of_package, match[0]).replace("`real`", f"`{prefix}_real`")
+            return _HEADER.sub(f"{prefix}_memory.h", text)
+        if match["number"]:
+            return literal(float(match["number"]), real, match["number"])
+        if not match["name"]:
+            return match[0]
+        if match[0] == "real":
+            return f"{prefix}_real"
+        if match[0] in functions:
+            return f"{prefix}_call_{match[0]}"
+        return _NAME.sub(of_package, match[0])
+
+    return _TOKEN.sub(changed, _INCLUDE.sub("", source))
+
+
+def without_prototypes(header: str) -> tuple[str, str]:
+    """Macros and types of a header, and the functions that it declares."""
+    return _PROTOTYPE.sub("", header), "".join(match[0] for match in _PROTOTYPE.finditer(header))
+
+
+def without(macro: str, source: str) -> str:
+    """C in which the branches ``#ifdef macro`` are settled as if it were not defined."""
+    kept: list[str] = []
+    inside: list[bool | None] = []  # of each open condition: whether it is the macro's, and its branch is read
+    for line in source.splitlines(keepends=True):
+        word = line.split()
+        directive = word[0] if word else ""
+        if directive in ("#if", "#ifdef", "#ifndef"):
+            inside.append(False if word[:2] == ["#ifdef", macro] else None)
+            settled = inside[-1] is not None
+        elif directive == "#else" and inside and inside[-1] is not None:
+            inside[-1], settled = True, True
+        elif directive == "#endif":
+            settled = inside.pop() is not None
+        else:
+            settled = False
+        if not settled and False not in inside:
+            kept.append(line)
+    return "".join(kept)

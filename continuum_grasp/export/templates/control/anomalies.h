@@ -1,0 +1,4 @@
+/* What was noticed: bits that are added up. */
+enum {
+<<anomalies>>
+};

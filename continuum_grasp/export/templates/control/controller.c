@@ -1,0 +1,109 @@
+typedef char <<p>>_controller_fits[sizeof(<<p>>_controller) <= <<P>>_CONTROLLER_BYTES ? 1 : -1];
+typedef char <<p>>_controller_work_fits[sizeof(<<p>>_controller_work) <= <<P>>_CONTROLLER_WORK_BYTES ? 1 : -1];
+
+int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi)
+{
+  if (!controller) return <<P>>_ERR_NULL;
+  if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  memset(controller, 0, sizeof *controller);
+  controller->abi = abi;
+  write_settings(settings_nominal, &controller->settings);<<known_nominal_controller>>
+  <<p>>_loop_start(&controller->memory.state, &loop_settings, first_state, first_command, <<known_nominal>>);
+  return <<P>>_OK;
+}
+
+int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<start>> *state, const <<p>>_command *before)
+{
+  <<p>>_real z[<<nz>>], u[<<nu>>];
+  int code;
+  if (!controller || !state || !before) return <<P>>_ERR_NULL;
+  if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  read_<<start>>(state, z);
+  read_command(before, u);
+  if ((code = check(z, <<start>>_low, <<start>>_high, <<nz>>)) < 0) return code;
+  if ((code = check(u, command_low, command_high, <<nu>>)) < 0) return code;
+  memset(&controller->memory, 0, sizeof controller->memory);
+  <<p>>_loop_start(&controller->memory.state, &loop_settings, z, u, <<known_nominal>>);
+  return <<P>>_OK;
+}
+
+int <<p>>_controller_applied(<<p>>_controller *controller, const <<p>>_command *applied)
+{
+  <<p>>_real u[<<nu>>];
+  int code;
+  if (!controller || !applied) return <<P>>_ERR_NULL;
+  if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  read_command(applied, u);
+  if ((code = check(u, command_low, command_high, <<nu>>)) < 0) return code;
+  memcpy(controller->memory.state.u, u, sizeof u);
+  return <<P>>_OK;
+}
+
+int <<p>>_controller_late(<<p>>_controller *controller)
+{
+  if (!controller) return <<P>>_ERR_NULL;
+  if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  controller->memory.late = 1;
+  return <<P>>_OK;
+}
+
+/* The settings of this call, from those of the caller. */
+static int take_settings(const <<p>>_controller *controller, <<p>>_loop_settings *to)
+{
+  <<p>>_real numbers[<<ns>>];
+  int code;
+  read_settings(&controller->settings, numbers);
+  if ((code = check(numbers, settings_low, settings_high, <<ns>>)) < 0) return code;
+  memcpy(to, &loop_settings, sizeof *to);
+<<take>>
+  return <<p>>_rti_settings_valid(&to->rti) ? <<P>>_OK : <<P>>_ERR_RANGE;
+}
+
+int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <<p>>_measurement *measurement,
+<<indent_mpc>>const <<p>>_reference *reference, <<p>>_command *command)
+{
+  static const signed char codes[] = {
+      <<P>>_OK, <<P>>_WARN_ITERATION_LIMIT, <<P>>_WARN_BOUND_LEFT, <<P>>_WARN_PREVIOUS_PLAN, <<P>>_WARN_SAFE_RAMP};
+  <<p>>_real y[<<nm>>]<<known_array>>;
+  <<p>>_loop_input input;
+  int code, k;
+  if (!controller || !work || !measurement || !reference || !command) return <<P>>_ERR_NULL;
+  if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  if ((code = take_settings(controller, &work->settings)) < 0) return code;
+  read_measurement(measurement, y);<<known_read_controller>>
+  for (k = 0; k <= <<P>>_RTI_N; ++k) {
+<<read_reference>>
+  }
+  input.measurement = y;
+  input.set_points = &work->reference[0][0];
+  input.p = <<known_or_null>>;
+  input.applied = 0;
+  input.late = controller->memory.late;
+  code = <<p>>_loop_step(&controller->memory.state, &work->loop, &work->settings, &input, &controller->memory.last);
+  controller->memory.late = 0;
+  if (code < 0 || check(controller->memory.last.u, command_low, command_high, <<nu>>) < 0) return <<P>>_ERR_RESULT;
+  write_command(controller->memory.last.u, command);
+  return codes[code];
+}
+
+int <<p>>_controller_estimate(const <<p>>_controller *controller, <<p>>_<<start>> *estimate)
+{
+  <<p>>_real z[<<nz>>];
+  if (!controller || !estimate) return <<P>>_ERR_NULL;
+  if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+<<estimated>>
+  write_<<start>>(z, estimate);
+  return <<P>>_OK;
+}
+
+int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnosis *diagnosis)
+{
+  if (!controller || !diagnosis) return <<P>>_ERR_NULL;
+  if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  diagnosis->anomalies = controller->memory.last.anomalies;
+  diagnosis->iterations = controller->memory.last.rti.iterations;
+  diagnosis->violation = controller->memory.last.rti.violation;
+  diagnosis->residual = controller->memory.last.rti.kkt;
+  diagnosis->cost = controller->memory.last.rti.cost;
+  return <<P>>_OK;
+}

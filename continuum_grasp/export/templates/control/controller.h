@@ -1,0 +1,48 @@
+/* ---- the controller: once every <<period>> s, on a horizon of <<n>> stages of <<stage>> s ---- */
+
+/* A controller. The caller owns it, <<p>>_controller_init makes it ready. */
+typedef struct {
+  uint32_t abi; /* set by <<p>>_controller_init, read by every function */
+  <<p>>_settings settings; /* may be changed between calls */<<known_member>>
+  <<p>>_controller_memory memory; /* its own */
+} <<p>>_controller;
+
+/* Scratch of a call, which need not be initialised; controllers of one thread may share it. */
+typedef struct {
+  <<p>>_loop_work loop;
+  <<p>>_loop_settings settings;
+  <<p>>_real reference[<<P>>_RTI_N + 1][<<P>>_RTI_NR];
+} <<p>>_controller_work;
+
+/* Bytes of both at most. */
+#define <<P>>_CONTROLLER_BYTES <<controller_bytes>>
+#define <<P>>_CONTROLLER_WORK_BYTES <<controller_work_bytes>>
+
+/* What is known of the last call. */
+typedef struct {
+  uint32_t anomalies; /* what was noticed, bits of <<P>>_ANOMALY_... */
+  int iterations; /* factorisations beyond the first */
+  <<p>>_real violation; /* largest share by which a soft bound is left in the plan */
+  <<p>>_real residual; /* of the optimality conditions, relative */
+  <<p>>_real cost; /* of the plan */
+} <<p>>_diagnosis;
+
+/* Make a controller ready, with the settings and the first state of the scene that it was made from. */
+#define <<p>>_controller_init(controller) <<p>>_controller_init_abi((controller), <<P>>_ABI)
+int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi);
+/* Begin anew at a state, with the command of before; settings stay. */
+int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<start>> *state, const <<p>>_command *before);
+/* The command for <<what_is_measured>> and set-points.
+   Zero: of a new plan. Above: <<P>>_WARN_ITERATION_LIMIT and <<P>>_WARN_BOUND_LEFT, of a new plan all the same;
+   <<P>>_WARN_PREVIOUS_PLAN and <<P>>_WARN_SAFE_RAMP, where there is none: of the last plan as long as it lasts, then on
+   the way to <<safe>>, at a bounded rate. <<p>>_controller_diagnosis tells why. A command that is written is finite and within
+   the limits. Below zero (null, interface, settings): the command is left alone, and the controller as it was. */
+int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <<p>>_measurement *measurement,
+<<indent_mpc>>const <<p>>_reference *reference, <<p>>_command *command);
+/* Before the next call: what was really applied since the last one; the last command where nothing is said. */
+int <<p>>_controller_applied(<<p>>_controller *controller, const <<p>>_command *applied);
+/* Before the next call: that the last command came late, so that the next is of the previous plan. */
+int <<p>>_controller_late(<<p>>_controller *controller);
+/* State (and disturbances) from which the last plan starts; what is known of the last call. */
+int <<p>>_controller_estimate(const <<p>>_controller *controller, <<p>>_<<start>> *estimate);
+int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnosis *diagnosis);

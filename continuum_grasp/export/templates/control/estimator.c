@@ -1,0 +1,68 @@
+typedef char <<p>>_estimator_fits[sizeof(<<p>>_estimator) <= <<P>>_ESTIMATOR_BYTES ? 1 : -1];
+typedef char <<p>>_estimator_work_fits[sizeof(<<p>>_estimator_work) <= <<P>>_ESTIMATOR_WORK_BYTES ? 1 : -1];
+
+int <<p>>_estimator_init_abi(<<p>>_estimator *estimator, uint32_t abi)
+{
+  if (!estimator) return <<P>>_ERR_NULL;
+  if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  memset(estimator, 0, sizeof *estimator);
+  estimator->abi = abi;<<known_nominal_estimator>>
+  <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, first_state, first_command);
+  return <<P>>_OK;
+}
+
+int <<p>>_estimator_start(<<p>>_estimator *estimator, const <<p>>_estimate *state, const <<p>>_command *before)
+{
+  <<p>>_real z[<<nz>>], u[<<nu>>];
+  int code;
+  if (!estimator || !state || !before) return <<P>>_ERR_NULL;
+  if (estimator->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  read_estimate(state, z);
+  read_command(before, u);
+  if ((code = check(z, estimate_low, estimate_high, <<nz>>)) < 0) return code;
+  if ((code = check(u, command_low, command_high, <<nu>>)) < 0) return code;
+  memset(&estimator->memory, 0, sizeof estimator->memory);
+  <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, z, u);
+  return <<P>>_OK;
+}
+
+int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work, const <<p>>_measurement *measurement,
+<<indent_step>>const <<p>>_command *applied, <<p>>_estimate *estimate)
+{
+  <<p>>_real y[<<nm>>], u[<<nu>>], z[<<nz>>], p[<<np_size>>] = {0};
+  <<p>>_ekf_report report;
+  int code, j;
+  if (!estimator || !work || !measurement || !applied || !estimate) return <<P>>_ERR_NULL;
+  if (estimator->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  read_measurement(measurement, y);
+  read_command(applied, u);
+  if ((code = check(u, command_low, command_high, <<nu>>)) < 0) return code;<<known_read_estimator>>
+  if (<<p>>_ekf_step(&estimator->memory.state, work, &<<estimator_settings>>, y, u, p, &report) != <<P>>_EKF_OK)
+    code = <<P>>_WARN_ESTIMATE_RESTARTED;
+  else if (!<<p>>_ekf_now(&estimator->memory.state, work, &<<estimator_settings>>, p, z)) {
+    <<p>>_ekf_restart(&estimator->memory.state, &<<estimator_settings>>);
+    code = <<P>>_WARN_ESTIMATE_RESTARTED;
+  }
+  if (code == <<P>>_WARN_ESTIMATE_RESTARTED) memcpy(z, estimator->memory.state.z, sizeof z);
+  estimator->memory.anomalies = report.limited ? <<P>>_ANOMALY_ESTIMATE_LIMITED : 0u;
+  if (code == <<P>>_WARN_ESTIMATE_RESTARTED) estimator->memory.anomalies |= <<P>>_ANOMALY_ESTIMATE_RESTARTED;
+  for (j = 0; j < <<nm>>; ++j) estimator->memory.anomalies |= anomaly_of_verdict[report.verdict[j]];
+  write_estimate(z, estimate);
+  return code;
+}
+
+int <<p>>_estimator_variance(const <<p>>_estimator *estimator, <<p>>_estimate *variance)
+{
+  <<p>>_real numbers[<<nz>>];
+  if (!estimator || !variance) return <<P>>_ERR_NULL;
+  if (estimator->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  <<p>>_ekf_variance(&estimator->memory.state, numbers);
+  write_estimate(numbers, variance);
+  return <<P>>_OK;
+}
+
+uint32_t <<p>>_estimator_anomalies(const <<p>>_estimator *estimator)
+{
+  return estimator ? estimator->memory.anomalies : 0u;
+}
+

@@ -1,0 +1,333 @@
+"""Estimator and controller of a package: the numbers of the Python ones, and everything that may be given to them."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.export import export_c
+from continuum_grasp.export.codes import Code
+from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
+from continuum_grasp.export.reals import REALS
+from continuum_grasp.mpc.controller import Controller
+from continuum_grasp.mpc.estimator import Estimator
+from continuum_grasp.mpc.status import Status
+from tests.control_cases import Reality
+from tests.export_cases import STRICT, WARNINGS, compile_program, needs, packages, run, scene, shared_library  # noqa: F401
+
+CASES = [("observed", "float"), ("given", "double")]
+COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
+CODES = {
+    0: Status.SOLVED,
+    3: Status.ITERATION_LIMIT,
+    4: Status.ROW_VIOLATED,
+    5: Status.PREVIOUS_PLAN,
+    6: Status.SAFE_RAMP,
+}
+FUNCTIONS = {"observed": ("estimator_step", "mpc"), "given": ("mpc",)}
+
+
+def values(struct) -> list[float]:
+    """Numbers of a struct of the Python binding."""
+    return [getattr(struct, name) for name, _ in struct._fields_]
+
+
+def reference(finger, rows):
+    """Set-points (nodes, nr) as the struct."""
+    columns = [(ctypes.c_double * len(rows))(*column) for column in np.transpose(rows)]
+    if finger.Real is ctypes.c_float:
+        columns = [(ctypes.c_float * len(rows))(*column) for column in columns]
+    return finger.Reference(*columns)
+
+
+# The C.
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize(("name", "real"), CASES)
+def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, packages, tmp_path):  # noqa: F811
+    program = compile_program(compiler, packages(name, real), "main", tmp_path / "vectors", *STRICT, *WARNINGS, "-O2")
+    found = re.findall(r"^(\w+) +0 of +(\d+) cases failed", run(program), re.MULTILINE)
+    assert [function for function, _ in found] == list(FUNCTIONS[name])
+    assert all(int(cases) >= 200 for _, cases in found)
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
+    flags = (*STRICT, "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    for program, words in (("main", ()), ("fuzz", (4000,))):
+        run(compile_program(compiler, packages("observed", "float"), program, tmp_path / program, *flags), *words)
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_nothing_gets_past_the_checks_with_fast_flags(compiler, packages, tmp_path):  # noqa: F811
+    fast = ("-std=c99", "-O2", "-ffast-math", "-march=native")
+    program = compile_program(compiler, packages("observed", "double"), "fuzz", tmp_path / "fuzz", *fast)
+    assert len(re.findall(r" 0 of \d+ rows failed", run(program, 8000))) == 2
+
+
+@needs("gcc")
+def test_threads_do_not_meet(packages, tmp_path):  # noqa: F811
+    flags = (*STRICT, "-O1", "-g", "-fsanitize=thread", "-pthread")
+    program = compile_program("gcc", packages("given", "double"), "threads", tmp_path / "threads", *flags)
+    assert "0 cases failed" in run(program)
+
+
+@needs("gcc", "nm")
+@pytest.mark.parametrize(("name", "real"), CASES)
+def test_nothing_is_called_or_kept_and_the_stack_is_bounded(name, real, packages, tmp_path):  # noqa: F811
+    package = packages(name, real)
+    flags = (*STRICT, "-O2", "-fstack-usage", f"-I{package / 'include'}")
+    run("gcc", *flags, "-c", *(package / "src").glob("*.c"), cwd=tmp_path)
+    symbols = re.findall(r"([A-Za-z]) (\w+)$", run("nm", *tmp_path.glob("*.o")), re.MULTILINE)
+    own = {symbol for kind, symbol in symbols if kind == "T"}
+    assert {symbol for kind, symbol in symbols if kind == "U"} - own <= {"memcpy", "memset"}
+    assert {kind for kind, _ in symbols} <= {"T", "t", "U", "r", "R"}
+    assert all(symbol.startswith("finger_") for symbol in own)
+    rows = [line.split("\t") for path in tmp_path.glob("*.su") for line in path.read_text().splitlines()]
+    assert {kind for *_, kind in rows} <= {"static", "dynamic,bounded"}
+    assert max(int(size) for _, size, _ in rows) <= 6000
+
+
+@needs("cppcheck")
+def test_cppcheck_finds_nothing(packages):  # noqa: F811
+    package = packages("observed", "float")
+    flags = ("--enable=warning,performance,portability", "--std=c99", "--suppress=missingIncludeSystem", "-q")
+    flags += ("--suppress=uninitvar",)  # kernels write through arrays of pointers, which it does not follow
+    said = run("cppcheck", *flags, "--error-exitcode=3", f"-I{package / 'include'}", package / "src")
+    assert said == ""
+
+
+@needs("c++", "cc")
+def test_the_header_is_one_of_cpp_too_and_says_all(packages, tmp_path):  # noqa: F811
+    package = packages("observed", "double")
+    (tmp_path / "main.cpp").write_text(
+        '#include "finger.h"\nstatic finger_controller c;\nint main() { return finger_controller_init(&c); }\n'
+    )
+    include = f"-I{package / 'include'}"
+    run("cc", *STRICT, include, "-c", *(package / "src").glob("*.c"), cwd=tmp_path)
+    run("c++", "-Wall", "-Wextra", "-Werror", include, "main.cpp", *tmp_path.glob("*.o"), cwd=tmp_path)
+    run(tmp_path / "a.out")
+    header = "".join(path.read_text() for path in (package / "include").iterdir())
+    assert not re.search(r"\b(casadi|rti_|ekf_|controller_\w+\(|cg_|RTI_|EKF_|CG_)", re.sub(r"/\*.*?\*/", "", header))
+    fields = re.findall(r"^  finger_real \w+(?:\[\d+\])*; +/\* \[(.*?)\]", header, re.MULTILINE)
+    assert len(fields) == 4 + 2 + 7 + 2 + 4 + 20
+
+
+def test_the_manifest_has_the_bytes_of_memory(packages, tmp_path):  # noqa: F811
+    made = json.loads((packages("observed", "float") / "MANIFEST.json").read_text())
+    bytes_of = made["functions"]["mpc"]["memory_bytes"]
+    header = (packages("observed", "float") / "include/finger.h").read_text()
+    assert f"#define FINGER_CONTROLLER_WORK_BYTES {bytes_of['controller_work']}\n" in header
+    assert made["parts"] == ["estimator", "mpc"]
+    assert 0.0 < made["functions"]["estimator_step"]["relative_error"] < 1e-2
+    again = export_c(scene("observed"), tmp_path, real="float").manifest
+    assert again == made
+
+
+# Numbers, against the Python controller and estimator, whose C comes from CasADi and uses vector lanes.
+
+
+@needs("cc")
+@pytest.mark.parametrize(("name", "real"), [*CASES, ("observed", "double")])
+def test_the_controller_is_that_of_python(name, real, packages, tmp_path):  # noqa: F811
+    """In closed loop, over set-points that saturate tension and curvature, with measurements that are missing."""
+    finger, library = shared_library(packages(name, real), tmp_path)
+    control = Controller(scene(name), precision=real, deadline=math.inf)
+    other = finger.Controller(library)
+    plant = Reality(scene(name), control.first)
+    u, seen = np.array([1.0, 1.0]), set()
+    outputs = None if name == "given" else Estimator(scene(name)).estimation.outputs
+    late = []
+    for k in range(70):
+        y = plant.x.copy()
+        if outputs is not None:
+            z = np.append(plant.x, 0.0)
+            tip_x, tip_y, difference = np.array(outputs(z, u, control.stages.p_nominal)[0]).ravel()
+            late = [*late[-1:], np.array([tip_x, tip_y, 1.0 + max(difference, 0.0), 1.0 + max(-difference, 0.0)])]
+            y = late[0].copy()
+        if k % 13 == 7:
+            y[k % len(y)] = np.nan
+        if k % 29 == 20:
+            y[0] = np.inf
+        rows = control._reference.rows(k * control.period + 0.01 * np.arange(9))
+        command = control.step(y, rows)
+        found = other.step(finger.Measurement(*y), reference(finger, rows))
+        limit = 2e-3 if real == "float" else 1e-7
+        assert values(found) == pytest.approx(command.u, rel=limit, abs=20 * limit)
+        seen.add(CODES[other.code])
+        u = command.u
+        plant.advance(u, control.period)
+    assert Status.SOLVED in seen
+    assert Status.PREVIOUS_PLAN in seen or name == "observed"
+
+
+@needs("cc")
+@pytest.mark.parametrize("real", REALS)
+def test_the_estimator_is_that_of_python(real, packages, tmp_path):  # noqa: F811
+    finger, library = shared_library(packages("observed", real), tmp_path)
+    python, other = Estimator(scene("observed"), precision=real), finger.Estimator(library)
+    rng = np.random.default_rng(2)
+    for k in range(60):
+        y = np.array([0.01 * np.sin(0.1 * k), 0.18, 1.0 + 0.02 * k, 1.0]) + 1e-4 * rng.standard_normal(4)
+        if k % 11 == 4:
+            y[k % 4] = np.nan
+        u = np.array([1.0 + 0.02 * k, 1.0])
+        expected, found = python.step(y, u), other.step(finger.Measurement(*y), finger.Command(*u))
+        limit = 2e-3 if real == "float" else 1e-9
+        assert np.allclose(values(found), expected.z, rtol=limit, atol=limit * np.abs(expected.z).max())
+
+
+@needs("cc")
+def test_settings_that_are_changed_are_those_of_python(packages, tmp_path):  # noqa: F811
+    finger, library = shared_library(packages("given", "double"), tmp_path)
+    control, other = Controller(scene("given"), deadline=math.inf), finger.Controller(library)
+    rows = np.tile([0.8, 0.6, 1.0, 1.0], (9, 1))
+    control.change(weights=[300.0, 50.0, 2e-3, 1e-3], u_max=[6.0, 60.0])
+    settings = other.head.settings
+    settings.weight_bending_1, settings.weight_bending_2, settings.weight_tension_1 = 300.0, 50.0, 2e-3
+    settings.most_tension_1 = 6.0
+    x = np.array([0.2, 0.1, 1.0, -1.0])
+    for k in range(5):
+        command, found = (
+            control.step(x + 0.01 * k, rows),
+            other.step(finger.Measurement(*(x + 0.01 * k)), reference(finger, rows)),
+        )
+        assert values(found) == pytest.approx(command.u, rel=1e-8)
+    assert found.tension_1 <= 6.0
+
+
+@needs("cc")
+def test_scratch_needs_no_beginning_and_may_be_shared(packages, tmp_path):  # noqa: F811
+    finger, library = shared_library(packages("observed", "double"), tmp_path)
+    clean, dirty = finger.Controller(library), finger.Controller(library)
+    rows = np.tile([0.8, 0.9, 1.0, 1.0], (9, 1))
+    for k in range(12):
+        y = finger.Measurement(-0.002 * k, 0.18, 1.0, 1.0)
+        dirty._work.raw = np.random.default_rng(k).bytes(len(dirty._work))
+        assert values(clean.step(y, reference(finger, rows))) == values(dirty.step(y, reference(finger, rows)))
+
+
+# Refusals.
+
+
+@needs("cc")
+@pytest.mark.parametrize(
+    ("field", "value", "code"),
+    [
+        ("weight_bending_1", math.nan, Code.ERR_NON_FINITE),
+        ("weight_bending_1", -1.0, Code.ERR_RANGE),
+        ("most_tension_2", 61.0, Code.ERR_RANGE),
+        ("least_tension_1", 0.5, Code.ERR_RANGE),
+        ("least_curvature_1", 2.0, Code.ERR_RANGE),
+        ("price_curvature_1", math.inf, Code.ERR_NON_FINITE),
+    ],
+)
+def test_settings_that_cannot_be_used_are_refused_and_nothing_changes(field, value, code, packages, tmp_path):  # noqa: F811
+    finger, library = shared_library(packages("given", "double"), tmp_path)
+    control = finger.Controller(library)
+    rows, x = reference(finger, np.tile([0.5, 0.5, 1.0, 1.0], (9, 1))), finger.Measurement(0.1)
+    control.step(x, rows)
+    before = control._memory.raw
+    kept = getattr(control.head.settings, field)
+    setattr(control.head.settings, field, value)
+    with pytest.raises(finger.Error) as caught:
+        control.step(x, rows)
+    assert caught.value.code == code
+    setattr(control.head.settings, field, kept)
+    assert control._memory.raw == before
+
+
+@needs("cc")
+def test_what_goes_beside_measurements(packages, tmp_path):  # noqa: F811
+    """Begin anew at a state, say what was applied, that a command was late; ask for estimate and diagnosis."""
+    finger, library = shared_library(packages("given", "double"), tmp_path)
+    c, control = library._c, finger.Controller(library)
+
+    class Diagnosis(ctypes.Structure):
+        _fields_ = [("anomalies", ctypes.c_uint32), ("iterations", ctypes.c_int)] + [
+            (name, finger.Real) for name in ("violation", "residual", "cost")
+        ]
+
+    rows = reference(finger, np.tile([0.5, 0.5, 1.0, 1.0], (9, 1)))
+    state, before, said = finger.Measurement(0.4, 0.3, 0.0, 0.0), finger.Command(5.0, 2.0), Diagnosis()
+    memory = control._memory
+    assert c.finger_controller_start(memory, ctypes.byref(state), ctypes.byref(before)) == 0
+    control.step(state, rows)
+    assert c.finger_controller_late(memory) == 0
+    control.step(state, rows)
+    assert control.code == Code.WARN_PREVIOUS_PLAN
+    assert c.finger_controller_diagnosis(memory, ctypes.byref(said)) == 0
+    assert said.anomalies == 1024
+    assert c.finger_controller_applied(memory, ctypes.byref(finger.Command(99.0, 1.0))) == Code.ERR_RANGE
+    assert c.finger_controller_applied(memory, ctypes.byref(before)) == 0
+    control.step(finger.Measurement(*[math.nan] * 4), rows)
+    estimate = finger.Measurement()
+    assert c.finger_controller_estimate(memory, ctypes.byref(estimate)) == 0
+    assert values(estimate) == values(state)
+    far = finger.Measurement(0.0, 99.0, 0.0, 0.0)
+    assert c.finger_controller_start(memory, ctypes.byref(far), ctypes.byref(before)) == Code.ERR_RANGE
+    for function, count in (("start", 3), ("applied", 2), ("late", 1), ("estimate", 2), ("diagnosis", 2)):
+        assert getattr(c, f"finger_controller_{function}")(*[None] * count) == Code.ERR_NULL
+    assert c.finger_controller_init_abi(memory, ctypes.c_uint32(1)) == Code.ERR_ABI
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "message"),
+    [("arcs", ["mpc"], "mpc needs a closed loop"), ("given", ["estimator"], "has no estimator")],
+)
+def test_parts_that_a_scene_does_not_have_are_refused(name, what, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        export_c(scene(name), tmp_path / "out", what=what)
+    assert not (tmp_path / "out").exists()
+
+
+@needs("cc")
+@pytest.mark.parametrize("what", [["estimator"], ["mpc"], ["kinematics", "mpc"]])
+def test_parts_may_be_chosen(what, tmp_path):
+    package = export_c(scene("observed"), tmp_path, what=what, prefix="arm", real="float")
+    assert package.manifest["parts"] == what
+    program = compile_program("cc", tmp_path, "main", tmp_path / "vectors", *STRICT, *WARNINGS, "-O1")
+    assert " 0 of" in run(program)
+    assert "finger_" not in "".join(path.read_text() for path in (tmp_path / "src").iterdir())
+
+
+# The rewriting of C.
+
+
+def test_names_types_and_literals_are_those_of_the_package():
+    text = (
+        "real a = (real)1e-3; /* real rti_plan, 2.5 of rti.h */ "
+        'int rti_x(cg_bits b) { return RTI_N + b.rti_y; }\nchar *s = "real 1.5";'
+    )
+    made = renamed(text, "arm", "float")
+    assert made == (
+        "arm_real a = (arm_real)1e-3f; /* real arm_rti_plan, 2.5 of arm_memory.h */ "
+        'int arm_rti_x(arm_checks_bits b) { return ARM_RTI_N + b.arm_rti_y; }\nchar *s = "real 1.5";'
+    )
+    assert (
+        renamed("x = 1.0 + 3 + stage_step(.5e2);", "p", "double", ["stage_step"])
+        == "x = 1.0 + 3 + p_call_stage_step(.5e2);"
+    )
+    assert renamed("a.rti.u_min, 2.0f, 0x1f", "p", "float") == "a.rti.u_min, 2.0f, 0x1f"
+
+
+def test_conditions_of_a_macro_are_settled():
+    text = "a\n#ifdef V\nb\n#if W\nc\n#else\nd\n#endif\n#else\ne\n#ifdef X\nf\n#endif\n#endif\ng\n"
+    assert without("V", text) == "a\ne\n#ifdef X\nf\n#endif\ng\n"
+
+
+def test_prototypes_are_told_from_types():
+    types, functions = (
+        "typedef struct {\n  int a;\n} t;\n",
+        "/* Does. */\nint f(const t *a,\n      int b);\nvoid g(void);\n",
+    )
+    kept, declared = without_prototypes(f"{types}{functions}#define A 1\n")
+    assert kept == f"{types}#define A 1\n"
+    assert declared == functions
