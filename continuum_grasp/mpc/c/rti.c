@@ -135,15 +135,24 @@ static void rti_gather(rti_work *o)
   }
 }
 
-/* How far the interior point is from the solution: gradient and, as a share of the inputs' scales, products. */
+/* How far the interior point is from the solution: gradient; and products of pairs, as a share of the inputs' scales or
+ * of what the multipliers cost per scale of their bounds. */
 static real rti_distance(rti_work *o, const rti_settings *s, real unit)
 {
+  const real mean = rti_mean(o);
+  real price = 0, pairs = 0;
+  for (int i = 0; i < o->sides; ++i) {
+    const real scale = rti_scale(s, o->side[i].row);
+    for (int k = 0; k < RTI_LENGTH; ++k) price += scale * o->m[i][k];
+    pairs += o->side[i].soft ? (real)(2 * RTI_LENGTH) : (real)RTI_LENGTH;
+  }
   rti_forces(o);
   rti_gradient(o);
   memset(o->active, RTI_FREE, sizeof o->active);
   for (int j = 0; j < RTI_NU; ++j)
     for (int k = 0; rti_fixed(s, j) && k < RTI_N; ++k) o->active[j][k] = RTI_AT_HIGH;
-  return rti_max(rti_free_residual(o), RTI_SQRT(rti_mean(o) / unit));
+  const real share = RTI_SQRT(mean / unit);
+  return rti_max(rti_free_residual(o, s), mean * pairs < share * price ? mean * pairs / price : share);
 }
 
 /* With bounds: by a guess of the active set; else by an interior point, from where another guess is tried as soon as the
@@ -171,7 +180,7 @@ static int rti_solve(rti_work *o, const rti_settings *s, const real *x0, rti_rep
     rti_bounded(o, o->z, o->y, 1);
     if (small && products > RTI_LAST) continue;
     report->kkt = rti_distance(o, s, unit);
-    return report->kkt <= 100 * s->tolerance ? RTI_SOLVED : RTI_ITERATION_LIMIT;
+    return report->kkt <= 100 * s->tolerance + RTI_ROUNDING ? RTI_SOLVED : RTI_ITERATION_LIMIT;
   }
 }
 

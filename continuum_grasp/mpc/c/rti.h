@@ -63,7 +63,7 @@ typedef struct {
 } rti_report;
 
 typedef struct {
-  int row, input, soft;       /* bounded quantity, whether an input, whether it has a linear price */
+  int row, soft;              /* bounded quantity, whether it has a linear price */
   real sign, bound, linear, yield;    /* sign y <= bound; yield = 1 / quadratic where that alone is the price */
   real quadratic;
 } rti_side;

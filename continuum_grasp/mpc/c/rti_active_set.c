@@ -9,6 +9,7 @@ enum { RTI_KEPT, RTI_ESTIMATED, RTI_EXCHANGED };    /* how a set comes about */
 enum { RTI_FREE = 0, RTI_AT_HIGH = 1, RTI_AT_LOW = -1, RTI_OVER_HIGH = 2, RTI_UNDER_LOW = -2 };
 
 #define RTI_FIXED RTI_R(1e30)         /* weight of an input at its bound: as good as infinite, and harmless */
+#define RTI_ROUNDING (10000 * RTI_EPS) /* of a gradient, relative */
 #define RTI_MANY 8                    /* changes of a set that may be more than the round before */
 #ifdef RTI_SINGLE
 #define RTI_STIFFER RTI_R(1e3)        /* weight of a row at its bound, per stiffness; multipliers do the rest */
@@ -82,14 +83,17 @@ static int rti_choose(rti_work *o, const rti_settings *s, int how, real *gap)
   return changes;
 }
 
-/* Largest gradient by an input that is free, relative. */
-static real rti_free_residual(const rti_work *o)
+/* Largest gradient by an input that is free, beside its terms and the force that moves the input by its scale. */
+static real rti_free_residual(const rti_work *o, const rti_settings *s)
 {
   real worst = 0;
-  for (int j = 0; j < RTI_NU; ++j)
-    for (int k = 0; k < RTI_N; ++k)
-      if (o->active[j][k] == RTI_FREE && o->gradient_size[j] > 0)
-        worst = rti_max(worst, rti_abs(o->residual[k][j]) / o->gradient_size[j]);
+  for (int j = 0; j < RTI_NU; ++j) {
+    const real unit = rti_scale(s, j);
+    for (int k = 0; k < RTI_N; ++k) {
+      const real size = rti_max(o->gradient_size[j], o->stiffness[j][k] * unit);
+      if (o->active[j][k] == RTI_FREE && size > 0) worst = rti_max(worst, rti_abs(o->residual[k][j]) / size);
+    }
+  }
   return worst;
 }
 
@@ -103,8 +107,10 @@ static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit
     for (int i = RTI_NU; i < RTI_ROWS; ++i) memcpy(o->force[i], o->a[i], sizeof o->force[i]);
     rti_gradient(o);
     const int changes = rti_choose(o, s, round == 0 ? how : RTI_EXCHANGED, &gap);
-    report->kkt = rti_max(gap, rti_free_residual(o));
-    if (round > 0 && changes == 0 && report->kkt <= s->tolerance) return 1;
+    const real residual = rti_free_residual(o, s);
+    report->kkt = rti_max(gap, residual);
+    const real enough = (round == limit ? 100 : 1) * s->tolerance;
+    if (round > 0 && changes == 0 && gap <= enough && residual <= enough + RTI_ROUNDING) return 1;
     if (round == limit || (round > 1 && changes > before && changes > RTI_MANY)) return 0;
     if (round > 0) before = changes;
     ++report->iterations;

@@ -1,0 +1,169 @@
+"""Random stages for the tests of the real-time iteration, and their quadratic programmes for other solvers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from continuum_grasp.mpc.rti import RealTimeIteration
+from continuum_grasp.mpc.stages import ABSENT, Stages
+from continuum_grasp.mpc.transcription import cost_function, terminal_function
+
+SIZES = ((10, 4, 1, 4, 0), (6, 3, 2, 2, 2), (15, 2, 1, 0, 1), (5, 6, 3, 3, 0), (8, 5, 2, 0, 0), (12, 1, 1, 2, 1))
+"""N, nx, nu, rows of the state alone, other rows."""
+
+
+def random_stages(seed: int, size: tuple[int, ...], **changes) -> Stages:
+    """Quadratic dynamics and outputs with random bounds, some of them absent, and prices over many orders."""
+    n, nx, nu, ns, others = size
+    rng = np.random.default_rng(seed)
+    x, u, p, h = ca.SX.sym("x", nx), ca.SX.sym("u", nu), ca.SX.sym("p", 1), ca.SX.sym("h")
+    a = rng.normal(size=(nx, nx))
+    a *= rng.uniform(0.5, 1.05) / np.abs(np.linalg.eigvals(a)).max()
+    bent = ca.vertcat(*[x.T @ rng.normal(size=(nx, nx)) @ x for _ in range(nx)])
+    following = h * p * (a @ x + rng.normal(size=(nx, nu)) @ u + 0.05 * bent)
+    step = [ca.densify(e) for e in (following, ca.jacobian(following, x), ca.jacobian(following, u))]
+    y = ca.vertcat(rng.normal(size=(nx, nx)) @ x + 0.1 * x**2, u + 0.1 * x[0])
+    rows = [x[i % nx] * rng.normal() if rng.random() < 0.5 else rng.normal(size=(1, nx)) @ x + x[0] ** 2 for i in range(ns)]
+    rows += [rng.normal(size=(1, nx)) @ x + rng.normal(size=(1, nu)) @ u for _ in range(others)]
+    c = ca.densify(ca.vertcat(*rows)) if rows else ca.SX(0, 1)
+    outputs, row_function = (
+        ca.Function(name, [x, u, p], [value], ["x", "u", "p"], [name]) for name, value in (("y", y), ("c", c))
+    )
+    weights = 10 ** rng.uniform(-2, 1, nx + nu) * (rng.random(nx + nu) > 0.2)
+    weights[nx:] = 10 ** rng.uniform(-3, 0, nu)
+    (u_min, u_max), (c_min, c_max) = _bounds(rng, nu, 0.1), _bounds(rng, ns + others, 0.3)
+    count = ns + others
+    given = {
+        "step": ca.Function("stage_step", [x, u, p, h], step, ["x", "u", "p", "h"], ["xn", "A", "B"]),
+        "cost": cost_function(outputs, row_function, 1.0),
+        "terminal": terminal_function(outputs, row_function, nx, ns),
+        "outputs": outputs,
+        "dynamics": outputs,
+        "rows": row_function,
+        "stages": n,
+        "stage": 1.0,
+        "substeps": 1,
+        "method": "rk4",
+        "nd": nx,
+        "ns": ns,
+        "nt": nx,
+        **{f"{name}_names": tuple(f"{name}{k}" for k in range(k)) for name, k in (("x", nx), ("u", nu), ("p", 1))},
+        **{f"{name}_names": tuple(f"{name}{k}" for k in range(k)) for name, k in (("r", nx + nu), ("c", count))},
+        "u_min": u_min,
+        "u_max": u_max,
+        "c_min": c_min,
+        "c_max": c_max,
+        "linear": 10 ** rng.uniform(-1, 4, count) * (rng.random(count) > 0.3),
+        "quadratic": 10 ** rng.uniform(-1, 6, count),
+        "weights": weights,
+        "terminal_weights": 3.0 * weights,
+        "p_nominal": np.ones(1),
+    }
+    return Stages(**{**given, **changes})
+
+
+def _bounds(rng: np.random.Generator, count: int, absent: float) -> tuple[np.ndarray, np.ndarray]:
+    which, least, most = rng.random(count), -rng.uniform(0.05, 1, count), rng.uniform(0.05, 1, count)
+    return np.where(which < absent, -ABSENT, least), np.where(which > 1 - absent, ABSENT, most)
+
+
+def disturb(rti: RealTimeIteration, rng: np.random.Generator, spread: float = 0.3) -> np.ndarray:
+    """A random plan and random set-points, prepared; a random state, near or far."""
+    s = rti.stages
+    rti.reset(np.zeros(s.nx))
+    for part in rti.plan:
+        part[:] = spread * rng.normal(size=part.shape)
+    rti.prepare(rng.normal(size=(s.stages + 1, s.nr)))
+    return rng.normal(size=s.nx) * 10 ** rng.uniform(-1, 1)
+
+
+@dataclass(frozen=True)
+class Programme:
+    """min z'Hz/2 + g'z + prices, s.t. E z = e, low <= z <= high, rows C z between c_min and c_max or at a price."""
+
+    H: np.ndarray
+    g: np.ndarray
+    E: np.ndarray
+    e: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    C: np.ndarray
+    c_min: np.ndarray
+    c_max: np.ndarray
+    linear: np.ndarray
+    quadratic: np.ndarray
+
+    def cost(self, z: np.ndarray) -> float:
+        """Prices included."""
+        y = self.C @ z
+        over = np.maximum(0.0, np.maximum(self.c_min - y, y - self.c_max))
+        return 0.5 * z @ self.H @ z + self.g @ z + self.linear @ over + 0.5 * self.quadratic @ over**2
+
+    def solve(self, solver: str = "qpoases") -> np.ndarray:
+        """By another solver, with slacks as variables."""
+        m, n = self.C.shape
+        slack = np.eye(m)
+        h = ca.sparsify(ca.DM(np.block([[self.H, np.zeros((n, m))], [np.zeros((m, n)), np.diag(self.quadratic)]])))
+        blocks = [[self.E, np.zeros((len(self.e), m))], [self.C, slack], [self.C, -slack]]
+        a = ca.sparsify(ca.DM(np.block(blocks)))
+        none = np.full(m, np.inf)
+        options = {"printLevel": "none"} if solver == "qpoases" else {}
+        solve = ca.conic("oracle", solver, {"h": h.sparsity(), "a": a.sparsity()}, options)
+        found = solve(
+            h=h,
+            g=np.r_[self.g, self.linear],
+            a=a,
+            lba=np.r_[self.e, self.c_min, -none],
+            uba=np.r_[self.e, none, self.c_max],
+            lbx=np.r_[self.low, np.zeros(m)],
+            ubx=np.r_[self.high, none],
+        )
+        return np.array(found["x"]).ravel()[:n]
+
+
+def programme(rti: RealTimeIteration, x0: np.ndarray) -> Programme:
+    """That of the last preparation, in z = [x_0, u_0, .., x_N] from the plan."""
+    s, q, o = rti.stages, rti.qp(), rti.settings
+    n, nx, nu, nz = s.stages, s.nx, s.nu, s.nx + s.nu
+    size = n * nz + nx
+    at = [slice(k * nz, min(k * nz + nz, size)) for k in range(n + 1)]
+    hessian, gradient = np.zeros((size, size)), np.zeros(size)
+    equal, right = np.zeros(((n + 1) * nx, size)), np.zeros((n + 1) * nx)
+    low, high = np.full(size, -np.inf), np.full(size, np.inf)
+    equal[:nx, :nx], right[:nx] = np.eye(nx), x0 - q["x"][0]
+    rows, kept = [], []
+    for k in range(n + 1):
+        width = at[k].stop - at[k].start
+        hessian[at[k], at[k]], gradient[at[k]] = q["H"][k, :width, :width], q["g"][k, :width]
+        for i in range(s.nc):
+            priced = o.linear[i] > 0 or o.quadratic[i] > 0
+            if priced and (k > 0 if i < s.ns else k < n):
+                rows.append(np.zeros(size))
+                rows[-1][at[k]] = q["C"][k, i, :width]
+                kept.append((k, i))
+        if k == n:
+            break
+        to = slice((k + 1) * nx, (k + 2) * nx)
+        equal[to, at[k]] = np.hstack([q["A"][k], q["B"][k]])
+        equal[to, at[k + 1].start : at[k + 1].start + nx] = -np.eye(nx)
+        right[to] = -q["defect"][k]
+        inputs = slice(at[k].start + nx, at[k].stop)
+        low[inputs] = np.where(o.u_min > -ABSENT, o.u_min - q["u"][k], -np.inf)
+        high[inputs] = np.where(o.u_max < ABSENT, o.u_max - q["u"][k], np.inf)
+    i = np.array([i for _, i in kept], dtype=int)
+    c = np.array([q["c"][k, i] for k, i in kept])
+    c_min = np.where(o.c_min[i] > -ABSENT, o.c_min[i] - c, -np.inf)
+    c_max = np.where(o.c_max[i] < ABSENT, o.c_max[i] - c, np.inf)
+    matrix = np.reshape(rows, (-1, size))
+    prices = o.linear[i].copy(), o.quadratic[i].copy()
+    return Programme(hessian, gradient, equal, right, low, high, matrix, c_min, c_max, *prices)
+
+
+def change_of_plan(rti: RealTimeIteration) -> np.ndarray:
+    """z of the last answer."""
+    q, (x, u) = rti.qp(), rti.plan
+    nodes = np.hstack([x[:-1] - q["x"][:-1], u - q["u"]])
+    return np.r_[nodes.ravel(), x[-1] - q["x"][-1]]
