@@ -26,7 +26,9 @@ def random_stages(seed: int, size: tuple[int, ...], **changes) -> Stages:
     following = h * p * (a @ x + rng.normal(size=(nx, nu)) @ u + 0.05 * bent)
     step = [ca.densify(e) for e in (following, ca.jacobian(following, x), ca.jacobian(following, u))]
     y = ca.vertcat(rng.normal(size=(nx, nx)) @ x + 0.1 * x**2, u + 0.1 * x[0])
-    rows = [x[i % nx] * rng.normal() if rng.random() < 0.5 else rng.normal(size=(1, nx)) @ x + x[0] ** 2 for i in range(ns)]
+    rows = [
+        x[i % nx] * rng.normal() if rng.random() < 0.5 else rng.normal(size=(1, nx)) @ x + x[0] ** 2 for i in range(ns)
+    ]
     rows += [rng.normal(size=(1, nx)) @ x + rng.normal(size=(1, nu)) @ u for _ in range(others)]
     c = ca.densify(ca.vertcat(*rows)) if rows else ca.SX(0, 1)
     outputs, row_function = (
