@@ -129,7 +129,7 @@ class Programme:
 def programme(rti: RealTimeIteration, x0: np.ndarray) -> Programme:
     """That of the last preparation, in z = [x_0, u_0, .., x_N] from the plan."""
     s, q, o = rti.stages, rti.qp(), rti.settings
-    n, nx, nu, nz = s.stages, s.nx, s.nu, s.nx + s.nu
+    n, nx, nz = s.stages, s.nx, s.nx + s.nu
     size = n * nz + nx
     at = [slice(k * nz, min(k * nz + nz, size)) for k in range(n + 1)]
     hessian, gradient = np.zeros((size, size)), np.zeros(size)
@@ -165,7 +165,7 @@ def programme(rti: RealTimeIteration, x0: np.ndarray) -> Programme:
 
 
 def change_of_plan(rti: RealTimeIteration) -> np.ndarray:
-    """z of the last answer."""
+    """Change z of the last answer."""
     q, (x, u) = rti.qp(), rti.plan
     nodes = np.hstack([x[:-1] - q["x"][:-1], u - q["u"]])
     return np.r_[nodes.ravel(), x[-1] - q["x"][-1]]

@@ -49,14 +49,14 @@ def test_the_programme_is_that_of_the_stage_functions(precision, lanes):
         middle, a1, b1 = (np.array(v) for v in s.step(q["x"][k], q["u"][k], p, 0.5))
         end, a2, b2 = (np.array(v) for v in s.step(middle, q["u"][k], p, 0.5))
         given = (q["x"][k], q["u"][k], p, refs[k], s.weights)
-        l, g, h, c, jacobian = (np.array(v) for v in s.cost(*given))
+        cost, g, h, c, jacobian = (np.array(v) for v in s.cost(*given))
         h[s.nx :, s.nx :] += o.regularisation * np.eye(s.nu)
-        for name, expected in {"A": a2 @ a1, "B": a2 @ b1 + b2, "g": g[:, 0], "H": h, "l": l[0, 0]}.items():
+        for name, expected in {"A": a2 @ a1, "B": a2 @ b1 + b2, "g": g[:, 0], "H": h, "l": cost[0, 0]}.items():
             np.testing.assert_allclose(q[name][k], expected, err_msg=name, **close)
         np.testing.assert_allclose(q["defect"][k], end[:, 0] - q["x"][k + 1], **close)
         np.testing.assert_allclose(q["c"][k], c[:, 0], **close)
         np.testing.assert_allclose(q["C"][k], jacobian, **close)
-    l, g, h, c, jacobian = (np.array(v) for v in s.terminal(q["x"][-1], p, refs[-1], s.terminal_weights))
+    _, g, h, c, jacobian = (np.array(v) for v in s.terminal(q["x"][-1], p, refs[-1], s.terminal_weights))
     np.testing.assert_allclose(q["g"][-1], np.r_[g[:, 0], np.zeros(s.nu)], **close)
     np.testing.assert_allclose(q["H"][-1, : s.nx, : s.nx], h, **close)
     np.testing.assert_allclose(q["c"][-1], np.r_[c[:, 0], np.zeros(s.nc - s.ns)], **close)
@@ -87,7 +87,7 @@ def test_without_bounds_it_is_one_linear_system(k):
 
 @pytest.mark.parametrize("k", range(len(SIZES)))
 def test_the_answer_is_that_of_an_active_set_solver(k):
-    """qpOASES on the programme with slacks as variables; 300 programmes in all."""
+    """By qpOASES, on the programme with slacks as variables; 300 programmes in all."""
     rti, rng = iteration(k), np.random.default_rng(100 + k)
     for _ in range(50):
         x0 = disturb(rti, rng)

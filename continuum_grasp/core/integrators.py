@@ -140,9 +140,9 @@ _PART = 1.0 - math.sqrt(0.5)
 def partly_implicit_step(dynamics: ca.Function, internal: ca.Function) -> ca.Function:
     """A step that is implicit in the finger's own elasticity and damping alone, so that it needs no Jacobian.
 
-    For fine models, whose fastest motions are those of their own stiffness and damping; all else, contacts included,
-    must be resolved by the step. It is of order 2 whatever it takes the Jacobian to be: the method ROS2 of J. G. Verwer,
-    E. J. Spee, J. G. Blom, W. Hundsdorfer (1999), doi:10.1137/S1064827597326651.
+    For fine models, whose fastest motions are those of their own stiffness and damping; all else, contacts too,
+    must be resolved by the step. It is of order 2 whatever it takes the Jacobian to be: the method ROS2 of
+    J. G. Verwer, E. J. Spee, J. G. Blom, W. Hundsdorfer (1999), doi:10.1137/S1064827597326651.
 
     Parameters
     ----------

@@ -282,10 +282,12 @@ class ControlScene(Surroundings):
         tip, length = self.reference.tip, self.finger.rod.length
         if tip is None:
             return
+        beyond = tip.radius if isinstance(tip, CircleReference) else 0.0
+        points: tuple[tuple[float, ...], ...]
         if isinstance(tip, CircleReference):
-            points, beyond = [tip.center], tip.radius
+            points = (tip.center,)
         else:
-            points, beyond = (list(tip.values) if isinstance(tip, RowSamples) else [tip]), 0.0
+            points = tip.values if isinstance(tip, RowSamples) else (tip,)
         far = max(math.dist((p[0], p[1]), self.finger.base.position) for p in points) + beyond
         if far > 2.0 * length:
             doubt(
