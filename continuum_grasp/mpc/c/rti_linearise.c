@@ -55,10 +55,12 @@ static inline void rti_stage(int substeps, rti_wide *x, const rti_wide *u, const
       for (int r = 0; r < RTI_NX; ++r) {
         rti_wide sum = A[0][r] * M[j][0];
         for (int q = 1; q < RTI_NX; ++q) sum += A[q][r] * M[j][q];
-        column[r] = j < RTI_NX ? sum : sum + B[j < RTI_NX ? 0 : j - RTI_NX][r];
+        column[r] = sum;
       }
       memcpy(M[j], column, sizeof column);
     }
+    for (int j = 0; j < RTI_NU; ++j)
+      for (int r = 0; r < RTI_NX; ++r) M[RTI_NX + j][r] += B[j][r];
   }
   memcpy(x, next, sizeof next);
 }
