@@ -14,7 +14,7 @@ enum { RTI_FREE = 0, RTI_AT_HIGH = 1, RTI_AT_LOW = -1, RTI_OVER_HIGH = 2, RTI_UN
 #ifdef RTI_SINGLE
 #define RTI_STIFFER RTI_R(1e3)        /* weight of a row at its bound, per stiffness; multipliers do the rest */
 #else
-#define RTI_STIFFER RTI_R(1e8)
+#define RTI_STIFFER RTI_R(1e9)
 #endif
 
 typedef struct {
@@ -110,7 +110,7 @@ static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit
     const real residual = rti_free_residual(o, s);
     report->kkt = rti_max(gap, residual);
     const real enough = (round == limit ? 100 : 1) * s->tolerance;
-    if (round > 0 && changes == 0 && gap <= enough && residual <= enough + RTI_ROUNDING) return 1;
+    if (round > 0 && changes == 0 && 100 * gap <= enough && residual <= enough + RTI_ROUNDING) return 1;
     if (round == limit || (round > 1 && changes > before && changes > RTI_MANY)) return 0;
     if (round > 0) before = changes;
     ++report->iterations;
