@@ -44,7 +44,7 @@ def scene(name: str):
 
 
 def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
-    """Two arcs on two tendons under weight, whose curvature is bounded; an estimator for late measurements or none."""
+    """Two arcs on two tendons under weight, that are to bend further than their bound; measured late, or known."""
     finger = scene("tendons").finger
     asked = {
         "measured": {"tip": 3e-4, "tension": 0.1},
@@ -72,6 +72,7 @@ def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
                 "interpolation": "hold",
             }
         },
+        duration=1.2,
         estimator=asked if observed else None,
     )
 

@@ -24,15 +24,46 @@ COMPILER = "12.2"
 """Version of the compiler that the counts are of."""
 
 
-@pytest.mark.parametrize("real", REALS)
-@pytest.mark.parametrize(
+MACHINES = pytest.mark.parametrize(
     "machine",
     [pytest.param(k, marks=needs(compiler.split()[0], emulator)) for k, (compiler, emulator, _) in ELSEWHERE.items()],
 )
+LOOPS = {("given", "double"): 1, ("observed", "float"): 2}
+"""Functions of packages with a controller."""
+CONTROLLED = {("float", "cortex-m4f"): 230_920, ("double", "cortex-m7"): 264_480}
+"""Instructions of a call of a controller that goes on from a plan: 8 stages, two tensions, curvature bounded."""
+CONTROL_LIMITS = {"cortex-m4f": 568_000, "cortex-m7": 589_000}
+
+
+@pytest.mark.parametrize("real", REALS)
+@MACHINES
 def test_every_vector_to_the_bit_elsewhere(machine, real, packages, tmp_path):  # noqa: F811
     compiler, emulator, flags = ELSEWHERE[machine]
     program = compile_program(compiler, packages("rubbing", real), "main", tmp_path / "vectors", *STRICT, *flags, "-O2")
     assert len(re.findall(r" 0 of +\d+ cases failed", run(emulator, program))) == 5
+
+
+@pytest.mark.parametrize(("name", "real"), LOOPS)
+@MACHINES
+def test_a_controller_to_the_bit_elsewhere(machine, name, real, packages, tmp_path):  # noqa: F811
+    compiler, emulator, flags = ELSEWHERE[machine]
+    program = compile_program(compiler, packages(name, real), "main", tmp_path / "vectors", *STRICT, *flags, "-O1")
+    assert len(re.findall(r" 0 of +\d+ cases failed", run(emulator, program))) == LOOPS[name, real]
+
+
+@needs("arm-none-eabi-gcc", "qemu-system-arm")
+@pytest.mark.parametrize(("real", "target"), CONTROLLED)
+def test_a_controller_on_a_microcontroller(real, target, tmp_path):
+    """To the bit, and in no more instructions than it took; those without a plan and hard ones are counted apart."""
+    made = export_c(scene("given"), tmp_path, real=real, target=target, measured=True).manifest["measured"]
+    assert made["failures"] == 0
+    assert all(size["data"] == size["bss"] == 0 for size in made["sizes"].values())
+    assert set(made["functions"]) == {"mpc", "mpc_start", "mpc_hard"}
+    most = made["functions"]["mpc"]["most_instructions"]
+    assert most < CONTROL_LIMITS[target]
+    if COMPILER in made["compiler"]:
+        assert most <= 1.02 * CONTROLLED[real, target]
+    assert made["functions"]["mpc"]["stack_bytes"] < 8000
 
 
 @needs("arm-none-eabi-gcc", "qemu-system-arm")
@@ -81,6 +112,36 @@ def test_every_vector_to_the_bit_in_webassembly(real, packages, tmp_path):  # no
     said = run("node", tmp_path / "test.mjs")
     assert len(re.findall(r"^0 of \d+ cases", said, re.MULTILINE)) == 5
     assert (tmp_path / "finger.wasm").stat().st_size < 60_000
+
+
+@needs("clang", "wasm-ld", "node")
+@pytest.mark.parametrize(("name", "real"), LOOPS)
+def test_a_controller_to_the_bit_in_webassembly(name, real, packages, tmp_path):  # noqa: F811
+    run("sh", packages(name, real, "wasm") / "wasm/build.sh", tmp_path)
+    (tmp_path / "use.mjs").write_text(
+        """
+import { readFile } from "node:fs/promises";
+import { load } from "./finger.mjs";
+const finger = await load(await readFile("finger.wasm"));
+const one = finger.new_controller(), other = finger.new_controller();
+const row = (value) => new Array(9).fill(value);
+const wanted = { bending_1: row(0.5), bending_2: row(0.4), tension_1: row(1), tension_2: row(1) };
+other.settings.most_tension_1 = 3;
+const answers = [one, other].map((c) => c.step({ tip_y: 0.18, tension_1: 1, tension_2: 1 }, wanted).command);
+let refused = "";
+other.settings.most_tension_1 = 99;
+try { other.step({}, wanted); } catch (error) { refused = error.message; }
+console.log(JSON.stringify({ answers, refused }));
+"""
+    )
+    said = run("node", tmp_path / "test.mjs")
+    assert len(re.findall(r"^0 of \d+ cases", said, re.MULTILINE)) == LOOPS[name, real]
+    if name == "observed":
+        used = json.loads(run("node", "use.mjs", cwd=tmp_path))
+        free, limited = (answer["tension_1"] for answer in used["answers"])
+        assert free > 3.0
+        assert 1.0 <= limited <= 3.0 + 1e-5
+        assert "out of its range (-3)" in used["refused"]
 
 
 @needs("clang", "wasm-ld", "node")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from continuum_grasp.export.codes import Code
 from continuum_grasp.export.fields import Struct
@@ -136,7 +136,8 @@ def wasm_files(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -
     names = [f"{prefix}_{name}" for name in ("strerror", "version", "abi", "configuration")]
     names += [f"{prefix}_{call.name}" for call in calls] + ([f"{prefix}_init_abi"] if calls else [])
     names += [f"{prefix}_{name}" for function in kept for name in (function.name, f"{function.types[0]}_init_abi")]
-    used = (_use_of_call(calls[0]) if calls else "") + "".join(_use_of_kept(function) for function in kept)
+    structs = {struct.name: struct for struct in structs_of(subject, parts)}
+    used = (_use_of_call(calls[0]) if calls else "") + "".join(_use_of_kept(function, structs) for function in kept)
     more = {
         **words,
         "exports": " ".join(f"-Wl,--export={name}" for name in names),
@@ -180,9 +181,15 @@ console.log(JSON.stringify(answer));
 """
 
 
-def _use_of_kept(function: Kept) -> str:
+def _allowed(struct: Struct) -> str:
+    """An object whose numbers are in their ranges: zero where that is."""
+    ends = [f"{f.name}: {f.low if f.low > 0.0 else f.high!r}" for f in struct.fields if f.low > 0.0 or f.high < 0.0]
+    return f"{{ {', '.join(ends)} }}"
+
+
+def _use_of_kept(function: Kept, structs: Mapping[str, Struct]) -> str:
     owner = function.types[0]
-    given = ", ".join("{}" for _ in function.inputs)
+    given = ", ".join(_allowed(structs[name]) for name in function.inputs)
     return f"""\
 const {owner} = finger.new_{owner}();
 const {function.output} = {owner}.step({given});

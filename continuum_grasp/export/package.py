@@ -230,6 +230,7 @@ def _common_words(subject: Subject, parts: Sequence[Part], source: Source) -> di
         )
         or "\n  int nothing;",
         **dict.fromkeys(SIZES, UNKNOWN),
+        "adds_up": "10" if subject.real.name == "float" else "1000",
         "tolerance": "2e-3" if subject.real.name == "float" else "1e-11",
         "usage": _usage(subject, parts),
     }

@@ -24,6 +24,8 @@ Array = NDArray[Any]
 
 _EPISODE = 70
 _EPISODES = 3
+_HELD = 20
+"""Calls for which set-points stay."""
 _FLAGS = 4
 """Numbers before the others of a row: begin anew, late, whether something else was applied, kind of the call."""
 
@@ -110,11 +112,11 @@ def _settings(loop: Loop, episode: int, k: int) -> Array:
     return values
 
 
-def _targets(loop: Loop, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Set-points of the scene at two instants."""
+def _target(loop: Loop, rng: np.random.Generator) -> Array:
+    """Set-points of the scene at some instant."""
     rows = set_points(loop.scene, loop.stages, loop.prediction)
-    first, second = rows.rows(rng.uniform(0.0, loop.scene.duration or 1.0, 2))
-    return first, second
+    found: Array = rows.rows(rng.uniform(0.0, loop.scene.duration or 1.0))[0]
+    return found
 
 
 def _kind(episode: int, planned: bool) -> int:
@@ -130,8 +132,8 @@ def controller_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vecto
     for episode in range(_EPISODES):
         finger, u, planned = _Finger(loop, rng), loop.before.copy(), False
         for k in range(_EPISODE):
-            if k % 20 == 0:
-                now, later = _targets(loop, rng)
+            if k % _HELD == 0:
+                now, later = later if k else _target(loop, rng), _target(loop, rng)
             if k % 25 == 15:
                 finger.kick(1.0 + episode)
             wanted = np.where(np.arange(len(now)) == k % len(now), np.nan, now) if k % 29 == 21 else now
@@ -139,7 +141,7 @@ def controller_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vecto
             flags = [float(k == 0), float(k % 37 == 8), float(k % 27 in (5, 6)), float(_kind(episode, planned))]
             settings = _settings(loop, episode, k)
             y = _spoilt(loop, finger.measured(u), episode, k, rng)
-            switch = float(rng.integers(0, loop.stages.stages + 1))
+            switch = (_HELD - k % _HELD) * loop.period / loop.stages.stage
             parts = [flags, settings, _known(loop, k), y, wanted, later, [switch], given]
             row = np.concatenate([np.asarray(part, dtype=float) for part in parts]).astype(real.dtype)
             code, out = host.run("mpc", row, outputs)

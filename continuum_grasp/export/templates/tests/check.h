@@ -22,7 +22,7 @@ int check_kind(int function, int row);
 int check_run(int function, int row, int repeat, check_memory *memory);
 
 /* Cases of a function, and how many of them fail. A tolerance of zero asks for every bit; otherwise outputs may differ by
-   so much of the greatest one of their row. Codes, and outputs that must be left alone, are never tolerated otherwise. */
+   so much of the greatest one of their row, those of what is kept by <<adds_up>> times as much. Codes, and outputs that must be left alone, are never tolerated otherwise. */
 int check_cases(int function);
 int check_failures(int function, <<p>>_real tolerance, check_memory *memory);
 
