@@ -155,8 +155,8 @@ static real rti_distance(rti_work *o, const rti_settings *s, real unit)
   return rti_max(rti_free_residual(o, s), mean * pairs < share * price ? mean * pairs / price : share);
 }
 
-/* With bounds: by a guess of the active set; else by an interior point, from where another guess is tried as soon as the
- * products of pairs are small beside what moving an input costs, and again whenever they have become much smaller. */
+/* With bounds: by a guess of the active set; else by an interior point, from where another guess is tried as soon as
+ * the products of pairs are small beside what moving an input costs, and again whenever they are much smaller. */
 static int rti_solve(rti_work *o, const rti_settings *s, const real *x0, rti_report *report)
 {
   rti_stiffnesses(o);

@@ -7,11 +7,13 @@
  *   s.t. dx_0 = x0 - x_0,  dx_k+1 = A_k dx_k + B_k du_k + (F(x_k, u_k) - x_k+1),
  *        u_min <= u_k + du_k <= u_max,  c_min - s_k <= c_k + C_k dz_k <= c_max + s_k,  s_k >= 0.
  *
- * Rows 0 to RTI_NS - 1 of c hold at the nodes 1 to RTI_N, the others at 0 to RTI_N - 1. A bound of 1e30 or more is none.
+ * Rows 0 to RTI_NS - 1 of c hold at the nodes 1 to RTI_N, the others at 0 to RTI_N - 1. A bound of 1e30 or more is
+ * none.
  *
  * Dimensions are set before this file is read: RTI_N, RTI_NX, RTI_NU (1 or more), RTI_NC, RTI_NS, RTI_NP, RTI_NR; and
- * the type `real`, with RTI_SINGLE defined if that is float. No function allocates, or keeps anything between calls beside
- * what its caller owns. The functions of a stage stand before the other parts: stage_step, stage_cost, terminal_cost.
+ * the type `real`, with RTI_SINGLE defined if that is float. The functions of a stage stand before the other parts:
+ * stage_step, stage_cost, terminal_cost. No function allocates, or keeps anything between calls beside what its caller
+ * owns.
  */
 #ifndef RTI_H
 #define RTI_H

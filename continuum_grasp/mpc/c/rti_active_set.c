@@ -1,8 +1,8 @@
 /* Active set: which bounds hold; a Newton step for these; anew.
  *
  * A bound that holds is let go if its multiplier pulls the wrong way, and one that is violated is made to hold. A row
- * whose multiplier exceeds its linear price leaves its bound, and comes back to it if it lies inside. Of a first set that comes
- * from an estimate, multiplier and distance from the bound say together what holds.
+ * whose multiplier exceeds its linear price leaves its bound, and comes back to it if it lies inside. Of a first set
+ * that comes from an estimate, multiplier and distance from the bound say together what holds.
  */
 
 enum { RTI_KEPT, RTI_ESTIMATED, RTI_EXCHANGED };    /* how a set comes about */
@@ -49,8 +49,8 @@ static inline int rti_next(const rti_bound *b, int how, int at, real y, real mul
   return RTI_FREE;
 }
 
-/* The next set with its weights and pushes, from the present point and multipliers. Gives the number of changes, and how
- * far what is to hold is from its bound, relative. */
+/* The next set with its weights and pushes, from the present point and multipliers. Gives the number of changes, and
+ * how far what is to hold is from its bound, relative. */
 static int rti_choose(rti_work *o, const rti_settings *s, int how, real *gap)
 {
   int changes = 0;

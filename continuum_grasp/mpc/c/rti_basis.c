@@ -1,4 +1,4 @@
-/* What all parts of the real-time iteration use; rti.h says what they are for. The parts make up one translation unit. */
+/* What all parts of the real-time iteration use; see rti.h. The parts make up one translation unit. */
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>

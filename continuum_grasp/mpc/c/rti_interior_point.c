@@ -8,6 +8,7 @@
 #define RTI_CENTRE RTI_R(0.01)        /* first products, per what can be gained */
 #define RTI_SHORT RTI_R(1e-6)         /* a step that leads nowhere */
 
+/* The sides that there are; an input that cannot move has none. */
 static void rti_sides(rti_work *o, const rti_settings *s)
 {
   o->sides = 0;

@@ -1,7 +1,7 @@
 /* Riccati recursion: the problem without bounds, and Newton steps of the problem with bounds.
  *
- * Bounded quantities are the inputs, then the rows of c. Entry k of one is its value at node k, or at node k + 1 if it is
- * a row of the state alone; entries from RTI_N on repeat the last one. Rows come from three generated functions:
+ * Bounded quantities are the inputs, then the rows of c. Entry k of one is its value at node k, or at node k + 1 if it
+ * is a row of the state alone; entries from RTI_N on repeat the last one. Rows come from three generated functions:
  *   rti_row_values(c, C, z, y)    y = c + C z
  *   rti_row_gradient(C, w, q)     q += C' w
  *   rti_row_hessian(C, W, G)      G += C' diag(W) C
