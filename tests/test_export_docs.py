@@ -17,14 +17,16 @@ PAGE = (ROOT / "docs/embedded.md").read_text()
 def after_all_commands(tmp_path_factory):
     """A copy of the configurations in which every command was run, and what they said."""
     place = tmp_path_factory.mktemp("reader")
-    for folder in ("configs/simulate", "configs/fingers"):
+    for folder in ("configs/simulate", "configs/fingers", "configs/mpc"):
         shutil.copytree(ROOT / folder, place / folder)
     said = {}
     for block in re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL):
         for command in block.replace("\\\n", " ").strip().splitlines():
             if not command.startswith("sudo"):
                 line = command.replace("continuum-grasp", f"{sys.executable} -m continuum_grasp")
-                said[command.split(" --")[0]] = run("env", f"PYTHONPATH={ROOT}", "sh", "-c", line, cwd=place)
+                said[f"{len(said)} {command.split(' --')[0]}"] = run(
+                    "env", f"PYTHONPATH={ROOT}", "sh", "-c", line, cwd=place
+                )
     return place, said
 
 
@@ -32,18 +34,26 @@ def after_all_commands(tmp_path_factory):
 def test_every_command_runs(after_all_commands):
     place, said = after_all_commands
     assert (place / "build/finger/m4f/libfinger.a").exists()
-    board = next(text for command, text in said.items() if "baremetal" in command)
-    assert "0 failures" in board
-    assert len(re.findall(r"^\w+ \d+ \d+ \d+$", board, re.MULTILINE)) == 5
+    for package, functions in (("finger", 5), ("control", 4)):
+        board = next(text for command, text in said.items() if f"{package}/examples/baremetal" in command)
+        assert "0 failures" in board
+        assert len(re.findall(r"^\w+ \d+ \d+ \d+$", board, re.MULTILINE)) >= functions
 
 
 @needs("cmake", "make", "arm-none-eabi-gcc", "qemu-system-arm")
-def test_its_c_compiles_and_runs(after_all_commands, tmp_path):
+@pytest.mark.parametrize(
+    ("k", "name", "main"),
+    [
+        (0, "finger", "control_start(); return control_tick(3.0f, 1.0f) < 0;"),
+        (1, "control", "return loop_start() < 0 || loop_tick() != 0;"),
+    ],
+)
+def test_its_c_compiles_and_runs(k, name, main, after_all_commands, tmp_path):
     place, _ = after_all_commands
-    code = re.search(r"```c\n(.*?)```", PAGE, re.DOTALL)[1]
-    main = "int main(void) { control_start(); return control_tick(3.0f, 1.0f) < 0; }\n"
-    (tmp_path / "main.c").write_text(f"void control_start(void);\n{code}{main}")
-    package = place / "build/finger"
+    code = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)[k]
+    declared = "void control_start(void);\nint loop_start(void);\nint loop_tick(void);\n"
+    (tmp_path / "main.c").write_text(f"{declared}{code}\nint main(void) {{ {main} }}\n")
+    package = place / "build" / name
     flags = ("-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{package / 'include'}")
     run("cc", *flags, tmp_path / "main.c", *(package / "src").glob("*.c"), "-o", tmp_path / "main")
     run(tmp_path / "main")

@@ -139,9 +139,12 @@ def _error_note(subject: Subject) -> str:
         return (
             "They compute what the Python core computes, to the rounding of double precision (relative error 0 here)."
         )
-    return (
+    note = (
         "The relative error is the greatest difference from double precision over rows that cover the ranges, per the "
         "greatest value of each output."
+    )
+    return (
+        note if subject.loop is None else f"{note} Of estimator and controller: over the usual rows of their vectors."
     )
 
 

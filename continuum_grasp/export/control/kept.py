@@ -33,8 +33,8 @@ def kept_vectors(
 ) -> tuple[list[Vectors], dict[str, float]]:
     """Vectors of all such functions by a build on this machine, and their rounding errors; writes the sizes to words.
 
-    The error is the greatest difference of the first outputs (command, estimate) from a build in double that is given
-    the same rows, per the greatest value of each.
+    The error is the greatest difference of the first outputs (command, estimate) in usual rows from a build in double
+    that is given the same rows, per the greatest value of each.
     """
     functions = kept_of(parts)
     host = _host(subject, functions, files)
@@ -82,6 +82,7 @@ def _files(subject: Subject, parts: Sequence[Part], words: dict[str, str], check
 
 
 def _difference(vectors: Vectors, other: np.ndarray) -> float:
-    found, true = vectors.outputs[:, : vectors.close].astype(float), other[:, : vectors.close]
+    usual = vectors.inputs[:, 3] == 0.0
+    found, true = vectors.outputs[usual, : vectors.close].astype(float), other[usual, : vectors.close]
     scale = np.abs(true).max(axis=0)
     return float((np.abs(found - true).max(axis=0) / np.where(scale > 0.0, scale, 1.0)).max())

@@ -131,9 +131,10 @@ def controller_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vecto
     rows, outs, codes = [], [], []
     for episode in range(_EPISODES):
         finger, u, planned = _Finger(loop, rng), loop.before.copy(), False
+        later = _target(loop, rng)
         for k in range(_EPISODE):
             if k % _HELD == 0:
-                now, later = later if k else _target(loop, rng), _target(loop, rng)
+                now, later = later, _target(loop, rng)
             if k % 25 == 15:
                 finger.kick(1.0 + episode)
             wanted = np.where(np.arange(len(now)) == k % len(now), np.nan, now) if k % 29 == 21 else now
