@@ -17,6 +17,10 @@ __all__ = ["Span", "Timetable"]
 
 Array = NDArray[np.float64]
 
+_LEAST = 0.85
+"""Share of the grasp's tension that is kept while the object is held."""
+_OPPOSED = 3.0
+"""What the other tendon may pull meanwhile beyond its least tension [N]."""
 _SUNK = 0.05
 """How far the table sinks [m]."""
 _WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
@@ -95,12 +99,16 @@ class Timetable:
             found.append(Phase(span.name, self._rows_since(span.start, stages), span.end - span.start, begin=begin))
         return found
 
-    @staticmethod
-    def _weighing(stages: Stages, *, held: bool) -> Callable[[Any, Any], None]:
-        """What gives the controller the weights of a phase."""
+    def _weighing(self, stages: Stages, *, held: bool) -> Callable[[Any, Any], None]:
+        """Gives the controller the weights and limits of a phase; what is held is not let go to correct a force."""
         off = "bending_" if held else "contact_force"
         keep = [not name.startswith(off) or "rate" in name for name in stages.r_names]
-        return lambda controller, plant: controller.change(weights=np.where(keep, stages.weights, 0.0))
+        weights = np.where(keep, stages.weights, 0.0)
+        low, high = stages.u_min, stages.u_max
+        if held:
+            low = np.maximum(low, np.where(self._of.tensions > self._of.rest + 1.0, _LEAST * self._of.tensions, low))
+            high = np.where(self._of.tensions > self._of.rest + 1.0, high, np.minimum(high, self._of.rest + _OPPOSED))
+        return lambda controller, plant: controller.change(weights=weights, u_min=low, u_max=high)
 
     def _rows_since(self, start: float, stages: Stages) -> Callable[[Array], Array]:
         return lambda since: self.rows(start + since, stages.r_names)
