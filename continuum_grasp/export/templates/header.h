@@ -6,7 +6,7 @@
 <<use>> *
  * SI units, angles in radians, world axes. A struct is its numbers in their order, without padding, so that it may be
  * copied from and to an array. A function returns a code of the table below: zero or above, the output is written;
- * below zero, it was left alone. Nothing is clamped. Outputs may be the inputs themselves.
+ * below zero, it was left alone. No input is clamped. Outputs may be the inputs themselves.
  */
 #ifndef <<P>>_H
 #define <<P>>_H

@@ -33,10 +33,11 @@ int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi);
 /* Begin anew at a state, with the command of before; settings stay. */
 int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<start>> *state, const <<p>>_command *before);
 /* The command for <<what_is_measured>> and set-points.
-   Zero: of a new plan. Above: <<P>>_WARN_ITERATION_LIMIT and <<P>>_WARN_BOUND_LEFT, of a new plan all the same;
-   <<P>>_WARN_PREVIOUS_PLAN and <<P>>_WARN_SAFE_RAMP, where there is none: of the last plan as long as it lasts, then on
-   the way to <<safe>>, at a bounded rate. <<p>>_controller_diagnosis tells why. A command that is written is finite and within
-   the limits. Below zero (null, interface, settings): the command is left alone, and the controller as it was. */
+   Zero: of a new plan. <<P>>_WARN_ITERATION_LIMIT, <<P>>_WARN_BOUND_LEFT: of a new plan all the same.
+   <<P>>_WARN_PREVIOUS_PLAN, <<P>>_WARN_SAFE_RAMP: there is none; of the last plan as long as it lasts, then on the way to
+   <<safe>>, at a bounded rate; <<p>>_controller_diagnosis tells why.
+   A command that is written is finite and within the limits. Below zero (null pointer, interface, settings) the command
+   is left alone, and the controller is as it was. */
 int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <<p>>_measurement *measurement,
 <<indent_mpc>>const <<p>>_reference *reference, <<p>>_command *command);
 /* Before the next call: what was really applied since the last one; the last command where nothing is said. */
