@@ -101,6 +101,15 @@ def test_all_that_is_wrong_is_said_at_once():
 def test_values_can_be_copied_and_kept():
     assert pickle.loads(pickle.dumps(FINGER)) == copy.deepcopy(FINGER) == FINGER
     assert FINGER.model_copy(update={"strain_limit": 0.01}).strain_limit == 0.01
+    assert hash(copy.deepcopy(FINGER)) == hash(FINGER)
+
+
+def test_equal_scenes_are_one_key():
+    """With objects and supports by name too, as a cache needs it."""
+    file = Path(__file__).parents[1] / "configs/simulate"
+    scenes = [cg.load(each) for each in sorted(file.glob("*.yaml"))]
+    assert any(scene.supports for scene in scenes)
+    assert len({*scenes, *copy.deepcopy(scenes)}) == len(scenes)
 
 
 @pytest.mark.parametrize("length", [1e-6, 1e4])

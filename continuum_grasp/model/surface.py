@@ -22,7 +22,7 @@ _TINY = 1e-30
 _SKIN = 1e-9
 """Distance up to which a point outside a sharp polygon is treated as one on its face [m]."""
 _STEPS, _FEWER_STEPS = 3, 2
-_PLAIN_EXPONENT, _PLAIN_ASPECT = 4.0, 2.0
+_PLAIN_EXPONENT, _PLAIN_ASPECT = 4.0, 1.6
 """Exponent and ratio of the half axes up to which fewer steps do."""
 _LONGEST = 0.5
 """Longest step of the search on superellipses, as an angle of its parameter [rad]."""

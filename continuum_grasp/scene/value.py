@@ -35,6 +35,10 @@ class Value(BaseModel):
     # pydantic calls an initialiser of one's own for nested values too, and loses the keys of what is wrong in them.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
+    def __hash__(self) -> int:
+        fields = (getattr(self, name) for name in type(self).model_fields)
+        return hash((type(self), *(frozenset(v.items()) if isinstance(v, dict) else v for v in fields)))
+
 
 Real = Annotated[float, Field(ge=-1e12, le=1e12)]
 Positive = Annotated[float, Field(ge=1e-12, le=1e12)]
