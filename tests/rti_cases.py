@@ -11,6 +11,15 @@ from continuum_grasp.mpc.rti import RealTimeIteration
 from continuum_grasp.mpc.stages import ABSENT, Stages
 from continuum_grasp.mpc.transcription import cost_function, terminal_function
 
+LOOSE = (
+    "-fassociative-math",
+    "-freciprocal-math",
+    "-fno-signed-zeros",
+    "-fno-trapping-math",
+    "-ffinite-math-only",
+    "-fno-math-errno",
+)
+"""-ffast-math but for what it does to the whole process when a library is loaded."""
 SIZES = ((10, 4, 1, 4, 0), (6, 3, 2, 2, 2), (15, 2, 1, 0, 1), (5, 6, 3, 3, 0), (8, 5, 2, 0, 0), (12, 1, 1, 2, 1))
 """N, nx, nu, rows of the state alone, other rows."""
 

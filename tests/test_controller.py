@@ -17,6 +17,7 @@ from continuum_grasp.mpc.estimator_settings import controller_fields
 from continuum_grasp.mpc.rti import RealTimeIteration
 from continuum_grasp.mpc.status import Anomaly, Status
 from tests.control_cases import TARGET, Reality, swing_scene
+from tests.rti_cases import LOOSE
 
 N = 15
 MOST, RATE = 0.3, 3.0
@@ -118,7 +119,7 @@ def test_what_means_nothing_is_told_and_never_applied(name, size, anomaly, value
 
 
 def test_arithmetic_that_knows_no_nan_lets_none_through(monkeypatch):
-    monkeypatch.setenv("CC", "cc -ffast-math")
+    monkeypatch.setenv("CC", " ".join(["cc", *LOOSE]))
     control = Controller(swing_scene(**GIVEN), deadline=math.inf)
     for name, size in (("measurement", 4), ("reference", 3), ("p", 1)):
         for value in (np.nan, np.inf, -np.inf):

@@ -22,21 +22,12 @@ from continuum_grasp.mpc.source import iteration_source
 from continuum_grasp.mpc.stages import ABSENT, Stages
 from continuum_grasp.mpc.transcription import cost_function, step_function, terminal_function
 from tests.control_cases import rod_scene
-from tests.rti_cases import SIZES, disturb, random_stages
+from tests.rti_cases import LOOSE, SIZES, disturb, random_stages
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
 
 START = np.array([2.5, 0.0, 0.0])
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror"]
-LOOSE = (
-    "-fassociative-math",
-    "-freciprocal-math",
-    "-fno-signed-zeros",
-    "-fno-trapping-math",
-    "-ffinite-math-only",
-    "-fno-math-errno",
-)
-"""-ffast-math but for what it does to the whole process when a library is loaded."""
 
 
 @lru_cache
