@@ -39,7 +39,7 @@ def build_and_run(folder, *flags):
     """The tip that the example prints and the one that it expects [m]."""
     line = re.search(r"^ \*   (cc .*?) && (\S+)$", (folder / "main.c").read_text(), re.MULTILINE)
     compiler, *arguments = shlex.split(line.group(1))
-    built = subprocess.run([compiler, *flags, *arguments], cwd=folder, capture_output=True, text=True, check=False)
+    built = subprocess.run([compiler, *arguments, *flags], cwd=folder, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     assert built.stderr == ""
     said = subprocess.run([line.group(2)], cwd=folder, capture_output=True, text=True, check=True).stdout
