@@ -102,8 +102,10 @@ class RealTimeIteration:
         self.settings = Settings(stages, real)
         self._x0, self._p = np.zeros(nx, real), np.array(stages.p_nominal, real)
         self._refs = np.zeros((n + 1, stages.nr), real)
-        plan = np.zeros((n + 1) * nx + n * nu, real)
-        self._x, self._u = plan[: (n + 1) * nx].reshape(n + 1, nx), plan[(n + 1) * nx :].reshape(n, nu)
+        plan = np.zeros(-(-library.rti_sizeof(1) // np.dtype(real).itemsize), real)
+        states, inputs = (n + 1) * nx, n * nu
+        self._x, self._u = plan[:states].reshape(n + 1, nx), plan[states : states + inputs].reshape(n, nu)
+        self._told = plan[states + inputs :]
         self._work = np.zeros(library.rti_sizeof(2), np.uint8)
         self._record = _record(self._number)
         sizes = self.settings.size, plan.nbytes, self._work.nbytes, ctypes.sizeof(self._record)
@@ -143,6 +145,7 @@ class RealTimeIteration:
         u = np.clip(np.zeros(self.stages.nu), self.settings.u_min, self.settings.u_max) if u0 is None else u0
         self._take(self._x0, "x0", x0)
         self._x[:] = self._x0
+        self._told[:] = 0
         self._take(self._u, "u0", u)
         if not (np.isfinite(self._x).all() and np.isfinite(self._u).all()):
             raise InputError("reset: expected finite numbers")

@@ -12,6 +12,7 @@
 
 void rti_start(rti_plan *plan, const real *x0, const real *u0)
 {
+  memset(plan, 0, sizeof *plan);
   for (int k = 0; k <= RTI_N; ++k) memcpy(plan->x[k], x0, sizeof plan->x[k]);
   for (int k = 0; k < RTI_N; ++k) memcpy(plan->u[k], u0, sizeof plan->u[k]);
 }
@@ -22,6 +23,7 @@ void rti_shift(rti_plan *plan, const rti_settings *settings, real stages)
   if (!rti_finite(&stages, 1) || !(stages > 0)) return;
   const int whole = stages < RTI_N ? (int)stages : RTI_N;
   const real part = stages < RTI_N ? stages - (real)whole : 0;
+  plan->moved = rti_min(plan->moved + stages, RTI_N);
   for (int k = 0; k <= RTI_N; ++k) {
     const int i = rti_lesser(k + whole, RTI_N), j = rti_lesser(i + 1, RTI_N);
     for (int r = 0; r < RTI_NX; ++r) plan->x[k][r] = (1 - part) * plan->x[i][r] + part * plan->x[j][r];
@@ -61,7 +63,8 @@ int rti_prepare(rti_work *o, const rti_plan *plan, const rti_settings *settings,
 {
   o->ready = 0;
   if (!rti_settings_valid(settings) || !rti_finite(p, RTI_NP) || !rti_finite(refs, (RTI_N + 1) * RTI_NR)
-      || !rti_finite(plan->x[0], (RTI_N + 1) * RTI_NX) || !rti_finite(plan->u[0], RTI_N * RTI_NU))
+      || !rti_finite(plan->x[0], (RTI_N + 1) * RTI_NX) || !rti_finite(plan->u[0], RTI_N * RTI_NU)
+      || !rti_between(plan->moved, 0, RTI_N))
     return RTI_BAD_INPUT;
   memcpy(o->x, plan->x, sizeof o->x);
   for (int k = 0; k < RTI_N; ++k)
@@ -157,12 +160,13 @@ static real rti_distance(rti_work *o, const rti_settings *s, real unit)
 
 /* With bounds: by a guess of the active set; else by an interior point, from where another guess is tried as soon as
  * the products of pairs are small beside what moving an input costs, and again whenever they are much smaller. */
-static int rti_solve(rti_work *o, const rti_settings *s, const real *x0, rti_report *report)
+static int rti_solve(rti_work *o, const rti_plan *plan, const rti_settings *s, const real *x0, rti_report *report)
 {
   rti_stiffnesses(o);
   memset(o->a, 0, sizeof o->a);
-  const int how = rti_planned(o, s) ? RTI_KEPT : RTI_ESTIMATED;
-  if (rti_active_set(o, s, how, RTI_ROUNDS, report)) return RTI_SOLVED;
+  const int how = rti_told(o, plan) || rti_planned(o, s) ? RTI_KEPT : RTI_ESTIMATED;
+  const int found = rti_active_set(o, s, how, RTI_ROUNDS, report);
+  if (found) return found == RTI_ROUNDED ? RTI_ITERATION_LIMIT : RTI_SOLVED;
   rti_sides(o, s);
   rti_free_way(o, x0);
   rti_inner_way(o, s);
@@ -175,7 +179,8 @@ static int rti_solve(rti_work *o, const rti_settings *s, const real *x0, rti_rep
     report->iterations += before - left;
     memcpy(o->saved, o->z, sizeof o->z);
     rti_gather(o);
-    if (rti_active_set(o, s, RTI_ESTIMATED, RTI_FINAL_ROUNDS, report)) return RTI_SOLVED;
+    const int again = rti_active_set(o, s, RTI_ESTIMATED, RTI_FINAL_ROUNDS, report);
+    if (again) return again == RTI_ROUNDED ? RTI_ITERATION_LIMIT : RTI_SOLVED;
     memcpy(o->z, o->saved, sizeof o->z);
     rti_bounded(o, o->z, o->y, 1);
     if (small && products > RTI_LAST) continue;
@@ -190,7 +195,8 @@ int rti_feedback(rti_work *o, rti_plan *plan, const rti_settings *settings, cons
   if (!o->ready) return report->status = RTI_NOT_PREPARED;
   if (!rti_settings_valid(settings) || !rti_finite(x0, RTI_NX)) return report->status = RTI_BAD_INPUT;
   rti_free_way(o, x0);
-  const int status = rti_inside(o, settings) ? RTI_SOLVED : rti_solve(o, settings, x0, report);
+  memset(&o->next, 0, sizeof o->next);
+  const int status = rti_inside(o, settings) ? RTI_SOLVED : rti_solve(o, plan, settings, x0, report);
   const int violated = rti_judge(o, settings, report);
   for (int k = 0; k <= RTI_N; ++k)
     for (int i = 0; i < RTI_NX; ++i) o->next.x[k][i] = o->x[k][i] + o->z[k][i];
@@ -200,6 +206,7 @@ int rti_feedback(rti_work *o, rti_plan *plan, const rti_settings *settings, cons
   if (!rti_finite(o->next.x[0], (RTI_N + 1) * RTI_NX) || !rti_finite(o->z[0], (RTI_N + 1) * RTI_W)
       || !rti_finite(&report->cost, 1))
     return report->status = RTI_BAD_SOLUTION;
+  if (report->iterations > 0) rti_tell(o, plan, &o->next);
   *plan = o->next;
   return report->status = status == RTI_SOLVED && violated ? RTI_ROW_VIOLATED : status;
 }

@@ -54,6 +54,10 @@ typedef struct {
 
 typedef struct {
   real x[RTI_N + 1][RTI_NX], u[RTI_N][RTI_NU];
+  /* of the programme that it solved: multipliers of the rows, which bounds hold, by how many stages it was moved on
+   * since, and whether bounds hold at the same nodes of the next programme rather than at the same instants */
+  real a[RTI_SIZE(RTI_NC)][RTI_N], moved;
+  signed char active[RTI_ROWS][RTI_N], stays;
 } rti_plan;
 
 typedef struct {

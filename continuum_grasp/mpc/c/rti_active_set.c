@@ -10,10 +10,13 @@ enum { RTI_FREE = 0, RTI_AT_HIGH = 1, RTI_AT_LOW = -1, RTI_OVER_HIGH = 2, RTI_UN
 
 #define RTI_FIXED RTI_R(1e30)         /* weight of an input at its bound: as good as infinite, and harmless */
 #define RTI_ROUNDING (10000 * RTI_EPS) /* of a gradient, relative */
+#define RTI_ROUNDED 2
 #define RTI_MANY 8                    /* changes of a set that may be more than the round before */
 #ifdef RTI_SINGLE
+#define RTI_COARSE 1                  /* whether rounding may be all that is left; an interior point does no better then */
 #define RTI_STIFFER RTI_R(1e3)        /* weight of a row at its bound, per stiffness; multipliers do the rest */
 #else
+#define RTI_COARSE 0
 #define RTI_STIFFER RTI_R(1e9)
 #endif
 
@@ -49,6 +52,12 @@ static inline int rti_next(const rti_bound *b, int how, int at, real y, real mul
   return RTI_FREE;
 }
 
+/* Whether a row is held by a multiplier that pulls the wrong way. */
+static inline int rti_wrong(const rti_work *o, int row, int k)
+{
+  return (o->active[row][k] == RTI_AT_HIGH && o->a[row][k] <= 0) || (o->active[row][k] == RTI_AT_LOW && o->a[row][k] >= 0);
+}
+
 /* The next set with its weights and pushes, from the present point and multipliers. Gives the number of changes, and
  * how far what is to hold is from its bound, relative. */
 static int rti_choose(rti_work *o, const rti_settings *s, int how, real *gap)
@@ -62,12 +71,21 @@ static int rti_choose(rti_work *o, const rti_settings *s, int how, real *gap)
     memset(o->weight[row], 0, sizeof o->weight[row]);
     memset(o->push[row], 0, sizeof o->push[row]);
     if (!rti_priced(s, row)) continue;
+    int wrong = 0;
+    real least = 0; /* of the run of multipliers that pull the wrong way, the greatest but the last node's */
     for (int k = 0; k < RTI_N; ++k) {
       const real y = o->y[row][k], c = o->stiffness[row][k], residual = input ? o->residual[k][input ? row : 0] : 0;
       const real a = input ? -residual : o->a[row][k];
+      const int was_wrong = wrong;
+      wrong = !input && how == RTI_EXCHANGED && rti_wrong(o, row, k);
+      if (wrong && !was_wrong) {
+        least = 0;
+        for (int l = k; l < RTI_N && rti_wrong(o, row, l); ++l) least = rti_max(least, rti_abs(o->a[row][l]));
+      }
       bound.stiffness = c;
       bound.price = input ? RTI_FIXED : c > 0 ? linear : 0;
-      const int at = input && rti_fixed(s, row) ? RTI_AT_HIGH : rti_next(&bound, how, o->active[row][k], y, a);
+      int at = input && rti_fixed(s, row) ? RTI_AT_HIGH : rti_next(&bound, how, o->active[row][k], y, a);
+      if (wrong && rti_abs(a) < least) at = o->active[row][k];
       const real away = at == RTI_FREE ? 0 : y - (at > 0 ? bound.high : bound.low);
       const int holds = at == RTI_AT_HIGH || at == RTI_AT_LOW;
       changes += at != o->active[row][k];
@@ -97,10 +115,12 @@ static real rti_free_residual(const rti_work *o, const rti_settings *s)
   return worst;
 }
 
-/* From the present point and the rows' multipliers a; whether the optimality conditions are met in the end. */
+/* From the present point and the rows' multipliers a; whether the optimality conditions are met in the end, or if not
+ * (RTI_ROUNDED), whether the set is the right one and rounding is all that is left. */
 static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit, rti_report *report)
 {
   int before = RTI_ROWS * RTI_N;
+  real last = 0; /* error of the round before, if that changed nothing */
   for (int round = 0;; ++round) {
     real gap;
     memset(o->force, 0, sizeof o->force[0] * RTI_NU);
@@ -111,8 +131,10 @@ static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit
     report->kkt = rti_max(gap, residual);
     const real enough = (round == limit ? 100 : 1) * s->tolerance;
     if (round > 0 && changes == 0 && 100 * gap <= enough && residual <= enough + RTI_ROUNDING) return 1;
+    if (RTI_COARSE && changes == 0 && last > 0 && report->kkt > last / 2) return RTI_ROUNDED;
     if (round == limit || (round > 1 && changes > before && changes > RTI_MANY)) return 0;
     if (round > 0) before = changes;
+    last = round > 0 && changes == 0 ? report->kkt : 0;
     ++report->iterations;
     if (round > 0 && changes == 0) rti_resolve(o);
     else rti_factor(o);
@@ -144,4 +166,40 @@ static int rti_planned(rti_work *o, const rti_settings *s)
     }
   }
   return count > 0 && violated > 4;
+}
+
+/* Entry of the programme before that tells of an entry: the same, or that of the same instant. */
+static inline int rti_told_from(const rti_plan *plan, int k, int stays)
+{
+  return stays ? k : rti_lesser(k + (int)(plan->moved + RTI_R(0.5)), RTI_N - 1);
+}
+
+/* The set that the programme before tells, and its multipliers; whether that is anything. */
+static int rti_told(rti_work *o, const rti_plan *plan)
+{
+  int count = 0;
+  if (!rti_finite(plan->a[0], RTI_NC * RTI_N)) return 0;
+  for (int row = 0; row < RTI_ROWS; ++row)
+    for (int k = 0; k < RTI_N; ++k) {
+      const int from = rti_told_from(plan, k, plan->stays);
+      o->active[row][k] = plan->active[row][from];
+      count += o->active[row][k] != RTI_FREE;
+      if (row >= RTI_NU) o->a[row][k] = plan->a[row - RTI_NU][from];
+    }
+  return count > 0;
+}
+
+/* What the next programme is told, given what was told to this one: of the two ways, the one that said more of it. */
+static void rti_tell(const rti_work *o, const rti_plan *before, rti_plan *next)
+{
+  int changed = 0;
+  for (int i = 0; i < RTI_NC; ++i) memcpy(next->a[i], o->a[RTI_NU + i], sizeof next->a[i]);
+  for (int row = 0; row < RTI_ROWS; ++row) {
+    memcpy(next->active[row], o->active[row], sizeof next->active[row]);
+    for (int k = 0; k < RTI_N; ++k) {
+      const int is = o->active[row][k], moved = before->active[row][rti_told_from(before, k, 0)];
+      changed += (is != before->active[row][k]) - (is != moved);
+    }
+  }
+  next->stays = changed < 0 || (changed == 0 && before->stays);
 }
