@@ -178,6 +178,7 @@ def add_cost(report: Report, arguments: argparse.Namespace) -> None:
             "IPOPT, exact Hessian": converged(case, exact=True, steps=arguments.exact_steps),
             "one iteration, double": rti_loop(case)(keep=True),
             "one iteration, float": rti_loop(case, real="float")(keep=True),
+            "two iterations, double": rti_loop(case, iterations=2)(keep=True),
             "three iterations, double": rti_loop(case, iterations=3)(keep=True),
         }
         for label, run in runs.items():

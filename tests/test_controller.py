@@ -79,6 +79,27 @@ def test_a_command_is_that_of_the_real_time_iteration():
     assert command.u == pytest.approx(command.plan.u[0], abs=1e-12)
 
 
+@pytest.mark.parametrize(("first", "later"), [(1, 1), (2, 3)])
+def test_a_command_takes_as_many_linearisations_as_are_asked_for(first, later):
+    asked = {"start_iterations": first, "sqp_iterations": later}
+    control = Controller(swing_scene(controller=asked, **GIVEN), deadline=math.inf)
+    states = np.array([[0.3, 0.2, 0.5, -0.4], [0.1, 0.4, -0.3, 0.2], [-0.2, 0.3, 0.0, 0.1]])
+    iteration = RealTimeIteration(control.stages)
+    control.reset(u=[0.05])
+    u = [0.05]
+    for k, x in enumerate(states):
+        command = control.step(x, REFERENCE, applied=u)
+        whole = np.append(x, u)
+        if k:
+            iteration.shift()
+        else:
+            iteration.reset(whole, u, rollout=True)
+        for _ in range(later if k else first):
+            iteration.step(whole, REFERENCE)
+        assert command.plan.u == pytest.approx(iteration.plan[1], abs=1e-10)
+        u = command.u
+
+
 def bad(control, **wrong):
     """A step in which all is well but for what is named."""
     usual = {"measurement": given_state(control), "reference": REFERENCE, "p": control.stages.p_nominal}

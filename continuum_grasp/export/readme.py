@@ -10,6 +10,7 @@ from continuum_grasp.export.layer import kernels_of
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
+from continuum_grasp.scene.control import Controller
 
 __all__ = ["readme"]
 
@@ -121,12 +122,23 @@ def _kept(subject: Subject, parts: Sequence[Part], words: Mapping[str, str]) -> 
         "memory": _table(("memory", "bytes"), rows),
         "n": str(loop.stages.stages),
         "stage": f"{loop.stages.stage:g}",
-        "starts": str(loop.starts),
+        "iterations": _iterations(loop.scene.controller),
+        "interior": str(loop.scene.controller.iterations),
         "safe": loop.safe,
     }
     controlled = fill("control/controlled.md", more) if "mpc" in loop.parts else ""
     observed = fill("control/observed.md", more) if loop.estimation is not None else ""
     return fill("control/README.md", {**more, "controlled": controlled, "observed": observed})
+
+
+def _iterations(controller: Controller) -> str:
+    """How often a call linearises the problem."""
+    usual, first = controller.sqp_iterations, controller.start_iterations
+    return f"{_times(usual)} at the last plan, or {_times(first)} where there is none: at first, and after blindness"
+
+
+def _times(count: int) -> str:
+    return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
 _WASM = """

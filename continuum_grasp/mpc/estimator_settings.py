@@ -22,8 +22,6 @@ _LEAST_PATIENCE = 5
 """The same in measurements."""
 _RAMP = 0.5
 """Time in which the safe ramp crosses the whole range of an input [s]."""
-_STARTS = 5
-"""Real-time iterations of a plan from rest."""
 
 
 def delay_periods(scene: ControlScene) -> int:
@@ -110,7 +108,8 @@ def controller_fields(
         Field("p_max", ranges.p[:, 1]),
         Field("x_min", ranges.x[:, 0]),
         Field("x_max", ranges.x[:, 1]),
-        Field("starts", _STARTS, whole=True),
+        Field("sqp_iterations", asked.sqp_iterations, whole=True),
+        Field("start_iterations", asked.start_iterations, whole=True),
     ]
     if estimation is not None:
         fields += _nested("ekf", estimator_fields(scene, model, stages, estimation, ranges))

@@ -179,6 +179,11 @@ class Controller(Value):
     cost: Cost
     input: InputLimits = InputLimits()
     bounds: Bounds = Bounds()
+    sqp_iterations: Annotated[int, Field(ge=1, le=20)] = 1
+    """Linearisations of the problem per command. One is the real-time iteration; more come nearer to the optimum of a
+    strongly nonlinear problem, at so many times the price."""
+    start_iterations: Annotated[int, Field(ge=1, le=100)] = 5
+    """The same for a command that has no plan to go on from, such as the first one."""
     iterations: Annotated[int, Field(ge=1, le=100)] = 20
     """Greatest number of interior-point iterations per quadratic programme."""
     deadline: Positive | None = None

@@ -108,11 +108,6 @@ class Loop:
         return self.scene.controller.step
 
     @property
-    def starts(self) -> int:
-        """Real-time iterations of a plan from rest."""
-        return next(int(np.asarray(m.values)) for m in self.members if m.member == "starts")
-
-    @property
     def safe(self) -> str:
         """Where commands go when there is no plan."""
         return "the least tensions" if self.scene.finger.tendons is not None else "no moment"

@@ -140,12 +140,12 @@ static int controller_plan(controller_state *state, controller_work *work, const
   if (state->planned) {
     memcpy(&work->plan, &state->plan, sizeof work->plan);
     rti_shift(&work->plan, &o->rti, state->age);
-    planned = controller_iterate(work, o, in, 1, out);
+    planned = controller_iterate(work, o, in, o->sqp_iterations, out);
   }
   if (!planned) {
     rti_start(&work->plan, out->x, state->u);
     if (rti_rollout(&work->plan, &work->rti, &o->rti, out->x, out->p) < 0) rti_start(&work->plan, out->x, state->u);
-    planned = controller_iterate(work, o, in, o->starts, out);
+    planned = controller_iterate(work, o, in, o->start_iterations, out);
   }
   if (!planned) return 0;
   memcpy(&state->plan, &work->plan, sizeof state->plan);

@@ -90,7 +90,7 @@ typedef struct {
   real r_min[RTI_SIZE(RTI_NR)], r_max[RTI_SIZE(RTI_NR)];
   real p_min[RTI_SIZE(RTI_NP)], p_max[RTI_SIZE(RTI_NP)];
   real x_min[CONTROLLER_ND], x_max[CONTROLLER_ND];      /* of a measured state */
-  int starts;                 /* real-time iterations of a plan from rest */
+  int sqp_iterations, start_iterations;         /* of a plan that goes on, and of one from rest */
 } controller_settings;
 
 typedef struct {
