@@ -40,6 +40,8 @@ PEER = "sqpmethod + qrqp, custom_jacobian"
 """The reference of ratios: the fastest form that CasADi's users are shown."""
 WORTH = 0.9
 """Share of solved steps below which a solver is run once only."""
+ONCE_OR_TWICE = ("one iteration, double", "two iterations, double")
+"""Loops whose cost is compared with that of a converged one."""
 HORIZONS = (10, 20, 30, 50, 100)
 CONTROLLED = ("nitinol_moment", "tip_circle")
 """Shipped scenes whose controllers are called from Python."""
@@ -164,10 +166,6 @@ def add_dompc(report: Report, arguments: argparse.Namespace) -> None:
             for label in OURS[:2]:
                 times = float(np.median(us(runs["do-mpc"]) / us(runs[label])))
                 report.claim(f"arcs: do-mpc / {label}", times, ">=", 400.0)
-
-
-ONCE_OR_TWICE = ("one iteration, double", "two iterations, double")
-"""Loops whose cost is compared with that of a converged one."""
 
 
 def add_cost(report: Report, arguments: argparse.Namespace) -> None:
