@@ -64,6 +64,7 @@ def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
             "horizon": {"stages": stages, "stage": 0.01, "substeps": 2},
             "cost": {"bending": {"running": 100.0, "terminal": 10.0}, "effort": 0.1 if observed else 1e-3},
             "bounds": {"curvature": 9.0},
+            "start_iterations": 5 if observed else 1,
         },
         reference={
             "bending": {

@@ -30,7 +30,7 @@ MACHINES = pytest.mark.parametrize(
 )
 LOOPS = {("given", "double"): 1, ("observed", "float"): 2}
 """Functions of packages with a controller."""
-CONTROLLED = {("float", "cortex-m4f"): 230_920, ("double", "cortex-m7"): 264_480}
+CONTROLLED = {("float", "cortex-m4f"): 231_680, ("double", "cortex-m7"): 266_440}
 """Instructions of a call of a controller that goes on from a plan: 8 stages, two tensions, curvature bounded."""
 CONTROL_LIMITS = {"cortex-m4f": 568_000, "cortex-m7": 589_000}
 
@@ -83,9 +83,9 @@ def test_the_step_takes_no_more_instructions_than_it_did(real, target, tmp_path)
     assert most < LIMITS[target]
     if COMPILER in made["compiler"]:
         assert most <= 1.02 * COUNTED[real, target]
-    assert (
-        f"| step | {made['functions']['step']['least_instructions']} | {most} |" in (tmp_path / "README.md").read_text()
-    )
+    least, mean = (made["functions"]["step"][f"{which}_instructions"] for which in ("least", "mean"))
+    assert least <= mean <= most
+    assert f"| step | {least} | {mean} | {most} |" in (tmp_path / "README.md").read_text()
 
 
 @needs("arm-none-eabi-gcc", "cmake", "make")

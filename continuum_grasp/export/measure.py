@@ -18,7 +18,8 @@ __all__ = ["TOOLS", "measure"]
 TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")
 """Programs that measuring needs."""
 _TIMEOUT = 600.0
-_LINE = re.compile(r"^(\w+) (\d+) (\d+) (\d+)$", re.MULTILINE)
+_LINE = re.compile(r"^(\w+) (\d+) (\d+) (\d+) (\d+)$", re.MULTILINE)
+_COUNTED = ("least_instructions", "mean_instructions", "most_instructions", "stack_bytes")
 _SIZE = re.compile(r"^\s*(\d+)\s+(\d+)\s+(\d+)\s+\d+\s+\w+\s+(\w+)\.o$", re.MULTILINE)
 
 
@@ -54,8 +55,7 @@ def measure(files: Mapping[str, str], prefix: str, target: Target) -> dict[str, 
         "emulator": _version("qemu-system-arm"),
         "failures": int(failures[1]) if failures else -1,
         "functions": {
-            name: {"least_instructions": int(least), "most_instructions": int(most), "stack_bytes": int(stack)}
-            for name, least, most, stack in _LINE.findall(said)
+            name: dict(zip(_COUNTED, map(int, counts), strict=True)) for name, *counts in _LINE.findall(said)
         },
         "sizes": {
             f"{name}.o": {"text": int(text), "data": int(data), "bss": int(bss)}

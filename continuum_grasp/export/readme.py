@@ -164,14 +164,14 @@ def _measured(measured: Mapping[str, Any] | None) -> str:
     if measured is None:
         return (
             "Not measured for this package. `sh examples/baremetal/run.sh` prints the size of the code and, per "
-            "function, the least and the most instructions over the test vectors and the bytes of stack; "
+            "function, the least, mean and most instructions over the test vectors and the bytes of stack; "
             "`continuum-grasp export-c --measure` puts them here."
         )
     rows = [
-        (name, f"{v['least_instructions']}", f"{v['most_instructions']}", f"{v['stack_bytes']}")
+        (name, *(str(v[f"{which}_instructions"]) for which in ("least", "mean", "most")), str(v["stack_bytes"]))
         for name, v in measured["functions"].items()
     ]
-    table = _table(("function", "least instructions", "most instructions", "stack [bytes]"), rows)
+    table = _table(("function", "least instructions", "mean", "most", "stack [bytes]"), rows)
     sizes = _table(
         ("object", "code and constants [bytes]", "data", "bss"),
         [(name, str(v["text"]), str(v["data"]), str(v["bss"])) for name, v in measured["sizes"].items()],

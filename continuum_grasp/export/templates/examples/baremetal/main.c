@@ -1,5 +1,5 @@
 /* On the board: runs all test vectors, then says instructions and stack of each function over its vectors, one line
-   "NAME least most stack"; of a function that keeps something also "NAME_start ..." and "NAME_hard ...", see check.h. */
+   "NAME least mean most stack"; of a function that keeps something also "NAME_start ..." and "NAME_hard ...", see check.h. */
 #include "board.h"
 #include "check.h"
 
@@ -38,13 +38,16 @@ static void say(const char *text, uint32_t number)
 static void measure(int function, int kind)
 {
   static const char *const names[CHECK_KINDS] = {"", "_start", "_hard"};
-  uint32_t least = 0xFFFFFFFFu, most = 0, deepest = 0;
+  uint32_t least = 0xFFFFFFFFu, most = 0, deepest = 0, rows = 0;
+  uint64_t sum = 0;
   int row;
   for (row = 0; row < check_rows(function); ++row) { /* all of them: some follow on each other */
     const uint32_t count = instructions(function, row);
     if (check_kind(function, row) != kind) continue;
     if (count < least) least = count;
     if (count > most) most = count;
+    sum += count;
+    ++rows;
   }
   for (row = 0; row < check_rows(function); ++row) {
     const uint32_t used = stack(function, row);
@@ -54,6 +57,7 @@ static void measure(int function, int kind)
   board_say(check_name(function));
   board_say(names[kind]);
   say(" ", least);
+  say(" ", (uint32_t)(sum / rows));
   say(" ", most);
   say(" ", deepest);
   board_say("\n");
