@@ -81,7 +81,7 @@ class Counts:
     restored: int = 0
     seconds: float = 0.0
     memory: list[int] = field(default_factory=list)
-    """Resident memory after a tenth of the steps and at the end [bytes]."""
+    """Resident memory after half of the steps and at the end [bytes]."""
     examples: list[str] = field(default_factory=list)
 
     def fault(self, what: str, text: str) -> None:
@@ -257,7 +257,7 @@ class Soak:
         began = time.perf_counter()
         for k in range(steps):
             self.step()
-            if k + 1 in (steps // 10, steps):
+            if k + 1 in (steps // 2, steps):
                 self.counts.memory.append(_resident())
         self.counts.seconds = time.perf_counter() - began
         self._wrong_shapes()
@@ -306,7 +306,7 @@ def add(report: Report, found: dict[str, dict[str, Any]]) -> None:
     unseen = sum(sum(data["unseen"].values()) for data in found.values())
     report.claim(f"injected anomalies that no status shows, of {injected}", unseen, "<=", 0)
     growths = [(data["memory"][-1] - data["memory"][0]) / 1024.0 for data in found.values()]
-    report.claim("growth of memory over nine tenths of a run [KiB]", max(growths), "<=", 1024.0)
+    report.claim("growth of memory over the second half of a run [KiB]", max(growths), "<=", 1024.0)
     rows = []
     for (name, data), growth in zip(found.items(), growths, strict=True):
         statuses = [int(data["statuses"].get(s.name.lower(), 0)) for s in Status]
