@@ -96,7 +96,7 @@ def test_prediction_at_uneven_instants_is_the_simulated_path():
 def test_finer_truth_is_recovered_from_a_far_start():
     """Truth of four free clothoids; two matched ones are 0.3 % off in stiffness, and said to miss something."""
     start = [Estimate(name="youngs_modulus", start=110e9), Estimate(name="material_damping", start=0.0), "clamp_angle"]
-    fit = cg.identify(scene_of(0), paths(2, 0.0, (4, "clothoid")), parameters=start)
+    fit = cg.identify(scene_of(0), paths(2, 0.0, (4, "clothoid"), (0, 20)), parameters=start)
     assert fit["youngs_modulus"] == pytest.approx(TRUTH["stiffer"], rel=0.006)
     assert fit["material_damping"] == pytest.approx(TRUTH["damping"], rel=0.08)
     assert fit["clamp_angle"] == pytest.approx(TRUTH["turned"], abs=2e-3)
