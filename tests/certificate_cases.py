@@ -12,14 +12,8 @@ import numpy as np
 from scipy.optimize import linprog
 
 from continuum_grasp.scene.finger import BasePose, PointMass, Rod, Tendons
-from continuum_grasp.scene.grasp import (
-    GraspContacts,
-    GraspFinger,
-    GraspScene,
-    NoGravity,
-    OutOfPlaneGravity,
-    PlanarGravity,
-)
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, NoGravity, OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects import Box, Circle, Freedom, Union
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Line, Palm, Point, VGroove

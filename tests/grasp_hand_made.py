@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from continuum_grasp.scene.finger import BasePose, Rod, Tendons
-from continuum_grasp.scene.grasp import GraspContacts, GraspFinger, GraspScene, NoGravity
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, NoGravity
 from continuum_grasp.scene.objects import Circle
 
 LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005

@@ -6,14 +6,8 @@ import math
 from pathlib import Path
 
 from continuum_grasp.scene.finger import BasePose, PointMass, Rod, Tendons
-from continuum_grasp.scene.grasp import (
-    GraspContacts,
-    GraspFinger,
-    GraspScene,
-    NoGravity,
-    OutOfPlaneGravity,
-    PlanarGravity,
-)
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, NoGravity, OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects import Circle
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Palm

@@ -18,7 +18,8 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.grasp import Status, certify, optimize_grasp
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.finger import PointMass
-from continuum_grasp.scene.grasp import GraspContacts, GraspScene, GraspSolver
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import GraspContacts, GraspSolver
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.objects import Circle
 

@@ -13,14 +13,8 @@ import pytest
 
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.scene.finger import BasePose, Rod, Tendons
-from continuum_grasp.scene.grasp import (
-    GraspContacts,
-    GraspFinger,
-    GraspScene,
-    NoGravity,
-    OutOfPlaneGravity,
-    PlanarGravity,
-)
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, NoGravity, OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects import Box, Circle, Freedom, Polygon
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Palm, VGroove

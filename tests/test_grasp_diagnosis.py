@@ -10,7 +10,7 @@ from grasp_scenes import UPRIGHT, make_scene
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.grasp import Status, optimize_grasp
-from continuum_grasp.scene.grasp import GraspContacts, OutOfPlaneGravity
+from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity
 
 
 def middle_only(friction, gravity=UPRIGHT, family="arc", **changes):

@@ -15,7 +15,7 @@ from scipy.optimize import newton
 from continuum_grasp.cli import app
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.scene.finger import PointMass, Rod, Tendons
-from continuum_grasp.scene.grasp import GraspSolver
+from continuum_grasp.scene.grasp_options import GraspSolver
 from continuum_grasp.scene.objects import Circle
 from continuum_grasp.scene.supports import Palm
 

@@ -19,7 +19,7 @@ from continuum_grasp.grasp.quality.object_balance import greatest_mass, least_fr
 from continuum_grasp.grasp.quality.quality import grasp_quality
 from continuum_grasp.grasp.quality.wrench_space import WrenchSpace, wrench_space
 from continuum_grasp.results.plain import plain
-from continuum_grasp.scene.grasp import GraspContacts, OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity, PlanarGravity
 
 THIRDS = (0.0, 2 * math.pi / 3, 4 * math.pi / 3)
 DOWN = PlanarGravity(mode="planar", vector=(0.0, -9.81))

@@ -17,7 +17,8 @@ from continuum_grasp.grasp.quality.resistance import resistance, resistance_poly
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.quality.response_limits import difference_range
 from continuum_grasp.grasp.quality.rolling import Rolling, surface_curvature
-from continuum_grasp.scene.grasp import GraspContacts, GraspScene, NoGravity, OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import GraspContacts, NoGravity, OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects import Box, Circle, Ellipse
 from continuum_grasp.scene.parts import Part
 from continuum_grasp.scene.supports import Palm, Point

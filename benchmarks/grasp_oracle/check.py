@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from benchmarks.grasp_oracle.forces import basis
 from benchmarks.grasp_oracle.outline import Outline
 from benchmarks.grasp_oracle.rod import Section, section, trace
-from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
 __all__ = ["LIMITS", "residuals"]
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.grasp_oracle.outline import Outline
-from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
 __all__ = ["Hand", "Limits", "Numbers", "Rest"]
 

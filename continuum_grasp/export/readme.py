@@ -10,7 +10,7 @@ from continuum_grasp.export.layer import kernels_of
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
-from continuum_grasp.scene.control import Controller
+from continuum_grasp.scene.controller import Controller
 
 __all__ = ["readme"]
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.starts_found import start_from
-from continuum_grasp.scene.grasp import FingerSetup, GraspFinger, GraspScene
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp_options import GraspFinger
 from continuum_grasp.scene.simulate import Fidelity
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.programme.values import problem_values, tension_weight
 from continuum_grasp.grasp.search import Tried
-from continuum_grasp.scene.grasp import GraspFinger, GraspScene
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import GraspFinger
 
 __all__ = ["Sensitivity", "sensitivities"]
 

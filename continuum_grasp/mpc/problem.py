@@ -13,7 +13,8 @@ from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.stages import ABSENT, Stages
 from continuum_grasp.mpc.stiffness import fastest_rate
 from continuum_grasp.mpc.transcription import cost_function, step_function, terminal_function
-from continuum_grasp.scene.control import Bounds, ControlScene, DiscZone, HalfPlaneZone, Horizon, Penalty
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, Horizon, Penalty
 
 __all__ = ["stages_of"]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.plotting.axes import GREY, INK
 from continuum_grasp.plotting.grasp_view import MM, GraspView, turned
-from continuum_grasp.scene.grasp import OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

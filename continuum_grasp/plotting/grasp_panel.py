@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from continuum_grasp.plotting.axes import GREY, INK
 from continuum_grasp.plotting.grasp_view import GraspView
-from continuum_grasp.scene.grasp import OutOfPlaneGravity
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

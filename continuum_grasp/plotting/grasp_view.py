@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.plotting.axes import BLUE, GREEN, ORANGE
-from continuum_grasp.scene.grasp import GraspFinger, PlanarGravity
+from continuum_grasp.scene.grasp_options import GraspFinger, PlanarGravity
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.result import Contact, GraspResult

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from continuum_grasp._lazy import lazy_names
 
 _ROOMS = {
-    "continuum_grasp.scene.control": (
+    "continuum_grasp.scene.control": ("ControlScene",),
+    "continuum_grasp.scene.controller": (
         "Bounds",
-        "ControlScene",
         "Controller",
         "Cost",
         "DiscZone",
@@ -60,12 +60,12 @@ _ROOMS = {
         "Rod",
         "Tendons",
     ),
-    "continuum_grasp.scene.grasp": (
+    "continuum_grasp.scene.grasp": ("GraspScene",),
+    "continuum_grasp.scene.grasp_options": (
         "Disturbances",
         "FingerContacts",
         "GraspContacts",
         "GraspFinger",
-        "GraspScene",
         "GraspSolver",
         "NoGravity",
         "ObjectiveWeights",
@@ -96,18 +96,18 @@ _ROOMS = {
 __all__ = [name for names in _ROOMS.values() for name in names]
 
 if TYPE_CHECKING:
-    from continuum_grasp.scene.control import Bounds as Bounds
-    from continuum_grasp.scene.control import Controller as Controller
     from continuum_grasp.scene.control import ControlScene as ControlScene
-    from continuum_grasp.scene.control import Cost as Cost
-    from continuum_grasp.scene.control import DiscZone as DiscZone
-    from continuum_grasp.scene.control import ForceWeight as ForceWeight
-    from continuum_grasp.scene.control import HalfPlaneZone as HalfPlaneZone
-    from continuum_grasp.scene.control import Horizon as Horizon
-    from continuum_grasp.scene.control import InputLimits as InputLimits
-    from continuum_grasp.scene.control import Penalty as Penalty
-    from continuum_grasp.scene.control import ShapeWeight as ShapeWeight
-    from continuum_grasp.scene.control import Weight as Weight
+    from continuum_grasp.scene.controller import Bounds as Bounds
+    from continuum_grasp.scene.controller import Controller as Controller
+    from continuum_grasp.scene.controller import Cost as Cost
+    from continuum_grasp.scene.controller import DiscZone as DiscZone
+    from continuum_grasp.scene.controller import ForceWeight as ForceWeight
+    from continuum_grasp.scene.controller import HalfPlaneZone as HalfPlaneZone
+    from continuum_grasp.scene.controller import Horizon as Horizon
+    from continuum_grasp.scene.controller import InputLimits as InputLimits
+    from continuum_grasp.scene.controller import Penalty as Penalty
+    from continuum_grasp.scene.controller import ShapeWeight as ShapeWeight
+    from continuum_grasp.scene.controller import Weight as Weight
     from continuum_grasp.scene.estimator import BendingSensors as BendingSensors
     from continuum_grasp.scene.estimator import Disturbed as Disturbed
     from continuum_grasp.scene.estimator import Estimator as Estimator
@@ -119,16 +119,16 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.finger import PointMass as PointMass
     from continuum_grasp.scene.finger import Rod as Rod
     from continuum_grasp.scene.finger import Tendons as Tendons
-    from continuum_grasp.scene.grasp import Disturbances as Disturbances
-    from continuum_grasp.scene.grasp import FingerContacts as FingerContacts
-    from continuum_grasp.scene.grasp import GraspContacts as GraspContacts
-    from continuum_grasp.scene.grasp import GraspFinger as GraspFinger
     from continuum_grasp.scene.grasp import GraspScene as GraspScene
-    from continuum_grasp.scene.grasp import GraspSolver as GraspSolver
-    from continuum_grasp.scene.grasp import NoGravity as NoGravity
-    from continuum_grasp.scene.grasp import ObjectiveWeights as ObjectiveWeights
-    from continuum_grasp.scene.grasp import OutOfPlaneGravity as OutOfPlaneGravity
-    from continuum_grasp.scene.grasp import PlanarGravity as PlanarGravity
+    from continuum_grasp.scene.grasp_options import Disturbances as Disturbances
+    from continuum_grasp.scene.grasp_options import FingerContacts as FingerContacts
+    from continuum_grasp.scene.grasp_options import GraspContacts as GraspContacts
+    from continuum_grasp.scene.grasp_options import GraspFinger as GraspFinger
+    from continuum_grasp.scene.grasp_options import GraspSolver as GraspSolver
+    from continuum_grasp.scene.grasp_options import NoGravity as NoGravity
+    from continuum_grasp.scene.grasp_options import ObjectiveWeights as ObjectiveWeights
+    from continuum_grasp.scene.grasp_options import OutOfPlaneGravity as OutOfPlaneGravity
+    from continuum_grasp.scene.grasp_options import PlanarGravity as PlanarGravity
     from continuum_grasp.scene.loads import Actuation as Actuation
     from continuum_grasp.scene.loads import ForceLoad as ForceLoad
     from continuum_grasp.scene.loads import Load as Load

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from continuum_grasp.scene.control import Bounds, Horizon, InputLimits
+from continuum_grasp.scene.controller import Bounds, Horizon, InputLimits
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.plant import Plant

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from continuum_grasp.scene.control import Bounds, Cost, DiscZone, HalfPlaneZone, InputLimits, Penalty
+from continuum_grasp.scene.controller import Bounds, Cost, DiscZone, HalfPlaneZone, InputLimits, Penalty
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from continuum_grasp.grasp.programme.unit_finger import FingerMake
 from continuum_grasp.grasp.starts.starts import ContactStart
-from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
 __all__ = ["ContactMake", "ProblemMake"]
 

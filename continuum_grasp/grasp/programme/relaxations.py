@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from continuum_grasp.scene.grasp import GraspFinger, GraspScene, OutOfPlaneGravity
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity
 from continuum_grasp.scene.value import Value
 
 __all__ = ["RELAXATIONS", "Relaxation"]

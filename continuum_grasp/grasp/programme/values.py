@@ -15,7 +15,8 @@ from continuum_grasp.grasp.programme.relaxations import RELAXATIONS
 from continuum_grasp.grasp.programme.surface import SHARP, Feature, features, nearest_feature
 from continuum_grasp.grasp.programme.unit_finger import finger_numbers
 from continuum_grasp.grasp.starts.starts import ContactStart, Start
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene, PlanarGravity
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.objects import Freedom
 
 __all__ = ["Units", "contact_features", "problem_bounds", "problem_values", "tension_weight"]

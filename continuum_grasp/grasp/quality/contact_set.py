@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.scene.grasp import GraspScene, PlanarGravity
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import PlanarGravity
 
 __all__ = ["ContactSet", "object_part"]
 

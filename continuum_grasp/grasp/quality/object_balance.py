@@ -18,7 +18,8 @@ from continuum_grasp.errors import NumericalError
 from continuum_grasp.grasp.quality.conic_program import ROUNDS, Cones, solve_conic
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.grasp.quality.linear_program import solve_linear
-from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 __all__ = ["LeastFriction", "greatest_mass", "least_friction"]
 

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.quality.bent_finger import BentFinger
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.grasp.quality.rolling import Rolling, finger_rolling, support_rolling
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene, PlanarGravity
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp_options import PlanarGravity
 
 __all__ = ["Change", "GraspResponse"]
 

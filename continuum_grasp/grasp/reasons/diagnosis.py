@@ -10,7 +10,8 @@ from continuum_grasp.grasp.reasons.repairs import Repair, Repairs
 from continuum_grasp.grasp.result import Reason
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.starts import Start
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene, OutOfPlaneGravity
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.objects import Freedom
 
 __all__ = ["find_reasons", "out_of_reach"]

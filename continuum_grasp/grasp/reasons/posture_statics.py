@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.verification.recomputed import RecomputedContact, RecomputedGrasp, across
 from continuum_grasp.grasp.verification.recomputed_finger import FingerLoad, RecomputedFinger, gravity_vector
-from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 __all__ = ["PostureStatics"]
 

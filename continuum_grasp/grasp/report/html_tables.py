@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.grasp.report.html_text import details, table
-from continuum_grasp.scene.grasp import OutOfPlaneGravity
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult

@@ -18,7 +18,7 @@ from continuum_grasp.grasp.report.shown import (
     result_data,
 )
 from continuum_grasp.grasp.report.yaml_text import yaml_text
-from continuum_grasp.scene.grasp import OutOfPlaneGravity
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult

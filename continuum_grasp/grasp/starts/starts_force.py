@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.starts.scan_curves import curvature_at, sample
 from continuum_grasp.grasp.starts.starts_candidates import Candidates
 from continuum_grasp.grasp.starts.starts_values import ContactStart
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene, OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
 __all__ = ["Block", "Loads", "contact_forces", "finger_block", "imbalance", "loads_of", "support_block"]
 

@@ -25,7 +25,8 @@ from continuum_grasp.grasp.verification.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.verification.recomputed_finger import RecomputedFinger, gravity_vector
 from continuum_grasp.grasp.verification.stability import Stability, contact_stability
 from continuum_grasp.grasp.verification.stored import misfits, not_finite
-from continuum_grasp.scene.grasp import GraspScene, OutOfPlaneGravity
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.objects import Freedom
 
 __all__ = ["Certificate", "Check", "certify"]

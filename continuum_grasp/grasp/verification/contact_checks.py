@@ -9,7 +9,7 @@ import numpy as np
 
 from continuum_grasp.grasp.verification.check import GAP, LIMIT, Check, worst
 from continuum_grasp.grasp.verification.recomputed import RecomputedContact, RecomputedGrasp, known_contacts
-from continuum_grasp.scene.grasp import OutOfPlaneGravity
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.supports import Peg, Wall
 
 __all__ = ["contact_checks", "mode_check"]

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.verification.dense_rod import DenseRod
-from continuum_grasp.scene.grasp import FingerSetup, GraspGravity, PlanarGravity
+from continuum_grasp.scene.grasp import FingerSetup
+from continuum_grasp.scene.grasp_options import GraspGravity, PlanarGravity
 
 __all__ = ["FingerLoad", "RecomputedFinger", "gravity_vector"]
 

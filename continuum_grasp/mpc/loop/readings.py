@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from continuum_grasp.mpc.loop.plant_model import PlantModel
 from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.stages import Stages
-from continuum_grasp.scene.control import ControlScene, HalfPlaneZone, Zone
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.controller import HalfPlaneZone, Zone
 from continuum_grasp.simulation.contacts import ContactForces
 
 __all__ = ["Bound", "Readings"]

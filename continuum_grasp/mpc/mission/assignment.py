@@ -11,7 +11,8 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.result import FingerPosture, GraspResult
 from continuum_grasp.model import System
-from continuum_grasp.scene.control import Controller, ControlScene, Cost, ForceWeight, Weight
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.controller import Controller, Cost, ForceWeight, Weight
 from continuum_grasp.scene.finger import BasePose, Finger
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.mpc.prediction import Prediction
-from continuum_grasp.scene.control import Controller, ControlScene, Cost, Horizon, InputLimits
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.controller import Controller, Cost, Horizon, InputLimits
 from continuum_grasp.scene.estimator import Disturbed, Estimator, Measured
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.scene.reference import Reference

@@ -1,0 +1,199 @@
+"""What may be chosen of a grasp: contacts, gravity, objective, disturbances, solver."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.simulate import Fidelity
+from continuum_grasp.scene.supports import Switch
+from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2
+
+__all__ = [
+    "Aim",
+    "AnyFinger",
+    "Counts",
+    "Disturbances",
+    "FingerContacts",
+    "GraspContacts",
+    "GraspFinger",
+    "GraspGravity",
+    "GraspSolver",
+    "Middles",
+    "NoGravity",
+    "ObjectiveWeights",
+    "OutOfPlaneGravity",
+    "PlanarGravity",
+    "Range",
+]
+
+
+Middles = Switch | Annotated[tuple[Switch, ...], Field(strict=False, min_length=1, max_length=4)]
+Counts = Annotated[int, Field(ge=1)] | Annotated[tuple[int, ...], Field(strict=False, min_length=1, max_length=4)]
+Range = Annotated[tuple[Length, Length], Field(strict=False)]
+
+
+class FingerContacts(Value):
+    """Where one finger touches the object; what is not given is as in ``contacts``."""
+
+    friction: NonNegative | None = None
+    """Coulomb friction coefficient between this finger and the object [1]."""
+    normal_force_max: Positive | None = None
+    """Greatest normal force at any one contact of this finger [N]."""
+    middle: Middles | None = None
+    """As in ``contacts``."""
+    middle_after: Counts | None = None
+    """As in ``contacts``."""
+    middle_range: Range | None = None
+    """As in ``contacts``."""
+    tip: Switch | None = None
+    """As in ``contacts``."""
+
+
+class GraspContacts(Value):
+    """Where fingers touch the object, and what the touching surfaces bear."""
+
+    friction: NonNegative
+    """Coulomb friction coefficient between fingers and object [1]."""
+    normal_force_max: Positive
+    """Greatest normal force at any one contact, supports included [N]. With no such limit a wedged object needs no
+    friction at all."""
+    middle: Middles = "on"
+    """on: the finger touches the object, tangent to it, at a joint of two elements, whose position is found; auto:
+    where that is better; a list: several such contacts, from base to tip."""
+    middle_after: Counts | None = None
+    """Number of elements between base and middle contact, or a list of these; None: spread evenly."""
+    middle_range: Range | None = None
+    """Positions along the finger between which middle contacts are sought [m]; None: 5 % to 95 % of the
+    length."""
+    tip: Switch = "on"
+    """on: the rounded end of the finger touches the object; auto: where that is better."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> GraspContacts:
+        if self.middle_range is not None and self.middle_range[0] >= self.middle_range[1]:
+            raise ValueError(f"middle_range must increase, got {list(self.middle_range)}")
+        return self
+
+
+class GraspFinger(Finger):
+    """A finger with what is its own in a grasp."""
+
+    contacts: FingerContacts = FingerContacts()
+    """Where this finger touches, where it differs from the scene's ``contacts``."""
+    fidelity: Fidelity | None = None
+    """How finely this finger is modelled; None: as the scene says."""
+    tendons_used: Literal["both", "left", "right"] = "both"
+    """Which tendons there are: both (antagonists), only that on the finger's left (-X side, tendon 1), or only that
+    on its right (tendon 2)."""
+    base_free: Freedom | None = None
+    """Bounds within which the base's pose may be chosen; None: it is fixed."""
+
+    @model_validator(mode="after")
+    def _base_within_bounds(self) -> GraspFinger:
+        if self.base_free is not None:
+            self.base_free.check(*self.base.position, self.base.angle)
+        return self
+
+
+def _as_grasp_finger(value: Any) -> Any:
+    if isinstance(value, Finger) and not isinstance(value, GraspFinger):
+        return GraspFinger.model_construct(**{name: getattr(value, name) for name in Finger.model_fields})
+    return value
+
+
+AnyFinger = Annotated[GraspFinger, BeforeValidator(_as_grasp_finger)]
+
+
+class PlanarGravity(Value):
+    """Gravity in the plane of the fingers; the fingers' own weight acts too."""
+
+    mode: Literal["planar"]
+    vector: Vector2
+    """World gravity [m/s2]."""
+
+
+class OutOfPlaneGravity(Value):
+    """Gravity perpendicular to the plane: the object's weight is carried by friction.
+
+    The fingers are taken to be stiff out of their plane; their own weight does not bend them.
+    """
+
+    mode: Literal["out_of_plane"]
+    magnitude: Positive
+    """[m/s2]"""
+    tilt: Literal["balance", "ignore"] = "balance"
+    """balance: the friction forces that carry the weight must not tilt the object, all contacts being at the
+    height of its centre of mass; ignore: something else keeps it upright."""
+
+
+class NoGravity(Value):
+    """No weight at all."""
+
+    mode: Literal["none"]
+
+
+GraspGravity = Annotated[PlanarGravity | OutOfPlaneGravity | NoGravity, Field(discriminator="mode")]
+
+Aim = Literal["least_tension", "least_normal_force", "greatest_disturbance", "greatest_friction_margin"]
+
+
+class ObjectiveWeights(Value):
+    """A weighted sum; every term is divided by what it could be at most, so that the weights compare."""
+
+    least_tension: NonNegative = 0.0
+    """Weight of the sum of all tensions, per sum of the greatest tensions [1]."""
+    least_normal_force: NonNegative = 0.0
+    """Weight of the greatest normal force, per ``contacts.normal_force_max`` [1]."""
+    greatest_disturbance: NonNegative = 0.0
+    """Weight of the resisted disturbance, as a multiple of the wrenches given in ``disturbances`` [1]."""
+    greatest_friction_margin: NonNegative = 0.0
+    """Weight of the least friction margin [1]."""
+
+    @model_validator(mode="after")
+    def _some(self) -> ObjectiveWeights:
+        if not any(getattr(self, name) for name in type(self).model_fields):
+            raise ValueError("at least one weight must be positive")
+        return self
+
+
+class Disturbances(Value):
+    """Wrenches that the grasp should resist, one at a time, on top of the weight."""
+
+    wrenches: (
+        Annotated[
+            tuple[Annotated[tuple[Real, Real, Real], Field(strict=False)], ...],
+            Field(strict=False, min_length=1, max_length=24),
+        ]
+        | None
+    ) = None
+    """World force x, y [N] and moment about the centre of mass [N m]; None: forces of 1 N to both sides along both
+    axes, and moments of 1 N times ``torque_scale`` both ways."""
+    torque_scale: Extent | None = None
+    """Length that turns a force into the moment that counts as much [m]; None: the greatest distance of the object's
+    boundary from its centre of mass."""
+    tendons: Literal["retensioned", "locked"] = "retensioned"
+    """retensioned: the tensions are chosen anew for each disturbance, within their limits; locked: the drives hold
+    their position, so that a taut tendon keeps its length and its tension reacts."""
+
+
+class GraspSolver(Value):
+    """Options of the search."""
+
+    seeds: Annotated[int, Field(ge=1, le=1000)] = 8
+    """Most starts per set of contacts, of different shape, from a geometric scan and, beyond what that gives, at
+    random; fewer are used where they lead to the same grasp."""
+    random_seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of the random starts; equal seeds give equal results."""
+    time_limit: Positive = 60.0
+    """Time for the whole search, diagnosis included [s]."""
+    max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 200
+    """Iterations of one solver run."""
+    tolerance: Annotated[float, Field(ge=1e-15, le=1e-4)] = 1e-9
+    """Relative tolerance of the solver, on optimality and constraints."""
+    penetration_tolerance: Annotated[float, Field(ge=1e-12, le=1e-4)] = 1e-6
+    """Allowed penetration of the backbone's samples into object and supports, as a part of the finger's length.
+    Never zero: a finger that wraps the object would then leave the feasible set without an interior."""
