@@ -22,6 +22,7 @@ from continuum_grasp.mpc.source import iteration_source
 from continuum_grasp.mpc.stages import ABSENT, Stages
 from continuum_grasp.mpc.transcription import cost_function, step_function, terminal_function
 from tests.control_cases import rod_scene
+from tests.export_cases import loop_scene
 from tests.rti_cases import LOOSE, SIZES, disturb, random_stages
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
@@ -385,3 +386,20 @@ def test_settings_act_at_the_next_iteration():
     rti.settings.u_max = ABSENT
     rti.step(START, REFS)
     assert rti.plan[1].max() > 0.2
+
+
+@pytest.mark.parametrize("stages", [8, 20])
+@pytest.mark.parametrize("precision", ["double", "float"])
+def test_a_bound_that_holds_on_is_not_searched_for_again(precision, stages):
+    """A bend beyond the bound of the curvature, which then holds over the whole horizon in every programme."""
+    problem = stages_of(loop_scene(stages, observed=False))
+    iteration = RealTimeIteration(problem, precision=precision)
+    x, refs = np.zeros(problem.nx), np.array([-1.2, -0.6, 1.0, 1.0])
+    iteration.reset(x, problem.u_min)
+    for k in range(40):
+        report = iteration.step(x, refs)
+        assert report.iterations <= (12 if k == 0 else 5)
+        x = np.array(problem.step(x, iteration.plan[1][0], problem.p_nominal, problem.stage / 2)[0]).ravel()
+        x = np.array(problem.step(x, iteration.plan[1][0], problem.p_nominal, problem.stage / 2)[0]).ravel()
+        iteration.shift()
+    assert x[0] == pytest.approx(-9.0 * 0.09, abs=1e-3)  # greatest curvature [1/m] times an element's length
