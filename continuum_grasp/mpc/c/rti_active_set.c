@@ -10,7 +10,7 @@ enum { RTI_FREE = 0, RTI_AT_HIGH = 1, RTI_AT_LOW = -1, RTI_OVER_HIGH = 2, RTI_UN
 
 #define RTI_FIXED RTI_R(1e30)         /* weight of an input at its bound: as good as infinite, and harmless */
 #define RTI_ROUNDING (10000 * RTI_EPS) /* of a gradient, relative */
-#define RTI_ROUNDED 2
+#define RTI_ROUNDED 2                 /* the set is found, and only rounding left */
 #define RTI_MANY 8                    /* changes of a set that may be more than the round before */
 #ifdef RTI_SINGLE
 #define RTI_COARSE 1                  /* whether rounding may be all that is left; an interior point does no better then */
@@ -55,7 +55,17 @@ static inline int rti_next(const rti_bound *b, int how, int at, real y, real mul
 /* Whether a row is held by a multiplier that pulls the wrong way. */
 static inline int rti_wrong(const rti_work *o, int row, int k)
 {
-  return (o->active[row][k] == RTI_AT_HIGH && o->a[row][k] <= 0) || (o->active[row][k] == RTI_AT_LOW && o->a[row][k] >= 0);
+  const int at = o->active[row][k];
+  return (at == RTI_AT_HIGH && o->a[row][k] <= 0) || (at == RTI_AT_LOW && o->a[row][k] >= 0);
+}
+
+/* The greatest of the wrong multipliers that follow on each other from an entry on. Its entry alone is let go: where a
+ * state is held over many nodes, one entry too many makes the multipliers of all before it wrong. */
+static real rti_worst(const rti_work *o, int row, int from)
+{
+  real worst = 0;
+  for (int k = from; k < RTI_N && rti_wrong(o, row, k); ++k) worst = rti_max(worst, rti_abs(o->a[row][k]));
+  return worst;
 }
 
 /* The next set with its weights and pushes, from the present point and multipliers. Gives the number of changes, and
@@ -72,20 +82,17 @@ static int rti_choose(rti_work *o, const rti_settings *s, int how, real *gap)
     memset(o->push[row], 0, sizeof o->push[row]);
     if (!rti_priced(s, row)) continue;
     int wrong = 0;
-    real least = 0; /* of the run of multipliers that pull the wrong way, the greatest but the last node's */
+    real worst = 0;
     for (int k = 0; k < RTI_N; ++k) {
       const real y = o->y[row][k], c = o->stiffness[row][k], residual = input ? o->residual[k][input ? row : 0] : 0;
       const real a = input ? -residual : o->a[row][k];
-      const int was_wrong = wrong;
+      const int first = !wrong;
       wrong = !input && how == RTI_EXCHANGED && rti_wrong(o, row, k);
-      if (wrong && !was_wrong) {
-        least = 0;
-        for (int l = k; l < RTI_N && rti_wrong(o, row, l); ++l) least = rti_max(least, rti_abs(o->a[row][l]));
-      }
+      if (wrong && first) worst = rti_worst(o, row, k);
       bound.stiffness = c;
       bound.price = input ? RTI_FIXED : c > 0 ? linear : 0;
       int at = input && rti_fixed(s, row) ? RTI_AT_HIGH : rti_next(&bound, how, o->active[row][k], y, a);
-      if (wrong && rti_abs(a) < least) at = o->active[row][k];
+      if (wrong && rti_abs(a) < worst) at = o->active[row][k];
       const real away = at == RTI_FREE ? 0 : y - (at > 0 ? bound.high : bound.low);
       const int holds = at == RTI_AT_HIGH || at == RTI_AT_LOW;
       changes += at != o->active[row][k];
@@ -115,8 +122,8 @@ static real rti_free_residual(const rti_work *o, const rti_settings *s)
   return worst;
 }
 
-/* From the present point and the rows' multipliers a; whether the optimality conditions are met in the end, or if not
- * (RTI_ROUNDED), whether the set is the right one and rounding is all that is left. */
+/* From the present point and the rows' multipliers a; 1 if the optimality conditions are met in the end, RTI_ROUNDED, or
+ * 0. */
 static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit, rti_report *report)
 {
   int before = RTI_ROWS * RTI_N;
@@ -186,6 +193,7 @@ static int rti_told(rti_work *o, const rti_plan *plan)
       count += o->active[row][k] != RTI_FREE;
       if (row >= RTI_NU) o->a[row][k] = plan->a[row - RTI_NU][from];
     }
+  if (count == 0) memset(o->a, 0, sizeof o->a);
   return count > 0;
 }
 
