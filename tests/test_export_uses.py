@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shlex
 import shutil
@@ -15,6 +16,7 @@ from continuum_grasp.cli import app
 from continuum_grasp.core import Core
 from continuum_grasp.export.reals import REALS
 from continuum_grasp.model import FingerModel
+from continuum_grasp.mpc.controller import Controller
 from tests.export_cases import ROOT, STRICT, TENDONS, WARNINGS, needs, packages, run, scene  # noqa: F401
 
 PROJECT = ROOT / "examples/c_project"
@@ -98,6 +100,43 @@ def test_the_skeletons_are_c(name, packages, tmp_path):  # noqa: F811
     include = (f"-I{package / 'include'}", f"-I{stand_ins}")
     run("c++", "-std=c++17", "-Wall", "-Wextra", "-fsyntax-only", *include, package / "examples/ros2/src/node.cpp")
     run("cc", "-std=c99", "-Wall", "-Wextra", "-fsyntax-only", *include, package / "examples/simulink/sfun_finger.c")
+
+
+@needs("c++")
+@pytest.mark.parametrize(("name", "real"), [("observed", "float"), ("given", "double")])
+def test_the_skeletons_of_controllers_are_c(name, real, packages, tmp_path):  # noqa: F811
+    package = packages(name, real)
+    include = (f"-I{package / 'include'}", f"-I{ROOT / 'tests/stand_ins'}")
+    node, block = package / "examples/ros2_control/src/node.cpp", package / "examples/simulink/sfun_finger_control.c"
+    run("c++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", *include, node)
+    run("cc", "-std=c99", "-Wall", "-Wextra", "-Wno-unused-function", "-Werror", "-fsyntax-only", *include, block)
+    assert "project(finger_control_node " in (package / "examples/ros2_control/CMakeLists.txt").read_text()
+
+
+@needs("cc")
+@pytest.mark.parametrize(("name", "real"), [("observed", "float"), ("given", "double")])
+def test_the_control_loop_commands_as_python_does(name, real, packages, tmp_path):  # noqa: F811
+    """Line by line, some of which lack a number; the set-points are those of the beginning."""
+    package, control = packages(name, real), Controller(scene(name), precision=real, deadline=math.inf)
+    sources = [*(package / "src").glob("*.c"), package / "examples/control_loop.c"]
+    run("cc", *STRICT, *WARNINGS, "-O1", f"-I{package / 'include'}", *sources, "-o", tmp_path / "loop")
+    rng, size = np.random.default_rng(0), len(control.measurement_names)
+    measured = {"observed": [-0.02, 0.177, 1.0, 1.0], "given": [0.1, 0.1, 0.0, 0.0]}[name] + 1e-3 * rng.standard_normal(
+        (30, size)
+    )
+    measured[7, 1] = measured[12, :] = np.nan
+    lines = "\n".join(",".join("" if math.isnan(v) else f"{v:.9g}" for v in row) for row in measured)
+    (tmp_path / "measured.csv").write_text(lines + "\n")
+    head, rows = rows_of(run("sh", "-c", f"{tmp_path / 'loop'} < {tmp_path / 'measured.csv'}"))
+    assert head == "time [s],tension_1 [N],tension_2 [N],code,anomalies"
+    assert rows[:, 0] == pytest.approx(0.01 * np.arange(30))
+    assert rows[:, 1:3].max() > 1.5
+    wanted = np.zeros(control.stages.nr)
+    wanted[2:] = 1.0
+    for row, y in zip(rows, measured, strict=True):
+        command = control.step(y, np.tile(wanted, (control.stages.stages + 1, 1)))
+        assert row[1:3] == pytest.approx(command.u, abs=2e-3 if real == "float" else 1e-7)
+        assert int(row[4]) == int(command.anomaly)
 
 
 @needs("nvcc")

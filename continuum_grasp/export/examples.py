@@ -1,9 +1,10 @@
-"""Examples of a package: a plain loop, bare metal, a ROS 2 node, a Simulink block, a GPU."""
+"""Examples of a package: plain loops, bare metal, ROS 2 nodes, Simulink blocks, a GPU."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from continuum_grasp.export.control.examples import control_examples
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.targets import Target
@@ -19,18 +20,26 @@ _SHARE = 0.25
 
 
 def example_files(subject: Subject, parts: Sequence[Part], target: Target, words: dict[str, str]) -> dict[str, str]:
-    """Examples by path; those that step in time only where the package does."""
+    """Examples by path; those that step in time, and those that control, only where the package does."""
     words = {**words, "core": target.core or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")}
     found = {f"examples/baremetal/{name}": fill(f"examples/baremetal/{name}", words) for name in _BARE_METAL}
-    if not any(part.name == "step" for part in parts):
-        return found
-    words |= _words(subject)
+    names = {part.name for part in parts}
+    if "step" in names:
+        found |= _of_steps(subject, {**words, **_words(subject)})
+    if "mpc" in names and subject.loop is not None:
+        found |= control_examples(subject.loop, subject.prefix, subject.real, words)
+    return found
+
+
+def _of_steps(subject: Subject, words: dict[str, str]) -> dict[str, str]:
+    found = {}
     found["examples/loop.c"] = fill("examples/loop.c", words)
     found["tests/batch.c"] = fill("tests/batch.c", words)
     found["examples/cuda/batch.cu"] = fill("examples/cuda/batch.cu", words)
     found[f"examples/simulink/sfun_{subject.prefix}.c"] = fill("examples/simulink/sfun.c", words)
+    node = {**words, "node": f"{subject.prefix}_node"}
     for name in ("package.xml", "CMakeLists.txt", "src/node.cpp"):
-        found[f"examples/ros2/{name}"] = fill(f"examples/ros2/{name}", words)
+        found[f"examples/ros2/{name}"] = fill(f"examples/ros2/{name}", node)
     return found
 
 

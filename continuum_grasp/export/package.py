@@ -12,7 +12,7 @@ from typing import Any
 
 from continuum_grasp import __version__
 from continuum_grasp.export.accuracy import check_errors, rounding_errors
-from continuum_grasp.export.arguments import count_of, parts_of, prefix_of
+from continuum_grasp.export.arguments import count_of, parts_of, positive, prefix_of
 from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.check_program import check_source, vectors_source
 from continuum_grasp.export.control.kept import SIZES, UNKNOWN, kept_usage, kept_vectors
@@ -111,18 +111,20 @@ def export_c(
     SolverError
         If no model keeps the scene's tolerance, or the package failed on the emulated target.
     """
+    asked = positive(error, "error")
     aim = target_of(target)
     kind = real_of(aim.real(real))
     source = source_of(given, kind)
+    names = parts_of(what, source)
+    longest = positive(step, "step") if step is not None else source.step
     subject = Subject.of(
         source.model,
         prefix_of(prefix),
         kind,
         ranges or {},
-        step if step is not None else source.step,
+        longest if "step" in names else None,
         count_of(substeps),
     )
-    names = parts_of(what, source)
     if source.loop is not None:
         loop = Loop.of(source.loop, kind, [name for name in names if name in OF_LOOPS])
         subject = replace(subject, loop=loop)
@@ -133,7 +135,7 @@ def export_c(
         for seed, (narrow, true) in enumerate(zip(calls_of(parts), calls_of(wide), strict=True))
     }
     if errors:
-        check_errors(kind, errors, _ASKED_ERROR[kind.name] if error is None else error)
+        check_errors(kind, errors, _ASKED_ERROR[kind.name] if asked is None else asked)
     vectors = vectors_of(subject, calls_of(parts)) if calls_of(parts) else []
     words = _common_words(subject, parts, source)
     files = _library_files(subject, parts, words)

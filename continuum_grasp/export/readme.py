@@ -68,8 +68,7 @@ def readme(
         "expected": _expected(parts),
         "promise": _CHECKED if calls else "",
         "kept": _kept(subject, parts, words) if kept_of(parts) else "",
-        "loop": "- `examples/loop.c`: a plain loop that writes CSV.\n" if any(c.name == "step" for c in calls) else "",
-        "examples": _PYTHON.format(p=prefix) + (_EXAMPLES if any(c.name == "step" for c in calls) else ""),
+        "examples": _examples(prefix, {part.name for part in parts}),
         "stability": _stability(subject) if calls else "",
         "wasm": _WASM if wasm else "",
         "cases": str(sum(vectors.values())),
@@ -82,11 +81,22 @@ _CHECKED = """\
   its bits, so that `-ffast-math` does not drop the check. On an error outputs are left alone. Nothing is clamped.
 """
 _PYTHON = "- `examples/python/{p}.py`: the library by ctypes.\n"
-_EXAMPLES = """\
-- `examples/ros2`: a node that simulates the finger; `examples/simulink`: an S-function. Both are skeletons: they were
-  compiled against stand-ins of ROS 2 and Simulink, not run in them.
-- `examples/cuda/batch.cu`: many fingers on a GPU.
+_STEPPING = """\
+- `examples/loop.c`: a plain loop that writes CSV; `examples/cuda/batch.cu`: many fingers on a GPU.
+- `examples/ros2`: a node that simulates the finger; `examples/simulink/sfun_{p}.c`: the same as an S-function.
 """
+_CONTROLLING = """\
+- `examples/control_loop.c`: measurements come in line by line, commands go out as CSV.
+- `examples/ros2_control`: the controller as a node; `examples/simulink/sfun_{p}_control.c`: the same as an S-function.
+"""
+_SKELETONS = """\
+- Nodes and S-functions are skeletons: they were compiled against stand-ins of ROS 2 and Simulink, not run in them.
+"""
+
+
+def _examples(prefix: str, names: set[str]) -> str:
+    found = _PYTHON + _STEPPING * ("step" in names) + _CONTROLLING * ("mpc" in names)
+    return (found + _SKELETONS * bool({"step", "mpc"} & names)).format(p=prefix)
 
 
 def _stability(subject: Subject) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,9 @@ from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["Given", "Source", "source_of"]
+
+_MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
+"""What may mean something in a comment of C, in XML, CMake, pkg-config or Markdown."""
 
 Given = FingerModel | Scene | ControlScene | Controller | Estimator | str | os.PathLike[str]
 
@@ -83,5 +87,5 @@ def _of_loop(scene: ControlScene, real: Real) -> Source:
 
 def _names(scene: Scene | ControlScene) -> tuple[str, str]:
     """Title, and what the README says that it was made from."""
-    title = " ".join(scene.name.split()) if scene.name else "a continuum finger"
-    return title.replace("*/", ""), f"the scene '{title}'" if scene.name else "a scene without a name"
+    title = " ".join(_MEANT.sub(" ", scene.name or "").split())
+    return title or "a continuum finger", f"the scene '{title}'" if title else "a scene without a name"

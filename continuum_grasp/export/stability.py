@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import NumericalError
+from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.export.fields import Field
 from continuum_grasp.model import FingerModel
 
-__all__ = ["ACCURATE", "STABLE", "greatest_radius"]
+__all__ = ["ACCURATE", "MOST_SUBSTEPS", "STABLE", "check_step", "greatest_radius"]
 
 STABLE = 2.5
 """Greatest product of step and spectral radius that is taken; the method is stable up to about 2.7."""
 ACCURATE = 1.0
 """The same up to which the motion is followed as well as it is resolved."""
+MOST_SUBSTEPS = 1000
+"""Within one step."""
 _CORNERS = 32
 _BETWEEN = 32
 
@@ -50,6 +53,31 @@ def greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Seq
                 )
             radius = max(radius, float(np.abs(np.linalg.eigvals(jacobian)).max()))
     return radius
+
+
+def check_step(step: float, substeps: int, radius: float) -> None:
+    """Whether a step of so many sub-steps is stable.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
+    if step * radius <= STABLE * substeps:
+        return
+    needed = math.ceil(step * radius / STABLE)
+    if needed <= MOST_SUBSTEPS:
+        advice = f"needs {needed} sub-steps (substeps), or a model with fewer or longer elements"
+    else:
+        advice = (
+            f"would need {needed:.3g} sub-steps: with {MOST_SUBSTEPS} (substeps) steps up to "
+            f"{STABLE * MOST_SUBSTEPS / radius:.2g} s would do; take those, or a model with fewer or longer elements"
+        )
+    raise InputError(
+        f"steps of {step:g} s are too long: the fastest motion of this model changes at {radius:.4g} 1/s, so the "
+        f"Runge-Kutta method {advice}",
+        key="step",
+    )
 
 
 def _shapes(reach: Array, rng: np.random.Generator) -> Array:

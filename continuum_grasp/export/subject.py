@@ -20,7 +20,7 @@ from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Rows
 from continuum_grasp.export.ranges import force_fields, input_fields, parameter_fields, state_fields
 from continuum_grasp.export.reals import Real
-from continuum_grasp.export.stability import ACCURATE, STABLE, greatest_radius
+from continuum_grasp.export.stability import ACCURATE, STABLE, check_step, greatest_radius
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
 
@@ -82,13 +82,8 @@ class Subject:
         parameters, forces = parameter_fields(model, ranges), force_fields(model)
         states = state_fields(model, parameters)
         radius = greatest_radius(model, states, parameters)
-        if step is not None and step * radius > STABLE * substeps:
-            raise InputError(
-                f"steps of {step:g} s are too long: the fastest motion of this model changes at {radius:.4g} 1/s, so "
-                f"the Runge-Kutta method needs {math.ceil(step * radius / STABLE)} sub-steps (substeps), or a model "
-                "with fewer or longer elements",
-                key="step",
-            )
+        if step is not None:
+            check_step(step, substeps, radius)
         equations = Equations(model.structure)
         made = Subject(
             model=model,

@@ -39,3 +39,4 @@ void shutdown();
 
 void rclcpp_log(rclcpp::Logger logger, const char *format, ...);
 #define RCLCPP_ERROR(...) rclcpp_log(__VA_ARGS__)
+#define RCLCPP_WARN(...) rclcpp_log(__VA_ARGS__)

@@ -1,0 +1,69 @@
+/* Commands for measurements that come line by line: control_loop < measurements.csv > commands.csv
+ *
+ * A line is a period of <<period>> s: <<measured>>.
+ * What is no number was not measured. Set-points stay those with which the scene begins. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "<<p>>.h"
+
+#define MEASURED <<nm>>
+#define WANTED <<nr>>
+#define NODES <<nodes>>
+#define COMMANDED <<nu>>
+
+static const <<p>>_real wanted[WANTED] = {<<wanted>>}; /* <<wanted_names>> */
+static <<p>>_controller controller;
+static <<p>>_controller_work work;
+
+/* The numbers between the commas of a line. */
+static void read_line(const char *text, <<p>>_measurement *measurement)
+{
+  <<p>>_real numbers[MEASURED];
+  int k;
+  for (k = 0; k < MEASURED; ++k) {
+    char *end;
+    const double number = strtod(text, &end);
+    numbers[k] = (<<p>>_real)(end == text ? strtod("nan", NULL) : number);
+    text += strcspn(text, ",");
+    if (*text == ',') ++text;
+  }
+  memcpy(measurement, numbers, sizeof *measurement);
+}
+
+/* The same set-points for the whole horizon. */
+static void hold(<<p>>_reference *reference)
+{
+  <<p>>_real rows[WANTED][NODES];
+  int j, k;
+  for (j = 0; j < WANTED; ++j)
+    for (k = 0; k < NODES; ++k) rows[j][k] = wanted[j];
+  memcpy(reference, rows, sizeof *reference);
+}
+
+int main(void)
+{
+  char line[4096];
+  <<p>>_reference reference;
+  long period = 0;
+  int code = <<p>>_controller_init(&controller);
+  hold(&reference);
+  printf("time [s],<<command_head>>,code,anomalies\n");
+  while (code >= 0 && fgets(line, sizeof line, stdin)) {
+    <<p>>_measurement measurement;
+    <<p>>_command command;
+    <<p>>_diagnosis diagnosis;
+    <<p>>_real numbers[COMMANDED];
+    int k;
+    read_line(line, &measurement);
+    if ((code = <<p>>_mpc(&controller, &work, &measurement, &reference, &command)) < 0) break;
+    <<p>>_controller_diagnosis(&controller, &diagnosis);
+    memcpy(numbers, &command, sizeof numbers);
+    printf("%.6g", (double)period++ * <<period>>);
+    for (k = 0; k < COMMANDED; ++k) printf(",%.9g", (double)numbers[k]);
+    printf(",%d,%lu\n", code, (unsigned long)diagnosis.anomalies);
+  }
+  if (code < 0) fprintf(stderr, "%s\n", <<p>>_strerror(code));
+  return code < 0;
+}

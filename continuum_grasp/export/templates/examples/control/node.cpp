@@ -1,0 +1,85 @@
+// The controller as a ROS 2 node: takes ~/measurement (<<nm>> numbers, NaN: not measured) and ~/reference (<<nr>> numbers, which
+// hold for the whole horizon), publishes ~/command (<<nu>> numbers) every <<period>> s. The order of the numbers is that of the
+// structs in <<p>>.h. A measurement counts once: where none comes the controller is told so, and falls back in the end.
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <memory>
+
+#include <rclcpp/rclcpp.hpp>
+#include <std_msgs/msg/float64_multi_array.hpp>
+
+#include <<<p>>.h>
+
+class Node : public rclcpp::Node {
+ public:
+  using Numbers = std_msgs::msg::Float64MultiArray;
+
+  Node() : rclcpp::Node("<<p>>_control")
+  {
+    <<p>>_controller_init(&controller_);
+    measured_.fill(NAN);
+    published_ = create_publisher<Numbers>("~/command", 10);
+    measurements_ = create_subscription<Numbers>("~/measurement", 10, [this](const Numbers &message) {
+      take(message, measured_, "measurement");
+    });
+    references_ = create_subscription<Numbers>("~/reference", 10, [this](const Numbers &message) {
+      take(message, wanted_, "reference");
+    });
+    timer_ = create_wall_timer(std::chrono::duration<double>(<<period>>), [this] { step(); });
+  }
+
+ private:
+  template <class Array>
+  void take(const Numbers &message, Array &to, const char *name)
+  {
+    if (message.data.size() != to.size()) {
+      RCLCPP_ERROR(get_logger(), "%s: expected %zu numbers, got %zu", name, to.size(), message.data.size());
+      return;
+    }
+    for (std::size_t k = 0; k < to.size(); ++k) to[k] = static_cast<<<p>>_real>(message.data[k]);
+  }
+
+  void step()
+  {
+    <<p>>_measurement measurement;
+    <<p>>_reference reference;
+    <<p>>_command command;
+    <<p>>_real rows[<<nr>>][<<nodes>>];
+    for (std::size_t j = 0; j < wanted_.size(); ++j)
+      for (<<p>>_real &node : rows[j]) node = wanted_[j];
+    std::memcpy(&reference, rows, sizeof reference);
+    std::memcpy(&measurement, measured_.data(), sizeof measurement);
+    measured_.fill(NAN);
+    const int code = <<p>>_mpc(&controller_, &work_, &measurement, &reference, &command);
+    if (code != said_) {
+      if (code < 0) RCLCPP_ERROR(get_logger(), "%s", <<p>>_strerror(code));
+      if (code > 0) RCLCPP_WARN(get_logger(), "%s", <<p>>_strerror(code));
+      said_ = code;
+    }
+    if (code < 0) return; // what the drives do without a command is theirs to know
+    <<p>>_real numbers[<<nu>>];
+    std::memcpy(numbers, &command, sizeof command);
+    Numbers message;
+    message.data.assign(numbers, numbers + <<nu>>);
+    published_->publish(message);
+  }
+
+  <<p>>_controller controller_{};
+  <<p>>_controller_work work_{};
+  std::array<<<p>>_real, <<nm>>> measured_{};
+  std::array<<<p>>_real, <<nr>>> wanted_{<<wanted>>};
+  int said_ = 0;
+  rclcpp::Publisher<Numbers>::SharedPtr published_;
+  rclcpp::Subscription<Numbers>::SharedPtr measurements_, references_;
+  rclcpp::TimerBase::SharedPtr timer_;
+};
+
+int main(int count, char **words)
+{
+  rclcpp::init(count, words);
+  rclcpp::spin(std::make_shared<Node>());
+  rclcpp::shutdown();
+  return 0;
+}
