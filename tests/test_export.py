@@ -7,6 +7,7 @@ import json
 import os
 import re
 import sys
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -216,6 +217,20 @@ def test_sub_steps_are_steps():
     assert np.abs(found - at).max() <= 1e-14 * np.abs(at).max()
 
 
+@needs("cc")
+def test_a_name_means_nothing_to_a_language(tmp_path):
+    """What ends a comment, or is syntax of XML, pkg-config or CMake; letters of any script stay."""
+    name = "**// doigt <é> & /* `id` ${HOME} @PROJECT_NAME@ #1 ??/ \\"
+    export_c(scene("arcs").model_copy(update={"name": name}), tmp_path, what=["step"])
+    header = tmp_path / "include/finger.h"
+    run("cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-x", "c", "-fsyntax-only", header)
+    assert header.read_text().startswith("/* // doigt é / id HOME PROJECT_NAME 1 /\n")
+    package = ElementTree.parse(tmp_path / "examples/ros2/package.xml")
+    for said in (package.find("description").text, (tmp_path / "finger.pc.in").read_text()):
+        assert "doigt é / id HOME" in said
+    assert json.loads((tmp_path / "MANIFEST.json").read_text())["configuration"]["name"] == name
+
+
 # Refusals.
 
 
@@ -232,8 +247,19 @@ def test_sub_steps_are_steps():
         ({"prefix": "2f"}, "free C identifier"),
         ({"prefix": "double"}, "free C identifier"),
         ({"prefix": "Finger"}, "free C identifier"),
+        ({"prefix": "string"}, "no word, header"),
+        ({"prefix": "test"}, "no word, header"),
+        ({"prefix": "read"}, "no word, header"),
+        ({"prefix": "lambda"}, "no word, header"),
+        ({"prefix": "a__b"}, "single underscores between"),
+        ({"prefix": "finger_"}, "single underscores between"),
         ({"substeps": 0}, "whole number from 1 to 1000"),
         ({"step": 0.1}, r"needs \d+ sub-steps"),
+        ({"step": 1e4}, r"would need 1.86e\+06 sub-steps: with 1000"),
+        ({"step": 0.0}, "number above zero"),
+        ({"step": float("nan")}, "number above zero"),
+        ({"error": -1.0}, "number above zero"),
+        ({"error": float("nan")}, "number above zero"),
         ({"ranges": {"tip_mass": (0.0, 1.0)}}, "no run-time parameter"),
         ({"real": "float", "error": 1e-9}, "relative error of"),
         ({"measured": True}, "no emulated board"),
@@ -250,12 +276,21 @@ def test_what_cannot_be_made_is_refused(keywords, message, tmp_path):
     [
         ({"tip_mass": (0.01, 0.02)}, "leaves out the nominal value"),
         ({"tip_mass": (0.02, 0.01)}, "a least and a greatest value"),
+        ({"tip_mass": (-0.01, 0.01)}, "cannot be below zero"),
         ({"tip_mass": (0.0, float("inf"))}, "a least and a greatest value"),
     ],
 )
 def test_ranges_that_are_none_are_refused(ranges, message, tmp_path):
     with pytest.raises(InputError, match=message):
         export_c(scene("rubbing"), tmp_path, ranges=ranges)
+
+
+def test_a_step_does_not_matter_where_nothing_steps(tmp_path):
+    """A stiff scene may still be asked where its tip is."""
+    model = FingerModel(scene("tendons"))
+    with pytest.raises(InputError, match="are too long"):
+        export_c(model, tmp_path, what=["step"], step=1.0)
+    assert "tip" in export_c(model, tmp_path, what=["kinematics"], step=1.0).manifest["functions"]
 
 
 def test_a_parameter_of_zero_needs_its_range(tmp_path):

@@ -117,5 +117,7 @@ def _ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:
             least, most = (float(part) for part in pair.split(":"))
         except ValueError:
             raise InputError(f"--range: expected NAME=LEAST:MOST, got {word!r:.60}") from None
+        if name in found:
+            raise InputError(f"--range: {name} is given twice")
         found[name] = (least, most)
     return found

@@ -45,8 +45,8 @@ def prefix_of(given: Any) -> str:
     """
     if not isinstance(given, str) or not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", given) or given in _TAKEN:
         raise InputError(
-            "expected a free C identifier of small letters, digits and single underscores between them, that is no word, "
-            f"header, library or target of C, Python or CMake, got {given!r:.60}",
+            "expected a free C identifier of small letters, digits and single underscores between them, that is no "
+            f"word, header, library or target of C, Python or CMake, got {given!r:.60}",
             key="prefix",
         )
     return given

@@ -19,6 +19,9 @@ _USUAL_RATE = 10.0
 _SPREAD = 2.0
 """Factor up and down from its nominal value that a parameter may take where nothing is said."""
 
+_SIGNED = ("base_angle", "gravity", "rest_curvature")
+"""Parameters that may be below zero."""
+
 
 def parameter_fields(model: FingerModel, given: Mapping[str, Sequence[float]]) -> tuple[Field, ...]:
     """Entries of the parameters.
@@ -32,12 +35,14 @@ def parameter_fields(model: FingerModel, given: Mapping[str, Sequence[float]]) -
     Raises
     ------
     InputError
-        If a range is none, leaves out the nominal value, is for no parameter, or is missing where the nominal value
-        of zero tells nothing.
+        If a range is none, goes below zero where the parameter cannot, leaves out the nominal value, is for no
+        parameter, or is missing where the nominal value of zero tells nothing.
     """
     found = []
     for field, nominal in zip(_fields(model, model.p_names), model.p_nominal, strict=True):
         low, high = _given(field.name, given[field.name]) if field.name in given else _usual(field.name, nominal, model)
+        if low < 0.0 and not field.name.startswith(_SIGNED):
+            raise InputError(f"it cannot be below zero, got a range from {low:g}", key=f"ranges.{field.name}")
         if not low <= nominal <= high:
             message = f"range {low:g} to {high:g} leaves out the nominal value {nominal:g} {field.unit}"
             raise InputError(message, key=f"ranges.{field.name}")

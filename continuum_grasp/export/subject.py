@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core.precision import check_solvable
-from continuum_grasp.errors import InputError
 from continuum_grasp.export.codes import Code
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import Field, Struct
