@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 
 import casadi as ca
 import mpmath
@@ -11,6 +12,7 @@ import pytest
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.kernel import Kernel
+from continuum_grasp.export.manifest import FLAGS
 from continuum_grasp.export.reals import REALS
 from continuum_grasp.export.strict_math import twin
 from tests.export_cases import STRICT, needs, run
@@ -43,6 +45,19 @@ def in_c(kernel: Kernel, real, rows, folder):
     for row, result in zip(np.ascontiguousarray(rows, dtype=real.dtype), out, strict=True):
         function(row.ctypes.data_as(ctypes.c_void_p), result.ctypes.data_as(ctypes.c_void_p))
     return out
+
+
+@needs("gcc")
+def test_nothing_is_fused_in_vectors(tmp_path):
+    """By the flags of the manifest: -ffp-contract=off alone leaves gcc 12.2 a vfmaddsub in this kernel."""
+    if not run("gcc", "-dumpmachine").startswith("x86_64"):
+        pytest.skip("needs a compiler for x86-64")
+    x = ca.SX.sym("x", 6)
+    y = ca.vertcat(x[0] * x[2] - x[4], x[1] * x[3] + x[5])
+    kernel = Kernel("pair", ca.Function("pair", [x], [y], ["x"], ["y"]), "Two products.")
+    (tmp_path / "pair.c").write_text(HEADER.format(real="double") + kernel.c_source("k", REALS["double"]))
+    run("gcc", *FLAGS["strict"], *FLAGS["gcc"], "-O3", "-mavx2", "-mfma", "-S", "pair.c", cwd=tmp_path)
+    assert re.findall(r"\bvfn?m\w+", (tmp_path / "pair.s").read_text()) == []
 
 
 @pytest.mark.parametrize("real", REALS.values(), ids=REALS)

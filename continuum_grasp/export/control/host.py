@@ -21,7 +21,7 @@ __all__ = ["Host"]
 Array = NDArray[Any]
 
 _FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-fno-math-errno", "-shared", "-fPIC", "-w")
-_GCC = ("-fexcess-precision=fast",)
+_GCC = ("-fexcess-precision=fast", "-fno-tree-vectorize")
 _TIMEOUT = 600.0
 
 
