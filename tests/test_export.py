@@ -217,6 +217,20 @@ def test_sub_steps_are_steps():
     assert np.abs(found - at).max() <= 1e-14 * np.abs(at).max()
 
 
+def test_the_configuration_hash_tells_apart_what_computes_differently(tmp_path):
+    """Sub-steps, nominal values and ranges too, although the kernels are the same."""
+    model = scene("arcs").model_copy(update={"parameters": ("tip_mass",)})
+    tip = model.finger.masses[0]
+    heavier = model.finger.model_copy(update={"masses": (tip.model_copy(update={"mass": 1.5 * tip.mass}),)})
+    asked = [(model, {}), (model, {}), (model, {"substeps": 2}), (model, {"ranges": {"tip_mass": (0.0, 0.01)}})]
+    asked.append((model.model_copy(update={"finger": heavier}), {"ranges": {"tip_mass": (0.0, 0.01)}}))
+    hashes = [
+        export_c(given, tmp_path, what=["step"], **keywords).manifest["configuration_hash"] for given, keywords in asked
+    ]
+    assert hashes[0] == hashes[1]
+    assert len(set(hashes)) == 4
+
+
 @needs("cc")
 def test_a_name_means_nothing_to_a_language(tmp_path):
     """What ends a comment, or is syntax of XML, pkg-config or CMake; letters of any script stay."""

@@ -199,13 +199,15 @@ def _library_files(subject: Subject, parts: Sequence[Part], words: dict[str, str
     prefix = subject.prefix
     kernels = kernels_source(subject, parts, words)
     own = {path: text for part in parts for path, text in part.sources.items()}
-    computed = "".join([kernels, *(text for path, text in sorted(own.items()) if path.endswith(".c"))])
-    words["hash"] = hashlib.sha256(computed.encode()).hexdigest()[:16]
+    layer = layer_source(subject, parts, words)
+    computed = "".join([kernels, layer, *(text for path, text in sorted(own.items()) if path.endswith(".c"))])
+    counts = "".join(f"{name} {value}\n" for part in parts for name, value in part.constants.items())
+    words["hash"] = hashlib.sha256(f"{subject.real.name}\n{counts}{computed}".encode()).hexdigest()[:16]
     return {
         f"include/{prefix}.h": header(subject, parts, words),
         f"src/{prefix}_internal.h": internal_header(subject, parts, words),
         f"src/{prefix}_kernels.c": kernels,
-        f"src/{prefix}.c": layer_source(subject, parts, words),
+        f"src/{prefix}.c": layer,
         "tests/check.h": fill("tests/check.h", words),
         **own,
     }

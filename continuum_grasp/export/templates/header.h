@@ -26,7 +26,7 @@ extern "C" {
 
 #define <<P>>_VERSION "<<version>>"
 #define <<P>>_ABI <<abi>>                 /* of structs and functions; another one where any of them differs */
-#define <<P>>_CONFIGURATION "<<hash>>" /* of what is computed; equal where the numbers are */
+#define <<P>>_CONFIGURATION "<<hash>>" /* of all that is compiled: equations, constants, nominal values, ranges, sub-steps */
 
 typedef <<real>> <<p>>_real;
 
