@@ -217,6 +217,24 @@ def test_sub_steps_are_steps():
     assert np.abs(found - at).max() <= 1e-14 * np.abs(at).max()
 
 
+def test_an_earlier_package_is_replaced_and_nothing_else(tmp_path):
+    """No source of it stays behind; what its user wrote or changed does."""
+    export_c(scene("arcs"), tmp_path, what=["step"])
+    (tmp_path / "notes.txt").write_text("mine")
+    made = export_c(scene("arcs"), tmp_path, what=["kinematics"], prefix="tip")
+    found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert found == {*made.files, "notes.txt"}
+    board = tmp_path / "examples/baremetal/board.ld"
+    for changed in (board, tmp_path / "MANIFEST.json"):
+        before = changed.read_text()
+        changed.write_text("{}")
+        with pytest.raises(InputError, match="is not as an export left it"):
+            export_c(scene("arcs"), tmp_path, what=["step"], prefix="tip")
+        assert (changed.read_text(), (tmp_path / "README.md").stat().st_size > 1000) == ("{}", True)
+        changed.write_text(before)
+    assert not (tmp_path / "examples/loop.c").exists()
+
+
 def test_the_configuration_hash_tells_apart_what_computes_differently(tmp_path):
     """Sub-steps, nominal values and ranges too, although the kernels are the same."""
     model = scene("arcs").model_copy(update={"parameters": ("tip_mass",)})

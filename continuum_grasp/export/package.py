@@ -18,6 +18,7 @@ from continuum_grasp.export.check_program import check_source, vectors_source
 from continuum_grasp.export.control.kept import SIZES, UNKNOWN, kept_usage, kept_vectors
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.examples import example_files
+from continuum_grasp.export.folder import MANIFEST, write_package
 from continuum_grasp.export.header import abi_of, calls_of, header, kept_of
 from continuum_grasp.export.layer import internal_header, kernels_source, layer_source
 from continuum_grasp.export.manifest import manifest, manifest_text
@@ -76,7 +77,7 @@ def export_c(
     given : FingerModel, Scene, ControlScene, Controller, Estimator or path of a configuration
         What to export. Parameters that it names stay fields of a struct.
     folder : path-like
-        Where to; files of the same names are replaced.
+        Where to. An earlier package there is replaced; files that are none of its own, or were changed, are not.
     real : {"float", "double"}, optional
         What to compute in; that of the target where nothing is said.
     what : sequence of str
@@ -104,8 +105,8 @@ def export_c(
     Raises
     ------
     InputError
-        If an argument is wrong, the target does not compute in the type, the scene is too stiff for the step, or the
-        type cannot hold the asked error.
+        If an argument is wrong, the folder holds other files of the same names, the target does not compute in the
+        type, the scene is too stiff for the step, or the type cannot hold the asked error.
     NumericalError
         If the model is not finite within the ranges.
     SolverError
@@ -169,8 +170,8 @@ def export_c(
         measured=found,
         configuration=source.configuration,
     )
-    files["MANIFEST.json"] = manifest_text(values)
-    _write(target_folder, files)
+    files[MANIFEST] = manifest_text(values)
+    write_package(target_folder, files)
     return Package(target_folder, tuple(sorted(files)), values)
 
 
@@ -263,12 +264,3 @@ def _usage(subject: Subject, parts: Sequence[Part]) -> str:
         f"if (code < 0) report({prefix}_strerror(code));",
     ]
     return "\n".join(lines)
-
-
-def _write(folder: Path, files: Mapping[str, str]) -> None:
-    """Every file whole, the manifest last."""
-    from continuum_grasp.results.atomic import replacing
-
-    for name, text in files.items():
-        with replacing(folder / name) as path:
-            path.write_text(text, encoding="utf-8", newline="\n")
