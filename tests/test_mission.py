@@ -119,6 +119,24 @@ def test_the_table_sinks_and_every_pull_is_whole(table, assignment):
     assert all(np.abs(outside[name](calm)).max() < 1e-12 for name in names)
 
 
+@pytest.mark.parametrize("most", [60.0, 40.0])
+def test_what_is_held_is_held_with_most_of_the_grasps_tension(most, table, assignment):
+    """As far as the drive has it; before and after all limits are those of the drive."""
+    said = {}
+    stages = SimpleNamespace(
+        r_names=("tension_1 [N]",), weights=np.ones(1), stage=0.01, u_min=np.full(2, 1.0), u_max=np.full(2, most)
+    )
+    for phase in table.phases(stages):
+        if phase.begin is not None:
+            phase.begin(SimpleNamespace(change=lambda name=phase.name, **new: said.update({name: new})), None)
+    pulling = int(np.argmax(assignment.tensions))
+    least = min(0.85 * assignment.tensions[pulling], most)
+    assert said["lift"]["u_min"][pulling] == pytest.approx(least)
+    assert said["lift"]["u_max"][1 - pulling] == pytest.approx(assignment.rest[1 - pulling] + 3.0)
+    for name in ("approach", "release"):
+        assert (said[name]["u_min"].tolist(), said[name]["u_max"].tolist()) == ([1.0, 1.0], [most, most])
+
+
 # -- plants that differ -----------------------------------------------------------------------------------------------
 
 

@@ -106,8 +106,9 @@ class Timetable:
         weights = np.where(keep, stages.weights, 0.0)
         low, high = stages.u_min, stages.u_max
         if held:
-            low = np.maximum(low, np.where(self._of.tensions > self._of.rest + 1.0, _LEAST * self._of.tensions, low))
-            high = np.where(self._of.tensions > self._of.rest + 1.0, high, np.minimum(high, self._of.rest + _OPPOSED))
+            pulls = self._of.tensions > self._of.rest + 1.0
+            low = np.where(pulls, np.clip(_LEAST * self._of.tensions, low, high), low)
+            high = np.where(pulls, high, np.minimum(high, self._of.rest + _OPPOSED))
         return lambda controller, plant: controller.change(weights=weights, u_min=low, u_max=high)
 
     def _rows_since(self, start: float, stages: Stages) -> Callable[[Array], Array]:
