@@ -19,6 +19,7 @@ from continuum_grasp.export.reals import REALS
 from continuum_grasp.mpc.controller import Controller
 from continuum_grasp.mpc.estimator import Estimator
 from continuum_grasp.mpc.status import Status
+from continuum_grasp.scene.control import ControlScene
 from tests.control_cases import Reality
 from tests.export_cases import STRICT, WARNINGS, compile_program, needs, packages, run, scene, shared_library  # noqa: F401
 
@@ -346,3 +347,26 @@ def test_prototypes_are_told_from_types():
     kept, declared = without_prototypes(f"{types}{functions}#define A 1\n")
     assert kept == f"{types}#define A 1\n"
     assert declared == functions
+
+
+def test_the_error_of_a_controller_is_found_at_limits_that_round_and_refused(tmp_path):
+    """In single precision 0.2 is above itself: the reference in double must not refuse it, and so be zero."""
+    single = scene("given").finger.model_copy(update={"tendons": None})
+    given = ControlScene(
+        schema_version=1,
+        finger=single,
+        gravity=(0.0, 0.0),
+        fidelity={"family": "arc", "elements": 1},
+        controller={
+            "horizon": {"stages": 4, "stage": 0.01},
+            "cost": {"bending": 100.0, "effort": 0.1},
+            "input": {"moment_max": 0.2},
+            "bounds": {"curvature": None},
+        },
+        reference={"bending": (0.6,)},
+        duration=0.4,
+    )
+    found = export_c(given, tmp_path, real="float").manifest["functions"]["mpc"]["relative_error"]
+    assert 1e-9 < found < 1e-4
+    with pytest.raises(InputError, match="float gives mpc a relative error of"):
+        export_c(given, tmp_path, real="float", error=found / 3.0)

@@ -42,7 +42,7 @@ def check_errors(real: Real, errors: dict[str, float], asked: float) -> None:
     worst = max(errors, key=lambda name: errors[name])
     if errors[worst] > asked:
         raise InputError(
-            f"{real.name} gives {worst} a relative error of {errors[worst]:.1g} over the bending range, "
+            f"{real.name} gives {worst} a relative error of {errors[worst]:.1g} within the ranges, "
             f"{asked:.1g} was asked for: take real='double', or a smaller bending_range, or fewer elements",
             key="error",
         )

@@ -135,13 +135,15 @@ def export_c(
         narrow.name: rounding_errors(subject, narrow, true, seed)
         for seed, (narrow, true) in enumerate(zip(calls_of(parts), calls_of(wide), strict=True))
     }
+    limit = _ASKED_ERROR[kind.name] if asked is None else asked
     if errors:
-        check_errors(kind, errors, _ASKED_ERROR[kind.name] if asked is None else asked)
+        check_errors(kind, errors, limit)
     vectors = vectors_of(subject, calls_of(parts)) if calls_of(parts) else []
     words = _common_words(subject, parts, source)
     files = _library_files(subject, parts, words)
     if kept_of(parts):
         kept, more = kept_vectors(subject, parts, wide, files, words)
+        check_errors(kind, more, limit)
         vectors += kept
         errors |= more
         files = _library_files(subject, parts, words)

@@ -198,8 +198,13 @@ def estimator_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vector
     )
 
 
-def replayed(vectors: Vectors, host: Host, real: Real) -> Array:
-    """Outputs that another build gives for the same rows."""
-    return np.array(
-        [host.run(vectors.name, row.astype(real.dtype), vectors.outputs.shape[1])[1] for row in vectors.inputs]
-    )
+def replayed(loop: Loop, vectors: Vectors, host: Host, real: Real) -> tuple[Array, Array]:
+    """Codes and outputs that a wider build gives for the same rows.
+
+    Limits of the input, which rounding may have moved out of range, are those of the loop again.
+    """
+    rows = vectors.inputs.astype(real.dtype)
+    for limit in (*loop.stages.u_min, *loop.stages.u_max):
+        rows[vectors.inputs == vectors.inputs.dtype.type(limit)] = limit
+    codes, outputs = zip(*(host.run(vectors.name, row, vectors.outputs.shape[1]) for row in rows), strict=True)
+    return np.array(codes), np.array(outputs)
