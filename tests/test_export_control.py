@@ -14,6 +14,7 @@ import pytest
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
 from continuum_grasp.export.codes import Code
+from continuum_grasp.export.control.names import identifiers, unit_of
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
 from continuum_grasp.export.reals import REALS
 from continuum_grasp.mpc.controller import Controller
@@ -315,6 +316,13 @@ def test_parts_may_be_chosen(what, tmp_path):
 
 
 # The rewriting of C.
+
+
+def test_names_of_a_scene_become_identifiers():
+    """Of the basic character set, each once, whatever a zone is called; no unit ends a comment."""
+    names = ["wall 1", "wall-1", "Ünter */", "1", "", "x [*/ y]", "tip_x [m]", "rate [N m/s]", "k [1/m/s]"]
+    assert identifiers(names) == ["wall_1", "wall_1_2", "nter", "_1", "unnamed", "x", "tip_x", "rate", "k"]
+    assert [unit_of(name) for name in names] == ["1"] * 6 + ["m", "N m/s", "1/m/s"]
 
 
 def test_names_types_and_literals_are_those_of_the_package():

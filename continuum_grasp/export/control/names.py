@@ -19,8 +19,8 @@ def identifiers(labels: Iterable[str]) -> list[str]:
     """C identifiers of labels ``name [unit]``, each once."""
     found: list[str] = []
     for label in labels:
-        name = re.sub(r"\W+", "_", label.split(" [")[0]).strip("_")
-        name = f"_{name}" if name[:1].isdigit() else name
+        name = re.sub(r"\W+", "_", label.split(" [")[0], flags=re.ASCII).strip("_")
+        name = f"_{name}" if name[:1].isdigit() else name or "unnamed"
         count = 2
         unique = name
         while unique in found:
@@ -30,8 +30,9 @@ def identifiers(labels: Iterable[str]) -> list[str]:
 
 
 def unit_of(label: str) -> str:
-    """Unit of a label; 1 where it has none."""
-    return label.split(" [", 1)[1].removesuffix("]") if " [" in label else "1"
+    """Unit of a label; 1 where it has none, as names of a scene's zones do."""
+    found = re.search(r" \[([\w ]+(?:/[\w ]+)*)\]$", label, re.ASCII)
+    return found[1] if found else "1"
 
 
 def named_fields(labels: Sequence[str], ranges: Array | None = None, text: str = "") -> tuple[Field, ...]:
