@@ -73,6 +73,12 @@ def test_options_by_cmake(packages, tmp_path):  # noqa: F811
     assert "100% tests passed" in run("ctest", "--test-dir", tmp_path)
 
 
+@needs("cmake", "make", "cc")
+def test_lanes_are_for_packages_that_step(packages, tmp_path):  # noqa: F811
+    line = ("cmake", "-S", packages("given", "double"), "-B", tmp_path, "-DFINGER_BATCH=ON")
+    assert "FINGER_BATCH: this package has no step" in run(*line, expect=1)
+
+
 @needs("cc")
 @pytest.mark.parametrize(("name", "real"), [("tendons", "double"), ("contact", "double"), ("contact", "float")])
 def test_the_loop_moves_as_the_core_does(name, real, packages, tmp_path):  # noqa: F811
