@@ -22,6 +22,7 @@ from continuum_grasp.export.reals import REALS
 from continuum_grasp.export.stability import STABLE
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.load import load
 from tests.export_cases import ROOT, TENDONS, needs, packages, run, scene, shared_library, two_arcs  # noqa: F401
 
 NAMES = ("rubbing", "contact", "tendons")
@@ -215,6 +216,21 @@ def test_sub_steps_are_steps():
         at = PARTS["step"](one).calls[0].twin({**rows, "x": at, "h": np.array([[h / 4]])})[0]
     found = PARTS["step"](four).calls[0].twin({**rows, "x": x, "h": np.array([[h]])})[0]
     assert np.abs(found - at).max() <= 1e-14 * np.abs(at).max()
+
+
+@needs("cc")
+@pytest.mark.parametrize("what", [["step"], ["statics"], None])
+def test_the_ten_lines_of_the_readme_compile(what, tmp_path):
+    """And it says where an object of the scene is left out."""
+    given = load(ROOT / "configs/simulate/swing_against_disc.yaml", {"fidelity.family": "arc"})
+    export_c(given, tmp_path, what=what)
+    text = (tmp_path / "README.md").read_text()
+    include, *lines = re.search("```c\n(.*?)```", text, re.DOTALL)[1].strip().splitlines()
+    body = "\n".join(lines)
+    main = f"{include}\nextern void report(const char *text);\nint main(void) {{\n{body}\nreturn code;\n}}\n"
+    (tmp_path / "main.c").write_text(main)
+    run("cc", "-std=c99", "-Wall", "-Werror", "-fsyntax-only", f"-I{tmp_path / 'include'}", tmp_path / "main.c")
+    assert "The object of the scene is no part" in text
 
 
 def test_an_earlier_package_is_replaced_and_nothing_else(tmp_path):

@@ -82,6 +82,8 @@ def export_c(
             measured=measure,
         )
     made = package.manifest
+    if (made["configuration"].get("object") is not None) and not {"estimator", "mpc"}.issuperset(made["parts"]):
+        output.say("the object of the scene is no part of the model: what it presses with is given as forces")
     output.pairs(
         {
             "package": f"{folder} ({len(package.files)} files; start with README.md)",

@@ -160,6 +160,7 @@ def export_c(
         measured=found,
         source=source.name,
         wasm=aim.name == "wasm",
+        touching=source.touching,
     )
     values = manifest(
         subject,
@@ -255,7 +256,8 @@ def _usage(subject: Subject, parts: Sequence[Part]) -> str:
     if not calls_of(parts):
         return kept_usage(subject.prefix, kept_of(parts)[-1])
     prefix, call = subject.prefix, next((c for c in calls_of(parts) if c.name == "step"), calls_of(parts)[0])
-    lines = [f"{prefix}_{a.kind.name} {a.name} = {{0}};" for a in call.inputs if a.is_struct]
+    lines = [f"{prefix}_model model;"]
+    lines += [f"{prefix}_{a.kind.name} {a.name} = {{0}};" for a in call.inputs if a.is_struct]
     if call.output.kind.name != "state":
         lines.append(f"{prefix}_{call.output.kind.name} {call.output.name};")
     numbers = [f"&{a.name}" if a.is_struct else f"{subject.accurate_step:g}" for a in call.inputs]

@@ -25,6 +25,7 @@ def readme(
     measured: Mapping[str, Any] | None,
     source: str,
     wasm: bool,
+    touching: bool,
 ) -> str:
     """The text."""
     prefix, model = subject.prefix, subject.model
@@ -69,7 +70,7 @@ def readme(
         "promise": _CHECKED if calls else "",
         "kept": _kept(subject, parts, words) if kept_of(parts) else "",
         "examples": _examples(prefix, {part.name for part in parts}),
-        "stability": _stability(subject) if calls else "",
+        "stability": (_stability(subject) if calls else "") + (_OBJECT if calls and touching else ""),
         "wasm": _WASM if wasm else "",
         "cases": str(sum(vectors.values())),
     }
@@ -79,6 +80,11 @@ def readme(
 _CHECKED = """\
 - Every number that comes in is checked for NaN, infinity and range, every one that goes out for NaN and infinity, by
   its bits, so that `-ffast-math` does not drop the check. On an error outputs are left alone. Nothing is clamped.
+"""
+_OBJECT = """
+
+The object of the scene is no part of the functions that take the model: what it presses with is given to them as
+forces.
 """
 _PYTHON = "- `examples/python/{p}.py`: the library by ctypes.\n"
 _STEPPING = """\
