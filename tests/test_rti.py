@@ -21,7 +21,8 @@ from continuum_grasp.mpc.rti import STATUS, RealTimeIteration
 from continuum_grasp.mpc.source import iteration_source
 from continuum_grasp.mpc.stages import ABSENT, Stages
 from continuum_grasp.mpc.transcription import cost_function, step_function, terminal_function
-from tests.control_cases import rod_scene
+from continuum_grasp.scene import Fidelity
+from tests.control_cases import hand_scene, rod_scene
 from tests.export_cases import loop_scene
 from tests.rti_cases import LOOSE, SIZES, disturb, random_stages
 
@@ -169,6 +170,21 @@ def test_lanes_change_nothing_but_rounding():
         rti.step(START, REFS)
         plans.append(np.r_[rti.plan[0].ravel(), rti.plan[1].ravel()])
     np.testing.assert_allclose(*plans, atol=1e-9)
+
+
+@pytest.mark.parametrize("substeps", [1, 3])
+def test_products_over_what_differs_from_zero_are_those_of_loops(substeps):
+    """Drives with lag and limited rates: many entries of the Jacobian are zero, some states are read by none."""
+    problem = replace(stages_of(hand_scene(fidelity=Fidelity(family="arc", elements=2))), substeps=substeps)
+    plans = []
+    for lanes in (False, True):
+        rti = RealTimeIteration(problem, lanes=lanes)
+        assert ("RTI_CARRIED 1" in iteration_source(problem, lanes=lanes)) is not lanes
+        rti.reset(np.zeros(problem.nx), problem.u_min)
+        for _ in range(4):
+            rti.step(np.full(problem.nx, 0.1), np.full(problem.nr, 0.05))
+        plans.append(np.concatenate([part.ravel() for part in (*rti.plan, *(rti.qp()[name] for name in "AB"))]))
+    np.testing.assert_allclose(plans[0], plans[1], rtol=1e-6, atol=1e-8 * np.abs(plans[1]).max())
 
 
 # ---- the plan ----

@@ -10,15 +10,15 @@ import casadi as ca
 from continuum_grasp.core.lanes import lane_function, lane_prelude
 from continuum_grasp.core.precision import single
 from continuum_grasp.errors import InputError
+from continuum_grasp.mpc.products import jacobian_products
 from continuum_grasp.mpc.stages import Stages
 
 __all__ = [
-    "ITERATION",
     "PROBLEM",
     "dimensions",
+    "iteration_bodies",
     "iteration_source",
     "library_source",
-    "row_functions",
     "stage_functions",
     "template",
 ]
@@ -26,8 +26,8 @@ __all__ = [
 _BODY = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)
 """Name and body of a function in what CasADi writes."""
 
-ITERATION = ("rti_basis.c", "rti_linearise.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c")
-"""Templates behind the header, in their order."""
+_ITERATION = ("rti_linearise.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c")
+"""Templates behind the basis and what is written for a problem, in their order."""
 
 PROBLEM = ("x", "u", "M", "defect", "l", "g", "H", "c", "C")
 """Members of the workspace that say which quadratic programme is solved."""
@@ -61,8 +61,14 @@ def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True
     vector = _lanes(stages, real) if lanes else ""
     functions = stage_functions(stages, real, vector=bool(vector))
     width = f"#define RTI_W {-(-(stages.nx + stages.nu) // 4) * 4}" if lanes else ""
-    parts = [dimensions(stages, real), width, functions, vector, template("rti.h"), row_functions(stages)]
-    return "\n".join([*parts, *[template(name) for name in ITERATION]])
+    parts = [dimensions(stages, real), width, functions, vector, template("rti.h")]
+    return "\n".join([*parts, *iteration_bodies(stages, lanes=lanes)])
+
+
+def iteration_bodies(stages: Stages, *, lanes: bool) -> list[str]:
+    """C behind the header."""
+    own = [_row_functions(stages), "" if lanes else jacobian_products(stages)]
+    return [template("rti_basis.c"), *own, *(template(name) for name in _ITERATION)]
 
 
 def library_source(stages: Stages, *, real: str = "double", lanes: bool = True) -> str:
@@ -147,7 +153,7 @@ def _lanes(stages: Stages, real: str) -> str:
     return "\n".join([lane_prelude(real), *functions, "#define RTI_VECTOR\n"])
 
 
-def row_functions(stages: Stages) -> str:
+def _row_functions(stages: Stages) -> str:
     """What the template needs of the rows' Jacobian, over the entries that can differ from zero."""
     nc = stages.nc
     entries = _pattern(stages)

@@ -16,7 +16,7 @@ from continuum_grasp.export.reals import Real
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 from continuum_grasp.mpc.controller_source import Field as Member
-from continuum_grasp.mpc.source import ITERATION, dimensions, row_functions, template
+from continuum_grasp.mpc.source import dimensions, iteration_bodies, template
 
 __all__ = ["control_sources"]
 
@@ -134,7 +134,7 @@ class _Writer:
     def bodies(self) -> str:
         texts = [template("checks.h")]
         if self.mpc:
-            texts += [row_functions(self.loop.stages), *(template(name) for name in ITERATION)]
+            texts += iteration_bodies(self.loop.stages, lanes=False)
         texts += [template("ekf.c")] if self.filter else []
         texts += [template("controller.c")] if self.mpc else []
         return self.renamed(without("RTI_VECTOR", "\n".join(texts)))

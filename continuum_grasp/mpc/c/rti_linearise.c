@@ -41,6 +41,24 @@ static inline void rti_spread(const real *from, int count, rti_wide *to)
     for (int l = 0; l < RTI_WIDE; ++l) RTI_AT(to[j], l) = from[j];
 }
 
+#ifndef RTI_CHAINED /* where it is not written out for a problem */
+/* M = A M + [0 B], all by columns */
+static inline void rti_chain(rti_wide (*A)[RTI_NX], rti_wide (*B)[RTI_NX], rti_wide (*M)[RTI_NX])
+{
+  for (int j = 0; j < RTI_NZ; ++j) {
+    rti_wide column[RTI_NX];
+    for (int r = 0; r < RTI_NX; ++r) {
+      rti_wide sum = A[0][r] * M[j][0];
+      for (int q = 1; q < RTI_NX; ++q) sum += A[q][r] * M[j][q];
+      column[r] = sum;
+    }
+    memcpy(M[j], column, sizeof column);
+  }
+  for (int j = 0; j < RTI_NU; ++j)
+    for (int r = 0; r < RTI_NX; ++r) M[RTI_NX + j][r] += B[j][r];
+}
+#endif
+
 /* End of a stage and its derivatives by the state and the input, by columns. */
 static inline void rti_stage(int substeps, rti_wide *x, const rti_wide *u, const rti_wide *p, const rti_wide *h,
     rti_wide M[RTI_NZ][RTI_NX])
@@ -50,17 +68,7 @@ static inline void rti_stage(int substeps, rti_wide *x, const rti_wide *u, const
   for (int i = 1; i < substeps; ++i) {
     memcpy(x, next, sizeof next);
     rti_wide_step(x, u, p, h, next, A[0], B[0]);
-    for (int j = 0; j < RTI_NZ; ++j) {
-      rti_wide column[RTI_NX];
-      for (int r = 0; r < RTI_NX; ++r) {
-        rti_wide sum = A[0][r] * M[j][0];
-        for (int q = 1; q < RTI_NX; ++q) sum += A[q][r] * M[j][q];
-        column[r] = sum;
-      }
-      memcpy(M[j], column, sizeof column);
-    }
-    for (int j = 0; j < RTI_NU; ++j)
-      for (int r = 0; r < RTI_NX; ++r) M[RTI_NX + j][r] += B[j][r];
+    rti_chain(A, B, M);
   }
   memcpy(x, next, sizeof next);
 }

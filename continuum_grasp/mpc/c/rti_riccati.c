@@ -7,6 +7,7 @@
  *   rti_row_hessian(C, W, G)      G += C' diag(W) C
  */
 
+#ifndef RTI_CARRIED /* where it is not written out for a problem */
 /* G += M' P M */
 static inline void rti_carry(real (*G)[RTI_W], real (*P)[RTI_W], real (*M)[RTI_W])
 {
@@ -26,6 +27,7 @@ static inline void rti_carry(real (*G)[RTI_W], real (*P)[RTI_W], real (*M)[RTI_W
     memcpy(G[j], row, sizeof row);
   }
 }
+#endif
 
 /* q += M' p */
 static inline void rti_pull(real q[RTI_W], real (*M)[RTI_W], const real p[RTI_NX])
