@@ -1,8 +1,8 @@
 """What C packages cost on emulated microcontrollers: instructions, code, stack and memory.
 
 Run ``python -m benchmarks.bench_embedded`` in the root of the repository (1 min; gcc-arm-none-eabi, qemu-system-arm).
-Steps and controllers of the tests, and the controller of docs/embedded.md, are exported, and run their test vectors on a
-Cortex-M4F in float and a Cortex-M7 in double. The limits are what trials of other formulations took.
+Steps and controllers of the tests, and the controller of docs/embedded.md, are exported, and run their test vectors on
+a Cortex-M4F in float and a Cortex-M7 in double. The limits are what trials of other formulations took.
 """
 
 from __future__ import annotations
