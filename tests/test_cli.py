@@ -245,3 +245,22 @@ def test_codegen_lists_its_files(tmp_path):
     lines = run("codegen", RELEASE, "--out", str(tmp_path / "c")).stdout.splitlines()
     assert sorted(lines) == sorted(str(path) for path in (tmp_path / "c").iterdir())
     assert {Path(line).name for line in lines} == {"finger.c", "finger.h", "main.c"}
+
+
+KINDS = {
+    "simulate": ("hanging.yaml", "a scene without an object"),
+    "grasp": ("mug.yaml", "a grasp"),
+    "mpc": ("pulse.yaml", "a closed loop"),
+    "mission": ("mug.yaml", "a mission"),
+    "plan": ("tip_to_point.yaml", "a plan"),
+    "sweep": ("finger_design.yaml", "a sweep"),
+}
+TAKES = {"simulate": ["simulate"], "grasp": ["grasp"], "plan": ["plan"], "mpc": ["mpc", "mission"]}
+
+
+@pytest.mark.parametrize(("command", "kind"), [(c, k) for c in TAKES for k in KINDS if k not in TAKES[c]])
+def test_a_file_of_another_kind_is_told_with_its_own_command(command, kind):
+    name, called = KINDS[kind]
+    result = run(command, str(Path(__file__).parents[1] / "configs" / kind / name))
+    assert result.exit_code == 2
+    assert f"got {called} (continuum-grasp {'mpc' if kind == 'mission' else kind})" in result.stderr

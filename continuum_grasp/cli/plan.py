@@ -74,13 +74,13 @@ def plan(
 
 
 def _scene(config: Path, changes: Iterable[str] | None) -> PlanScene:
-    from continuum_grasp.errors import InputError
+    from continuum_grasp.cli.scenes import other_kind
     from continuum_grasp.scene.load import load
     from continuum_grasp.scene.plan import PlanScene
 
     scene = load(config, changes or ())
     if not isinstance(scene, PlanScene):
-        raise InputError(f"expected a plan (finger, goal, ...), got a {type(scene).__name__}", file=str(config))
+        raise other_kind(config, "a plan (finger, goal, ...)", scene)
     return scene
 
 

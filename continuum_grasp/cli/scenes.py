@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.grasp import GraspScene
     from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["grasp_scene", "plain_scene", "simulation_scene"]
+__all__ = ["grasp_scene", "other_kind", "plain_scene", "simulation_scene"]
 
 
 def simulation_scene(
@@ -53,7 +53,7 @@ def plain_scene(config: Path, changes: Iterable[str] | None) -> Scene:
     loaded = load(config, changes or ())
     if isinstance(loaded, Scene):
         return loaded
-    raise _other_kind(config, "a scene (finger, gravity, ...)", loaded)
+    raise other_kind(config, "a scene (finger, gravity, ...)", loaded)
 
 
 def grasp_scene(config: Path, changes: Iterable[str] | None) -> GraspScene:
@@ -70,15 +70,26 @@ def grasp_scene(config: Path, changes: Iterable[str] | None) -> GraspScene:
     loaded = load(config, changes or ())
     if isinstance(loaded, GraspScene):
         return loaded
-    raise _other_kind(config, "a grasp (finger, object, ...)", loaded)
+    raise other_kind(config, "a grasp (finger, object, ...)", loaded)
 
 
-def _other_kind(config: Path, wanted: str, loaded: object) -> InputError:
-    got = {
-        "Scene": "a scene without an object",
-        "IdentifyScene": "an identification",
-        "GraspScene": "a grasp",
-        "Sweep": "a sweep",
-        "Finger": "a finger alone",
-    }
-    return InputError(f"expected {wanted}, got {got[type(loaded).__name__]}", file=str(config))
+def other_kind(config: Path, wanted: str, loaded: object) -> InputError:
+    """That a file is of another kind than a command takes, and which command takes it."""
+    from continuum_grasp.scene.load import kind_of_scene
+
+    got, command = _KINDS[kind_of_scene(loaded)]  # type: ignore[arg-type]
+    advice = f" (continuum-grasp {command})" if command else ""
+    return InputError(f"expected {wanted}, got {got}{advice}", file=str(config))
+
+
+_KINDS = {
+    "simulate": ("a scene without an object", "simulate"),
+    "identify": ("an identification", "identify"),
+    "grasp": ("a grasp", "grasp"),
+    "mpc": ("a closed loop", "mpc"),
+    "mission": ("a mission", "mpc"),
+    "plan": ("a plan", "plan"),
+    "sweep": ("a sweep", "sweep"),
+    "finger": ("a finger alone", None),
+}
+"""What the kinds of configurations are, and the commands for them."""

@@ -71,7 +71,7 @@ def literal(value: float, real: str, text: str | None = None) -> str:
     if abs(value) > _GREATEST or 0.0 < abs(value) < _LEAST:
         raise InputError(
             f"the model has a constant of {value:g}, beyond single precision ({_LEAST:.2g} to {_GREATEST:.2g}): take "
-            "precision='double', or a smaller bending_range or a coarser accuracy (1e-8, say) of the model where its "
+            "double precision, or a smaller bending_range or a coarser accuracy (1e-8, say) of the model where its "
             "series are long"
         )
     return f"{text}f"
@@ -92,7 +92,7 @@ def check_solvable(model: FingerModel) -> None:
     if not condition * _ROUNDING <= 1.0:
         raise InputError(
             f"single precision may lose all digits of this model's accelerations (condition of the mass matrix "
-            f"{condition:.1g}, expected up to {1.0 / _ROUNDING:.1g}): take precision='double', or fewer elements"
+            f"{condition:.1g}, expected up to {1.0 / _ROUNDING:.1g}): take double precision, or fewer elements"
         )
 
 
