@@ -112,11 +112,16 @@ def run(*line: object, cwd: Path | None = None, expect: int = 0) -> str:
     return done.stdout + done.stderr
 
 
-def compile_program(compiler: str, package: Path, program: str, out: Path, *flags: str) -> Path:
-    """A test program of a package, all of it with the same flags."""
-    sources = [*sorted((package / "src").glob("*.c")), package / "tests/check.c", package / f"tests/{program}.c"]
-    run(*compiler.split(), *flags, f"-I{package / 'include'}", *sources, "-o", out)
-    return out
+def compile_programs(compiler: str, package: Path, folder: Path, programs: str, *flags: str) -> list[Path]:
+    """Test programs of a package, all of it with the same flags."""
+    line = [*compiler.split(), *flags, f"-I{package / 'include'}"]
+    shared = [*sorted((package / "src").glob("*.c")), package / "tests/check.c"]
+    run(*line, "-c", *shared, cwd=folder)
+    objects = [folder / f"{path.stem}.o" for path in shared]
+    found = [folder / f"{program}.run" for program in programs.split()]
+    for program, path in zip(programs.split(), found, strict=True):
+        run(*line, package / f"tests/{program}.c", *objects, "-o", path)
+    return found
 
 
 def shared_library(package: Path, out: Path):

@@ -24,7 +24,7 @@ def release():
 
 @pytest.fixture(scope="module")
 def report(release):
-    return cg.accuracy(release, counts=(1, 2, 3, 4))
+    return cg.accuracy(release, counts=(1, 2, 4))
 
 
 def rows(report, model):

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from continuum_grasp.export.reals import REALS
-from tests.export_cases import STRICT, WARNINGS, compile_program, needs, packages, run  # noqa: F401
+from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, packages, run  # noqa: F401
 
 CASES = [("rubbing", "float"), ("contact", "double")]
 COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
@@ -21,14 +21,14 @@ STACK = {"float": 1200, "double": 2000}
 @pytest.mark.parametrize(("name", "real"), CASES)
 def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, packages, tmp_path):  # noqa: F811
     package = packages(name, real)
-    program = compile_program(compiler, package, "main", tmp_path / "vectors", *STRICT, *WARNINGS, "-O2")
+    (program,) = compile_programs(compiler, package, tmp_path, "main", *STRICT, *WARNINGS, "-O2")
     assert len(re.findall(r" 0 of +\d+ cases failed", run(program))) == 5
 
 
 @pytest.mark.parametrize("flags", ["-O0", "-O3"])
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_at_every_level(compiler, flags, packages, tmp_path):  # noqa: F811
-    program = compile_program(compiler, packages("rubbing", "float"), "main", tmp_path / "vectors", *STRICT, flags)
+    (program,) = compile_programs(compiler, packages("rubbing", "float"), tmp_path, "main", *STRICT, flags)
     run(program)
 
 
@@ -39,21 +39,23 @@ def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(real, comp
     package = packages("rubbing", real)
     tolerance = {"float": "2e-3", "double": "1e-11"}[real]
     fast = ("-std=c99", "-O3", "-ffast-math", "-march=native")
-    run(compile_program(compiler, package, "main", tmp_path / "vectors", *fast), tolerance)
-    run(compile_program(compiler, package, "fuzz", tmp_path / "fuzz", *fast), 5000)
+    vectors, fuzz = compile_programs(compiler, package, tmp_path, "main fuzz", *fast)
+    run(vectors, tolerance)
+    run(fuzz, 5000)
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
     flags = (*STRICT, "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-    for program, words in (("main", ()), ("fuzz", (5000,))):
-        run(compile_program(compiler, packages("rubbing", "float"), program, tmp_path / program, *flags), *words)
+    vectors, fuzz = compile_programs(compiler, packages("rubbing", "float"), tmp_path, "main fuzz", *flags)
+    run(vectors)
+    run(fuzz, 5000)
 
 
 @needs("gcc")
 def test_threads_do_not_meet(packages, tmp_path):  # noqa: F811
     flags = (*STRICT, "-O1", "-g", "-fsanitize=thread", "-pthread")
-    program = compile_program("gcc", packages("rubbing", "double"), "threads", tmp_path / "threads", *flags)
+    (program,) = compile_programs("gcc", packages("rubbing", "double"), tmp_path, "threads", *flags)
     assert "0 cases failed" in run(program)
 
 
@@ -120,7 +122,7 @@ def test_a_vector_that_is_changed_fails(packages, tmp_path):  # noqa: F811
     number = next(n for n in re.findall(r"(?<=[ (])0\.\d{15,}", text))
     changed = number[:-1] + ("1" if number[-1] != "1" else "3")
     kernels.write_text(text.replace(number, changed))
-    program = compile_program("cc", package, "main", tmp_path / "vectors", *STRICT, "-O1")
+    (program,) = compile_programs("cc", package, tmp_path, "main", *STRICT, "-O1")
     said = run(program, expect=1)
     assert re.search(r" [1-9]\d* of +\d+ cases failed", said)
 

@@ -22,7 +22,7 @@ from continuum_grasp.mpc.estimator import Estimator
 from continuum_grasp.mpc.status import Status
 from continuum_grasp.scene.control import ControlScene
 from tests.control_cases import Reality
-from tests.export_cases import STRICT, WARNINGS, compile_program, needs, packages, run, scene, shared_library  # noqa: F401
+from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, packages, run, scene, shared_library  # noqa: F401
 
 CASES = [("observed", "float"), ("given", "double")]
 COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
@@ -66,7 +66,7 @@ def reference(finger, rows):
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize(("name", "real"), CASES)
 def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, packages, tmp_path):  # noqa: F811
-    program = compile_program(compiler, packages(name, real), "main", tmp_path / "vectors", *STRICT, *WARNINGS, "-O1")
+    (program,) = compile_programs(compiler, packages(name, real), tmp_path, "main", *STRICT, *WARNINGS, "-O1")
     found = re.findall(r"^(\w+) +0 of +(\d+) cases failed", run(program), re.MULTILINE)
     assert [function for function, _ in found] == list(FUNCTIONS[name])
     assert all(int(cases) >= 200 for _, cases in found)
@@ -76,23 +76,24 @@ def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, package
 def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
     flags = (*STRICT, "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     name = {"gcc": ("given", "double"), "clang": ("observed", "float")}[compiler]
-    for program, words in (("main", ()), ("fuzz", (3000,))):
-        run(compile_program(compiler, packages(*name), program, tmp_path / program, *flags), *words)
+    vectors, fuzz = compile_programs(compiler, packages(*name), tmp_path, "main fuzz", *flags)
+    run(vectors)
+    run(fuzz, 3000)
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(compiler, packages, tmp_path):  # noqa: F811
     """The vectors are full of NaN and infinity, of which the compiler is told that there are none."""
     package, fast = packages("observed", "float"), ("-std=c99", "-O3", "-ffast-math", "-march=native")
-    run(compile_program(compiler, package, "main", tmp_path / "vectors", *fast), "2e-3")
-    program = compile_program(compiler, package, "fuzz", tmp_path / "fuzz", *fast)
-    assert len(re.findall(r" 0 of \d+ rows failed", run(program, 8000))) == 2
+    vectors, fuzz = compile_programs(compiler, package, tmp_path, "main fuzz", *fast)
+    run(vectors, "2e-3")
+    assert len(re.findall(r" 0 of \d+ rows failed", run(fuzz, 8000))) == 2
 
 
 @needs("gcc")
 def test_threads_do_not_meet(packages, tmp_path):  # noqa: F811
     flags = (*STRICT, "-O1", "-g", "-fsanitize=thread", "-pthread")
-    program = compile_program("gcc", packages("given", "double"), "threads", tmp_path / "threads", *flags)
+    (program,) = compile_programs("gcc", packages("given", "double"), tmp_path, "threads", *flags)
     assert "0 cases failed" in run(program)
 
 
@@ -310,7 +311,7 @@ def test_parts_that_a_scene_does_not_have_are_refused(name, what, message, tmp_p
 def test_parts_may_be_chosen(what, tmp_path):
     package = export_c(scene("observed"), tmp_path, what=what, prefix="arm", real="float")
     assert package.manifest["parts"] == what
-    program = compile_program("cc", tmp_path, "main", tmp_path / "vectors", *STRICT, *WARNINGS, "-O1")
+    (program,) = compile_programs("cc", tmp_path, tmp_path, "main", *STRICT, *WARNINGS, "-O1")
     assert " 0 of" in run(program)
     assert "finger_" not in "".join(path.read_text() for path in (tmp_path / "src").iterdir())
 

@@ -9,7 +9,7 @@ import pytest
 
 from continuum_grasp.export import export_c
 from continuum_grasp.export.reals import REALS
-from tests.export_cases import STRICT, compile_program, needs, packages, run, scene, two_arcs  # noqa: F401
+from tests.export_cases import STRICT, compile_programs, needs, packages, run, scene, two_arcs  # noqa: F401
 
 ELSEWHERE = {
     "ARM": ("arm-linux-gnueabihf-gcc -static", "qemu-arm", ()),
@@ -39,7 +39,7 @@ CONTROL_LIMITS = {"cortex-m4f": 568_000, "cortex-m7": 589_000}
 @MACHINES
 def test_every_vector_to_the_bit_elsewhere(machine, real, packages, tmp_path):  # noqa: F811
     compiler, emulator, flags = ELSEWHERE[machine]
-    program = compile_program(compiler, packages("rubbing", real), "main", tmp_path / "vectors", *STRICT, *flags, "-O2")
+    (program,) = compile_programs(compiler, packages("rubbing", real), tmp_path, "main", *STRICT, *flags, "-O2")
     assert len(re.findall(r" 0 of +\d+ cases failed", run(emulator, program))) == 5
 
 
@@ -47,7 +47,7 @@ def test_every_vector_to_the_bit_elsewhere(machine, real, packages, tmp_path):  
 @MACHINES
 def test_a_controller_to_the_bit_elsewhere(machine, name, real, packages, tmp_path):  # noqa: F811
     compiler, emulator, flags = ELSEWHERE[machine]
-    program = compile_program(compiler, packages(name, real), "main", tmp_path / "vectors", *STRICT, *flags, "-O1")
+    (program,) = compile_programs(compiler, packages(name, real), tmp_path, "main", *STRICT, *flags, "-O1")
     assert len(re.findall(r" 0 of +\d+ cases failed", run(emulator, program))) == LOOPS[name, real]
 
 

@@ -404,9 +404,8 @@ def test_settings_act_at_the_next_iteration():
     assert rti.plan[1].max() > 0.2
 
 
-@pytest.mark.parametrize("stages", [8, 20])
-@pytest.mark.parametrize("precision", ["double", "float"])
-def test_a_bound_that_holds_on_is_not_searched_for_again(precision, stages):
+@pytest.mark.parametrize(("stages", "precision"), [(8, "double"), (20, "float")])
+def test_a_bound_that_holds_on_is_not_searched_for_again(stages, precision):
     """A bend beyond the bound of the curvature, which then holds over the whole horizon in every programme."""
     problem = stages_of(loop_scene(stages, observed=False))
     iteration = RealTimeIteration(problem, precision=precision)
