@@ -6,8 +6,14 @@ import os
 
 import pytest
 
+from continuum_grasp.core import compiler
+
 # Small dense problems stall where several processes run the threads of one linear algebra library each.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+# Scheduling doubles the time of compiling and gains some percent of speed; tests have no use for that.
+compiler._SHORT = 1_500
 
 
 @pytest.fixture(scope="session", autouse=True)
