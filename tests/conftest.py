@@ -12,8 +12,9 @@ from continuum_grasp.core import compiler
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-# Scheduling doubles the time of compiling and gains some percent of speed; tests have no use for that.
+# Long functions are compiled in half the time and run half as fast, which tests do not mind.
 compiler._SHORT = 1_500
+compiler._LEVELS = ((1_500, "-O3"), (60_000, "-O1"))
 
 
 @pytest.fixture(scope="session", autouse=True)
