@@ -37,6 +37,7 @@ _ANOMALIES = {
     "NOT_SOLVED": "the iteration failed",
     "COMMAND_LIMITED": "the planned command was out of its range",
     "RATE_LIMITED": "the planned command was further from the last one than its rate allows",
+    "BEYOND_LIMIT": "a limit was moved past the last command, which approaches it at its greatest rate",
 }
 
 
