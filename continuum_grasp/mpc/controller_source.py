@@ -94,6 +94,7 @@ def _estimator_dimensions(estimation: Estimation, periods: int, nu: int, np_: in
         "NU": nu,
         "NP": np_,
         "NY": estimation.ny,
+        "NS": len(estimation.sensor_names),
         "NM": estimation.nm,
         "DELAY": periods,
     }

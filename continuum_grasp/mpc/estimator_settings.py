@@ -16,10 +16,6 @@ from continuum_grasp.scene.control import ControlScene
 
 __all__ = ["controller_fields", "delay_periods", "estimator_fields"]
 
-_PATIENCE = 0.1
-"""Time for which a measurement may be an outlier before the estimate is doubted [s]."""
-_LEAST_PATIENCE = 5
-"""The same in measurements."""
 _RAMP = 0.5
 """Time in which the safe ramp crosses the whole range of an input [s]."""
 
@@ -67,7 +63,7 @@ def estimator_fields(
         Field("period", period),
         Field("substeps", max(1, math.ceil(stages.substeps * period / stages.stage - 1e-9)), whole=True),
         Field("gate", scene.estimator.outlier if scene.estimator is not None else math.inf),
-        Field("patience", max(_LEAST_PATIENCE, math.ceil(_PATIENCE / period)), whole=True),
+        Field("sensor", [estimation.sensor_names.index(name) for name in estimation.sensors], whole=True),
     ]
 
 

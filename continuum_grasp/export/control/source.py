@@ -75,6 +75,7 @@ class _Writer:
             found.append(f"#define CONTROLLER_ESTIMATES {int(self.filter)}")
         if e is not None:
             sizes = {"NZ": e.nz, "NX": e.nx, "NU": s.nu, "NP": s.np, "NY": e.ny, "NM": e.nm, "DELAY": loop.periods}
+            sizes["NS"] = len(e.sensor_names)
             found += [f"#define EKF_{name} {size}" for name, size in sizes.items()]
         if self.real.name == "float":
             found.append("#define CG_SINGLE")
