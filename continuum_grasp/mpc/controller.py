@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from os import PathLike
 from time import perf_counter_ns
@@ -64,6 +65,8 @@ class Controller:
     measurement_names : tuple of str
         Name and unit of each entry of a measurement: tip, tensions (or tip moment), angles of sections; the model's
         state where the scene has no estimator.
+    sensor_names : tuple of str
+        Devices that are supervised: tip, tension, bending.
     estimated_names : tuple of str
         Name and unit of each entry of ``Estimate.std``: states, then disturbances.
 
@@ -78,6 +81,10 @@ class Controller:
     as long as it lasts (N stages); after that, and whenever nothing was measured for as long, tensions go to the least
     ones (the moment to zero) at a bounded rate: the whole range in half a second, or less by ``input.rate_max``. A
     command is never non-finite or beyond the limits of input and rate.
+
+    A supervisor watches whether sensors, model and call rate agree (``Command.health``). Where they do not and the
+    command is active, it raises the weight of the command's rate; where that does not help, or a sensor contradicts the
+    model by far, it trips: the command goes to the safe input until ``rearm``.
 
     Objects of their own may run in threads of their own; one object is for one thread at a time.
     """
@@ -104,6 +111,7 @@ class Controller:
                 key="controller.period",
             )
         self.measurement_names = self.prediction.x_names if estimation is None else estimation.measurement_names
+        self.sensor_names = () if estimation is None else estimation.sensor_names
         self.estimated_names = self.prediction.x_names if estimation is None else estimation.z_names
         self._deadline = 1e9 * _deadline(self.scene, deadline)
         fields = controller_fields(self.scene, self.prediction, self.stages, estimation, self.precision)
@@ -111,13 +119,13 @@ class Controller:
         source = controller_source(self.stages, estimation, delay_periods(self.scene), fields, self.precision)
         n, s = self.stages.stages, self.stages
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
-        given = {"measurement": len(self.measurement_names), "p": s.np, "applied": s.nu, "set_points": (n + 1) * s.nr}
-        parts = {"numbers": 5, "ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": len(self.measurement_names)}
+        given = {"measurement": len(self.measurement_names), "p": s.np, "applied": s.nu, "set_points": (n + 1) * s.nr, "elapsed": 1}
+        parts = {"numbers": 5, "health": 7, "ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": len(self.measurement_names)}
         parts |= {"variance": nz, "innovation": ny, "innovation_variance": ny}
         parts |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
         self._parts, inputs = slices(parts), slices(given)
         self._c = Compiled(source, fields, sum(given.values()), sum(parts.values()))
-        self._measurement, self._p, self._applied, rows = (self._c.input[part] for part in inputs.values())
+        self._measurement, self._p, self._applied, rows, self._elapsed = (self._c.input[part] for part in inputs.values())
         self._set_points = rows.reshape(n + 1, s.nr)
         self._call = self._c.function("cg_controller_step")
         self.first = first_state(self.scene, self.prediction)
@@ -143,7 +151,7 @@ class Controller:
         z[: self.prediction.nx] = vector("state", self.first if state is None else state, self.prediction.nx)
         before = vector("u", rest_input(self.scene) if u is None else u, self.stages.nu)
         self._c.start(np.concatenate([z, before, self.stages.p_nominal]))
-        self._step, self._late = 0, False
+        self._step, self._late, self._time = 0, False, math.nan
         self._counts = Statistics()
 
     def step(
@@ -154,6 +162,7 @@ class Controller:
         p: ArrayLike | None = None,
         applied: ArrayLike | None = None,
         late: bool | None = None,
+        time: float | None = None,
     ) -> Command:
         """The command for a measurement; to be called once per period.
 
@@ -171,6 +180,8 @@ class Controller:
         late : bool, optional
             Whether the last command came too late, so that this one is of the previous plan; found by the deadline
             where not given.
+        time : float, optional
+            When the measurement arrived, on any clock that goes forward [s]; from it a wrong call rate is noticed.
 
         Returns
         -------
@@ -191,6 +202,9 @@ class Controller:
             if applied is not None:
                 _put(self._applied, applied)
                 flags |= _APPLIED
+            now = math.nan if time is None else float(time)
+            self._elapsed[0] = now - self._time if now > self._time else -1.0
+            self._time = now
         except (ValueError, TypeError) as error:
             raise self._shape_error(measurement, reference, p, applied) from error
         c = self._c
@@ -202,8 +216,19 @@ class Controller:
         command = Command(self, _STATUS[status], out)
         elapsed = perf_counter_ns() - began
         self._late = elapsed > self._deadline
-        self._counts.add(status, out[0], out[5:8], elapsed, self._late)
+        self._counts.add(status, out[0], out[12:15], elapsed, self._late, command.health)
         return command
+
+    def rearm(self) -> bool:
+        """Leave a trip.
+
+        Returns
+        -------
+        bool
+            Whether it was left: only where the command rests, sensors and model agree again, and it is not the second
+            trip within 30 s (which only ``reset`` ends). The weight of the command's rate starts 16-fold.
+        """
+        return bool(self._c.function("cg_rearm")(self._c.address))
 
     def change(self, **settings: ArrayLike) -> None:
         """Change weights, bounds or prices from the next step on.

@@ -12,6 +12,7 @@ from continuum_grasp.mpc.noise import Ranges, noise_of, ranges_of
 from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.settings import Settings
 from continuum_grasp.mpc.stages import ABSENT, Stages
+from continuum_grasp.mpc.supervision import supervisor_fields
 from continuum_grasp.scene.control import ControlScene
 
 __all__ = ["controller_fields", "delay_periods", "estimator_fields"]
@@ -106,6 +107,7 @@ def controller_fields(
         Field("x_max", ranges.x[:, 1]),
         Field("sqp_iterations", asked.sqp_iterations, whole=True),
         Field("start_iterations", asked.start_iterations, whole=True),
+        *_nested("supervisor", supervisor_fields(scene, stages, estimation, delay_periods(scene))),
     ]
     if estimation is not None:
         fields += _nested("ekf", estimator_fields(scene, model, stages, estimation, ranges))

@@ -25,8 +25,8 @@ _OF_ESTIMATOR = ("estimator_step", "estimator_outputs", "estimator_flow", "estim
 _ANOMALIES = {
     "MISSING": "an entry of the measurement is not there",
     "ABSURD": "one is infinite or out of its range",
-    "OUTLIER": "one is too far from what was expected, and was left out",
-    "REOPENED": "one was too far for a while; the estimate was moved to it",
+    "OUTLIER": "one is too far from what was expected: its sensor was rejected",
+    "REOPENED": "one is too far too often: used with bounded influence",
     "BLIND": "nothing was measured for as long as a plan lasts",
     "ESTIMATE_LIMITED": "an estimated disturbance was moved into its range",
     "ESTIMATE_RESTARTED": "the estimate was not finite or out of its range; the estimator started again",
@@ -37,6 +37,7 @@ _ANOMALIES = {
     "NOT_SOLVED": "the iteration failed",
     "COMMAND_LIMITED": "the planned command was out of its range",
     "RATE_LIMITED": "the planned command was further from the last one than its rate allows",
+    "FROZEN": "a reading does not move: it counts as missing until it does",
 }
 
 
@@ -73,6 +74,7 @@ class _Writer:
             measured = len(loop.measurement_names)
             found += [f"#define CONTROLLER_ND {s.nd}", f"#define CONTROLLER_NM {measured}"]
             found.append(f"#define CONTROLLER_ESTIMATES {int(self.filter)}")
+            found.append(f"#define CONTROLLER_NS {0 if e is None else len(e.sensor_names)}")
         if e is not None:
             sizes = {"NZ": e.nz, "NX": e.nx, "NU": s.nu, "NP": s.np, "NY": e.ny, "NM": e.nm, "DELAY": loop.periods}
             sizes["NS"] = len(e.sensor_names)
@@ -84,7 +86,7 @@ class _Writer:
     def headers(self) -> list[str]:
         found = ["rti.h"] if self.mpc else []
         found += ["ekf.h"] if self.filter else []
-        return [*found, "controller.h"] if self.mpc else found
+        return [*found, "supervisor.h", "controller.h"] if self.mpc else found
 
     def memory(self, words: dict[str, str]) -> str:
         types = [without_prototypes(template(name))[0] for name in self.headers()]
@@ -137,7 +139,7 @@ class _Writer:
         if self.mpc:
             texts += iteration_bodies(self.loop.stages, lanes=False)
         texts += [template("ekf.c")] if self.filter else []
-        texts += [template("controller.c")] if self.mpc else []
+        texts += [template("supervisor.c"), template("controller.c")] if self.mpc else []
         return self.renamed(without("RTI_VECTOR", "\n".join(texts)))
 
     def numbers(self) -> str:

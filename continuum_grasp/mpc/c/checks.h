@@ -56,6 +56,14 @@ static inline int cg_finite(const real *a, int count)
   return good;
 }
 
+static inline real cg_nan(void)
+{
+  const cg_bits bits = CG_EXPONENT | CG_FRACTION;
+  real a;
+  memcpy(&a, &bits, sizeof a);
+  return a;
+}
+
 /* Whether all numbers are finite and within their limits. */
 static inline int cg_within(const real *a, const real *least, const real *most, int count)
 {
