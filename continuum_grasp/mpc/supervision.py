@@ -12,7 +12,7 @@ from continuum_grasp.mpc.noise import measurement_std
 from continuum_grasp.mpc.stages import Stages
 from continuum_grasp.scene.control import ControlScene
 
-__all__ = ["supervisor_fields"]
+__all__ = ["frozen_thresholds", "supervisor_fields"]
 
 _WINDOW = 0.2
 """Time over which mismatch and activity are averaged [s]: ten times shorter reports noise, and a loop that swings is lost
@@ -56,7 +56,6 @@ def supervisor_fields(scene: ControlScene, stages: Stages, estimation: Estimatio
     devices = estimation.sensor_names if estimation is not None else ()
     sensor = [devices.index(estimation.device(name)) for name in names] if estimation is not None else [0] * len(names)
     asks = scene.estimator is not None and scene.estimator.frozen
-    still = [_STILL * measurement_std(scene, name) if asks else -1.0 for name in names]
     rate = np.minimum(asked.input.rate_max or math.inf, (stages.u_max - stages.u_min) / _CROSSING)
     return [
         Field("window", window, whole=True),
@@ -64,12 +63,17 @@ def supervisor_fields(scene: ControlScene, stages: Stages, estimation: Estimatio
         Field("rungs", _RUNGS if asked.cost.input_rate else 0, whole=True),
         Field("sensor", sensor, whole=True),
         Field("shape", [int(name != "tension") for name in devices] or [0], whole=True),
-        Field("still", still),
+        Field("still", frozen_thresholds(scene, names, asks)),
         Field("change", np.maximum(rate * period, 1e-12)),
         Field("tip", _first("tip_x [m]", names), whole=True),
         Field("setpoint", _first("tip_x [m]", stages.r_names), whole=True),
         Field("far", _FAR * scene.finger.rod.length),
     ]
+
+
+def frozen_thresholds(scene: ControlScene, names: tuple[str, ...], asks: bool) -> list[float]:
+    """Change below which each measurement counts as frozen, in its unit; below 0 where that is not asked."""
+    return [_STILL * measurement_std(scene, name) if asks else -1.0 for name in names]
 
 
 def _first(name: str, names: tuple[str, ...]) -> int:
