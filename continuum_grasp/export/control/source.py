@@ -94,7 +94,7 @@ class _Writer:
         if "estimator" in self.loop.parts:
             kept.append("typedef struct {\n  ekf_state state;\n  uint32_t anomalies;\n} estimator_memory;")
         if self.mpc:
-            members = "  controller_state state;\n  controller_output last;\n  int late;\n"
+            members = "  controller_state state;\n  controller_output last;\n  int late;\n  real elapsed;\n"
             kept.append(f"typedef struct {{\n{members}}} controller_memory;")
         text = self.renamed("\n".join(types + kept)).replace(
             f"{self.prefix}_loop_memory", f"{self.prefix}_controller_memory"
@@ -213,6 +213,9 @@ class _Writer:
             "estimated": "\n".join(estimated),
             "what_is_measured": "a measurement" if self.filter else "the state",
             "safe": loop.safe,
+            "sensors": ",\n".join(
+                f"  {big}_SENSOR_{name.upper().replace(' ', '_')} = {k}" for k, name in enumerate(loop.watched)
+            ),
             "indent_mpc": " " * len(f"int {p}_mpc("),
             "indent_step": " " * len(f"int {p}_estimator_step("),
             "estimator_settings": "loop_settings.ekf" if self.mpc else "ekf_settings",
