@@ -87,7 +87,7 @@ def _tell(run: MissionRun, folder: Path, files: list[Path], output: Output) -> N
     output.table(times[0], times[1:])
     output.say("")
     pairs = found.pairs()
-    output.pairs({key: pairs[key] for key in ("late", "status", "anomalies")})
+    output.pairs({key: pairs[key] for key in ("late", "status", "health", "anomalies", "mismatch")})
     output.pairs({"saved in": folder, "pictures": ", ".join(file.name for file in files) or "none"})
     output.statistics(dict(run.run.statistics))
     output.result(

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 __all__ = ["mpc"]
 
+TRIPPED = 1
+"""Exit status of a closed loop that ended in the safe state."""
+
 
 def mpc(
     config: Config,
@@ -55,7 +58,8 @@ def mpc(
 ) -> None:
     """Control a finger in closed loop with a finer model of it: saves the run, prints how well it went, draws it.
 
-    A mission (its configuration has a grasp) takes an object from approach to release; exit status 1 if it is dropped.
+    Exit status 1 if the supervisor tripped. A mission (its configuration has a grasp) takes an object from approach to
+    release; exit status 1 if it is dropped.
     """
     from continuum_grasp.errors import InputError, Interrupted, NumericalError
     from continuum_grasp.scene.mission import MissionScene
@@ -95,6 +99,8 @@ def mpc(
             files.append(run.animate(folder / f"animation.{animation}"))
     others = _others(scene, output) if compare else {}
     _report(run, others, folder, files, output)
+    if run.tripped:
+        raise typer.Exit(TRIPPED)
 
 
 def _settings(seed: int | None, trials: str | None) -> list[str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.mpc.status import Anomaly, Status, texts
+from continuum_grasp.mpc.status import CALL_RATE, Anomaly, Health, Status, Trip, health_text, texts
 
 if TYPE_CHECKING:
     from continuum_grasp.mpc.controller import Controller
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 __all__ = ["Command", "Estimate", "Plan", "Times"]
 
 Array = NDArray[np.float64]
+
+_HEALTH = tuple(Health)
 
 
 class Plan(NamedTuple):
@@ -59,18 +61,23 @@ class Command:
         Tip moment [N m] or tensions [N] to apply until the next command; finite, within the rate limit, and within the
         limits of the input unless ``Anomaly.BEYOND_LIMIT`` says that one was moved past the last command.
     status : Status
+        How the command came about.
+    health : Health
+        Whether sensors, model and call rate agree; ``suspect`` names what does not, ``health_text`` says it in words.
     """
 
-    __slots__ = ("_control", "_out", "status", "u")
+    __slots__ = ("_control", "_out", "health", "status", "u")
 
     def __init__(self, control: Controller, status: Status, out: Array) -> None:
         self._control, self._out = control, out
         self.status = status
+        self.health = _HEALTH[int(out[5])]
         self.u = out[control._parts["u"]]
 
     def __repr__(self) -> str:
         odd = f", anomalies={self.anomalies}" if self.anomaly else ""
-        return f"Command(u={self.u.tolist()}, status={self.status.name}{odd})"
+        health = f", health={self.health.name} ({self.suspect})" if self.health else ""
+        return f"Command(u={self.u.tolist()}, status={self.status.name}{health}{odd})"
 
     def _part(self, name: str) -> Array:
         return self._out[self._control._parts[name]]
@@ -118,6 +125,40 @@ class Command:
     def cost(self) -> float:
         """Cost of the quadratic programme at its solution."""
         return float(self._out[4])
+
+    @property
+    def suspect(self) -> str | None:
+        """What contradicts the model most (tip, tension, bending or call rate), or the reading that is frozen."""
+        sensor, entry = int(self._out[6]), int(self._out[7])
+        if self.health in (Health.FROZEN, Health.TRIPPED) and entry >= 0:
+            return self._control.measurement_names[entry].split(" ")[0]
+        names = (*self._control.sensor_names, CALL_RATE)
+        return names[sensor] if self.health and 0 <= sensor < len(names) else None
+
+    @property
+    def trip(self) -> Trip:
+        """Why the controller is tripped."""
+        return Trip(int(self._out[8]))
+
+    @property
+    def rung(self) -> int:
+        """How often the weight of the command's rate is raised fourfold: 0, 1 or 2."""
+        return int(self._out[9])
+
+    @property
+    def mismatch(self) -> float:
+        """Mean squared normalized innovation of the sensor that contradicts the model most; about 1 where all is well."""
+        return float(self._out[10])
+
+    @property
+    def activity(self) -> float:
+        """Mean squared change of the command, per that at its rate limit."""
+        return float(self._out[11])
+
+    @property
+    def health_text(self) -> str:
+        """The health in words, with its likely cause; empty for OK."""
+        return health_text(self.health, self.suspect, self.trip)
 
     @property
     def anomaly(self) -> Anomaly:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import cached_property
 from os import PathLike
@@ -25,6 +26,7 @@ from continuum_grasp.mpc.problem import stages_of
 from continuum_grasp.mpc.setpoints import SetPoints, set_points
 from continuum_grasp.mpc.statistics import Statistics
 from continuum_grasp.mpc.status import Status
+from continuum_grasp.mpc.supervision import frozen_thresholds
 from continuum_grasp.scene.control import ControlScene
 
 __all__ = ["Command", "Controller", "Estimate", "Plan"]
@@ -50,6 +52,8 @@ class Controller:
     deadline : float, optional
         Duration of ``step`` after which its command counts as late [s], so that the next one is of the previous plan;
         that of the scene (its period, where it says nothing) where not given, ``math.inf`` never.
+    frozen : bool, optional
+        Whether readings that do not move count as missing; ``estimator.frozen`` of the scene where not given.
 
     Attributes
     ----------
@@ -65,6 +69,8 @@ class Controller:
     measurement_names : tuple of str
         Name and unit of each entry of a measurement: tip, tensions (or tip moment), angles of sections; the model's
         state where the scene has no estimator.
+    sensor_names : tuple of str
+        Devices that are supervised: tip, tension, bending.
     estimated_names : tuple of str
         Name and unit of each entry of ``Estimate.std``: states, then disturbances.
 
@@ -81,6 +87,10 @@ class Controller:
     command is never non-finite, beyond the scene's limits of the input, or beyond its rate. Narrower limits that
     ``change`` moves past the last command are reached at that rate.
 
+    A supervisor watches whether sensors, model and call rate agree (``Command.health``). Where they do not and the
+    command is active, it raises the weight of the command's rate; where that does not help, or a sensor contradicts the
+    model by far, it trips: the command goes to the safe input until ``rearm``.
+
     Objects of their own may run in threads of their own; one object is for one thread at a time.
     """
 
@@ -90,6 +100,7 @@ class Controller:
         *,
         precision: str = "double",
         deadline: float | None = None,
+        frozen: bool | None = None,
     ) -> None:
         self.scene = control_scene(scene)
         self.prediction = Prediction(self.scene)
@@ -106,20 +117,40 @@ class Controller:
                 key="controller.period",
             )
         self.measurement_names = self.prediction.x_names if estimation is None else estimation.measurement_names
+        self.sensor_names = () if estimation is None else estimation.sensor_names
         self.estimated_names = self.prediction.x_names if estimation is None else estimation.z_names
         self._deadline = 1e9 * _deadline(self.scene, deadline)
         fields = controller_fields(self.scene, self.prediction, self.stages, estimation, self.precision)
+        if frozen is not None:
+            fields = [field for field in fields if field.member != "supervisor.still"]
+            fields.append(Field("supervisor.still", frozen_thresholds(self.scene, self.measurement_names, frozen)))
         self._fields = {field.member: field for field in fields}
         source = controller_source(self.stages, estimation, delay_periods(self.scene), fields, self.precision)
         n, s = self.stages.stages, self.stages
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
-        given = {"measurement": len(self.measurement_names), "p": s.np, "applied": s.nu, "set_points": (n + 1) * s.nr}
-        parts = {"numbers": 5, "ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": len(self.measurement_names)}
+        given = {
+            "measurement": len(self.measurement_names),
+            "p": s.np,
+            "applied": s.nu,
+            "set_points": (n + 1) * s.nr,
+            "elapsed": 1,
+        }
+        parts = {
+            "numbers": 5,
+            "health": 7,
+            "ticks": 3,
+            "u": s.nu,
+            "x": s.nx,
+            "p": s.np,
+            "verdict": len(self.measurement_names),
+        }
         parts |= {"variance": nz, "innovation": ny, "innovation_variance": ny}
         parts |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
         self._parts, inputs = slices(parts), slices(given)
         self._c = Compiled(source, fields, sum(given.values()), sum(parts.values()))
-        self._measurement, self._p, self._applied, rows = (self._c.input[part] for part in inputs.values())
+        self._measurement, self._p, self._applied, rows, self._elapsed = (
+            self._c.input[part] for part in inputs.values()
+        )
         self._set_points = rows.reshape(n + 1, s.nr)
         self._call = self._c.function("cg_controller_step")
         self.first = first_state(self.scene, self.prediction)
@@ -145,7 +176,7 @@ class Controller:
         z[: self.prediction.nx] = vector("state", self.first if state is None else state, self.prediction.nx)
         before = vector("u", rest_input(self.scene) if u is None else u, self.stages.nu)
         self._c.start(np.concatenate([z, before, self.stages.p_nominal]))
-        self._step, self._late = 0, False
+        self._step, self._late, self._time = 0, False, math.nan
         self._counts = Statistics()
 
     def step(
@@ -156,6 +187,7 @@ class Controller:
         p: ArrayLike | None = None,
         applied: ArrayLike | None = None,
         late: bool | None = None,
+        time: float | None = None,
     ) -> Command:
         """The command for a measurement; to be called once per period.
 
@@ -173,6 +205,8 @@ class Controller:
         late : bool, optional
             Whether the last command came too late, so that this one is of the previous plan; found by the deadline
             where not given.
+        time : float, optional
+            When the measurement arrived, on any clock that goes forward [s]; from it a wrong call rate is noticed.
 
         Returns
         -------
@@ -193,6 +227,9 @@ class Controller:
             if applied is not None:
                 _put(self._applied, applied)
                 flags |= _APPLIED
+            now = math.nan if time is None else float(time)
+            self._elapsed[0] = now - self._time if now > self._time else -1.0
+            self._time = now
         except (ValueError, TypeError) as error:
             raise self._shape_error(measurement, reference, p, applied) from error
         c = self._c
@@ -204,8 +241,19 @@ class Controller:
         command = Command(self, _STATUS[status], out)
         elapsed = perf_counter_ns() - began
         self._late = elapsed > self._deadline
-        self._counts.add(status, out[0], out[5:8], elapsed, self._late)
+        self._counts.add(status, out[0], out[12:15], elapsed, self._late, command.health)
         return command
+
+    def rearm(self) -> bool:
+        """Leave a trip.
+
+        Returns
+        -------
+        bool
+            Whether it was left: only where the command rests, sensors and model agree again, and it is not the second
+            trip within 30 s (which only ``reset`` ends). The weight of the command's rate starts 16-fold.
+        """
+        return bool(self._c.function("cg_rearm")(self._c.address))
 
     def change(self, **settings: ArrayLike) -> None:
         """Change weights, bounds or prices from the next step on; all of what is given, or nothing.

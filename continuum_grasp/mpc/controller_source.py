@@ -65,10 +65,11 @@ def controller_source(
         ]
     else:
         parts += ["#define CG_SINGLE" if real == "float" else "", _templates("checks.h")]
+    sensors = 0 if estimation is None else len(estimation.sensor_names)
     parts += [
-        f"#define CONTROLLER_ND {stages.nd}\n#define CONTROLLER_NM {measured}",
+        f"#define CONTROLLER_ND {stages.nd}\n#define CONTROLLER_NM {measured}\n#define CONTROLLER_NS {sensors}",
         f"#define CONTROLLER_ESTIMATES {int(estimation is not None)}",
-        _templates("clock.h", "controller.h", "controller.c"),
+        _templates("clock.h", "supervisor.h", "controller.h", "supervisor.c", "controller.c"),
         _setter("controller_settings", fields),
         _templates("doubles.h", "controller_python.c"),
     ]
@@ -94,6 +95,7 @@ def _estimator_dimensions(estimation: Estimation, periods: int, nu: int, np_: in
         "NU": nu,
         "NP": np_,
         "NY": estimation.ny,
+        "NS": len(estimation.sensor_names),
         "NM": estimation.nm,
         "DELAY": periods,
     }

@@ -47,6 +47,9 @@ class Estimation:
         Name and unit of each state, of each compared quantity, and of each entry of a measurement.
     mixing : (ny, nm) ndarray
         Compared quantities as sums of measurements: of two tensions, their difference.
+    sensors : tuple of str
+        Device of each compared quantity, by its key in ``estimator.measured``: tip, tension or bending. The rows of one
+        device fail together, so they are judged together.
     """
 
     step: ca.Function
@@ -58,6 +61,7 @@ class Estimation:
     y_names: tuple[str, ...]
     measurement_names: tuple[str, ...]
     mixing: Array
+    sensors: tuple[str, ...]
 
     @property
     def nz(self) -> int:
@@ -73,6 +77,16 @@ class Estimation:
     def nm(self) -> int:
         """Number of measurements."""
         return len(self.measurement_names)
+
+    @property
+    def sensor_names(self) -> tuple[str, ...]:
+        """The devices, in the order of their first rows."""
+        return tuple(dict.fromkeys(self.sensors))
+
+    def device(self, measurement: str) -> str:
+        """Device of a measurement, by its name."""
+        row = int(np.flatnonzero(self.mixing[:, self.measurement_names.index(measurement)])[0])
+        return self.sensors[row]
 
 
 def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -> Estimation:
@@ -105,7 +119,7 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     for k, index in enumerate(where):
         full[index] += p[index] * d[k] if relative[k] else d[k]
     rate = model.dynamics(model.x, u, full)
-    y_names, outputs, measurement_names, mixing = _measured(scene, model, full)
+    y_names, outputs, measurement_names, mixing, sensors = _measured(scene, model, full)
 
     def function(name: str, inputs: list[ca.SX], labels: list[str], **found: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [ca.densify(e) for e in ca.cse(list(found.values()))], labels, list(found))
@@ -122,6 +136,7 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
         y_names=y_names,
         measurement_names=measurement_names,
         mixing=mixing,
+        sensors=sensors,
     )
 
 
@@ -186,8 +201,8 @@ def _disturbances(scene: ControlScene, model: Prediction) -> tuple[list[str], li
 
 def _measured(
     scene: ControlScene, model: Prediction, p: ca.SX
-) -> tuple[tuple[str, ...], ca.SX, tuple[str, ...], Array]:
-    """Names and expressions of what is compared, names of the measurements, and how they are mixed."""
+) -> tuple[tuple[str, ...], ca.SX, tuple[str, ...], Array, tuple[str, ...]]:
+    """Names and expressions of what is compared, names of the measurements, how they are mixed, and their devices."""
     if scene.estimator is None:
         raise InputError("an estimator is needed: say what is measured", key="estimator")
     asked, tendons = scene.estimator.measured, scene.finger.tendons
@@ -195,8 +210,10 @@ def _measured(
     measured: list[str] = []
     values: list[ca.SX] = []
     rows: list[dict[str, float]] = []
+    sensors: list[str] = []
 
-    def add(name: str, value: ca.SX, parts: dict[str, float]) -> None:
+    def add(sensor: str, name: str, value: ca.SX, parts: dict[str, float]) -> None:
+        sensors.append(sensor)
         names.append(name)
         values.append(value)
         measured.extend(parts)
@@ -205,18 +222,19 @@ def _measured(
     if asked.tip is not None:
         tip = model.tip(model.x, model.u, p)
         for k, axis in enumerate("xy"):
-            add(f"tip_{axis} [m]", tip[k], {f"tip_{axis} [m]": 1.0})
+            add("tip", f"tip_{axis} [m]", tip[k], {f"tip_{axis} [m]": 1.0})
     if asked.tension is not None:
         moment = model.x[model.x_names.index("tip_moment [N m]")]
         if tendons is None:
-            add("tip_moment [N m]", moment, {"tip_moment [N m]": 1.0})
+            add("tension", "tip_moment [N m]", moment, {"tip_moment [N m]": 1.0})
         else:
             runtime = "tendon_offset [m]" in model.p_names
             offset = p[model.p_names.index("tendon_offset [m]")] if runtime else tendons.offset
-            add("tension_difference [N]", moment / offset, {"tension_1 [N]": 1.0, "tension_2 [N]": -1.0})
+            difference = {"tension_1 [N]": 1.0, "tension_2 [N]": -1.0}
+            add("tension", "tension_difference [N]", moment / offset, difference)
     if asked.bending is not None:
         angles = model.sections(asked.bending.at)(model.x, model.u, p)[1]
         for k in range(len(asked.bending.at)):
-            add(f"angle_{k + 1} [rad]", angles[k], {f"angle_{k + 1} [rad]": 1.0})
+            add("bending", f"angle_{k + 1} [rad]", angles[k], {f"angle_{k + 1} [rad]": 1.0})
     mixing = np.array([[parts.get(name, 0.0) for name in measured] for parts in rows])
-    return tuple(names), ca.vertcat(*values), tuple(measured), mixing
+    return tuple(names), ca.vertcat(*values), tuple(measured), mixing, tuple(sensors)

@@ -12,14 +12,11 @@ from continuum_grasp.mpc.noise import Ranges, noise_of, ranges_of
 from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.settings import Settings
 from continuum_grasp.mpc.stages import ABSENT, Stages
+from continuum_grasp.mpc.supervision import supervisor_fields
 from continuum_grasp.scene.control import ControlScene
 
 __all__ = ["controller_fields", "delay_periods", "estimator_fields"]
 
-_PATIENCE = 0.1
-"""Time for which a measurement may be an outlier before the estimate is doubted [s]."""
-_LEAST_PATIENCE = 5
-"""The same in measurements."""
 _RAMP = 0.5
 """Time in which the safe ramp crosses the whole range of an input [s]."""
 
@@ -67,7 +64,7 @@ def estimator_fields(
         Field("period", period),
         Field("substeps", max(1, math.ceil(stages.substeps * period / stages.stage - 1e-9)), whole=True),
         Field("gate", scene.estimator.outlier if scene.estimator is not None else math.inf),
-        Field("patience", max(_LEAST_PATIENCE, math.ceil(_PATIENCE / period)), whole=True),
+        Field("sensor", [estimation.sensor_names.index(name) for name in estimation.sensors], whole=True),
     ]
 
 
@@ -110,6 +107,7 @@ def controller_fields(
         Field("x_max", ranges.x[:, 1]),
         Field("sqp_iterations", asked.sqp_iterations, whole=True),
         Field("start_iterations", asked.start_iterations, whole=True),
+        *_nested("supervisor", supervisor_fields(scene, stages, estimation, delay_periods(scene))),
     ]
     if estimation is not None:
         fields += _nested("ekf", estimator_fields(scene, model, stages, estimation, ranges))

@@ -16,7 +16,7 @@ from continuum_grasp.mpc.stages import Stages
 from continuum_grasp.mpc.stiffness import fastest_rate
 from continuum_grasp.scene.control import ControlScene
 
-__all__ = ["Noise", "Ranges", "noise_of", "ranges_of"]
+__all__ = ["Noise", "Ranges", "measurement_std", "noise_of", "ranges_of"]
 
 Array = NDArray[np.float64]
 
@@ -106,7 +106,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
         initial[at], initial[at + 1] = (_DRIVE_AT_START * most) ** 2, (_DRIVE_AT_START * most / scene.lag) ** 2
     drift = _drifts(scene, estimation)
     process[model.nx :] = initial[model.nx :] = drift**2
-    variances = np.array([_std(scene, name) ** 2 for name in estimation.measurement_names])
+    variances = np.array([measurement_std(scene, name) ** 2 for name in estimation.measurement_names])
     return Noise(process, initial, estimation.mixing**2 @ variances)
 
 
@@ -178,8 +178,8 @@ def _drifts(scene: ControlScene, estimation: Estimation) -> Array:
     )
 
 
-def _std(scene: ControlScene, name: str) -> float:
-    """Standard deviation of a measurement."""
+def measurement_std(scene: ControlScene, name: str) -> float:
+    """Standard deviation of a measurement, by its name."""
     if scene.estimator is None:
         return math.inf
     asked = scene.estimator.measured

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.mpc.status import Anomaly, Status
+from continuum_grasp.mpc.status import Anomaly, Health, Status
 
 __all__ = ["Statistics"]
 
@@ -29,10 +29,11 @@ class Statistics:
     def __init__(self) -> None:
         self.steps = self.late = 0
         self._status = [0] * len(Status)
+        self._health = [0] * len(Health)
         self._anomalies: dict[int, int] = {}
         self._times = np.zeros((_KEPT, len(_PHASES)))
 
-    def add(self, status: int, anomalies: float, ticks: Array, elapsed: int, late: bool) -> None:
+    def add(self, status: int, anomalies: float, ticks: Array, elapsed: int, late: bool, health: int = 0) -> None:
         """Count a step; durations in nanoseconds."""
         row = self._times[self.steps % _KEPT]
         row[:3] = ticks
@@ -40,6 +41,7 @@ class Statistics:
         self.steps += 1
         self.late += late
         self._status[status] += 1
+        self._health[health] += 1
         if anomalies:
             self._anomalies[int(anomalies)] = self._anomalies.get(int(anomalies), 0) + 1
 
@@ -47,6 +49,11 @@ class Statistics:
     def status(self) -> dict[str, int]:
         """Commands by their status."""
         return {kind.name.lower(): self._status[kind] for kind in Status}
+
+    @property
+    def health(self) -> dict[str, int]:
+        """Commands by the controller's health."""
+        return {kind.name.lower(): self._health[kind] for kind in Health}
 
     @property
     def fallbacks(self) -> int:
@@ -83,6 +90,7 @@ class Statistics:
             "late": self.late,
             "fallbacks": self.fallbacks,
             "status": self.status,
+            "health": self.health,
             "anomalies": {name: count for name, count in self.anomalies.items() if count},
             "times": self.times,
         }

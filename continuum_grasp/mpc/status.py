@@ -1,11 +1,14 @@
-"""What a controller's command is, and what was noticed on the way; as in ``c/controller.h`` and ``c/checks.h``."""
+"""What a controller's command is, and what was noticed; as in ``c/controller.h``, ``c/supervisor.h``, ``c/checks.h``."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum, IntFlag
 
-__all__ = ["Anomaly", "Status", "Verdict", "texts"]
+__all__ = ["CALL_RATE", "Anomaly", "Health", "Status", "Trip", "Verdict", "health_text", "texts"]
+
+CALL_RATE = "call rate"
+"""Name of what is watched beside the sensors."""
 
 
 class Status(IntEnum):
@@ -28,6 +31,30 @@ class Status(IntEnum):
         return self >= Status.PREVIOUS_PLAN
 
 
+class Health(IntEnum):
+    """Whether sensors, model and call rate agree."""
+
+    OK = 0
+    MISMATCH = 1
+    """A sensor contradicts the model."""
+    DETUNED = 2
+    """``input_rate`` is raised, because a sensor contradicts the model while the command is active."""
+    FROZEN = 3
+    """A reading does not move; it counts as missing until it does."""
+    TRIPPED = 4
+    """The command goes to the least tensions or to no moment, and stays there until ``Controller.rearm``."""
+
+
+class Trip(IntEnum):
+    """Why a controller is tripped."""
+
+    NONE = 0
+    SWINGING = 1
+    CONTRADICTED = 2
+    AWAY = 3
+    UNSEEN = 4
+
+
 class Anomaly(IntFlag):
     """What was noticed."""
 
@@ -45,7 +72,8 @@ class Anomaly(IntFlag):
     NOT_SOLVED = 2048
     INPUT_LIMITED = 4096
     RATE_LIMITED = 8192
-    BEYOND_LIMIT = 16384
+    FROZEN = 16384
+    BEYOND_LIMIT = 32768
 
 
 class Verdict(IntEnum):
@@ -57,13 +85,15 @@ class Verdict(IntEnum):
     OUTLIER = 3
     REOPENED = 4
     ALONE = 5
+    FROZEN = 6
 
 
 _OF_MEASUREMENTS = {
     Verdict.MISSING: "not measured",
     Verdict.ABSURD: "infinite or beyond its limits",
-    Verdict.OUTLIER: "an outlier, left out",
-    Verdict.REOPENED: "an outlier for a while, so the estimate was moved to it",
+    Verdict.OUTLIER: "outlier rejected",
+    Verdict.REOPENED: "outlier too often, so it is used with bounded influence",
+    Verdict.FROZEN: "frozen: the reading does not move",
 }
 _OF_THE_REST = {
     Anomaly.BLIND: "nothing was measured for as long as a plan lasts",
@@ -103,3 +133,44 @@ def texts(anomalies: int, verdicts: Sequence[float], names: Sequence[str]) -> tu
         if int(verdict) in _OF_MEASUREMENTS
     ]
     return (*measured, *[text for bit, text in _OF_THE_REST.items() if anomalies & bit])
+
+
+_TRIPS = {
+    Trip.SWINGING: "contradicts the model and the command swings though `input_rate` is raised 16-fold",
+    Trip.CONTRADICTED: "contradicts the model by many standard deviations",
+    Trip.AWAY: "contradicts the model and the tip stays far from its setpoint",
+    Trip.UNSEEN: "does not move, and nothing else shows the shape",
+}
+
+
+def health_text(health: Health, suspect: str | None, reason: Trip = Trip.NONE) -> str:
+    """A health in words, with its likely cause.
+
+    Parameters
+    ----------
+    health : Health
+    suspect : str or None
+        What contradicts the model, or the reading that is frozen.
+    reason : Trip
+        Why it is tripped.
+
+    Returns
+    -------
+    str
+        Empty for OK.
+    """
+    if health == Health.OK:
+        return ""
+    if suspect == CALL_RATE:
+        cause = "call the controller once per period, or change controller.period"
+    elif health == Health.FROZEN or reason == Trip.UNSEEN:
+        cause = "a sensor or its driver is stuck; quantized readings need estimator.frozen: false"
+    else:
+        cause = "delay or lag longer than the model's, swapped or rotated axes, a wrong scale, or a contact it does not know"
+    what = {
+        Health.MISMATCH: "contradicts the model",
+        Health.DETUNED: "contradicts the model, so `input_rate` is raised",
+        Health.FROZEN: "does not move and counts as missing",
+        Health.TRIPPED: f"{_TRIPS.get(reason, 'contradicts the model')}: the command goes to the safe input",
+    }[health]
+    return f"{suspect or 'something'} {what}; likely cause: {cause}"

@@ -23,6 +23,7 @@ from continuum_grasp.mpc.noise import Ranges, ranges_of
 from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.problem import stages_of
 from continuum_grasp.mpc.stages import Stages
+from continuum_grasp.mpc.status import CALL_RATE
 from continuum_grasp.scene.control import ControlScene
 
 __all__ = ["CHANGEABLE", "Loop"]
@@ -116,6 +117,11 @@ class Loop:
     def measurement_names(self) -> tuple[str, ...]:
         """Names and units of what is measured; the state where there is no estimator."""
         return self.prediction.x_names if self.estimation is None else self.estimation.measurement_names
+
+    @property
+    def watched(self) -> tuple[str, ...]:
+        """What the supervisor watches: the sensors, then the call rate."""
+        return (*(() if self.estimation is None else self.estimation.sensor_names), CALL_RATE)
 
     # -- structs ------------------------------------------------------------------------------------------------------
 

@@ -127,7 +127,7 @@ def _kind(episode: int, planned: bool) -> int:
 def controller_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vectors:
     """Vectors of the controller."""
     rng = np.random.default_rng(0)
-    nu, outputs = loop.command.size, loop.command.size + loop.start.size + 3
+    nu, outputs = loop.command.size, loop.command.size + loop.start.size + 5
     rows, outs, codes = [], [], []
     for episode in range(_EPISODES):
         finger, u, planned = _Finger(loop, rng), loop.before.copy(), False

@@ -25,8 +25,8 @@ _OF_ESTIMATOR = ("estimator_step", "estimator_outputs", "estimator_flow", "estim
 _ANOMALIES = {
     "MISSING": "an entry of the measurement is not there",
     "ABSURD": "one is infinite or out of its range",
-    "OUTLIER": "one is too far from what was expected, and was left out",
-    "REOPENED": "one was too far for a while; the estimate was moved to it",
+    "OUTLIER": "one is too far from what was expected: its sensor was rejected",
+    "REOPENED": "one is too far too often: used with bounded influence",
     "BLIND": "nothing was measured for as long as a plan lasts",
     "ESTIMATE_LIMITED": "an estimated disturbance was moved into its range",
     "ESTIMATE_RESTARTED": "the estimate was not finite or out of its range; the estimator started again",
@@ -37,6 +37,7 @@ _ANOMALIES = {
     "NOT_SOLVED": "the iteration failed",
     "COMMAND_LIMITED": "the planned command was out of its range",
     "RATE_LIMITED": "the planned command was further from the last one than its rate allows",
+    "FROZEN": "a reading does not move: it counts as missing until it does",
     "BEYOND_LIMIT": "a limit was moved past the last command, which approaches it at its greatest rate",
 }
 
@@ -74,8 +75,10 @@ class _Writer:
             measured = len(loop.measurement_names)
             found += [f"#define CONTROLLER_ND {s.nd}", f"#define CONTROLLER_NM {measured}"]
             found.append(f"#define CONTROLLER_ESTIMATES {int(self.filter)}")
+            found.append(f"#define CONTROLLER_NS {0 if e is None else len(e.sensor_names)}")
         if e is not None:
             sizes = {"NZ": e.nz, "NX": e.nx, "NU": s.nu, "NP": s.np, "NY": e.ny, "NM": e.nm, "DELAY": loop.periods}
+            sizes["NS"] = len(e.sensor_names)
             found += [f"#define EKF_{name} {size}" for name, size in sizes.items()]
         if self.real.name == "float":
             found.append("#define CG_SINGLE")
@@ -84,7 +87,7 @@ class _Writer:
     def headers(self) -> list[str]:
         found = ["rti.h"] if self.mpc else []
         found += ["ekf.h"] if self.filter else []
-        return [*found, "controller.h"] if self.mpc else found
+        return [*found, "supervisor.h", "controller.h"] if self.mpc else found
 
     def memory(self, words: dict[str, str]) -> str:
         types = [without_prototypes(template(name))[0] for name in self.headers()]
@@ -92,7 +95,7 @@ class _Writer:
         if "estimator" in self.loop.parts:
             kept.append("typedef struct {\n  ekf_state state;\n  uint32_t anomalies;\n} estimator_memory;")
         if self.mpc:
-            members = "  controller_state state;\n  controller_output last;\n  int late;\n"
+            members = "  controller_state state;\n  controller_output last;\n  int late;\n  real elapsed;\n"
             kept.append(f"typedef struct {{\n{members}}} controller_memory;")
         text = self.renamed("\n".join(types + kept)).replace(
             f"{self.prefix}_loop_memory", f"{self.prefix}_controller_memory"
@@ -137,7 +140,7 @@ class _Writer:
         if self.mpc:
             texts += iteration_bodies(self.loop.stages, lanes=False)
         texts += [template("ekf.c")] if self.filter else []
-        texts += [template("controller.c")] if self.mpc else []
+        texts += [template("supervisor.c"), template("controller.c")] if self.mpc else []
         return self.renamed(without("RTI_VECTOR", "\n".join(texts)))
 
     def numbers(self) -> str:
@@ -211,6 +214,9 @@ class _Writer:
             "estimated": "\n".join(estimated),
             "what_is_measured": "a measurement" if self.filter else "the state",
             "safe": loop.safe,
+            "sensors": ",\n".join(
+                f"  {big}_SENSOR_{name.upper().replace(' ', '_')} = {k}" for k, name in enumerate(loop.watched)
+            ),
             "indent_mpc": " " * len(f"int {p}_mpc("),
             "indent_step": " " * len(f"int {p}_estimator_step("),
             "estimator_settings": "loop_settings.ekf" if self.mpc else "ekf_settings",

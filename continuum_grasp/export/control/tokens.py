@@ -14,10 +14,10 @@ _TOKEN = re.compile(
     r"|(?P<number>(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])|\d\w*",
     re.DOTALL,
 )
-_ROOMS = {"rti": "rti", "ekf": "ekf", "controller": "loop", "cg": "checks"}
+_ROOMS = {"rti": "rti", "ekf": "ekf", "controller": "loop", "supervisor": "supervisor", "cg": "checks"}
 """What names begin with in ``mpc/c``, and behind the prefix of a package."""
 _NAME = re.compile(rf"\b(?:{'|'.join(_ROOMS)})_\w+|\b(?:{'|'.join(room.upper() for room in _ROOMS)})_\w+")
-_HEADER = re.compile(r"\b(?:rti|ekf|controller|checks)\.h\b")
+_HEADER = re.compile(r"\b(?:rti|ekf|supervisor|controller|checks)\.h\b")
 _INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)
 _PROTOTYPE = re.compile(
     r"^(?:/\*(?:(?!\*/).)*\*/\n)?(?:int|void) \w+\([^;{}]*\);\n",

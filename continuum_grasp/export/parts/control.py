@@ -174,6 +174,8 @@ def _controller_runner(prefix: str, loop: Loop) -> str:
   out[{end}] = ({p}_real)diagnosis.anomalies;
   out[{end + 1}] = ({p}_real)diagnosis.iterations;
   out[{end + 2}] = diagnosis.violation;
+  out[{end + 3}] = ({p}_real)diagnosis.health;
+  out[{end + 4}] = diagnosis.mismatch;
   return code;
 }}
 """

@@ -12,9 +12,10 @@ enum {                        /* what became of a measurement */
   CG_USED = 0,
   CG_MISSING = 1,             /* NaN: not measured now */
   CG_ABSURD = 2,              /* infinite, or beyond its limits */
-  CG_OUTLIER = 3,             /* too far from what was expected */
-  CG_REOPENED = 4,            /* used: too far for a while, so that it is the estimate that is doubted */
-  CG_ALONE = 5                /* good, but of no use without another that is not */
+  CG_OUTLIER = 3,             /* too far from what was expected: rejected */
+  CG_REOPENED = 4,            /* used, with bounded influence: too far too often, so that it is the model that is wrong */
+  CG_ALONE = 5,               /* good, but of no use without another of its sensor that is not */
+  CG_FROZEN = 6               /* the same number again and again: counts as missing until it moves */
 };
 
 #ifdef CG_SINGLE
@@ -53,6 +54,14 @@ static inline int cg_finite(const real *a, int count)
   int good = 1;
   for (int i = 0; i < count; ++i) good &= (cg_bits_of(a[i]) & CG_EXPONENT) != CG_EXPONENT;
   return good;
+}
+
+static inline real cg_nan(void)
+{
+  const cg_bits bits = CG_EXPONENT | CG_FRACTION;
+  real a;
+  memcpy(&a, &bits, sizeof a);
+  return a;
 }
 
 /* Whether all numbers are finite and within their limits. */

@@ -1,4 +1,4 @@
-/* Estimator, real-time iteration and fallback. See controller.h. */
+/* Estimator, real-time iteration, supervisor and fallback. See controller.h. */
 
 void controller_start(controller_state *state, const controller_settings *settings, const real *z0, const real *u0,
                       const real *p)
@@ -108,7 +108,8 @@ static int controller_estimate(controller_state *state, controller_work *work, c
 
 static uint32_t controller_seen(const controller_output *out)
 {
-  static const uint32_t bits[] = {0, CONTROLLER_MISSING, CONTROLLER_ABSURD, CONTROLLER_OUTLIER, CONTROLLER_REOPENED, 0};
+  static const uint32_t bits[] = {0, CONTROLLER_MISSING, CONTROLLER_ABSURD, CONTROLLER_OUTLIER, CONTROLLER_REOPENED, 0,
+                                  CONTROLLER_FROZEN};
   uint32_t seen = 0;
   for (int j = 0; j < CONTROLLER_NM; ++j) seen |= bits[out->verdict[j]];
   return seen;
@@ -116,16 +117,26 @@ static uint32_t controller_seen(const controller_output *out)
 
 /* ---- a new plan ---- */
 
+/* The problem of a call: the weight of the command's rate is raised fourfold per rung. */
+static const rti_settings *controller_problem(const controller_state *state, controller_work *work,
+                                              const controller_settings *o)
+{
+  if (!state->supervisor.rung) return &o->rti;
+  memcpy(&work->detuned, &o->rti, sizeof work->detuned);
+  for (int j = RTI_NR - RTI_NU; j < RTI_NR; ++j) work->detuned.weights[j] *= (real)(1 << 2 * state->supervisor.rung);
+  return &work->detuned;
+}
+
 /* Real-time iterations of a plan in the workspace; whether they gave another. */
-static int controller_iterate(controller_work *work, const controller_settings *o, const controller_input *in,
-                              int iterations, controller_output *out)
+static int controller_iterate(controller_work *work, const rti_settings *o, const controller_input *in, int iterations,
+                              controller_output *out)
 {
   int status = 0;
   for (int k = 0; k < iterations && status >= 0; ++k) {
     const uint32_t begin = CONTROLLER_TICKS();
-    status = rti_prepare(&work->rti, &work->plan, &o->rti, out->p, in->set_points);
+    status = rti_prepare(&work->rti, &work->plan, o, out->p, in->set_points);
     const uint32_t prepared = CONTROLLER_TICKS();
-    if (status >= 0) status = rti_feedback(&work->rti, &work->plan, &o->rti, out->x, &out->rti);
+    if (status >= 0) status = rti_feedback(&work->rti, &work->plan, o, out->x, &out->rti);
     out->ticks[1] += prepared - begin;
     out->ticks[2] += CONTROLLER_TICKS() - prepared;
   }
@@ -141,22 +152,54 @@ static int controller_iterate(controller_work *work, const controller_settings *
 static int controller_plan(controller_state *state, controller_work *work, const controller_settings *o,
                            const controller_input *in, controller_output *out)
 {
+  const rti_settings *problem = controller_problem(state, work, o);
   int planned = 0;
   if (state->planned) {
     memcpy(&work->plan, &state->plan, sizeof work->plan);
     rti_shift(&work->plan, &o->rti, state->age);
-    planned = controller_iterate(work, o, in, o->sqp_iterations, out);
+    planned = controller_iterate(work, problem, in, o->sqp_iterations, out);
   }
   if (!planned) {
     rti_start(&work->plan, out->x, state->u);
     if (rti_rollout(&work->plan, &work->rti, &o->rti, out->x, out->p) < 0) rti_start(&work->plan, out->x, state->u);
-    planned = controller_iterate(work, o, in, o->start_iterations, out);
+    planned = controller_iterate(work, problem, in, o->start_iterations, out);
   }
   if (!planned) return 0;
   memcpy(&state->plan, &work->plan, sizeof state->plan);
   state->planned = 1;
   state->age = 0;
   return 1;
+}
+
+/* ---- supervision ---- */
+
+/* Distance of the measured tip from its setpoint [m]; below 0 where one of them is not known. */
+static real controller_distance(const controller_settings *o, const controller_input *in, const real *y)
+{
+  const int tip = o->supervisor.tip, setpoint = o->supervisor.setpoint;
+  if (tip < 0 || setpoint < 0 || !cg_finite(y + tip, 2) || !cg_finite(in->set_points + setpoint, 2)) return -1;
+  const real dx = y[tip] - in->set_points[setpoint], dy = y[tip + 1] - in->set_points[setpoint + 1];
+  return CG_SQRT(dx * dx + dy * dy);
+}
+
+/* Judge a call; whether a plan may be followed. */
+static int controller_supervise(controller_state *state, const controller_settings *o, const controller_input *in,
+                                const real *y, controller_output *out)
+{
+#if CONTROLLER_ESTIMATES
+  const real *surprise = out->ekf.surprise;
+#else
+  const real *surprise = 0;
+#endif
+  const real elapsed = cg_finite(&in->elapsed, 1) ? in->elapsed / o->period : -1;
+  supervisor_judge(&state->supervisor, &o->supervisor, surprise, elapsed, controller_distance(o, in, y),
+                   &out->supervisor);
+  return out->supervisor.health != SUPERVISOR_TRIPPED;
+}
+
+int controller_rearm(controller_state *state, const controller_settings *settings)
+{
+  return supervisor_rearm(&state->supervisor, &settings->supervisor);
 }
 
 /* ---- the command ---- */
@@ -167,6 +210,7 @@ static uint32_t controller_command(controller_state *state, const controller_set
                                    const real *rate, controller_output *out)
 {
   uint32_t anomalies = 0;
+  real change[RTI_NU];
   for (int j = 0; j < RTI_NU; ++j) {
     const real step = rate[j] * o->period, stage = rate[j] * o->rti.stage;
     const real margin = (real)1e-6 * (o->rti.u_max[j] - o->rti.u_min[j]);
@@ -175,9 +219,11 @@ static uint32_t controller_command(controller_state *state, const controller_set
     cg_limit(&u, o->rti.u_min[j], o->rti.u_max[j]);
     if (u < state->u[j] - stage - margin || u > state->u[j] + stage + margin) anomalies |= CONTROLLER_RATE_LIMITED;
     cg_limit(&u, state->u[j] - step, state->u[j] + step);
+    change[j] = u - state->u[j];
     if (u < o->rti.u_min[j] - margin || u > o->rti.u_max[j] + margin) anomalies |= CONTROLLER_BEYOND_LIMIT;
     state->u[j] = out->u[j] = u;
   }
+  supervisor_note(&state->supervisor, &o->supervisor, change);
   return anomalies;
 }
 
@@ -191,17 +237,23 @@ int controller_step(controller_state *state, controller_work *work, const contro
   output->anomalies = controller_check(state, settings, input);
   const uint32_t given = output->anomalies;
   if (state->blind <= patience) ++state->blind;
-  const int known = controller_estimate(state, work, settings, input->measurement, output);
+  real y[CONTROLLER_NM];
+  memcpy(y, input->measurement, sizeof y);
+  supervisor_screen(&state->supervisor, &settings->supervisor, y, &output->supervisor);
+  const int known = controller_estimate(state, work, settings, y, output);
+  for (int j = 0; j < CONTROLLER_NM; ++j)
+    if (cg_is_nan(y[j]) && !cg_is_nan(input->measurement[j])) output->verdict[j] = CG_FROZEN;
   output->anomalies |= controller_seen(output);
   if (state->blind > patience) output->anomalies |= CONTROLLER_BLIND;
   for (int j = 0; j < RTI_NX - CONTROLLER_ND; ++j) output->x[CONTROLLER_ND + j] = state->u[j];
   state->age += settings->period / settings->rti.stage;
-  if (state->age > (real)RTI_N - (real)1e-3 || state->blind > patience) state->planned = 0;
+  const int trusted = controller_supervise(state, settings, input, y, output);
+  if (state->age > (real)RTI_N - (real)1e-3 || state->blind > patience || !trusted) state->planned = 0;
   output->ticks[0] = CONTROLLER_TICKS() - begin;
 
   const uint32_t stops = CONTROLLER_BAD_SET_POINTS | CONTROLLER_BAD_PARAMETERS | CONTROLLER_LATE;
   int planned = 0;
-  if (known && !(given & stops) && state->blind <= patience) {
+  if (known && trusted && !(given & stops) && state->blind <= patience) {
     planned = controller_plan(state, work, settings, input, output);
     if (!planned) output->anomalies |= CONTROLLER_NOT_SOLVED;
   }

@@ -1,14 +1,18 @@
-/* A controller: estimator, real-time iteration, and what is done when one of them cannot.
+/* A controller: estimator, real-time iteration, supervisor, and what is done when one of them cannot.
  *
  * Each call of controller_step takes a measurement and gives the input to apply until the next call:
  *
  *   1. Parameters and set-points are checked: finite and within their limits. Bad parameters are replaced by the last
  *      good ones.
- *   2. The estimator takes the measurement and tells the state now and the disturbances, which go into the parameters
+ *   2. Readings that do not move are left out. The estimator takes the measurement and tells the state now and the disturbances, which go into the parameters
  *      over the whole horizon. Without an estimator (CONTROLLER_ESTIMATES 0) the measurement is the state.
  *   3. One real-time iteration from the last plan, moved on in time; some from a plan at rest where there is none, or
  *      where that fails.
  *   4. The first input of the plan, if it is finite, moved into the limits of input and rate.
+ *
+ * Beside the status, which says how the command came about, stands the health, which says whether sensors, model and
+ * call rate agree (supervisor.h). The supervisor raises the weight of the command's rate, the last RTI_NU weights, and
+ * sends the command to the safe input after a trip, until controller_rearm.
  *
  * If something of 1 to 3 fails, or the last command came late, the last plan goes on as long as it lasts; after that,
  * and whenever nothing was measured for as long as a plan lasts, the input goes at a bounded rate to the safe one. A
@@ -28,8 +32,8 @@
  * ---------------------------- -----------------------------------------------------------------------------------
  *   1 CONTROLLER_MISSING       an entry of the measurement is not there (NaN)
  *   2 CONTROLLER_ABSURD        one is infinite or beyond its limits
- *   4 CONTROLLER_OUTLIER       one is too far from what was expected
- *   8 CONTROLLER_REOPENED      one was too far for a while; the estimate was moved to it
+ *   4 CONTROLLER_OUTLIER       one is too far from what was expected, and its sensor was rejected
+ *   8 CONTROLLER_REOPENED      one is too far too often: used with bounded influence
  *  16 CONTROLLER_BLIND         nothing was measured for as long as a plan lasts
  *  32 CONTROLLER_ESTIMATE_LIMITED      an estimated disturbance was moved into its limits
  *  64 CONTROLLER_ESTIMATE_RESTARTED    the estimate was not finite or beyond its limits; the estimator started again
@@ -40,15 +44,17 @@
  * 2048 CONTROLLER_NOT_SOLVED   the real-time iteration failed
  * 4096 CONTROLLER_INPUT_LIMITED        the planned input was outside its limits
  * 8192 CONTROLLER_RATE_LIMITED         the planned input was further from the last one than the rate allows in a stage
- * 16384 CONTROLLER_BEYOND_LIMIT        a limit was moved past the last input: the command approaches it at the rate limit
+ * 16384 CONTROLLER_FROZEN      a reading does not move: it counts as missing until it does
+ * 32768 CONTROLLER_BEYOND_LIMIT        a limit was moved past the last input: the command approaches it at the rate limit
  *
  * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the
- * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements); with an estimator those of ekf.h, and the generated
+ * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements), CONTROLLER_NS (sensors); with an estimator those of ekf.h, and the generated
  * function estimated_parameters. CONTROLLER_TICKS() may be a clock (uint32_t), of which phases are told.
  */
 #ifndef CONTROLLER_H
 #define CONTROLLER_H
 #include "checks.h"
+#include "supervisor.h"
 
 #define CONTROLLER_PHASES 3
 #ifndef CONTROLLER_TICKS
@@ -79,7 +85,8 @@ enum {
   CONTROLLER_NOT_SOLVED = 2048,
   CONTROLLER_INPUT_LIMITED = 4096,
   CONTROLLER_RATE_LIMITED = 8192,
-  CONTROLLER_BEYOND_LIMIT = 16384
+  CONTROLLER_FROZEN = 16384,
+  CONTROLLER_BEYOND_LIMIT = 32768
 };
 
 typedef struct {
@@ -94,6 +101,7 @@ typedef struct {
   real p_min[RTI_SIZE(RTI_NP)], p_max[RTI_SIZE(RTI_NP)];
   real x_min[CONTROLLER_ND], x_max[CONTROLLER_ND];      /* of a measured state */
   int sqp_iterations, start_iterations;         /* of a plan that goes on, and of one from rest */
+  supervisor_settings supervisor;
 } controller_settings;
 
 typedef struct {
@@ -102,6 +110,7 @@ typedef struct {
   real age;                   /* of the plan, in stages */
   real u[RTI_NU], p[RTI_SIZE(RTI_NP)];  /* last input that was applied, last good parameters */
   rti_plan plan;
+  supervisor_state supervisor;
 #if CONTROLLER_ESTIMATES
   ekf_state ekf;
 #else
@@ -112,6 +121,7 @@ typedef struct {
 typedef struct {
   rti_work rti;
   rti_plan plan;
+  rti_settings detuned;       /* those of a call whose weight of the command's rate is raised */
 #if CONTROLLER_ESTIMATES
   ekf_work ekf;
 #endif
@@ -123,6 +133,7 @@ typedef struct {
   const real *p;              /* RTI_NP */
   const real *applied;        /* RTI_NU: input that was applied since the last call; null: the last command */
   int late;                   /* whether the last command came late */
+  real elapsed;               /* time since the last call [s]; below 0: not known */
 } controller_input;
 
 typedef struct {
@@ -132,6 +143,7 @@ typedef struct {
   int verdict[CONTROLLER_NM]; /* what became of each measurement, as in checks.h */
   real x[RTI_NX], p[RTI_SIZE(RTI_NP)];  /* state and parameters that the plan starts from */
   rti_report rti;
+  supervisor_report supervisor;
 #if CONTROLLER_ESTIMATES
   ekf_report ekf;
 #endif
@@ -141,6 +153,8 @@ typedef struct {
 /* Start at a state (EKF_NZ with an estimator, else CONTROLLER_ND), with the input and parameters of before. */
 void controller_start(controller_state *state, const controller_settings *settings, const real *z0, const real *u0,
                       const real *p);
+/* Go on after a trip, from a plan at rest; whether that is allowed (see supervisor_rearm). */
+int controller_rearm(controller_state *state, const controller_settings *settings);
 int controller_step(controller_state *state, controller_work *work, const controller_settings *settings,
                     const controller_input *input, controller_output *output);
 #endif

@@ -28,23 +28,32 @@ void cg_start(cg_object *o, const double *in)
   controller_start(&o->state, &o->settings, z, o->applied, o->p);
 }
 
-/* in: measurement, p, applied, set-points; flags: 1 late, 2 applied is given;
- * out: anomalies, iterations, violation, residual, cost, ticks, u, x, p, verdicts, variances, innovations, their
+int cg_rearm(cg_object *o) { return controller_rearm(&o->state, &o->settings); }
+
+/* in: measurement, p, applied, set-points, elapsed; flags: 1 late, 2 applied is given;
+ * out: anomalies, iterations, violation, residual, cost, health (with sensor, entry, reason, rung), mismatch, activity,
+ * ticks, u, x, p, verdicts, variances, innovations, their
  * variances, plan */
 int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
 {
-  const controller_input given = {o->measurement, o->set_points, o->p, flags & 2 ? o->applied : 0, flags & 1};
+  controller_input given = {o->measurement, o->set_points, o->p, flags & 2 ? o->applied : 0, flags & 1, -1};
   controller_output *found = &o->output;
   in = cg_take(o->measurement, in, CONTROLLER_NM);
   in = cg_take(o->p, in, RTI_NP);
   in = cg_take(o->applied, in, RTI_NU);
-  cg_take(o->set_points, in, (RTI_N + 1) * RTI_NR);
+  in = cg_take(o->set_points, in, (RTI_N + 1) * RTI_NR);
+  cg_take(&given.elapsed, in, 1);
   const int status = controller_step(&o->state, &o->work, &o->settings, &given, found);
   *out++ = (double)found->anomalies;
   *out++ = found->rti.iterations;
   *out++ = (double)found->rti.violation;
   *out++ = (double)found->rti.kkt;
   *out++ = (double)found->rti.cost;
+  const supervisor_report *seen = &found->supervisor;
+  const int health[] = {seen->health, seen->sensor, seen->entry, seen->reason, seen->rung};
+  out = cg_give_whole(out, health, 5);
+  *out++ = (double)seen->mismatch;
+  *out++ = (double)seen->activity;
   for (int k = 0; k < CONTROLLER_PHASES; ++k) *out++ = found->ticks[k];
   out = cg_give(out, found->u, RTI_NU);
   out = cg_give(out, found->x, RTI_NX);

@@ -1,7 +1,5 @@
 /* Extended Kalman filter. See ekf.h. */
 
-#define EKF_STRIDE 3            /* standard deviations by which a doubted estimate moves at most */
-
 /* Errors as at the start: independent. */
 static void ekf_forget(ekf_state *state, const ekf_settings *settings)
 {
@@ -25,7 +23,7 @@ void ekf_start(ekf_state *state, const ekf_settings *settings, const real *z0, c
 static void ekf_restart(ekf_state *state, const ekf_settings *settings)
 {
   memcpy(state->z, state->first, sizeof state->z);
-  for (int row = 0; row < EKF_NY; ++row) state->closed[row] = settings->patience;
+  for (int sensor = 0; sensor < EKF_NS; ++sensor) state->bucket[sensor] = (real)EKF_PATIENCE;
   ekf_forget(state, settings);
 }
 
@@ -91,16 +89,20 @@ static void ekf_substep(ekf_state *state, ekf_work *work, const ekf_settings *se
   ekf_orthogonalise(state, work, columns);
 }
 
-/* Take one scalar measurement with the row h of H, whose innovation and variance are known. */
-static void ekf_take(ekf_state *state, const real *h, real variance, real innovation)
+/* Take one scalar measurement with the row h of H, whose innovation is known; the variance that was expected of it.
+ * Beyond EKF_BOUND standard deviations its noise counts as so much larger that the estimate moves by as many. */
+static real ekf_take(ekf_state *state, const real *h, real noise, real innovation)
 {
-  real f[EKF_NZ], v[EKF_NZ], gain[EKF_NZ];
+  real f[EKF_NZ], v[EKF_NZ], gain[EKF_NZ], expected = noise;
   for (int j = 0; j < EKF_NZ; ++j) {
     f[j] = h[j];
     for (int i = 0; i < j; ++i) f[j] += state->U[i][j] * h[i];
     v[j] = state->D[j] * f[j];
+    expected += f[j] * v[j];
   }
-  real total = variance;
+  real total = noise;
+  const real bound = (real)EKF_BOUND * CG_SQRT(expected), size = innovation < 0 ? -innovation : innovation;
+  if (size > bound) total += expected * (size / bound - 1);
   for (int j = 0; j < EKF_NZ; ++j) {
     const real before = total, share = -f[j] / before;
     total += f[j] * v[j];
@@ -113,6 +115,7 @@ static void ekf_take(ekf_state *state, const real *h, real variance, real innova
     }
   }
   for (int i = 0; i < EKF_NZ; ++i) state->z[i] += gain[i] / total * innovation;
+  return expected;
 }
 
 /* Variance of h z. */
@@ -127,29 +130,6 @@ static real ekf_spread(const ekf_state *state, const real *h)
   return sum;
 }
 
-/* Whether a measurement is used. One that was too far for a while is: errors are as at the start then, and the estimate
- * moves by some standard deviations of those, again and again until it is near. */
-static int ekf_judge(ekf_state *state, const ekf_settings *settings, const real *h, int row, ekf_report *report)
-{
-  const real square = report->innovation[row] * report->innovation[row];
-  const real variance = settings->variance[row];
-  real spread = ekf_spread(state, h);
-  const real gate = settings->gate * settings->gate;
-  report->variance[row] = spread + variance;
-  if (square <= gate * (spread + variance)) {
-    state->closed[row] = 0;
-    return CG_USED;
-  }
-  if (++state->closed[row] <= settings->patience) return CG_OUTLIER;
-  ekf_forget(state, settings);
-  spread = ekf_spread(state, h);
-  report->variance[row] = spread + variance;
-  const real most = EKF_STRIDE * CG_SQRT(spread + variance);
-  if (cg_limit(&report->innovation[row], -most, most)) state->closed[row] = settings->patience;
-  else state->closed[row] = 0;
-  return CG_REOPENED;
-}
-
 /* Tell of each measurement in a compared quantity what became of it, unless that is known. */
 static void ekf_report_row(const ekf_settings *settings, int row, int verdict, ekf_report *report)
 {
@@ -159,37 +139,78 @@ static void ekf_report_row(const ekf_settings *settings, int row, int verdict, e
   }
 }
 
+/* Innovations and their variances as they are before any row is taken; a row whose measurements are not all there has
+ * no variance. */
+static void ekf_innovate(const ekf_state *state, const ekf_work *work, const ekf_settings *settings, const real *y,
+                         ekf_report *report)
+{
+  for (int row = 0; row < EKF_NY; ++row) {
+    real h[EKF_NZ], innovation = -work->y[row];
+    int whole = 1;
+    for (int j = 0; j < EKF_NM; ++j) {
+      const real share = settings->mixing[row][j];
+      if (!(share > 0 || share < 0)) continue;
+      if (report->verdict[j] == CG_USED) innovation += share * y[j];
+      else whole = 0;
+    }
+    if (!whole) continue;
+    for (int j = 0; j < EKF_NZ; ++j) h[j] = work->H[row + EKF_NY * j];
+    report->innovation[row] = innovation;
+    report->variance[row] = ekf_spread(state, h) + settings->variance[row];
+  }
+}
+
+/* The leaky gate of a sensor: CG_USED, CG_REOPENED (used although it is beyond the gate), CG_OUTLIER (rejected), or
+ * CG_ALONE (there is nothing to use). */
+static int ekf_judge(ekf_state *state, const ekf_settings *settings, int sensor, ekf_report *report)
+{
+  const real gate = settings->gate * settings->gate;
+  real sum = 0;
+  int rows = 0, out = 0;
+  for (int row = 0; row < EKF_NY; ++row) {
+    if (settings->sensor[row] != sensor || !(report->variance[row] > 0)) continue;
+    real ratio = report->innovation[row] * report->innovation[row] / report->variance[row];
+    out |= ratio > gate;
+    cg_limit(&ratio, 0, (real)EKF_SURPRISE_MOST);
+    sum += ratio;
+    ++rows;
+  }
+  report->surprise[sensor] = -1;
+  if (!rows) return CG_ALONE;
+  real *bucket = &state->bucket[sensor];
+  *bucket += out ? (real)1 : -(real)EKF_LEAK;
+  cg_limit(bucket, 0, (real)EKF_FULL);
+  if (out && *bucket <= (real)EKF_PATIENCE) return CG_OUTLIER;
+  report->surprise[sensor] = sum / (real)rows;
+  return out ? CG_REOPENED : CG_USED;
+}
+
 static int ekf_compare(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *y, const real *u,
                        const real *p, ekf_report *report)
 {
   real prior[EKF_NZ];
+  int judged[EKF_NS];
   const real *arg[] = {state->z, u, p};
   real *res[] = {work->y, work->H};
   estimator_outputs(arg, res, 0, 0, 0);
   if (!cg_finite(work->y, EKF_NY) || !cg_finite(work->H, EKF_NY * EKF_NZ)) return 0;
   memcpy(prior, state->z, sizeof prior);
+  ekf_innovate(state, work, settings, y, report);
+  for (int sensor = 0; sensor < EKF_NS; ++sensor) judged[sensor] = ekf_judge(state, settings, sensor, report);
+  const real gate = settings->gate * settings->gate;
   for (int row = 0; row < EKF_NY; ++row) {
-    real h[EKF_NZ], innovation = -work->y[row];
-    int verdict = CG_USED;
-    for (int j = 0; j < EKF_NM; ++j) {
-      const real share = settings->mixing[row][j];
-      if (!(share > 0 || share < 0)) continue;
-      if (report->verdict[j] == CG_USED) innovation += share * y[j];
-      else verdict = CG_ALONE;
-    }
-    if (verdict == CG_ALONE) {
-      ekf_report_row(settings, row, verdict, report);
-      continue;
-    }
+    const real square = report->innovation[row] * report->innovation[row];
+    const int found = judged[settings->sensor[row]];
+    if (!(report->variance[row] > 0)) ekf_report_row(settings, row, CG_ALONE, report);
+    else if (square > gate * report->variance[row]) ekf_report_row(settings, row, found, report);
+    else if (found == CG_OUTLIER) ekf_report_row(settings, row, CG_ALONE, report);
+    if (!(report->variance[row] > 0) || found == CG_OUTLIER) continue;
+    real h[EKF_NZ];
     for (int j = 0; j < EKF_NZ; ++j) {
       h[j] = work->H[row + EKF_NY * j];
-      innovation -= h[j] * (state->z[j] - prior[j]);
+      report->innovation[row] -= h[j] * (state->z[j] - prior[j]);
     }
-    report->innovation[row] = innovation;
-    verdict = ekf_judge(state, settings, h, row, report);
-    ekf_report_row(settings, row, verdict, report);
-    if (verdict == CG_OUTLIER) continue;
-    ekf_take(state, h, settings->variance[row], report->innovation[row]);
+    report->variance[row] = ekf_take(state, h, settings->variance[row], report->innovation[row]);
     ++report->used;
   }
   return 1;
@@ -221,6 +242,7 @@ int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, con
       && ekf_sound(state, settings, report))
     return EKF_OK;
   report->used = 0;
+  for (int sensor = 0; sensor < EKF_NS; ++sensor) report->surprise[sensor] = (real)EKF_SURPRISE_MOST;
   ekf_restart(state, settings);
   return EKF_RESTARTED;
 }

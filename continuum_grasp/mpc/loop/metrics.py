@@ -79,8 +79,10 @@ class Metrics:
     times : tuple of Times
     late : int
         Steps that took longer than the deadline.
-    statuses, anomalies : dict of str to int
+    statuses, anomalies, health : dict of str to int
         How often each occurred.
+    mismatch : float
+        Greatest mean squared normalized innovation of a sensor; about 1 where sensors and model agree.
     """
 
     tracking: tuple[Tracking, ...]
@@ -93,6 +95,8 @@ class Metrics:
     late: int
     statuses: dict[str, int]
     anomalies: dict[str, int]
+    health: dict[str, int]
+    mismatch: float
 
     def rows(self) -> list[tuple[str, str, str, str]]:
         """Table of four columns: what, and three values with their units."""
@@ -110,7 +114,7 @@ class Metrics:
 
     def pairs(self) -> dict[str, str]:
         """Single values by name."""
-        counts = {"status": self.statuses, "anomalies": self.anomalies}
+        counts = {"status": self.statuses, "anomalies": self.anomalies, "health": self.health}
         words = {k: ", ".join(f"{n} {name}" for name, n in v.items()) or "none" for k, v in counts.items()}
         return {
             "closed-loop cost": f"{self.cost:.6g}",
@@ -118,6 +122,7 @@ class Metrics:
             "input rate": f"{_amount(self.rate_rms, self.input_unit + '/s')} r.m.s.",
             "late": f"{self.late}",
             **words,
+            "mismatch": f"{self.mismatch:.2g} at most",
         }
 
 
@@ -143,6 +148,8 @@ def metrics_of(run: ControlRun) -> Metrics:
         late=int(np.sum(run.phase_times.sum(axis=1) > run.deadline)),
         statuses=dict(Counter(run.status)),
         anomalies=dict(Counter(word for words in run.anomalies for word in words)),
+        health=dict(Counter(run.health)),
+        mismatch=float(run.mismatch.max(initial=0.0)),
     )
 
 

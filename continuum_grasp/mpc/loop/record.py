@@ -14,6 +14,7 @@ from continuum_grasp.mpc.loop.result import ControlRun
 from continuum_grasp.mpc.loop.schedule import Schedule
 from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.stages import Stages
+from continuum_grasp.mpc.status import Health
 from continuum_grasp.scene.control import ControlScene
 
 __all__ = ["Record"]
@@ -59,6 +60,7 @@ class Record:
         readings = Readings(self._scene, plant.model, stages, model)
         references = np.array([*self._references, self._schedule.rows(t[-1:])[0]])
         phases = tuple(commands[0].time._fields) if count else ()
+        health = tuple(_word(getattr(c, "health", Health.OK)) for c in commands)
         return ControlRun(
             scene=self._scene,
             readings=readings,
@@ -82,8 +84,12 @@ class Record:
             phase_names=phases,
             phase_times=_stack([c.time for c in commands], count),
             anomalies=tuple(tuple(_word(a) for a in c.anomalies) for c in commands),
+            health=health,
+            health_texts=tuple(getattr(c, "health_text", "") for c in commands),
+            mismatch=np.array([getattr(c, "mismatch", 0.0) for c in commands], dtype=float),
+            activity=np.array([getattr(c, "activity", 0.0) for c in commands], dtype=float),
             events=tuple(self._schedule.events),
-            ended=status,
+            ended="tripped" if status == "finished" and "tripped" in health else status,
             x_names=plant.model.x_names,
             u_names=stages.u_names,
             y_names=plant.sensors.names,

@@ -37,6 +37,8 @@ _ARRAYS = (
     "iterations",
     "violation",
     "phase_times",
+    "mismatch",
+    "activity",
 )
 
 
@@ -80,9 +82,16 @@ class ControlRun:
         Time that each phase of a step took [s].
     anomalies : tuple of tuple of str
         What was odd at each step.
+    health : tuple of str
+        Whether sensors, model and call rate agreed at each step: ok, mismatch, detuned, frozen or tripped.
+    health_texts : tuple of str
+        The same in words, with what is suspected and its likely cause; empty for ok.
+    mismatch, activity : (K,) ndarray
+        Means by which the supervisor judges; see ``Command``.
     events : tuple of (float, str)
         When each phase of the schedule began [s].
-    ended : {"finished", "stopped"}
+    ended : {"finished", "tripped", "stopped"}
+        Tripped: it ran its time, but the supervisor sent the command to the safe input.
     """
 
     scene: ControlScene
@@ -107,6 +116,10 @@ class ControlRun:
     phase_names: tuple[str, ...]
     phase_times: Array
     anomalies: tuple[tuple[str, ...], ...]
+    health: tuple[str, ...]
+    health_texts: tuple[str, ...]
+    mismatch: Array
+    activity: Array
     events: tuple[tuple[float, str], ...]
     ended: str
     x_names: tuple[str, ...]
@@ -194,9 +207,27 @@ class ControlRun:
         return self.std[:, [k for _, k in self._disturbed]]
 
     @property
+    def tripped(self) -> bool:
+        """Whether the supervisor sent the command to the safe input."""
+        return "tripped" in self.health
+
+    @cached_property
+    def incidents(self) -> tuple[tuple[float, str, str], ...]:
+        """Time [s], health and text of each change of the health to something that is not ok."""
+        found, before = [], "ok"
+        for t, health, text in zip(self.t, self.health, self.health_texts, strict=False):
+            if health not in (before, "ok"):
+                found.append((float(t), health, text))
+            before = health
+        return tuple(found)
+
+    @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user must know: commands that were not the solver's, and bends beyond the plant's range."""
-        found = []
+        """What the user must know: incidents, commands that are not the solver's, bends beyond the plant's range."""
+        worst: dict[str, tuple[float, str]] = {}
+        for t, health, text in self.incidents:
+            worst.setdefault(health, (t, text))
+        found = [f"{health} at {t:.3g} s: {text}" for health, (t, text) in worst.items()]
         odd = {word: n for word, n in self.metrics().statuses.items() if word not in _GOOD}
         if odd:
             told = ", ".join(f"{n} {word}" for word, n in odd.items())
@@ -243,6 +274,7 @@ class ControlRun:
 
         stored = {name: getattr(self, name) for name in _ARRAYS}
         stored |= {"bounds": np.array([b.excess for b in self.bounds]), "status": np.array(self.status, dtype=str)}
+        stored["health"] = np.array(self.health, dtype=str)
         if self.contacts is not None:
             stored |= self.contacts.arrays()
         if self.object_pose is not None:
@@ -255,6 +287,7 @@ class ControlRun:
             "metrics": asdict(self.metrics()),
             "statistics": dict(self.statistics),
             "events": [list(event) for event in self.events],
+            "incidents": [list(incident) for incident in self.incidents],
             "anomalies": {str(k): list(words) for k, words in enumerate(self.anomalies) if words},
             "names": {
                 **{key: list(getattr(self, f"{key}_names")) for key in ("x", "u", "y", "r", "p", "estimated", "phase")},

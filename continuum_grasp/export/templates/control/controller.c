@@ -7,6 +7,7 @@ int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi)
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   memset(controller, 0, sizeof *controller);
   controller->abi = abi;
+  controller->memory.elapsed = -1;
   write_settings(settings_nominal, &controller->settings);<<known_nominal_controller>>
   <<p>>_loop_start(&controller->memory.state, &loop_settings, first_state, first_command, <<known_nominal>>);
   return <<P>>_OK;
@@ -23,6 +24,7 @@ int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<start>> *
   if ((code = check(z, <<start>>_low, <<start>>_high, <<nz>>)) < 0) return code;
   if ((code = check(u, command_low, command_high, <<nu>>)) < 0) return code;
   memset(&controller->memory, 0, sizeof controller->memory);
+  controller->memory.elapsed = -1;
   <<p>>_loop_start(&controller->memory.state, &loop_settings, z, u, <<known_nominal>>);
   return <<P>>_OK;
 }
@@ -45,6 +47,22 @@ int <<p>>_controller_late(<<p>>_controller *controller)
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   controller->memory.late = 1;
   return <<P>>_OK;
+}
+
+int <<p>>_controller_elapsed(<<p>>_controller *controller, <<p>>_real seconds)
+{
+  if (!controller) return <<P>>_ERR_NULL;
+  if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  if (!<<p>>_checks_finite(&seconds, 1) || seconds < 0) return <<P>>_ERR_RANGE;
+  controller->memory.elapsed = seconds;
+  return <<P>>_OK;
+}
+
+int <<p>>_controller_rearm(<<p>>_controller *controller)
+{
+  if (!controller) return <<P>>_ERR_NULL;
+  if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  return <<p>>_loop_rearm(&controller->memory.state, &loop_settings);
 }
 
 /* The settings of this call, from those of the caller. */
@@ -79,8 +97,10 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
   input.p = <<known_or_null>>;
   input.applied = 0;
   input.late = controller->memory.late;
+  input.elapsed = controller->memory.elapsed;
   code = <<p>>_loop_step(&controller->memory.state, &work->loop, &work->settings, &input, &controller->memory.last);
   controller->memory.late = 0;
+  controller->memory.elapsed = -1;
   if (code < 0 || check(controller->memory.last.u, command_low, command_high, <<nu>>) < 0) return <<P>>_ERR_RESULT;
   write_command(controller->memory.last.u, command);
   return codes[code];
@@ -105,5 +125,12 @@ int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnos
   diagnosis->violation = controller->memory.last.rti.violation;
   diagnosis->residual = controller->memory.last.rti.kkt;
   diagnosis->cost = controller->memory.last.rti.cost;
+  diagnosis->health = controller->memory.last.supervisor.health;
+  diagnosis->sensor = controller->memory.last.supervisor.sensor;
+  diagnosis->frozen = controller->memory.last.supervisor.entry;
+  diagnosis->trip = controller->memory.last.supervisor.reason;
+  diagnosis->rung = controller->memory.last.supervisor.rung;
+  diagnosis->mismatch = controller->memory.last.supervisor.mismatch;
+  diagnosis->activity = controller->memory.last.supervisor.activity;
   return <<P>>_OK;
 }

@@ -18,6 +18,27 @@ typedef struct {
 #define <<P>>_CONTROLLER_BYTES <<controller_bytes>>
 #define <<P>>_CONTROLLER_WORK_BYTES <<controller_work_bytes>>
 
+/* Whether sensors, model and call rate agree, beside the code, which tells how the command came about. */
+enum {
+  <<P>>_HEALTH_OK = 0,
+  <<P>>_HEALTH_MISMATCH = 1, /* a sensor contradicts the model */
+  <<P>>_HEALTH_DETUNED = 2, /* the same with an active command: the weight of its rate is raised */
+  <<P>>_HEALTH_FROZEN = 3, /* a reading does not move: it counts as missing until it does */
+  <<P>>_HEALTH_TRIPPED = 4 /* the command goes to <<safe>> until <<p>>_controller_rearm */
+};
+/* What contradicts the model. */
+enum {
+<<sensors>>
+};
+/* Why a controller is tripped. */
+enum {
+  <<P>>_TRIP_NONE = 0,
+  <<P>>_TRIP_SWINGING = 1, /* mismatch and an active command, though the weight of its rate is raised 16-fold */
+  <<P>>_TRIP_CONTRADICTED = 2, /* a sensor contradicts the model by many standard deviations */
+  <<P>>_TRIP_AWAY = 3, /* mismatch, and the tip stays far from its set-point */
+  <<P>>_TRIP_UNSEEN = 4 /* no sensor that shows the shape moves */
+};
+
 /* What is known of the last call. */
 typedef struct {
   uint32_t anomalies; /* what was noticed, bits of <<P>>_ANOMALY_... */
@@ -25,6 +46,13 @@ typedef struct {
   <<p>>_real violation; /* largest share by which a soft bound is left in the plan */
   <<p>>_real residual; /* of the optimality conditions, relative */
   <<p>>_real cost; /* of the plan */
+  int health; /* <<P>>_HEALTH_... */
+  int sensor; /* <<P>>_SENSOR_... that contradicts most */
+  int frozen; /* number of a reading that does not move, in the order of <<p>>_measurement; -1: none */
+  int trip; /* <<P>>_TRIP_... */
+  int rung; /* how often the weight of the command's rate is raised fourfold */
+  <<p>>_real mismatch; /* mean squared normalized innovation of that sensor; about 1 where all is well */
+  <<p>>_real activity; /* mean squared change of the command, per that at its rate limit */
 } <<p>>_diagnosis;
 
 /* Make a controller ready, with the settings and the first state of the scene that it was made from. */
@@ -46,6 +74,11 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
 int <<p>>_controller_applied(<<p>>_controller *controller, const <<p>>_command *applied);
 /* Before the next call: that the last command came late, so that the next is of the previous plan. */
 int <<p>>_controller_late(<<p>>_controller *controller);
+/* Before the next call: time since the last one [s], by which a wrong call rate is noticed. */
+int <<p>>_controller_elapsed(<<p>>_controller *controller, <<p>>_real seconds);
+/* Leave a trip: 1, or 0 where the command does not rest yet, sensors and model do not agree, or it was the second trip
+   within 150 averaging times, which only <<p>>_controller_start ends. */
+int <<p>>_controller_rearm(<<p>>_controller *controller);
 /* State (and disturbances) from which the last plan starts; what is known of the last call. */
 int <<p>>_controller_estimate(const <<p>>_controller *controller, <<p>>_<<start>> *estimate);
 int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnosis *diagnosis);

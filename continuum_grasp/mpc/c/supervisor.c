@@ -1,0 +1,135 @@
+/* Supervision of sensors, model and call rate. See supervisor.h. */
+
+#define SUPERVISOR_DOUBT 3.0    /* mismatch: of one row the mean is chi-square with 39 degrees of freedom per 39, beyond
+                                   3 once in 1e9 steps; greatest of nominal trials 2.3 */
+#define SUPERVISOR_TRUST 1.5    /* mismatch below which sensors and model agree */
+#define SUPERVISOR_WRONG 20.0   /* mismatch that no tuning holds; a camera rotated by 5 degrees, which still can be
+                                   held, has 10 to 14 */
+#define SUPERVISOR_ACTIVE 0.002 /* activity of a loop that swings with a quarter of its noise's amplitude; a knock at
+                                   rest stays below */
+#define SUPERVISOR_HARD 0.1     /* activity of a command that runs at a third of its rate limit on average */
+#define SUPERVISOR_JITTER 0.2   /* standard deviation of the time between two calls, in periods: half the call rate has a
+                                   mismatch of 25, scheduling jitter of an ordinary system less than 1 */
+
+static int supervisor_passed(int *count, int condition, int most)
+{
+  *count = condition ? (*count < most ? *count + 1 : most) : 0;
+  return *count >= most;
+}
+
+static void supervisor_mean(const supervisor_settings *o, real *mean, real value)
+{
+  *mean += (value - *mean) / (real)o->window;
+}
+
+/* Whether a device has a reading that moves in all its entries. */
+static int supervisor_alive(const supervisor_state *state, const supervisor_settings *o, int sensor)
+{
+  for (int j = 0; j < CONTROLLER_NM; ++j)
+    if (o->sensor[j] == sensor && state->still[j] >= o->window) return 0;
+  return 1;
+}
+
+void supervisor_screen(supervisor_state *state, const supervisor_settings *o, real *y, supervisor_report *report)
+{
+  memset(report, 0, sizeof *report);
+  report->entry = report->sensor = -1;
+  if (!o->window) return;
+  for (int j = 0; j < CONTROLLER_NM; ++j) {
+    if (o->still[j] < 0 || !cg_finite(&y[j], 1)) continue;
+    const real moved = y[j] - state->last[j];
+    const int same = state->calls > 0 && moved <= o->still[j] && moved >= -o->still[j];
+    state->last[j] = y[j];
+    if (!supervisor_passed(&state->still[j], same, o->window)) continue;
+    y[j] = cg_nan();
+    if (report->entry < 0) report->entry = j;
+  }
+  int seen = 0;
+  for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor) seen |= o->shape[sensor] && supervisor_alive(state, o, sensor);
+  supervisor_passed(&state->unseen, !seen && report->entry >= 0, o->window + o->window / 2);
+}
+
+/* Means over a window, and the device that contradicts most. */
+static void supervisor_average(supervisor_state *state, const supervisor_settings *o, const real *surprise,
+                               real elapsed, supervisor_report *report)
+{
+  if (state->calls < o->delay) ++state->calls;
+  else {
+    for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor)
+      if (surprise[sensor] >= 0) supervisor_mean(o, &state->mismatch[sensor], surprise[sensor]);
+    if (elapsed >= 0) {
+      real off = (elapsed - 1) / (real)SUPERVISOR_JITTER;
+      off *= off;
+      cg_limit(&off, 0, 30);
+      supervisor_mean(o, &state->mismatch[CONTROLLER_NS], off);
+    }
+  }
+  for (int sensor = 0; sensor <= CONTROLLER_NS; ++sensor) {
+    if (report->sensor >= 0 && state->mismatch[sensor] <= report->mismatch) continue;
+    report->mismatch = state->mismatch[sensor];
+    report->sensor = sensor;
+  }
+}
+
+/* The ladder: one rung up at once, one down after a calm time that doubles with every raise. */
+static void supervisor_climb(supervisor_state *state, const supervisor_settings *o, real mismatch)
+{
+  const int doubled = state->raises > 8 ? 7 : state->raises > 0 ? state->raises - 1 : 0;
+  const int calm = mismatch < (real)SUPERVISOR_TRUST && state->activity < (real)SUPERVISOR_ACTIVE;
+  const int settled = supervisor_passed(&state->calm, calm, (5 * o->window) << doubled);
+  if (state->since < 5 * o->window) ++state->since;
+  if (mismatch > (real)SUPERVISOR_DOUBT && state->activity > (real)SUPERVISOR_ACTIVE && state->rung < o->rungs
+      && state->since >= o->window / 2) {
+    ++state->rung;
+    if (state->raises < 9) ++state->raises;
+  } else if (settled && state->rung > 0) --state->rung;
+  else return;
+  state->since = state->calm = 0;
+}
+
+void supervisor_judge(supervisor_state *state, const supervisor_settings *o, const real *surprise, real elapsed,
+                      real distance, supervisor_report *report)
+{
+  if (!o->window) return;
+  supervisor_average(state, o, surprise, elapsed, report);
+  const real mismatch = report->mismatch, activity = state->activity;
+  const int doubt = mismatch > (real)SUPERVISOR_DOUBT, half = o->window / 2, window = o->window;
+  int reason = 0;
+  if (!state->tripped) supervisor_climb(state, o, mismatch);
+  const int top = state->rung == o->rungs && state->since >= 2 * window + half;
+  if (supervisor_passed(&state->swinging, doubt && top && activity > (real)SUPERVISOR_HARD, 2 * window + half))
+    reason = SUPERVISOR_SWINGING;
+  if (supervisor_passed(&state->contradicted, mismatch > (real)SUPERVISOR_WRONG, 2 * window + half))
+    reason = SUPERVISOR_CONTRADICTED;
+  if (supervisor_passed(&state->away, doubt && distance > o->far, 5 * window)) reason = SUPERVISOR_AWAY;
+  if (state->unseen >= window + half) reason = SUPERVISOR_UNSEEN;
+  if (!state->tripped && state->since_rearmed < 150 * window) ++state->since_rearmed;
+  if (reason && !state->tripped) {
+    state->tripped = reason;
+    ++state->trips;
+  }
+  report->activity = activity;
+  report->rung = state->rung;
+  report->reason = state->tripped;
+  report->health = state->tripped ? SUPERVISOR_TRIPPED : report->entry >= 0 ? SUPERVISOR_FROZEN
+                 : state->rung ? SUPERVISOR_DETUNED : doubt ? SUPERVISOR_MISMATCH : SUPERVISOR_OK;
+}
+
+void supervisor_note(supervisor_state *state, const supervisor_settings *o, const real *change)
+{
+  real sum = 0;
+  if (!o->window) return;
+  for (int j = 0; j < RTI_NU; ++j) sum += change[j] / o->change[j] * (change[j] / o->change[j]);
+  supervisor_mean(o, &state->activity, sum / RTI_NU);
+}
+
+int supervisor_rearm(supervisor_state *state, const supervisor_settings *o)
+{
+  int good = state->tripped && state->activity < (real)SUPERVISOR_ACTIVE && !state->unseen;
+  for (int sensor = 0; sensor <= CONTROLLER_NS; ++sensor) good &= state->mismatch[sensor] < (real)SUPERVISOR_TRUST;
+  if (!good || (state->trips > 1 && state->since_rearmed < 150 * o->window)) return 0;
+  state->tripped = state->swinging = state->contradicted = state->away = state->since = state->calm = 0;
+  state->since_rearmed = 0;
+  state->rung = o->rungs;
+  return 1;
+}
