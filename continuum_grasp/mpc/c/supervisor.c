@@ -82,14 +82,16 @@ static void supervisor_average(supervisor_state *state, const supervisor_setting
   }
 }
 
-/* The ladder: one rung up at once, one down after a calm time that doubles with every raise. */
+/* The ladder: up where a mismatch lasts (that of a knock, or of a move with half the stiffness, is over in 0.4 s, and a
+ * calmer command would only hold on to the error), one rung down after a calm time that doubles with every raise. */
 static void supervisor_climb(supervisor_state *state, const supervisor_settings *o, real mismatch)
 {
   const int doubled = state->raises > 8 ? 7 : state->raises > 0 ? state->raises - 1 : 0;
   const int calm = mismatch < (real)SUPERVISOR_TRUST && state->activity < (real)SUPERVISOR_ACTIVE;
   const int settled = supervisor_passed(&state->calm, calm, (5 * o->window) << doubled);
+  const int lasting = supervisor_passed(&state->doubted, mismatch > (real)SUPERVISOR_DOUBT, 2 * o->window + o->window / 2);
   if (state->since < 5 * o->window) ++state->since;
-  if (mismatch > (real)SUPERVISOR_DOUBT && state->activity > (real)SUPERVISOR_ACTIVE && state->rung < o->rungs
+  if (lasting && state->activity > (real)SUPERVISOR_ACTIVE && state->rung < o->rungs
       && state->since >= o->window / 2) {
     ++state->rung;
     if (state->raises < 9) ++state->raises;

@@ -10,7 +10,7 @@
  * ---------------------------- -----------------------------------------------------------------------------------
  *  0 SUPERVISOR_OK
  *  1 SUPERVISOR_MISMATCH       a sensor contradicts the model: mismatch > 3
- *  2 SUPERVISOR_DETUNED        the weight of the command's rate is raised, for a mismatch with an active command
+ *  2 SUPERVISOR_DETUNED        the weight of the command's rate is raised, for a mismatch with an active command that lasts
  *  3 SUPERVISOR_FROZEN         a reading has not moved for a window while the command did: it counts as missing until it
  *                              moves
  *  4 SUPERVISOR_TRIPPED        the command goes to the safe input and stays there
@@ -57,7 +57,7 @@ typedef struct {
   real mismatch[CONTROLLER_NS + 1], activity;
   int calls;                  /* since the start, up to `delay` */
   int rung, raises;           /* fourfold raises of the weight now, and ever */
-  int since, calm;            /* calls since the last change of the rung, and calm ones in a row */
+  int since, calm, doubted;   /* calls since the last change of the rung; calm ones and ones with a mismatch in a row */
   int swinging, contradicted, away, unseen;     /* calls in a row */
   int tripped, trips, since_rearmed;    /* reason of the trip that holds on, or 0 */
 } supervisor_state;
