@@ -281,6 +281,8 @@ def test_metrics_by_hand():
         phase_times=np.stack([np.full(10, 1e-5), [*np.linspace(1e-5, 9e-5, 9), 0.02]], axis=1),
         status=("solved",) * 9 + ("safe_ramp",),
         anomalies=((),) * 9 + (("late", "outlier"),),
+        health=("ok",) * 8 + ("mismatch",) * 2,
+        mismatch=np.array([1.0] * 8 + [3.5, 3.25]),
     )
     found = metrics_of(run)
     (tip,) = found.tracking

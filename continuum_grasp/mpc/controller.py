@@ -26,7 +26,6 @@ from continuum_grasp.mpc.problem import stages_of
 from continuum_grasp.mpc.setpoints import SetPoints, set_points
 from continuum_grasp.mpc.statistics import Statistics
 from continuum_grasp.mpc.status import Status
-from continuum_grasp.mpc.supervision import frozen_thresholds
 from continuum_grasp.scene.control import ControlScene
 
 __all__ = ["Command", "Controller", "Estimate", "Plan"]
@@ -52,8 +51,6 @@ class Controller:
     deadline : float, optional
         Duration of ``step`` after which its command counts as late [s], so that the next one is of the previous plan;
         that of the scene (its period, where it says nothing) where not given, ``math.inf`` never.
-    frozen : bool, optional
-        Whether readings that do not move count as missing; ``estimator.frozen`` of the scene where not given.
 
     Attributes
     ----------
@@ -100,7 +97,6 @@ class Controller:
         *,
         precision: str = "double",
         deadline: float | None = None,
-        frozen: bool | None = None,
     ) -> None:
         self.scene = control_scene(scene)
         self.prediction = Prediction(self.scene)
@@ -121,9 +117,6 @@ class Controller:
         self.estimated_names = self.prediction.x_names if estimation is None else estimation.z_names
         self._deadline = 1e9 * _deadline(self.scene, deadline)
         fields = controller_fields(self.scene, self.prediction, self.stages, estimation, self.precision)
-        if frozen is not None:
-            fields = [field for field in fields if field.member != "supervisor.still"]
-            fields.append(Field("supervisor.still", frozen_thresholds(self.scene, self.measurement_names, frozen)))
         self._fields = {field.member: field for field in fields}
         source = controller_source(self.stages, estimation, delay_periods(self.scene), fields, self.precision)
         n, s = self.stages.stages, self.stages

@@ -12,7 +12,7 @@ from continuum_grasp.mpc.noise import measurement_std
 from continuum_grasp.mpc.stages import Stages
 from continuum_grasp.scene.control import ControlScene
 
-__all__ = ["frozen_thresholds", "supervisor_fields"]
+__all__ = ["supervisor_fields"]
 
 _WINDOW = 0.2
 """Time over which mismatch and activity are averaged [s]: ten times shorter reports noise, and a loop that swings is lost
@@ -63,17 +63,13 @@ def supervisor_fields(scene: ControlScene, stages: Stages, estimation: Estimatio
         Field("rungs", _RUNGS if asked.cost.input_rate else 0, whole=True),
         Field("sensor", sensor, whole=True),
         Field("shape", [int(name != "tension") for name in devices] or [0], whole=True),
-        Field("still", frozen_thresholds(scene, names, asks)),
+        Field("cause", [_first(name, stages.u_names) for name in names], whole=True),
+        Field("still", [_STILL * measurement_std(scene, name) if asks else -1.0 for name in names]),
         Field("change", np.maximum(rate * period, 1e-12)),
         Field("tip", _first("tip_x [m]", names), whole=True),
         Field("setpoint", _first("tip_x [m]", stages.r_names), whole=True),
         Field("far", _FAR * scene.finger.rod.length),
     ]
-
-
-def frozen_thresholds(scene: ControlScene, names: tuple[str, ...], asks: bool) -> list[float]:
-    """Change below which each measurement counts as frozen, in its unit; below 0 where that is not asked."""
-    return [_STILL * measurement_std(scene, name) if asks else -1.0 for name in names]
 
 
 def _first(name: str, names: tuple[str, ...]) -> int:

@@ -67,5 +67,5 @@ class Estimator(Value):
     """A sensor that is further than this many standard deviations from what is expected is rejected, unless that happens
     too often: then the model is wrong, and the sensor is used with bounded influence."""
     frozen: bool = True
-    """Whether a reading that does not move for 0.2 s (20 samples at least) counts as missing. No: for sensors whose
-    resolution is coarser than their noise, which may repeat a number while the finger rests."""
+    """Whether a reading that does not move for 0.2 s (20 samples at least) while the command does counts as missing. No:
+    for sensors whose resolution is coarser than their noise, which repeat a number while the finger rests."""

@@ -11,6 +11,10 @@
 #define SUPERVISOR_JITTER 0.2   /* standard deviation of the time between two calls, in periods: half the call rate has a
                                    mismatch of 25, scheduling jitter of an ordinary system less than 1 */
 
+#define SUPERVISOR_PATH 0.02    /* of the command, in `change`, before a reading that rests is suspicious: without noise
+                                   everything rests together; the noise of the other sensors moves a command so far in a
+                                   few calls */
+
 static int supervisor_passed(int *count, int condition, int most)
 {
   *count = condition ? (*count < most ? *count + 1 : most) : 0;
@@ -22,11 +26,16 @@ static void supervisor_mean(const supervisor_settings *o, real *mean, real value
   *mean += (value - *mean) / (real)o->window;
 }
 
-/* Whether a device has a reading that moves in all its entries. */
+static int supervisor_frozen(const supervisor_state *state, const supervisor_settings *o, int entry)
+{
+  return state->still[entry] >= o->window && state->path[entry] > (real)SUPERVISOR_PATH;
+}
+
+/* Whether no reading of a device is frozen. */
 static int supervisor_alive(const supervisor_state *state, const supervisor_settings *o, int sensor)
 {
   for (int j = 0; j < CONTROLLER_NM; ++j)
-    if (o->sensor[j] == sensor && state->still[j] >= o->window) return 0;
+    if (o->sensor[j] == sensor && supervisor_frozen(state, o, j)) return 0;
   return 1;
 }
 
@@ -40,7 +49,9 @@ void supervisor_screen(supervisor_state *state, const supervisor_settings *o, re
     const real moved = y[j] - state->last[j];
     const int same = state->calls > 0 && moved <= o->still[j] && moved >= -o->still[j];
     state->last[j] = y[j];
-    if (!supervisor_passed(&state->still[j], same, o->window)) continue;
+    if (!same) state->path[j] = 0;
+    supervisor_passed(&state->still[j], same, o->window);
+    if (!supervisor_frozen(state, o, j)) continue;
     y[j] = cg_nan();
     if (report->entry < 0) report->entry = j;
   }
@@ -71,14 +82,16 @@ static void supervisor_average(supervisor_state *state, const supervisor_setting
   }
 }
 
-/* The ladder: one rung up at once, one down after a calm time that doubles with every raise. */
+/* The ladder: up where a mismatch lasts (that of a knock, or of a move with half the stiffness, is over in 0.4 s, and a
+ * calmer command would only hold on to the error), one rung down after a calm time that doubles with every raise. */
 static void supervisor_climb(supervisor_state *state, const supervisor_settings *o, real mismatch)
 {
   const int doubled = state->raises > 8 ? 7 : state->raises > 0 ? state->raises - 1 : 0;
   const int calm = mismatch < (real)SUPERVISOR_TRUST && state->activity < (real)SUPERVISOR_ACTIVE;
   const int settled = supervisor_passed(&state->calm, calm, (5 * o->window) << doubled);
+  const int lasting = supervisor_passed(&state->doubted, mismatch > (real)SUPERVISOR_DOUBT, 2 * o->window + o->window / 2);
   if (state->since < 5 * o->window) ++state->since;
-  if (mismatch > (real)SUPERVISOR_DOUBT && state->activity > (real)SUPERVISOR_ACTIVE && state->rung < o->rungs
+  if (lasting && state->activity > (real)SUPERVISOR_ACTIVE && state->rung < o->rungs
       && state->since >= o->window / 2) {
     ++state->rung;
     if (state->raises < 9) ++state->raises;
@@ -117,10 +130,17 @@ void supervisor_judge(supervisor_state *state, const supervisor_settings *o, con
 
 void supervisor_note(supervisor_state *state, const supervisor_settings *o, const real *change)
 {
-  real sum = 0;
+  real path[RTI_NU], sum = 0, squares = 0;
   if (!o->window) return;
-  for (int j = 0; j < RTI_NU; ++j) sum += change[j] / o->change[j] * (change[j] / o->change[j]);
-  supervisor_mean(o, &state->activity, sum / RTI_NU);
+  for (int j = 0; j < RTI_NU; ++j) {
+    const real share = change[j] / o->change[j];
+    path[j] = share < 0 ? -share : share;
+    sum += path[j];
+    squares += share * share;
+  }
+  supervisor_mean(o, &state->activity, squares / RTI_NU);
+  for (int j = 0; j < CONTROLLER_NM; ++j)
+    if (state->path[j] <= (real)SUPERVISOR_PATH) state->path[j] += o->cause[j] < 0 ? sum : path[o->cause[j]];
 }
 
 int supervisor_rearm(supervisor_state *state, const supervisor_settings *o)

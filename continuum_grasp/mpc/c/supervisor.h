@@ -10,8 +10,9 @@
  * ---------------------------- -----------------------------------------------------------------------------------
  *  0 SUPERVISOR_OK
  *  1 SUPERVISOR_MISMATCH       a sensor contradicts the model: mismatch > 3
- *  2 SUPERVISOR_DETUNED        the weight of the command's rate is raised, for a mismatch with an active command
- *  3 SUPERVISOR_FROZEN         a reading has not moved for a window: it counts as missing until it does
+ *  2 SUPERVISOR_DETUNED        the weight of the command's rate is raised, for a mismatch with an active command that lasts
+ *  3 SUPERVISOR_FROZEN         a reading has not moved for a window while the command did: it counts as missing until it
+ *                              moves
  *  4 SUPERVISOR_TRIPPED        the command goes to the safe input and stays there
  *
  * reason of a trip             when
@@ -42,6 +43,7 @@ typedef struct {
   int rungs;                  /* how often the weight of the command's rate may be raised fourfold */
   int sensor[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* device of each measurement */
   int shape[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* whether a device shows the shape of the finger */
+  int cause[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* entry of the command that moves a measurement; -1: all */
   real still[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* a reading that moves by no more has not moved; below 0: not asked */
   real change[RTI_NU];        /* of the command per call, at activity 1 */
   int tip, setpoint;          /* first of two measurements and of two setpoints of the tip; -1: none */
@@ -51,10 +53,11 @@ typedef struct {
 typedef struct {
   real last[SUPERVISOR_SIZE(CONTROLLER_NM)];
   int still[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* calls for which a reading has not moved */
+  real path[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* of the command in the meantime, in `change` */
   real mismatch[CONTROLLER_NS + 1], activity;
   int calls;                  /* since the start, up to `delay` */
   int rung, raises;           /* fourfold raises of the weight now, and ever */
-  int since, calm;            /* calls since the last change of the rung, and calm ones in a row */
+  int since, calm, doubted;   /* calls since the last change of the rung; calm ones and ones with a mismatch in a row */
   int swinging, contradicted, away, unseen;     /* calls in a row */
   int tripped, trips, since_rearmed;    /* reason of the trip that holds on, or 0 */
 } supervisor_state;

@@ -66,8 +66,7 @@ def closed_loop(
         The scene, with a ``duration``, or its YAML file.
     controller : Controls, optional
         A controller of that scene, which is reset first; where not given, a new ``Controller`` without a deadline, so
-        that a run does not depend on how busy the machine is. What would have been late is counted all the same. It
-        does not look for frozen readings where ``plant.noise`` is 0, since those rest with the finger.
+        that a run does not depend on how busy the machine is. What would have been late is counted all the same.
     plant : Plant, optional
         A plant at its start; that of the scene where not given.
     functions : mapping of str to callable, optional
@@ -147,5 +146,5 @@ def _control_scene(given: ControlScene | str | PathLike[str]) -> ControlScene:
 def _controller(scene: ControlScene) -> Controls:
     from continuum_grasp.mpc.controller import Controller
 
-    made: Controls = Controller(scene, deadline=math.inf, frozen=False if scene.plant.noise == 0.0 else None)
+    made: Controls = Controller(scene, deadline=math.inf)
     return made
