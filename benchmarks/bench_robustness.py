@@ -1,8 +1,8 @@
 """Every shipped loop on plants that differ in values, drive, wiring, sensors and call rate.
 
-Run ``python -m benchmarks.bench_robustness`` in the root of the repository. A loop has to stay near the ideal one, which
-is the loop on the plant that its scene describes, or to reach a safe state that has a name; and its command must not
-swing. A loop that does neither without a word is silent, the worst of all.
+Run ``python -m benchmarks.bench_robustness`` in the root of the repository. A loop has to stay near the ideal one,
+which is the loop on the plant that its scene describes, or to reach a safe state that has a name; and its command must
+not swing. A loop that does neither without a word is silent, the worst of all.
 """
 
 from __future__ import annotations
@@ -34,17 +34,19 @@ from continuum_grasp.mpc.setpoints import set_points
 Array = NDArray[np.float64]
 
 LOOPS = tuple(sorted(path.stem for path in (CONFIGS / "mpc").glob("*.yaml")))
-LEAST_DURATION = 5.0
-"""Of a run [s]: a tension that drifts trips two to three seconds after it began to."""
+DURATION = {"nitinol_moment": 12.0}
+"""Of a run [s]; the rod, whose first mode is six times slower, has eight seconds after its last step."""
+OTHERS, DRIFTING = 5.0, 3.0
+"""The same of other loops, and how much longer where a sensor drifts, slowly, until it contradicts the others."""
 REPEATED = {"tip_arc": 1.0}
 """Period of set-points that would stand still before the end of the run [s]."""
 LAST = 1.0
 """Time at the end over which errors and commands are judged [s]."""
-NEAR = 0.055
-"""Error beyond the ideal loop's that still counts as near, in lengths: 10 mm on the hand finger, ten times its noise."""
+NEAR = 0.1
+"""Error beyond the ideal loop's that still counts as near, in lengths: where the supervisor has the tip away."""
 SWINGS = 0.25
-"""Root mean square change of the command per period, in shares of its rate limit, beyond which a command swings: a sine
-at the first mode's frequency with that rate moves the tip by half of the finger's length, noise of ideal loops is 0.03."""
+"""Root mean square change of the command per period, in shares of its rate limit, beyond which a command swings: a
+sine at the first mode's frequency with that rate moves the tip by half of the finger's length; ideal loops have 0.03."""
 MILD = 2e-3
 """Error [m] beyond the ideal loop's that mild differences may cost ``MILD_LOOPS``."""
 MILD_LOOPS = ("steady_tip", "keep_out")
@@ -129,7 +131,7 @@ def run_of(bench: Bench, loop: str, wrong: Wrong, seed: int) -> tuple[ControlRun
     scene, control = bench.scene, bench.control
     plant = bench.plant(wrong, seed)
     points, again = set_points(scene, control.stages, control.prediction), REPEATED.get(loop, math.inf)
-    duration = max(scene.duration or 0.0, LEAST_DURATION)
+    duration = DURATION.get(loop, OTHERS) + DRIFTING * (wrong.fault == "drift")
     phase = Phase(loop, lambda t: points.rows(t if math.isinf(again) else np.mod(t, again)), duration)
     driven = _Clocked(control, plant) if wrong.clock else control
     asked = scene.model_copy(update={"duration": duration})
@@ -202,10 +204,14 @@ def add(report: Report, found: Sequence[Outcome]) -> None:
     report.claim("cases", len(found), ">=", 500)
     report.claim("silent: bad and no word of it", sum(one.silent for one in found), "<=", 0)
     report.claim("command swings at the end", sum(one.swings for one in found), "<=", 0)
-    report.claim("neither near the ideal loop nor in a safe state", sum(not (one.near or one.safe) for one in found), "<=", 0)
+    report.claim(
+        "neither near the ideal loop nor in a safe state", sum(not (one.near or one.safe) for one in found), "<=", 0
+    )
     for loop in MILD_LOOPS:
         more = [1e3 * (one.error - one.ideal) for one in found if one.loop == loop and one.mild]
-        report.claim(f"{loop}: error of mild differences beyond the ideal loop's [mm]", max(more, default=math.nan), "<=", 2)
+        report.claim(
+            f"{loop}: error of mild differences beyond the ideal loop's [mm]", max(more, default=math.nan), "<=", 2
+        )
     ideal = [one for one in found if one.group == "as shipped"]
     false = sum(not math.isnan(one.reported) for one in ideal)
     report.claim("reports on plants as shipped", false, "<=", 0)
@@ -219,11 +225,12 @@ def add(report: Report, found: Sequence[Outcome]) -> None:
         rows.append([*row, max(one.swing for one in same), _first(same), _last(same)])
     columns = ["", "plant", *loops, "greatest swing", "reported after [s]", "tripped after [s]"]
     note = (
-        f"Root mean square distance of the tip from its set-point over the last {LAST:g} s of {LEAST_DURATION:g} s (of the "
-        f"seeds the worst) [mm]; r: reported, T: tripped into the safe state (of all seeds; t: of some), F: far from the ideal "
-        f"loop (more than {NEAR:g} L beyond it) though not tripped, S: the command swings, !: silent. Swing: r.m.s. change "
-        f"of the command per period as a share of the rate limit, bound {SWINGS:g}. Sensors fail after {FAULT:g} s, and "
-        "times count from there; all else is wrong from the start."
+        f"Root mean square distance of the tip from its set-point over the last {LAST:g} s of {OTHERS:g} s "
+        f"(nitinol_moment: {DURATION['nitinol_moment']:g} s; {DRIFTING:g} s more where a sensor drifts), of the seeds the "
+        "worst [mm]; r: reported, T: tripped into the safe state (t: of some seeds), F: more than "
+        f"{NEAR:g} L from the ideal loop and not tripped, S: the command swings, !: silent. Swing: r.m.s. change of the "
+        f"command per period as a share of the rate limit, bound {SWINGS:g}. Sensors fail after {FAULT:g} s, and times "
+        "count from there; all else is wrong from the start."
     )
     report.tables.append(Table("Last second", columns, rows, note))
     counts = [

@@ -73,9 +73,7 @@ def wrongs(scene: ControlScene) -> list[Wrong]:
     drive = ("tension_1", "tension_2") if tendons else ("tip_moment",)
     found = [Wrong("as shipped", "as shipped", mild=True)]
     found += [Wrong("drive", f"lag x {k:g}", {"lag": k}, mild=0.5 <= k <= 2.0) for k in (0.25, 0.5, 2.0, 4.0)]
-    found += [
-        Wrong("drive", f"order 1, lag x {k:g}", {"lag": k, "drive_order": 1}, mild=True) for k in (0.5, 1.0, 2.0)
-    ]
+    found += [Wrong("drive", f"order 1, lag x {k:g}", {"lag": k, "drive_order": 1}, mild=True) for k in (0.5, 1.0, 2.0)]
     found += [Wrong("delay", f"{k:+d} period(s)", {"extra_delay": k}) for k in (-1, 1, 2, 3)]
     found += [
         Wrong("stiffness", f"x {k:g}", {"stiffness": k}, mild=0.5 <= k <= 1.5) for k in (0.5, 0.75, 1.25, 1.5, 2.0)
