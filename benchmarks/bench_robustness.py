@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 LOOPS = tuple(sorted(path.stem for path in (CONFIGS / "mpc").glob("*.yaml")))
 DURATION = {"nitinol_moment": 12.0}
 """Of a run [s]; the rod, whose first mode is six times slower, has eight seconds after its last step."""
-OTHERS, DRIFTING = 5.0, 3.0
+OTHERS, DRIFTING = 5.0, 5.0
 """The same of other loops, and how much longer where a sensor drifts, slowly, until it contradicts the others."""
 REPEATED = {"tip_arc": 1.0}
 """Period of set-points that would stand still before the end of the run [s]."""
@@ -44,12 +44,14 @@ LAST = 1.0
 """Time at the end over which errors and commands are judged [s]."""
 NEAR = 0.1
 """Error beyond the ideal loop's that still counts as near, in lengths: where the supervisor has the tip away."""
-SWINGS = 0.25
+SWINGS = 0.15
 """Root mean square change of the command per period, in shares of its rate limit, beyond which a command swings: a
-sine at the first mode's frequency with that rate moves the tip by half of the finger's length; ideal loops have 0.03."""
+sine at the first mode's frequency with that rate moves the tip by a fifth of the length; ideal loops have 0.06."""
 MILD = 2e-3
 """Error [m] beyond the ideal loop's that mild differences may cost ``MILD_LOOPS``."""
 MILD_LOOPS = ("steady_tip", "keep_out")
+_KNOCK = 0.2
+"""By how much earlier or later than the ideal loop another one may report a knock: the supervisor's window [s]."""
 
 
 @dataclass
@@ -75,7 +77,7 @@ class Outcome:
     status: dict[str, int]
     health: dict[str, int]
     reported: float
-    """When a health other than ok was first reported [s]; NaN never."""
+    """When a health other than ok was first reported that the ideal loop has not [s]; NaN never."""
     tripped: float
     """When it went to the safe state for good [s]; NaN: it did not."""
     text: str
@@ -141,14 +143,16 @@ def run_of(bench: Bench, loop: str, wrong: Wrong, seed: int) -> tuple[ControlRun
         return error.result, True
 
 
-def outcome(loop: str, wrong: Wrong, seed: int, run: ControlRun, lost: bool, ideal: float) -> Outcome:
-    """Judge a run."""
+def outcome(
+    loop: str, wrong: Wrong, seed: int, run: ControlRun, lost: bool, ideal: float, usual: tuple[float, float]
+) -> Outcome:
+    """Judge a run; ``usual``: between which times the ideal loop reports too, of a knock [s]."""
     error = np.linalg.norm(run.tip[:-1] - run.r[:-1, :2], axis=1)
     last = max(1, round(LAST / run.period))
     change = np.diff(run.u, axis=0)
     limit = (run.scene.controller.input.rate_max or math.inf) * run.scene.controller.step
     seconds = [_rms(change[k : k + last]) for k in range(0, max(1, len(change) - last + 1), last)]
-    odd = [k for k, health in enumerate(run.health) if health != "ok"]
+    odd = [k for k, health in enumerate(run.health) if health != "ok" and not usual[0] <= run.t[k] <= usual[1]]
     safe = run.health[-1:] == ("tripped",) or run.status[-1:] == ("safe_ramp",)
     since = next((k + 1 for k in range(len(run.health) - 1, -1, -1) if run.health[k] != "tripped"), 0)
     mean = _rms(error[-last:])
@@ -182,13 +186,15 @@ def outcomes(loop: str, seeds: Sequence[int], only: Sequence[str] = ()) -> list[
     bench = Bench(cg.load(CONFIGS / "mpc" / f"{loop}.yaml"))
     found: list[Outcome] = []
     for seed in seeds:
-        ideal = math.nan
+        ideal, usual = math.nan, (math.inf, -math.inf)
         for wrong in wrongs(bench.scene):
             if only and found and wrong.group not in only and wrong.group != "as shipped":
                 continue
             run, lost = run_of(bench, loop, wrong, seed)
-            one = outcome(loop, wrong, seed, run, lost, ideal)
-            ideal = one.error if math.isnan(ideal) else ideal
+            one = outcome(loop, wrong, seed, run, lost, ideal, usual)
+            if math.isnan(ideal):
+                ideal, said = one.error, run.t[:-1][np.array(run.health) != "ok"]
+                usual = (said[0] - _KNOCK, said[-1] + _KNOCK) if len(said) else usual
             found.append(one)
             print(
                 f"{loop:15s} {wrong.group:10s} {wrong.name:42s} {seed} {1e3 * one.error:7.2f} mm (ideal "
@@ -213,8 +219,8 @@ def add(report: Report, found: Sequence[Outcome]) -> None:
             f"{loop}: error of mild differences beyond the ideal loop's [mm]", max(more, default=math.nan), "<=", 2
         )
     ideal = [one for one in found if one.group == "as shipped"]
-    false = sum(not math.isnan(one.reported) for one in ideal)
-    report.claim("reports on plants as shipped", false, "<=", 0)
+    false = sum(not math.isnan(one.reported) for one in ideal if one.loop != "pulse")
+    report.claim("reports on plants as shipped, but for the knock of pulse", false, "<=", 0)
     loops = sorted({one.loop for one in found})
     rows = []
     for group, name in dict.fromkeys((one.group, one.name) for one in found):
@@ -226,11 +232,11 @@ def add(report: Report, found: Sequence[Outcome]) -> None:
     columns = ["", "plant", *loops, "greatest swing", "reported after [s]", "tripped after [s]"]
     note = (
         f"Root mean square distance of the tip from its set-point over the last {LAST:g} s of {OTHERS:g} s "
-        f"(nitinol_moment: {DURATION['nitinol_moment']:g} s; {DRIFTING:g} s more where a sensor drifts), of the seeds the "
-        "worst [mm]; r: reported, T: tripped into the safe state (t: of some seeds), F: more than "
-        f"{NEAR:g} L from the ideal loop and not tripped, S: the command swings, !: silent. Swing: r.m.s. change of the "
-        f"command per period as a share of the rate limit, bound {SWINGS:g}. Sensors fail after {FAULT:g} s, and times "
-        "count from there; all else is wrong from the start."
+        f"(nitinol_moment: {DURATION['nitinol_moment']:g} s; {DRIFTING:g} s more where a sensor drifts), of the seeds "
+        "the worst [mm]; r: reported, T: tripped into the safe state (t: of some seeds), F: more than "
+        f"{NEAR:g} L from the ideal loop and not tripped, S: the command swings, !: silent. Swing: r.m.s. change of "
+        f"the command per period as a share of the rate limit, bound {SWINGS:g}. Sensors fail after {FAULT:g} s, and "
+        "times count from there; all else is wrong from the start."
     )
     report.tables.append(Table("Last second", columns, rows, note))
     counts = [

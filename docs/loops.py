@@ -1,4 +1,4 @@
-"""Figures and picture of mpc.md: ``python docs/loops.py`` in the root of the repository; ``--compare`` also converges."""
+"""Figures and picture of mpc.md: ``python docs/loops.py`` in the root of the repository; ``--compare`` converges too."""
 
 from __future__ import annotations
 
