@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import subprocess
+from fractions import Fraction
 from functools import lru_cache
 
 import numpy as np
 import pytest
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.mpc.arrays import numbers
 from continuum_grasp.mpc.controller import Controller
 from continuum_grasp.mpc.controller_source import controller_source
 from continuum_grasp.mpc.estimation import estimation_of
@@ -336,8 +338,90 @@ def test_phases_are_timed_and_statuses_counted():
         lambda c: Controller(c.scene, deadline=0.0),
         lambda c: Controller(swing_scene(controller={"period": 0.02})),
         lambda c: Controller(c.scene.finger),
+        lambda c: swing_scene(controller={"cost": {"tip": 0.0, "speed": 0.1, "effort": 0.1}}),
+        lambda c: swing_scene(controller={"cost": {"tip": 1.0, "effort": 0.0}}),
     ],
 )
 def test_what_does_not_fit_is_refused(wrong):
     with pytest.raises(InputError):
         wrong(given())
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"u_min": [0.2], "u_max": [0.1]}, "tip_moment"),
+        ({"c_min": [-1.0, -1.0, 0.5], "c_max": [1.0, 1.0, -0.5]}, "c_min: .*tip_moment_rate: 0.5 > -0.5"),
+        ({"c_max": [1.0, -1.5, 1.0]}, "c_max: .*curvature_2: -1 > -1.5"),
+        ({"weights": [0.0] * 3, "terminal_weights": [0.0] * 3}, "weight above 0"),
+        ({"weights": [1e4, 1e4, 0.0]}, "weight above 0"),
+        ({"weights": [1e4, 1e4, 10**400]}, "finite"),
+        ({"weights": [1e4, 1e4, 1j]}, "expected 3 numbers"),
+    ],
+)
+def test_settings_that_do_not_go_together_are_refused_whole(settings, said):
+    control = given()
+    control.reset()
+    first = bad(control).u
+    with pytest.raises(InputError, match=said):
+        control.change(**settings)
+    control.reset()
+    again = bad(control)
+    assert again.status == Status.SOLVED
+    assert np.array_equal(again.u, first)
+
+
+def test_limits_cross_those_that_were_changed_before():
+    control = Controller(swing_scene(**GIVEN), deadline=math.inf)
+    control.change(u_max=[0.1])
+    with pytest.raises(InputError, match="tip_moment"):
+        control.change(u_min=[0.2])
+    control.change(u_min=[0.1])  # one command alone is left
+    assert [bad(control).u[0] for _ in range(8)][-1] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    "value", [10**400, -(10**5000), Fraction(10**400, 3), np.longdouble("1e4000")], ids=["int", "long", "ratio", "wide"]
+)
+def test_numbers_beyond_doubles_are_infinite(value):
+    control = given()
+    for name, usual, anomaly in (
+        ("measurement", [0.1, 0.1, 0.0, 0.0], Anomaly.ABSURD),
+        ("reference", [*TARGET, 0.0], Anomaly.BAD_SET_POINTS),
+        ("p", [0.0471], Anomaly.BAD_PARAMETERS),
+        ("applied", [0.0], Anomaly.BAD_APPLIED),
+    ):
+        control.reset()
+        bad(control)
+        assert bad(control, **{name: [*usual[:-1], value]}).anomaly == anomaly
+    assert np.isinf(numbers([value])).all()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [10**5000, [1.0, [2.0, 3.0]], "1234", ["1"] * 4, [1j] * 4, np.zeros(4, complex)],
+    ids=["scalar", "ragged", "text", "texts", "complex", "complex array"],
+)
+def test_what_is_no_array_of_numbers_is_refused(wrong):
+    with pytest.raises(InputError, match="measurement: expected"):
+        given().step(wrong, REFERENCE)
+
+
+def test_a_limit_moved_past_the_command_is_approached_at_the_rate_and_said():
+    control = Controller(swing_scene(**GIVEN), deadline=math.inf)
+    control.reset(u=[0.28])
+    u, target = [bad(control).u[0]], 0.1
+    control.change(u_max=[target])
+    for _ in range(20):
+        command = bad(control, applied=[u[-1]])  # beyond the new limit, and believed all the same
+        assert Anomaly.BAD_APPLIED not in command.anomaly
+        assert (Anomaly.BEYOND_LIMIT in command.anomaly) == (command.u[0] > target + 1e-6)
+        u.append(command.u[0])
+    beyond = np.array(u) > target + 1e-6
+    assert np.diff(u)[beyond[1:]] == pytest.approx(-RATE * 0.01)
+    assert 3 < beyond.sum() < 8
+    assert not beyond[8:].any()
+    control.change(u_max=[MOST])
+    control.reset(u=[0.28])
+    control.change(u_max=[target])  # and on the safe ramp
+    assert Anomaly.BEYOND_LIMIT in control.step(None, np.full(3, np.nan)).anomaly

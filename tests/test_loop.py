@@ -136,6 +136,47 @@ def test_a_tip_moment_follows_through_the_lag():
         assert tried.x[k] == pytest.approx(lag(0.05, 0.05, 0.03), rel=1e-5)
 
 
+@pytest.mark.parametrize("tendons", [True, False])
+def test_a_drive_of_first_order_follows_exponentially(tendons):
+    finger = FINGER if tendons else FINGER.model_copy(update={"tendons": None})
+    controller = CONTROLLER if tendons else {**CONTROLLER, "input": {"moment_max": 0.3, "time_constant": 0.02}}
+    plant = {"fidelity": {"family": "clothoid", "elements": 2}, "drive_order": 1, "time_constant": 0.03}
+    tried = Plant(make(finger=finger, controller=controller, plant=plant))
+    step, rest = (np.array([30.0, 5.0]), 1.0) if tendons else (np.array([0.05]), 0.0)
+    for k in range(1, 6):
+        tried.advance(rest + step)
+        assert tried.x[-len(step) :] == pytest.approx(rest + step * (1.0 - np.exp(-0.01 * k / 0.03)), rel=1e-5)
+    measured = tried.model.function("drive", y=tried.model.drive)(tried.x, rest + step, tried.model.forces(0.0)[0])
+    assert np.array(measured).ravel() == pytest.approx(tried.x[-len(step) :])
+
+
+def test_a_drive_of_first_order_bends_the_finger_as_its_tensions_do():
+    plain = FINGER.model_copy(update={"tendons": FINGER.tendons.model_copy(update={"time_constant": None})})
+    plant = {"fidelity": {"family": "clothoid", "elements": 3}}
+    quick = Plant(make(plant={**plant, "drive_order": 1, "time_constant": 1e-4}))
+    direct = Plant(make(finger=plain, plant=plant))
+    for _ in range(10):
+        quick.advance((9.0, 2.0))
+        direct.advance((9.0, 2.0))
+    n = 2 * direct.model.system.n
+    assert np.abs(direct.x[:n]).max() > 0.1
+    assert quick.x[: n // 2] == pytest.approx(direct.x[: n // 2], abs=5e-3 * np.abs(direct.x[: n // 2]).max())
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"plant": {"fidelity": {"family": "matched_clothoid", "elements": 2}, "drive_order": 1}},
+        {"plant": {"drive_order": 1}, "finger": FINGER.model_copy(update={"tendons": None}), "controller": None},
+    ],
+)
+def test_a_drive_of_first_order_needs_a_lag_and_a_tip_that_may_be_thrown(changes):
+    if changes.get("controller", True) is None:
+        changes = {**changes, "controller": {**CONTROLLER, "input": {"moment_max": 0.3}}}
+    with pytest.raises(InputError):
+        Plant(make(**changes))
+
+
 def test_measurements_arrive_late():
     exact = {"fidelity": ARCS, "noise": 0.0, "delay": 0.025}
     tried, tips = Plant(make(estimator=ESTIMATOR, plant=exact)), []

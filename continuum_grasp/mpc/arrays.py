@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from os import PathLike
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +15,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
 
-__all__ = ["control_scene", "slices", "vector"]
+__all__ = ["control_scene", "numbers", "shown", "slices", "vector"]
 
 Array = NDArray[np.float64]
 
@@ -41,12 +43,45 @@ def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Arr
         If it has another size, or is not finite.
     """
     try:
-        array = np.array(value, dtype=float).ravel()
+        array = numbers(value).ravel()
     except (TypeError, ValueError) as error:
-        raise InputError(f"expected {size} numbers, got {value!r:.60}", key=name) from error
+        raise InputError(f"expected {size} numbers, got {shown(value)}", key=name) from error
     if array.size != size:
         raise InputError(f"expected {size} entries, got {array.size}", key=name)
     return finite(name, array) if check else array
+
+
+def numbers(value: ArrayLike) -> Array:
+    """A copy in double precision; what no double can hold is infinite, so that checks of ranges see it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no array of real numbers (text and complex numbers are none), or ragged.
+    """
+    array = np.asarray(value)
+    if array.dtype.kind not in "biufO":
+        raise TypeError(f"expected real numbers, got {array.dtype}")
+    try:
+        with np.errstate(over="ignore"):
+            return array.astype(float)
+    except OverflowError:  # a Python integer or fraction beyond 1.8e308
+        return np.array([_double(one) for one in array.ravel().tolist()]).reshape(array.shape)
+
+
+def _double(value: Any) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.copysign(math.inf, 1 if value > 0 else -1)
+
+
+def shown(value: Any, width: int = 60) -> str:
+    """The beginning of a value in a message; its type where it cannot be printed (integers of over 4300 digits)."""
+    try:
+        return f"{value!r:.{width}}"
+    except ValueError:
+        return f"a {type(value).__name__}"
 
 
 def slices(sizes: Mapping[str, int]) -> dict[str, slice]:

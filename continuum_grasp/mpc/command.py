@@ -58,7 +58,8 @@ class Command:
     Attributes
     ----------
     u : (nu,) ndarray
-        Tip moment [N m] or tensions [N] to apply until the next command; finite, within the limits of input and rate.
+        Tip moment [N m] or tensions [N] to apply until the next command; finite, within the rate limit, and within the
+        limits of the input unless ``Anomaly.BEYOND_LIMIT`` says that one was moved past the last command.
     status : Status
         How the command came about.
     health : Health

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from os import PathLike
 from time import perf_counter_ns
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
-from continuum_grasp.mpc.arrays import control_scene, slices, vector
+from continuum_grasp.mpc.arrays import control_scene, numbers, shown, slices, vector
 from continuum_grasp.mpc.command import Command, Estimate, Plan
 from continuum_grasp.mpc.compiled import Compiled
 from continuum_grasp.mpc.controller_source import Field, controller_source
@@ -80,7 +81,8 @@ class Controller:
     If something that is given cannot be used, an iteration fails, or the last command came late, the last plan goes on
     as long as it lasts (N stages); after that, and whenever nothing was measured for as long, tensions go to the least
     ones (the moment to zero) at a bounded rate: the whole range in half a second, or less by ``input.rate_max``. A
-    command is never non-finite or beyond the limits of input and rate.
+    command is never non-finite, beyond the scene's limits of the input, or beyond its rate. Narrower limits that
+    ``change`` moves past the last command are reached at that rate.
 
     A supervisor watches whether sensors, model and call rate agree (``Command.health``). Where they do not and the
     command is active, it raises the weight of the command's rate; where that does not help, or a sensor contradicts the
@@ -119,13 +121,29 @@ class Controller:
         source = controller_source(self.stages, estimation, delay_periods(self.scene), fields, self.precision)
         n, s = self.stages.stages, self.stages
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
-        given = {"measurement": len(self.measurement_names), "p": s.np, "applied": s.nu, "set_points": (n + 1) * s.nr, "elapsed": 1}
-        parts = {"numbers": 5, "health": 7, "ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": len(self.measurement_names)}
+        given = {
+            "measurement": len(self.measurement_names),
+            "p": s.np,
+            "applied": s.nu,
+            "set_points": (n + 1) * s.nr,
+            "elapsed": 1,
+        }
+        parts = {
+            "numbers": 5,
+            "health": 7,
+            "ticks": 3,
+            "u": s.nu,
+            "x": s.nx,
+            "p": s.np,
+            "verdict": len(self.measurement_names),
+        }
         parts |= {"variance": nz, "innovation": ny, "innovation_variance": ny}
         parts |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
         self._parts, inputs = slices(parts), slices(given)
         self._c = Compiled(source, fields, sum(given.values()), sum(parts.values()))
-        self._measurement, self._p, self._applied, rows, self._elapsed = (self._c.input[part] for part in inputs.values())
+        self._measurement, self._p, self._applied, rows, self._elapsed = (
+            self._c.input[part] for part in inputs.values()
+        )
         self._set_points = rows.reshape(n + 1, s.nr)
         self._call = self._c.function("cg_controller_step")
         self.first = first_state(self.scene, self.prediction)
@@ -231,7 +249,7 @@ class Controller:
         return bool(self._c.function("cg_rearm")(self._c.address))
 
     def change(self, **settings: ArrayLike) -> None:
-        """Change weights, bounds or prices from the next step on.
+        """Change weights, bounds or prices from the next step on; all of what is given, or nothing.
 
         Parameters
         ----------
@@ -242,7 +260,14 @@ class Controller:
         Raises
         ------
         InputError
-            If a name is unknown, or a value has another size, is not finite, or is not allowed.
+            If a name is unknown; a value has another size, is not finite, or is not allowed; a lower limit would be
+            above its upper one; or no weight would be left on the inputs or their rates, so that inputs would not be
+            unique.
+
+        Notes
+        -----
+        A limit that is moved past the last command is approached at ``controller.input.rate_max``: until a command is
+        within it, steps report ``Anomaly.BEYOND_LIMIT``.
         """
         fields = dict(self._fields)
         for name, given in settings.items():
@@ -255,8 +280,22 @@ class Controller:
             if name.startswith("u_") and (np.any(value < self.stages.u_min) or np.any(value > self.stages.u_max)):
                 raise InputError("expected entries within the limits of the scene", key=name)
             fields[f"rti.{name}"] = Field(f"rti.{name}", value)
+        self._check_settings(fields, tuple(settings))
         self._fields = fields
         self._c.configure(tuple(fields.values()))
+
+    def _check_settings(self, fields: Mapping[str, Field], given: tuple[str, ...]) -> None:
+        """Refuse settings that do not go together: C would not step with them, or not have one solution."""
+        for kind, names in (("u", self.stages.u_names), ("c", self.stages.c_names)):
+            low, high = (np.asarray(fields[f"rti.{kind}_{end}"].values) for end in ("min", "max"))
+            crossed = [f"{n}: {a:g} > {b:g}" for n, a, b in zip(names, low, high, strict=True) if a > b]
+            if crossed:
+                key = next(name for name in given if name.startswith(f"{kind}_"))
+                raise InputError(f"a lower limit is above its upper one ({'; '.join(crossed)})", key=key)
+        of_inputs = slice(self.stages.nt, None)
+        if not np.any(np.asarray(fields["rti.weights"].values)[of_inputs] > 0.0):
+            asked = ", ".join(self.stages.r_names[of_inputs])
+            raise InputError(f"one of {asked} needs a weight above 0: without, inputs are not unique", key="weights")
 
     @property
     def statistics(self) -> dict[str, Any]:
@@ -304,18 +343,26 @@ class Controller:
         )
         said = zip(("measurement", "reference", "p", "applied"), given, shapes, strict=True)
         asked = [(name, v, expected) for name, v, expected in said if v is not None]
-        wrong = [one for one in asked if np.shape(one[1]) not in one[2]] or asked
+        wrong = [one for one in asked if _shape(one[1]) not in one[2]] or asked
         told = [
             f"{name}: expected {' or '.join(map(str, e))}, got "
-            + (f"{v!r:.80}" if np.shape(v) in ((), *e) else str(np.shape(v)))
+            + (shown(v, 80) if _shape(v) in (None, (), *e) else str(_shape(v)))
             for name, v, e in wrong
         ]
         return InputError("a step takes arrays of numbers; " + "; ".join(told))
 
 
+def _shape(value: Any) -> tuple[int, ...] | None:
+    """Shape of an argument; None where it is ragged."""
+    try:
+        return tuple(np.shape(value))
+    except ValueError:
+        return None
+
+
 def _put(to: Array, value: ArrayLike, spread: bool = False) -> None:
     """Copy what has the same shape, or ``spread`` what has not."""
-    array = np.asarray(value, dtype=float)
+    array = value if type(value) is np.ndarray and value.dtype == float else numbers(value)
     if array.shape != to.shape and not spread:
         raise ValueError
     to[:] = array

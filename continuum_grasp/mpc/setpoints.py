@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.mpc.arrays import numbers, shown
 from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.stages import Stages
 from continuum_grasp.scene.control import ControlScene
@@ -147,8 +148,12 @@ def _sampled(given: RowSamples, t: Array) -> Array:
 def _called(function: Function, width: int, t: Array) -> Array:
     rows = np.empty((len(t), width))
     for k, instant in enumerate(t.tolist()):
-        row = np.asarray(function(instant), dtype=float).reshape(-1)
+        given = function(instant)
+        try:
+            row = numbers(given).reshape(-1)
+        except (TypeError, ValueError):
+            row = np.zeros(0)
         if row.size != width or not np.all(np.isfinite(row)):
-            raise InputError(f"a set-point at t = {instant:g} s: expected {width} finite entries, got {row.tolist()}")
+            raise InputError(f"a set-point at t = {instant:g} s: expected {width} finite entries, got {shown(given)}")
         rows[k] = row
     return rows

@@ -73,6 +73,7 @@ class Anomaly(IntFlag):
     INPUT_LIMITED = 4096
     RATE_LIMITED = 8192
     FROZEN = 16384
+    BEYOND_LIMIT = 32768
 
 
 class Verdict(IntEnum):
@@ -105,6 +106,7 @@ _OF_THE_REST = {
     Anomaly.NOT_SOLVED: "the real-time iteration failed",
     Anomaly.INPUT_LIMITED: "the planned input was outside its limits",
     Anomaly.RATE_LIMITED: "the planned input was further from the last one than its rate allows in a stage",
+    Anomaly.BEYOND_LIMIT: "the command is beyond a limit that was moved past it, and approaches it as fast as allowed",
 }
 
 

@@ -24,6 +24,11 @@ __all__ = [
 ]
 
 
+_CALM = 0.1
+"""Share of the rate limit that the weight of the input's rate may tolerate [1]; at 0.075 the hand finger's loops hold two
+periods of unknown delay, at 0.23 none (docs/mpc.md)."""
+
+
 class ControlScene(Surroundings):
     """A finger, its controller and estimator, what it can touch, and the plant on which they are tried."""
 
@@ -74,6 +79,7 @@ class ControlScene(Surroundings):
         self._check_references()
         if self.estimator is not None:
             self._check_estimator(self.estimator)
+        self._doubt_margin()
         for k, load in enumerate(self.loads):
             if load.at > length * (1 + 1e-12):
                 raise ValueError(f"loads[{k}].at = {load.at} m is beyond the finger's length of {length} m")
@@ -122,6 +128,21 @@ class ControlScene(Surroundings):
                 f"reference.tip is up to {far:g} m from the base, the finger is {length:g} m long; is it in "
                 "millimetres? (expected: m)"
             )
+
+    def _doubt_margin(self) -> None:
+        """Warn of what leaves no margin for dead time that the model does not have."""
+        rate, weight = self.controller.input.rate_max, self.controller.cost.input_rate
+        unit = "N/s" if self.finger.tendons is not None else "N m/s"
+        tolerated = 1.0 / math.sqrt(weight) if weight else math.inf
+        if rate is not None and tolerated > _CALM * rate * (1 + 1e-9):
+            doubt(
+                f"controller.cost.input_rate tolerates {tolerated:.3g} {unit}, more than a tenth of input.rate_max: a "
+                f"drive or camera that is slower than the model can make the loop swing; expected a weight of "
+                f"{1.0 / (_CALM * rate) ** 2:.2g} or more"
+            )
+        estimator = self.estimator
+        if estimator is not None and estimator.measured.tip is not None and "delay" not in estimator.model_fields_set:
+            doubt("estimator.delay is not given: a camera shows the past; state its age [s] (0.0 if it has none)")
 
     def _check_estimator(self, estimator: Estimator) -> None:
         sensors = estimator.measured.bending

@@ -78,8 +78,11 @@ class Cost(Value):
 
     @model_validator(mode="after")
     def _something(self) -> Cost:
-        if all(w is None for w in (self.tip, self.bending, self.shape, self.contact_force)):
+        followed = [w for w in (self.tip, self.bending, self.shape, self.contact_force) if w is not None]
+        if not followed:
             raise ValueError("a controller needs something to follow: tip, bending, shape or contact_force")
+        if not any(w.running or w.terminal for w in followed):
+            raise ValueError("give tip, bending, shape or contact_force a weight greater than 0: nothing is followed")
         if not self.effort and not self.input_rate:
             raise ValueError("give effort or input_rate a weight greater than 0: without either inputs are not unique")
         return self

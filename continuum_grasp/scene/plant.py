@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -26,7 +26,10 @@ class Plant(Value):
     tendon_friction: NonNegative | None = None
     """Capstan friction coefficient of the tendons [1]; None: as the controller knows it."""
     time_constant: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
-    """Lag of the tendons [s]; None: as the controller knows it."""
+    """Time constant of the drive [s]; None: as the controller knows it."""
+    drive_order: Literal[1, 2] = 2
+    """Order of the drive's lag: 2 as the controller knows it, critically damped; 1: T dF/dt = F_command - F. A ramp is
+    followed twice the time constant late by the former, once by the latter."""
     noise: NonNegative = 1.0
     """Measurement noise per that of ``estimator.measured`` [1]."""
     delay: NonNegative | None = None

@@ -38,6 +38,7 @@ _ANOMALIES = {
     "COMMAND_LIMITED": "the planned command was out of its range",
     "RATE_LIMITED": "the planned command was further from the last one than its rate allows",
     "FROZEN": "a reading does not move: it counts as missing until it does",
+    "BEYOND_LIMIT": "a limit was moved past the last command, which approaches it at its greatest rate",
 }
 
 

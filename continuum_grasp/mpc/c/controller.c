@@ -48,7 +48,12 @@ static uint32_t controller_check(controller_state *state, const controller_setti
     if (!cg_within(in->set_points + k * RTI_NR, o->r_min, o->r_max, RTI_NR)) anomalies |= CONTROLLER_BAD_SET_POINTS;
 #endif
   if (in->applied) {
-    if (cg_within(in->applied, o->rti.u_min, o->rti.u_max, RTI_NU)) memcpy(state->u, in->applied, sizeof state->u);
+    real least[RTI_NU], most[RTI_NU];  /* the last command is always believable: limits may have moved past it */
+    for (int j = 0; j < RTI_NU; ++j) {
+      least[j] = state->u[j] < o->rti.u_min[j] ? state->u[j] : o->rti.u_min[j];
+      most[j] = state->u[j] > o->rti.u_max[j] ? state->u[j] : o->rti.u_max[j];
+    }
+    if (cg_within(in->applied, least, most, RTI_NU)) memcpy(state->u, in->applied, sizeof state->u);
     else anomalies |= CONTROLLER_BAD_APPLIED;
   }
   return anomalies;
@@ -215,6 +220,7 @@ static uint32_t controller_command(controller_state *state, const controller_set
     if (u < state->u[j] - stage - margin || u > state->u[j] + stage + margin) anomalies |= CONTROLLER_RATE_LIMITED;
     cg_limit(&u, state->u[j] - step, state->u[j] + step);
     change[j] = u - state->u[j];
+    if (u < o->rti.u_min[j] - margin || u > o->rti.u_max[j] + margin) anomalies |= CONTROLLER_BEYOND_LIMIT;
     state->u[j] = out->u[j] = u;
   }
   supervisor_note(&state->supervisor, &o->supervisor, change);
@@ -256,7 +262,7 @@ int controller_step(controller_state *state, controller_work *work, const contro
     real rate[RTI_NU];
     for (int j = 0; j < RTI_NU; ++j)
       rate[j] = settings->safe_rate[j] < settings->u_rate[j] ? settings->safe_rate[j] : settings->u_rate[j];
-    controller_command(state, settings, settings->u_safe, rate, output);
+    output->anomalies |= controller_command(state, settings, settings->u_safe, rate, output) & CONTROLLER_BEYOND_LIMIT;
   } else {
     const int stage = (int)(state->age + (real)1e-3);
     output->anomalies |= controller_command(state, settings, state->plan.u[stage], settings->u_rate, output);

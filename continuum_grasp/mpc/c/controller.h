@@ -16,7 +16,8 @@
  *
  * If something of 1 to 3 fails, or the last command came late, the last plan goes on as long as it lasts; after that,
  * and whenever nothing was measured for as long as a plan lasts, the input goes at a bounded rate to the safe one. A
- * command is finite and within the limits of input and rate in every case.
+ * command is finite and within the limits of input and rate in every case but one: where the settings move a limit past
+ * the last input, the rate limit wins, and the command is beyond the new limit until it gets there.
  *
  * status                       what the command is
  * ---------------------------- -----------------------------------------------------------------------------------
@@ -44,6 +45,7 @@
  * 4096 CONTROLLER_INPUT_LIMITED        the planned input was outside its limits
  * 8192 CONTROLLER_RATE_LIMITED         the planned input was further from the last one than the rate allows in a stage
  * 16384 CONTROLLER_FROZEN      a reading does not move: it counts as missing until it does
+ * 32768 CONTROLLER_BEYOND_LIMIT        a limit was moved past the last input: the command approaches it at the rate limit
  *
  * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the
  * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements), CONTROLLER_NS (sensors); with an estimator those of ekf.h, and the generated
@@ -83,7 +85,8 @@ enum {
   CONTROLLER_NOT_SOLVED = 2048,
   CONTROLLER_INPUT_LIMITED = 4096,
   CONTROLLER_RATE_LIMITED = 8192,
-  CONTROLLER_FROZEN = 16384
+  CONTROLLER_FROZEN = 16384,
+  CONTROLLER_BEYOND_LIMIT = 32768
 };
 
 typedef struct {

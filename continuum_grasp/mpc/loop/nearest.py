@@ -38,7 +38,7 @@ def nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:
     parts = [np.linspace(a, b, _PER_ELEMENT + 1)[1:] for a, b in pairwise(edges)]
     at = tuple(float(s) for s in np.minimum(np.concatenate(parts), length))
     angles = _angles(prediction, at)
-    own = dict(zip(plant.x_names, ca.vertsplit(plant.arguments[0]), strict=True))
+    own = plant.named_states
     others = [own[name] for name in prediction.x_names[2 * n :]]
     offset, rate = angles(ca.vertcat(ca.SX(2 * n, 1), *others))
     straight = np.array(angles(np.zeros(prediction.nx))[0])

@@ -56,12 +56,14 @@ class PlantModel:
     Notes
     -----
     x is that of the system, then the state of the drive: for tendons that lag, the mean tension and its rate (their
-    difference is in the system's x); for a tip moment that lags, the moment and its rate.
+    difference is in the system's x); for a tip moment that lags, the moment and its rate. A drive of first order has
+    both tensions, or the moment.
 
     Raises
     ------
     InputError
-        If a matched tip has no lag: it would be thrown by inputs that jump.
+        If a matched tip's moment jumps, having no lag, or its rate does, having one of first order: the tip would jump
+        with it; if a drive without lag is to be of first order.
     """
 
     def __init__(
@@ -74,29 +76,35 @@ class PlantModel:
         self.control, self.scene = scene, plant_scene(scene) if given is None else given
         finger = self.scene.finger
         tendons = finger.tendons
-        self._lag = scene.controller.input.time_constant if tendons is None else tendons.time_constant
+        moment_lag = scene.plant.time_constant or scene.controller.input.time_constant
+        self._lag = moment_lag if tendons is None else tendons.time_constant
+        self._order = scene.plant.drive_order
         family = scene.plant.fidelity.family
-        if family == "matched_clothoid" and self._lag is None:
+        if family == "matched_clothoid" and (self._lag is None or self._order == 1):
             raise InputError(
-                "a matched tip is thrown by inputs that jump: give the drive a lag, or take clothoid",
+                "a matched tip is thrown by inputs that jump: give the drive a lag of second order, or take clothoid",
                 key="plant.fidelity.family",
             )
+        if self._order == 1 and self._lag is None:
+            raise InputError("a drive of first order needs plant.time_constant", key="plant.drive_order")
         own_lag = tendons is None and self._lag is not None
         rates = family == "matched_clothoid" and own_lag
         self.system = System(
-            self.scene,
+            self.scene if self._order == 2 else _without_lag(self.scene),
             family=family,
             input_rates=rates or None,
             parameters=parameters,
             object_parameters=object_parameters,
         )
+        self.u_names = ("tip_moment [N m]",) if tendons is None else ("tension_1 [N]", "tension_2 [N]")
         names: tuple[str, ...] = ()
-        if own_lag:
+        if self._order == 1:
+            names = self.u_names
+        elif own_lag:
             names = ("tip_moment [N m]", "tip_moment_rate [N m/s]")
         elif self._lag is not None:
             names = ("mean_tension [N]", "mean_tension_rate [N/s]")
         self.x_names = (*self.system.x_names, *names)
-        self.u_names = ("tip_moment [N m]",) if tendons is None else ("tension_1 [N]", "tension_2 [N]")
         self.w_names = tuple(self.system.w_names)
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
         self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
@@ -117,6 +125,8 @@ class PlantModel:
         """Rates of the drive's own states."""
         if self._lag is None:
             return ca.SX(0, 1)
+        if self._order == 1:
+            return (self._u - self._x[-self.nu :]) / self._lag
         value, rate = self._x[-2], self._x[-1]
         asked = self._u[0] if self.nu == 1 else 0.5 * (self._u[0] + self._u[1])
         return ca.vertcat(rate, (asked - value) / self._lag**2 - 2.0 * rate / self._lag)
@@ -124,10 +134,23 @@ class PlantModel:
     @cached_property
     def _acting(self) -> ca.SX:
         """Input of the system."""
+        if self._order == 1:
+            return self._x[-self.nu :]
         if self._lag is None or self.nu == 2:
             return self._u
         value = ca.vertcat(self._x[-2], self._drive)
         return value[: self.system.nu]
+
+    @property
+    def named_states(self) -> dict[str, ca.SX]:
+        """Entries of x by name; of a drive of first order also the tip moment that acts and its rate."""
+        found = dict(zip(self.x_names, ca.vertsplit(self._x), strict=True))
+        if self._order == 1:
+            tendons = self.scene.finger.tendons
+            moment = ca.DM([[1.0]] if tendons is None else [[tendons.offset, -tendons.offset]])
+            found["tip_moment [N m]"] = ca.mtimes(moment, self._acting)
+            found["tip_moment_rate [N m/s]"] = ca.mtimes(moment, self._drive)
+        return found
 
     # -- functions ----------------------------------------------------------------------------------------------------
 
@@ -223,6 +246,8 @@ class PlantModel:
         """What the drive exerts: both tensions [N], or the tip moment [N m]."""
         if self._lag is None:
             return self._u
+        if self._order == 1:
+            return self._x[-self.nu :]
         tendons = self.scene.finger.tendons
         if tendons is None:
             return self._x[-2]
@@ -245,7 +270,9 @@ class PlantModel:
         n = model.n
         given = np.zeros(self.system.nu)
         given[: self.nu] = self.rest_input
-        own = [float(np.mean(self.rest_input)), 0.0] if self._lag is not None else []
+        own = [] if self._lag is None else [float(np.mean(self.rest_input)), 0.0]
+        if self._order == 1:
+            own = self.rest_input.tolist()
         return np.array([*self.system.state(q=x[:n], qd=x[n : 2 * n], u=given, pose=self._start_pose), *own])
 
     @property
@@ -271,3 +298,12 @@ class PlantModel:
     def steady(self) -> bool:
         """Whether no load varies."""
         return self._signals.constant and not self.outside
+
+
+def _without_lag(scene: Scene) -> Scene:
+    """The scene with tendons that follow at once: their drive is the plant's own."""
+    tendons = scene.finger.tendons
+    if tendons is None:
+        return scene
+    finger = scene.finger.model_copy(update={"tendons": tendons.model_copy(update={"time_constant": None})})
+    return scene.model_copy(update={"finger": finger})

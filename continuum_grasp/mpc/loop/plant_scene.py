@@ -63,9 +63,8 @@ def _plant_finger(scene: ControlScene) -> Finger:
     }
     if plant.tip_mass > 0.0:
         changes["masses"] = (*finger.masses, PointMass(at=rod.length, mass=plant.tip_mass))
-    if tendons is None and (plant.tendon_friction is not None or plant.time_constant is not None):
-        key = "tendon_friction" if plant.tendon_friction is not None else "time_constant"
-        raise InputError("is for a finger with tendons", key=f"plant.{key}")
+    if tendons is None and plant.tendon_friction is not None:
+        raise InputError("is for a finger with tendons", key="plant.tendon_friction")
     if tendons is not None:
         own = {"friction": plant.tendon_friction, "time_constant": plant.time_constant}
         changes["tendons"] = tendons.model_copy(update={k: v for k, v in own.items() if v is not None})

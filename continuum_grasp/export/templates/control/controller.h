@@ -64,7 +64,9 @@ int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<start>> *
    Zero: of a new plan. <<P>>_WARN_ITERATION_LIMIT, <<P>>_WARN_BOUND_LEFT: of a new plan all the same.
    <<P>>_WARN_PREVIOUS_PLAN, <<P>>_WARN_SAFE_RAMP: there is none; of the last plan as long as it lasts, then on the way to
    <<safe>>, at a bounded rate; <<p>>_controller_diagnosis tells why.
-   A command that is written is finite and within the limits. Below zero (null pointer, interface, settings) the command
+   A command that is written is finite and within the limits of the scene. A limit of the settings that was moved past
+   the last command is approached as fast as the rate limit allows; until then the command is beyond it, and
+   <<p>>_controller_diagnosis has <<P>>_ANOMALY_BEYOND_LIMIT. Below zero (null pointer, interface, settings) the command
    is left alone, and the controller is as it was. */
 int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <<p>>_measurement *measurement,
 <<indent_mpc>>const <<p>>_reference *reference, <<p>>_command *command);
