@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
+from continuum_grasp.model.remade import Remade
 from continuum_grasp.mpc.arrays import control_scene, slices, vector
 from continuum_grasp.mpc.command import Command, Estimate, Plan
 from continuum_grasp.mpc.compiled import Compiled
@@ -37,7 +38,7 @@ _CHUNK = 128
 _LATE, _APPLIED = 1, 2
 
 
-class Controller:
+class Controller(Remade):
     """Real-time iterations with an estimator and a fallback; all of a step runs in one C function.
 
     Parameters
@@ -79,6 +80,7 @@ class Controller:
     ones (the moment to zero) at a bounded rate: the whole range in half a second, or less by ``input.rate_max``. A
     command is never non-finite or beyond the limits of input and rate.
 
+    A copy, or one that is sent to another process, goes on with the same commands; its ``statistics`` begin anew.
     Objects of their own may run in threads of their own; one object is for one thread at a time.
     """
 
@@ -90,6 +92,10 @@ class Controller:
         deadline: float | None = None,
     ) -> None:
         self.scene = control_scene(scene)
+        self._arguments = (
+            (self.scene,),
+            {"precision": precision, "deadline": deadline},
+        )  # no path, whose file may change
         self.prediction = Prediction(self.scene)
         self.stages = stages_of(self.scene, self.prediction)
         self.precision = precision_of(precision)
@@ -252,6 +258,14 @@ class Controller:
         """
         self._step, late = self._c.restore(saved)
         self._late = bool(late)
+
+    def __getstate__(self) -> tuple[dict[str, Field], bytes]:
+        return self._fields, self.save_state()
+
+    def __setstate__(self, state: tuple[dict[str, Field], bytes]) -> None:
+        self._fields, saved = state
+        self._c.configure(tuple(self._fields.values()))
+        self.restore(saved)
 
     # -- set-points ---------------------------------------------------------------------------------------------------
 
