@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass
 
 from continuum_grasp.scene.grasp_options import GraspSolver
+from continuum_grasp.scene.plan import PlanSolver
 
 __all__ = ["Budget"]
 
@@ -29,7 +30,7 @@ class Budget:
     stopped: bool = False
 
     @classmethod
-    def of(cls, solver: GraspSolver) -> Budget:
+    def of(cls, solver: GraspSolver | PlanSolver) -> Budget:
         """The budget that a scene gives, from now on."""
         return cls(solver.max_total_iterations, time.monotonic() + solver.time_limit)
 
