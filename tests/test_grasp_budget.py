@@ -35,10 +35,10 @@ def numbers(result):
 
 
 def hurry(monkeypatch):
-    """Let 0.2 s pass whenever a clock is read, as for a process that gets little of the processor."""
+    """Let 0.5 s pass whenever a clock is read, as for a process that gets little of the processor."""
     readings = itertools.count()
     for name in CLOCKS:
-        monkeypatch.setattr(time, name, lambda: 0.2 * next(readings))
+        monkeypatch.setattr(time, name, lambda: 0.5 * next(readings))
 
 
 @pytest.mark.parametrize(("changes", "status"), [(HELD, Status.OPTIMAL), (WEAK, Status.INFEASIBLE)])
