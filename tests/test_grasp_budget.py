@@ -34,11 +34,11 @@ def numbers(result):
     return result.status, result.message, reasons, tried, {k: np.asarray(v).tobytes() for k, v in result.arrays.items()}
 
 
-def hurry(monkeypatch):
-    """Let 0.5 s pass whenever a clock is read, as for a process that gets little of the processor."""
+def hurry(monkeypatch, seconds=0.5):
+    """Let time pass whenever a clock is read, as for a process that gets little of the processor."""
     readings = itertools.count()
     for name in CLOCKS:
-        monkeypatch.setattr(time, name, lambda: 0.5 * next(readings))
+        monkeypatch.setattr(time, name, lambda: seconds * next(readings))
 
 
 @pytest.mark.parametrize(("changes", "status"), [(HELD, Status.OPTIMAL), (WEAK, Status.INFEASIBLE)])
@@ -125,6 +125,6 @@ def test_the_rows_of_a_sweep_do_not_depend_on_how_busy_its_worker_is(monkeypatch
         return [{key: value for key, value in row.items() if key not in ("seconds", "check")} for row in found]
 
     calm = rows()
-    hurry(monkeypatch)
+    hurry(monkeypatch, 2.0)
     assert rows() == calm
     assert [row["status"] for row in calm] == ["optimal", "infeasible"]
