@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import signal
 import threading
+import time
 
 import casadi as ca
 import numpy as np
@@ -252,12 +254,27 @@ def test_failure_is_told_by_the_status_where_that_is_wanted():
 
 
 @pytest.mark.parametrize(
-    ("solver", "text"), [({"max_iterations": 2}, "iterations were used up"), ({"time_limit": 1e-6}, "time was up")]
+    ("solver", "status", "text"),
+    [
+        ({"max_iterations": 2}, PlanStatus.NOT_SOLVED, "iterations were used up"),
+        ({"max_total_iterations": 2}, PlanStatus.NOT_SOLVED, "solver.max_total_iterations"),
+        ({"time_limit": 1e-6}, PlanStatus.TIMED_OUT, "solver.time_limit"),
+    ],
 )
-def test_solver_that_is_stopped_is_told(solver, text):
+def test_solver_that_is_stopped_is_told(solver, status, text):
     found = plan(two_arcs(solver=solver), raise_on_failure=False)
-    assert found.status is PlanStatus.NOT_SOLVED
+    assert found.status is status
     assert text in found.message
+
+
+@pytest.mark.parametrize(("changes", "status"), [({}, PlanStatus.OPTIMAL), ({"duration": 0.02}, PlanStatus.INFEASIBLE)])
+def test_a_busy_machine_gives_the_same_plan_bit_by_bit(monkeypatch, changes, status):
+    calm, readings = plan(two_arcs(**changes), raise_on_failure=False), itertools.count()
+    monkeypatch.setattr(time, "monotonic", lambda: 10.0 * next(readings))  # s
+    busy = plan(two_arcs(**changes), raise_on_failure=False)
+    assert calm.status is busy.status is status
+    assert calm.x.tobytes() == busy.x.tobytes()
+    assert (calm.message, calm.violated, calm.iterations) == (busy.message, busy.violated, busy.iterations)
 
 
 def test_interrupt_gives_what_there_is():

@@ -21,6 +21,7 @@ from continuum_grasp.core.rollouts import Rollouts, row, signal
 from continuum_grasp.core.source import batch_source, entry, function_source, rollout_source, rollouts_source
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel, System
+from continuum_grasp.model.remade import Remade
 
 __all__ = ["Core", "compile"]
 
@@ -64,7 +65,7 @@ def compile(model: FingerModel | System, functions: Sequence[str] | None = None,
     return core
 
 
-class Core:
+class Core(Remade):
     """The functions of a model on numpy arrays, compiled where there is a C compiler.
 
     Every function of the model is a method of the same name, with the model's inputs as positional or keyword

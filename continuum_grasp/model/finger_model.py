@@ -10,6 +10,7 @@ import casadi as ca
 from continuum_grasp.model.chain import column
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Scalar, Vec
+from continuum_grasp.model.remade import Remade
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Load
@@ -18,7 +19,7 @@ from continuum_grasp.scene.simulate import Scene
 __all__ = ["FUNCTIONS", "MATRICES", "FingerModel"]
 
 
-class FingerModel:
+class FingerModel(Remade):
     """A planar continuum finger, written once as CasADi functions.
 
     The motion obeys ``M qdd + bias + gravity + elastic + damping = actuation + external_force``. All functions are SX

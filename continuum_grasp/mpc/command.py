@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +79,12 @@ class Command:
         odd = f", anomalies={self.anomalies}" if self.anomaly else ""
         health = f", health={self.health.name} ({self.suspect})" if self.health else ""
         return f"Command(u={self.u.tolist()}, status={self.status.name}{health}{odd})"
+
+    def __reduce__(self) -> tuple[Any, ...]:  # without the controller, but for the layout of its numbers
+        control = self._control
+        stages = SimpleNamespace(nx=control.stages.nx, nu=control.stages.nu, nd=control.stages.nd)
+        names = {"_parts": control._parts, "measurement_names": control.measurement_names}
+        return Command, (SimpleNamespace(**names, stages=stages), self.status, self._out)
 
     def _part(self, name: str) -> Array:
         return self._out[self._control._parts[name]]

@@ -50,31 +50,13 @@ def json_schema(kind: str) -> _Node:
         }
         schema["required"] = ["schema_version"]
         schema["anyOf"] = [{"required": ["rod"]}, {"required": ["extends"]}]
-    elif kind == "mission":
-        schema["properties"]["grasp"] = {"anyOf": [_GRASP, {"$ref": "#/$defs/GraspScene"}]}
     elif kind != "sweep":
-        own = "GraspFinger" if kind == "grasp" else "Finger"
-        changes = _changes(own, definitions)
-        definitions[changes]["properties"] = {
-            "extends": {"type": "string", "description": "Path of a finger file, relative to this file."},
-            **definitions[changes]["properties"],
-        }
-        definitions[changes]["required"] = ["extends"]
-        finger = {
-            "description": "The finger itself, the path of a finger file, or changes to one (extends).",
-            "anyOf": [
-                {"type": "string", "description": "Path of a finger file, relative to this file."},
-                {"$ref": f"#/$defs/{own}"},
-                {"$ref": f"#/$defs/{changes}"},
-            ],
-        }
-        schema["properties"]["finger"] = finger
-        if kind == "plan":
-            schema["properties"]["grasp"]["anyOf"].insert(0, _GRASP)
-        if kind == "grasp":
-            many = schema["properties"]["fingers"]
-            many.pop("anyOf"), many.pop("default", None)
-            many |= {"type": "object", "minProperties": 1, "maxProperties": 4, "additionalProperties": finger}
+        if "GraspScene" in definitions:  # in a mission or plan
+            _take_files(definitions["GraspScene"], "GraspFinger", definitions)
+            grasp = schema["properties"]["grasp"]
+            grasp["anyOf"] = [_GRASP, *(grasp.get("anyOf") or [{"$ref": grasp.pop("$ref")}])]
+        if "finger" in schema["properties"]:
+            _take_files(schema, "GraspFinger" if kind == "grasp" else "Finger", definitions)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,
@@ -97,6 +79,29 @@ def write_schemas(folder: str | Path) -> list[Path]:
         path.write_text(schema_text(kind), encoding="utf-8")
         paths.append(path)
     return paths
+
+
+def _take_files(scene: _Node, own: str, definitions: _Node) -> None:
+    """Let a scene name finger files where fingers may stand."""
+    changes = _changes(own, definitions)
+    definitions[changes]["properties"] = {
+        "extends": {"type": "string", "description": "Path of a finger file, relative to this file."},
+        **definitions[changes]["properties"],
+    }
+    definitions[changes]["required"] = ["extends"]
+    finger = {
+        "description": "The finger itself, the path of a finger file, or changes to one (extends).",
+        "anyOf": [
+            {"type": "string", "description": "Path of a finger file, relative to this file."},
+            {"$ref": f"#/$defs/{own}"},
+            {"$ref": f"#/$defs/{changes}"},
+        ],
+    }
+    scene["properties"]["finger"] = finger
+    if own == "GraspFinger":
+        many = scene["properties"]["fingers"]
+        many.pop("anyOf"), many.pop("default", None)
+        many |= {"type": "object", "minProperties": 1, "maxProperties": 4, "additionalProperties": finger}
 
 
 def _changes(name: str, definitions: _Node) -> str:

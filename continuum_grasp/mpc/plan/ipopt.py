@@ -1,4 +1,4 @@
-"""IPOPT on the programme of a plan, with a deadline and Ctrl-C."""
+"""IPOPT on the programme of a plan, with a budget and Ctrl-C."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.mpc.plan.programme import Programme
 from continuum_grasp.scene.plan import PlanSolver
 
@@ -72,12 +73,12 @@ class Attempt:
 
 
 class _Watch(ca.Callback):
-    """Stops the solver at a deadline or on Ctrl-C, which an exception cannot."""
+    """Stops the solver at the end of the budget or on Ctrl-C, which an exception cannot."""
 
-    def __init__(self, unknowns: int, constraints: int, until: float) -> None:
+    def __init__(self, unknowns: int, constraints: int, budget: Budget) -> None:
         ca.Callback.__init__(self)
         self._sizes = {"x": unknowns, "lam_x": unknowns, "g": constraints, "lam_g": constraints, "f": 1, "lam_p": 0}
-        self.until = until
+        self.budget = budget
         self.interrupted = False
         self.construct("watch", {})
 
@@ -94,7 +95,8 @@ class _Watch(ca.Callback):
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
 
     def eval(self, _: Any) -> list[int]:
-        return [int(self.interrupted or time.monotonic() > self.until)]
+        self.budget.left -= 1
+        return [int(self.interrupted or self.budget.over)]
 
     @contextmanager
     def on_interrupt(self) -> Iterator[None]:
@@ -117,9 +119,9 @@ class _Watch(ca.Callback):
 class ProgrammeSolver:
     """IPOPT for one programme."""
 
-    def __init__(self, programme: Programme, options: PlanSolver, until: float) -> None:
+    def __init__(self, programme: Programme, options: PlanSolver, budget: Budget) -> None:
         self._programme = programme
-        self.watch = _Watch(programme.size, programme.count, until)
+        self.watch = _Watch(programme.size, programme.count, budget)
         self._options: dict[str, Any] = {
             "print_time": False,
             "error_on_fail": False,

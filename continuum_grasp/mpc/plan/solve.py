@@ -110,7 +110,10 @@ def _result(search: Search) -> Plan:
             problem, attempt = search.nearest
     elif not attempt.converged:
         status = PlanStatus.FEASIBLE
-        message = f"all constraints are kept, but {_stopped(attempt)} before the optimum was reached"
+        message = f"all constraints are kept, but {_stopped(search, attempt)} before the optimum was reached"
+    elif search.budget.cut:
+        status = PlanStatus.FEASIBLE
+        message = f"all constraints are kept at the nodes, but {_cut(search)} before the search was complete"
     path = problem.path(attempt.w)
     return Plan(
         scene=scene,
@@ -138,17 +141,18 @@ def _result(search: Search) -> Plan:
 def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
     """Status, message, advice and what is violated."""
     found = search.diagnosis
-    if found is not None and not found.met:
+    if found is not None and not found.met and not search.budget.stopped:
         return PlanStatus.INFEASIBLE, found.message, found.advice, found.violated
     last = search.attempts[-1][1]
     broken = [c for c in constraints_of(search.problem, last).values() if c.excess > KEPT]
     violated = tuple(str(c) for c in sorted(broken, key=lambda c: -c.excess))
-    advice = "give the solver more iterations or time, more intervals, another initial duration, or a warm start"
+    advice = "give the solver more iterations, more intervals, another initial duration, or a warm start"
     if search.scene.object is not None:
         advice += (
             "; plan with a softer contact first (contact_law: stiffness, rounding, slip_speed), and start from that"
         )
-    return PlanStatus.NOT_SOLVED, f"no plan was found: {_stopped(last)}", advice, violated
+    status = PlanStatus.TIMED_OUT if search.budget.stopped else PlanStatus.NOT_SOLVED
+    return status, f"no plan was found: {_stopped(search, last)}", advice, violated
 
 
 def _statistics(search: Search) -> dict[str, Any]:
@@ -160,13 +164,23 @@ def _statistics(search: Search) -> dict[str, Any]:
         "constraints": programme.count,
         "substeps": search.problem.substeps,
         "tightened": search.tightened,
+        "cut_short": search.budget.cut,
     }
 
 
-def _stopped(attempt: Attempt) -> str:
+def _cut(search: Search) -> str:
+    """What cut the search short."""
+    options = search.scene.solver
+    if search.budget.stopped:
+        return f"the clock stopped the search after {options.time_limit:g} s (solver.time_limit)"
+    return f"all {options.max_total_iterations} iterations were used up (solver.max_total_iterations)"
+
+
+def _stopped(search: Search, attempt: Attempt) -> str:
     """Why the solver stopped."""
+    if search.budget.cut:
+        return _cut(search)
     return {
-        "User_Requested_Stop": "the time was up",
         "Maximum_Iterations_Exceeded": "the iterations were used up",
         "Infeasible_Problem_Detected": "the solver ended where constraints cannot be met nearby",
     }.get(attempt.outcome, f"the solver ended with {attempt.outcome}")
