@@ -88,7 +88,7 @@ def test_units_export_what_the_source_exports(levels, tmp_path):
     """By the system's linker: the same names, and those of single precision and of vector lanes work too."""
     if shutil.which("nm") is None:
         pytest.skip("no nm")
-    x, u, w, p, h = (ca.SX.sym(n, k) for n, k in (("x", 2), ("u", 1), ("w", 1), ("p", 1), ("h", 1)))
+    x, p, h = (ca.SX.sym(n, k) for n, k in (("x", 2), ("p", 1), ("h", 1)))
     three = [ca.SX.sym(f"{n}{k}") for n in "uw" for k in range(3)]
     step = ca.Function("step", [x, *three, p, h], [x + h * chain(400)(x)[0]])
     for source in (function_source(chain(400), "float"), batch_source(chain(400)), rollout_source(step)):

@@ -71,7 +71,11 @@ def test_search_along_bounds_ends_where_the_gradient_leads_outwards(seed):
     assert found.converged
     cost = [[np.sum(residuals(found.values + h * e)[0] ** 2) for h in (-1e-5, 1e-5)] for e in np.eye(2)]
     gradient = np.diff(cost, axis=1).ravel() / 2e-5
-    inside = np.where(found.values >= 1.0, np.maximum(gradient, 0.0), np.where(found.values <= -1.0, np.minimum(gradient, 0.0), gradient))
+    inside = np.where(
+        found.values >= 1.0,
+        np.maximum(gradient, 0.0),
+        np.where(found.values <= -1.0, np.minimum(gradient, 0.0), gradient),
+    )
     assert inside == pytest.approx(0.0, abs=1e-5)
 
 

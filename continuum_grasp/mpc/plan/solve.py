@@ -146,7 +146,7 @@ def _lead(scene: PlanScene, u: Array, duration: float) -> str:
     """By how much held inputs shorten the least time of a drive whose rate is limited; empty where they do not.
 
     The input may jump at the nodes by what the rate limit allows in an interval, at the first node (from
-    ``input.initial``) and at the last one too: a drive that takes an interval for each jump ends up to one interval later.
+    ``input.initial``) and at the last one too: a drive that takes an interval for each jump ends up to one later.
     """
     most = scene.input.rate_max
     if scene.objective != "least_time" or scene.input.form == "linear" or most is None:
