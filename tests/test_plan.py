@@ -158,6 +158,28 @@ def test_inputs_keep_their_limits_and_rates():
     assert np.abs(np.diff(u)).max() > 3.99 * scene.duration / scene.intervals
 
 
+def test_least_time_of_held_inputs_reports_by_how_much_they_lead_the_drive():
+    """Against the plan whose inputs do not jump: held inputs gain an interval at most."""
+    asked = {
+        "objective": "least_time",
+        "duration": {"least": 0.02, "most": 0.3},
+        "goal": {"bending": (0.5,), "end": "held"},
+    }
+    held, ramps = (
+        plan(small(**asked, input={"moment_max": 0.3, "rate_max": 1.0, "form": form})) for form in ("hold", "linear")
+    )
+    interval = held.duration / held.scene.intervals
+    assert 0.5 * interval < ramps.duration - held.duration < 1.05 * interval
+    assert "up to one interval longer" in held.message
+    (told,) = held.warnings
+    assert (
+        f"at the end): a drive that keeps input.rate_max = 1 N m/s needs up to one interval ({1e3 * interval:.3g} ms)"
+        in told
+    )
+    assert "input.form: linear" in told
+    assert (ramps.message, ramps.warnings) == ("solved", ())
+
+
 def test_least_time_shrinks_with_the_limits():
     asked = KINDS["least_time"] | {"method": "collocation"}
     times = [plan(two_arcs(**asked, input={"moment_max": m})).duration for m in (0.15, 0.2, 0.3)]

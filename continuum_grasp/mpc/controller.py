@@ -321,7 +321,7 @@ class Controller(Remade):
             If it is none of this very problem.
         """
         self._step, late = self._c.restore(saved)
-        self._late = bool(late)
+        self._late, self._time = bool(late), math.nan
 
     def __getstate__(self) -> tuple[dict[str, Field], bytes]:
         return self._fields, self.save_state()

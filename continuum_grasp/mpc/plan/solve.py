@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.mpc.plan.closing import closing
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
 
 __all__ = ["plan"]
+
+Array = NDArray[np.float64]
 
 
 def plan(
@@ -115,10 +118,14 @@ def _result(search: Search) -> Plan:
         status = PlanStatus.FEASIBLE
         message = f"all constraints are kept at the nodes, but {_cut(search)} before the search was complete"
     path = problem.path(attempt.w)
+    lead = "" if violated else _lead(scene, path.u, path.duration)
+    warnings = [lead] if lead else []
+    if search.interrupted:
+        warnings.append("the search was interrupted")
     return Plan(
         scene=scene,
         status=status,
-        message=message,
+        message=f"{message}; on a drive without jumps up to one interval longer" if lead else message,
         t=np.linspace(0.0, path.duration, scene.intervals + 1),
         x=path.x,
         u=path.u,
@@ -127,7 +134,7 @@ def _result(search: Search) -> Plan:
         iterations=attempt.iterations,
         violated=violated,
         advice=advice,
-        warnings=("the search was interrupted",) if search.interrupted else (),
+        warnings=tuple(warnings),
         statistics=_statistics(search),
         solver_state={
             "w": attempt.w,
@@ -135,6 +142,24 @@ def _result(search: Search) -> Plan:
             "constraints": attempt.multipliers.constraints,
             "units": search.motion.units,
         },
+    )
+
+
+def _lead(scene: PlanScene, u: Array, duration: float) -> str:
+    """By how much held inputs shorten the least time of a drive whose rate is limited; empty where they do not.
+
+    The input may jump at the nodes by what the rate limit allows in an interval, at the first node (from
+    ``input.initial``) and at the last one too: a drive that takes an interval for each jump ends up to one later.
+    """
+    most = scene.input.rate_max
+    if scene.objective != "least_time" or scene.input.form == "linear" or most is None:
+        return ""
+    first, last = (float(np.abs(jump).max()) for jump in (u[0] - np.array(scene.initial_input), u[-1] - u[-2]))
+    unit = "N m" if u.shape[1] == 1 else "N"
+    return (
+        f"held inputs jump ({first:.3g} {unit} at the start, {last:.3g} {unit} at the end): a drive that keeps "
+        f"input.rate_max = {most:g} {unit}/s needs up to one interval ({1e3 * duration / scene.intervals:.3g} ms) more "
+        f"than these {duration:.4g} s; take input.form: linear, which has no jumps, or more intervals"
     )
 
 
