@@ -27,7 +27,7 @@ def accuracy(
 
     output = Output(as_json, quiet)
     scene = plain_scene(config, changes)
-    folder = run_folder(out, config)
+    folder = run_folder(out, config, "accuracy")
 
     from continuum_grasp.fidelity.report import COUNTS
     from continuum_grasp.fidelity.report import accuracy as measure

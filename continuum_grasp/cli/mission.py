@@ -38,7 +38,7 @@ def carry_out(scene: MissionScene, folder: Path, animation: str | None, pictures
             typer.echo(f"what was done until then is in {folder}", err=True)
         raise
     run.save(folder)
-    with output.busy("drawing"):
+    with output.drawing(folder):
         files = run.plot(folder) if pictures else []
         if animation:
             files.append(run.animate(folder / f"animation.{animation}"))
@@ -112,7 +112,7 @@ def _tell_outcomes(scene: MissionScene, outcomes: list[Outcome], folder: Path, p
         from continuum_grasp.plotting.mission_trials import plot_trials
         from continuum_grasp.plotting.pictures import save_picture
 
-        with output.busy("drawing"):
+        with output.drawing(folder):
             files.append(save_picture(plot_trials(outcomes), folder / "trials.png"))
     output.pairs(found.pairs())
     for k in found.failed[:_SHOWN]:

@@ -6,9 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from continuum_grasp.cli.options import Config, Json, Quiet, Set
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
 from continuum_grasp.cli.output import Output, run_folder
 
 if TYPE_CHECKING:
@@ -21,7 +19,7 @@ __all__ = ["modes"]
 def modes(
     config: Config,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Save modes and their picture in this folder.")
+        Path | None, out_option("Save modes and their picture in this folder; an earlier run of modes is replaced.")
     ] = None,
     changes: Set = None,
     as_json: Json = False,
@@ -40,7 +38,7 @@ def modes(
     output.warn(found.warnings)
     if not found.stable:
         output.warn(["the equilibrium is unstable"])
-    files = _save(found, scene, note, run_folder(out, config)) if out is not None else []
+    files = _save(found, scene, note, run_folder(out, config, "modes")) if out is not None else []
     output.table(
         ("mode", "frequency [Hz]", "damping ratio"),
         (
@@ -66,7 +64,8 @@ def _save(found: Modes, scene: Scene, note: str, folder: Path) -> list[Path]:
     from continuum_grasp.results import write_run
 
     names = ("frequencies_hz", "damping_ratios", "backbone", "shapes")
-    meta: dict[str, Any] = {"config": scene.model_dump(mode="json"), "status": "stable" if found.stable else "unstable"}
+    meta: dict[str, Any] = {"kind": "modes", "config": scene.model_dump(mode="json")}
+    meta["status"] = "stable" if found.stable else "unstable"
     if note:
         meta["statistics"] = {"fidelity": note}
     write_run(folder, {name: getattr(found, name) for name in names}, meta)

@@ -40,7 +40,7 @@ def simulate(
     scene, note = simulation_scene(config, changes, output)
     if scene.time is None:
         raise InputError("a simulation needs time: {duration: ..., step: ...}", file=str(config), key="time")
-    folder = run_folder(out, config)
+    folder = run_folder(out, config, "simulate")
 
     from continuum_grasp.simulation import simulate as run
 
@@ -64,7 +64,7 @@ def _save(trajectory: Trajectory, folder: Path, animation: str | None, pictures:
     if pictures or animation:
         from continuum_grasp.plotting import animate, save_simulation_pictures
 
-        with output.busy("drawing"):
+        with output.drawing(folder):
             if pictures:
                 files += save_simulation_pictures(trajectory, folder)
             if animation:

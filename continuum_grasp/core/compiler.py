@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import platform
 import shlex
@@ -11,6 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+
+from continuum_grasp.errors import ContinuumGraspError
 
 __all__ = ["CompileError", "Compiler", "find_compiler", "why_no_compiler"]
 
@@ -24,7 +27,7 @@ _SHORT = 15_000
 """Lines of a source up to which that is worth it."""
 
 
-class CompileError(RuntimeError):
+class CompileError(ContinuumGraspError, RuntimeError):
     """The compiler refused the source."""
 
 
@@ -62,6 +65,8 @@ class Compiler:
         except (OSError, subprocess.TimeoutExpired) as error:
             raise CompileError(f"{shlex.join(self.command)}: {error}") from error
         if done.returncode != 0 or not library.exists():
+            if os.strerror(errno.ENOSPC) in done.stderr:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(library.parent))
             said = " | ".join(done.stderr.strip().splitlines()[:3]) or f"exit status {done.returncode}"
             raise CompileError(f"{shlex.join(self.command)}: {said}")
 

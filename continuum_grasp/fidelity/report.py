@@ -94,9 +94,9 @@ class AccuracyReport:
     def save(self, folder: str | PathLike[str]) -> list[Path]:
         """Write ``accuracy.md``, ``accuracy.json`` and ``accuracy.png`` into a folder."""
         from continuum_grasp.plotting import plot_accuracy, save_picture
-        from continuum_grasp.results import replacing
+        from continuum_grasp.results import begin_run, replacing
 
-        target = Path(folder)
+        target = begin_run(folder, "accuracy")
         texts = {
             "accuracy.md": self.markdown(),
             "accuracy.json": json.dumps([table.as_dict() for table in self.tables], indent=1, allow_nan=False),

@@ -86,9 +86,12 @@ def _load(path: str | os.PathLike[str]) -> GraspScene:
 def _kept(scene: GraspScene, tolerance: float, until: float) -> GraspResult:
     """The grasp with the cheapest model that keeps a tolerance."""
     first = _Verdict(with_elements(scene, ELEMENTS[1]), until).result()
-    if not first.solved:
+    if not first.solved or first.statistics["interrupted"]:
         return first
-    resolved, note, change = resolve_elements(scene, first, tolerance, until)
+    try:
+        resolved, note, change = resolve_elements(scene, first, tolerance, until)
+    except KeyboardInterrupt:
+        return replace(first, statistics={**first.statistics, "interrupted": True, "fidelity": "interrupted"})
     result = first if resolved == first.scene else _Verdict(resolved, until).result()
     return replace(result, fine=change, statistics={**result.statistics, "fidelity": note})
 

@@ -13,7 +13,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
 
-__all__ = ["control_scene", "slices", "vector"]
+__all__ = ["control_scene", "real", "slices", "vector"]
 
 Array = NDArray[np.float64]
 
@@ -41,12 +41,26 @@ def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Arr
         If it has another size, or is not finite.
     """
     try:
-        array = np.array(value, dtype=float).ravel()
+        array = real(value).flatten()
     except (TypeError, ValueError) as error:
         raise InputError(f"expected {size} numbers, got {value!r:.60}", key=name) from error
     if array.size != size:
         raise InputError(f"expected {size} entries, got {array.size}", key=name)
     return finite(name, array) if check else array
+
+
+def real(value: ArrayLike) -> Array:
+    """An array of doubles; numpy alone would drop the imaginary parts of complex numbers.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no array of real numbers.
+    """
+    array = np.asarray(value)
+    if array.dtype.kind == "c":
+        raise TypeError("complex numbers")
+    return np.asarray(array, dtype=float)
 
 
 def slices(sizes: Mapping[str, int]) -> dict[str, slice]:

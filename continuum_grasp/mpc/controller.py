@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
-from continuum_grasp.mpc.arrays import control_scene, slices, vector
+from continuum_grasp.mpc.arrays import control_scene, real, slices, vector
 from continuum_grasp.mpc.command import Command, Estimate, Plan
 from continuum_grasp.mpc.compiled import Compiled
 from continuum_grasp.mpc.controller_source import Field, controller_source
@@ -290,7 +290,7 @@ class Controller:
 
 def _put(to: Array, value: ArrayLike, spread: bool = False) -> None:
     """Copy what has the same shape, or ``spread`` what has not."""
-    array = np.asarray(value, dtype=float)
+    array = real(value)
     if array.shape != to.shape and not spread:
         raise ValueError
     to[:] = array

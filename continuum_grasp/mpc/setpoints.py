@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.mpc.arrays import real
 from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.stages import Stages
 from continuum_grasp.scene.control import ControlScene
@@ -147,7 +148,11 @@ def _sampled(given: RowSamples, t: Array) -> Array:
 def _called(function: Function, width: int, t: Array) -> Array:
     rows = np.empty((len(t), width))
     for k, instant in enumerate(t.tolist()):
-        row = np.asarray(function(instant), dtype=float).reshape(-1)
+        given = function(instant)
+        try:
+            row = real(given).reshape(-1)
+        except (TypeError, ValueError):
+            raise InputError(f"a set-point at t = {instant:g} s: expected numbers, got {given!r:.60}") from None
         if row.size != width or not np.all(np.isfinite(row)):
             raise InputError(f"a set-point at t = {instant:g} s: expected {width} finite entries, got {row.tolist()}")
         rows[k] = row

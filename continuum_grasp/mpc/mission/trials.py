@@ -14,6 +14,7 @@ import numpy as np
 
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
 from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.interrupt import kept_from_children
 from continuum_grasp.mpc.mission.assignment import Assignment, assign
 from continuum_grasp.mpc.mission.outcomes import Outcome
 from continuum_grasp.mpc.mission.plant import Variation
@@ -102,7 +103,8 @@ def _outcomes(assignment: Assignment, drawn: list[Variation], jobs: int) -> Iter
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
     with ProcessPoolExecutor(jobs, context, _start, (assignment, stop)) as pool:
-        asked = {pool.submit(_run, variation): k for k, variation in enumerate(drawn)}
+        with kept_from_children():
+            asked = {pool.submit(_run, variation): k for k, variation in enumerate(drawn)}
         try:
             for future in as_completed(asked):
                 yield asked[future], future.result()

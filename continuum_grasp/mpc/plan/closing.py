@@ -82,7 +82,7 @@ def _numbers(scene: PlanScene, given: Any) -> Mapping[str, Any]:
         from continuum_grasp.results import read_run
 
         run = read_run(given)
-        if run.meta.get("status") not in ("optimal", "feasible"):
+        if run.meta.get("kind") != "grasp" or run.meta.get("status") not in ("optimal", "feasible"):
             raise InputError("there is no verified grasp in this folder", file=os.fspath(given))
         return run.arrays
     if scene.grasp is None:
