@@ -26,6 +26,8 @@ _SAME_PRESS = 0.5
 """Signals within this time are one press [s]; a terminal and a parent process may send one each."""
 _PARTS = {
     "casadi.casadi": None,
+    "_frozen_importlib": None,  # named importlib._bootstrap once importlib itself is imported
+    "_frozen_importlib_external": None,
     "importlib._bootstrap": None,
     "importlib._bootstrap_external": None,
     "contextlib": ("__enter__", "__exit__"),

@@ -34,7 +34,8 @@ def accuracy(
 
     with output.busy("measuring") as report:
         found = measure(scene, counts=[count for count in COUNTS if count <= most], progress=report)
-    files = found.save(folder)
+    with output.saving(folder):
+        files = found.save(folder)
     output.say(found.markdown())
     output.say(f"saved in {folder}: {', '.join(file.name for file in files)}")
     output.result(

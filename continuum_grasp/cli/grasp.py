@@ -42,10 +42,11 @@ def grasp(
 
     with output.busy("searching"):
         result = optimize_grasp(scene, raise_on_failure=False, fine=fine)
-    from continuum_grasp.grasp.report.report import save_result
-    from continuum_grasp.grasp.report.report_files import save_pictures
+    with output.saving(folder):  # the grasp is safe before what can be computed again
+        from continuum_grasp.grasp.report.report import save_result
+        from continuum_grasp.grasp.report.report_files import save_pictures
 
-    save_result(result, folder, quality=False)  # the grasp is safe before what can be computed again
+        save_result(result, folder, quality=False)
     with output.drawing(folder):
         save_result(result, folder)
         files = save_pictures(result, folder) if pictures else []

@@ -50,7 +50,8 @@ def identify(
             raise
         path = undotted(error.key)
         raise document.nearest(path).error(error.message, path) from None
-    fit.save(folder)
+    with output.saving(folder):
+        fit.save(folder)
     files: list[Path] = []
     if pictures:
         with output.drawing(folder):

@@ -34,10 +34,12 @@ def carry_out(scene: MissionScene, folder: Path, animation: str | None, pictures
             run = run_mission(scene, grasp=grasp, progress=report)
     except (Interrupted, NumericalError) as error:
         if error.result is not None:
-            error.result.save(folder)
+            with output.saving(folder):
+                error.result.save(folder)
             typer.echo(f"what was done until then is in {folder}", err=True)
         raise
-    run.save(folder)
+    with output.saving(folder):
+        run.save(folder)
     with output.drawing(folder):
         files = run.plot(folder) if pictures else []
         if animation:
@@ -107,7 +109,8 @@ def _tell_outcomes(scene: MissionScene, outcomes: list[Outcome], folder: Path, p
     from continuum_grasp.mpc.mission.outcomes import save_trials, summarize
 
     found = summarize(outcomes)
-    files = [save_trials(outcomes, folder)]
+    with output.saving(folder):
+        files = [save_trials(outcomes, folder)]
     if pictures:
         from continuum_grasp.plotting.mission_trials import plot_trials
         from continuum_grasp.plotting.pictures import save_picture

@@ -31,6 +31,8 @@ def modes(
     output = Output(as_json, quiet)
     scene, note = simulation_scene(config, changes, output, vibrates=True)
 
+    folder = None if out is None else run_folder(out, config, "modes")
+
     from continuum_grasp.simulation import modes as find
 
     with output.busy("finding modes"):
@@ -38,7 +40,7 @@ def modes(
     output.warn(found.warnings)
     if not found.stable:
         output.warn(["the equilibrium is unstable"])
-    files = _save(found, scene, note, run_folder(out, config, "modes")) if out is not None else []
+    files = _save(found, scene, note, folder, output) if folder is not None else []
     output.table(
         ("mode", "frequency [Hz]", "damping ratio"),
         (
@@ -59,7 +61,7 @@ def modes(
     )
 
 
-def _save(found: Modes, scene: Scene, note: str, folder: Path) -> list[Path]:
+def _save(found: Modes, scene: Scene, note: str, folder: Path, output: Output) -> list[Path]:
     from continuum_grasp.plotting import plot_modes, save_picture
     from continuum_grasp.results import write_run
 
@@ -68,5 +70,7 @@ def _save(found: Modes, scene: Scene, note: str, folder: Path) -> list[Path]:
     meta["status"] = "stable" if found.stable else "unstable"
     if note:
         meta["statistics"] = {"fidelity": note}
-    write_run(folder, {name: getattr(found, name) for name in names}, meta)
-    return [save_picture(plot_modes(found), folder / "modes.png")]
+    with output.saving(folder):
+        write_run(folder, {name: getattr(found, name) for name in names}, meta)
+    with output.drawing(folder):
+        return [save_picture(plot_modes(found), folder / "modes.png")]

@@ -85,10 +85,12 @@ def mpc(
             run = closed_loop(scene, progress=report)
     except (NumericalError, Interrupted) as error:
         if error.result is not None:
-            error.result.save(folder)
+            with output.saving(folder):
+                error.result.save(folder)
             typer.echo(f"what was computed until then is in {folder}", err=True)
         raise
-    run.save(folder)
+    with output.saving(folder):
+        run.save(folder)
     with output.drawing(folder):
         files = run.plot(folder) if pictures else []
         if animation:

@@ -16,6 +16,7 @@ from typing import Any
 import typer
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.interrupt import held
 
 __all__ = ["Output", "run_folder"]
 
@@ -68,6 +69,14 @@ class Output:
             from continuum_grasp.results.plain import plain
 
             _print(json.dumps(plain(values), indent=2, allow_nan=False))
+
+    @contextmanager
+    def saving(self, folder: Path) -> Iterator[None]:
+        """Save what was computed, and let Ctrl-C wait for that."""
+        with held(quietly=True) as pressed:
+            yield
+        if pressed():
+            raise KeyboardInterrupt(f"interrupted; the result is saved in {folder}")
 
     @contextmanager
     def drawing(self, folder: Path) -> Iterator[None]:

@@ -60,10 +60,12 @@ def plan(
             found = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
     except Interrupted as error:
         if error.result is not None:
-            error.result.save(folder)
+            with output.saving(folder):
+                error.result.save(folder)
             typer.echo(f"what was found until then is in {folder}", err=True)
         raise
-    found.save(folder)
+    with output.saving(folder):
+        found.save(folder)
     files: list[Path] = []
     with output.drawing(folder):
         if pictures:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from continuum_grasp.cli.options import out_option
+from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 __all__ = ["schema"]
@@ -28,12 +29,13 @@ def schema(
     from continuum_grasp.results import replacing
     from continuum_grasp.scene.schema import KINDS, schema_text
 
+    output = Output()
     if (kind is None) == (out is None):
         raise InputError(f"expected either one of {', '.join(KINDS)}, or --out DIR")
     if kind is not None:
-        typer.echo(schema_text(kind), nl=False)
+        output.say(schema_text(kind).rstrip("\n"))
     elif out is not None:
         for name in KINDS:
             with replacing(out / f"{name}.json") as temporary:
                 temporary.write_text(schema_text(name), encoding="utf-8")
-            typer.echo(str(out / f"{name}.json"))
+            output.say(str(out / f"{name}.json"))

@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import re
+import secrets
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
@@ -111,7 +112,7 @@ def _read(folder: Path) -> dict[str, Any]:
 
 def _write(folder: Path, record: dict[str, Any]) -> None:
     text = json.dumps({key: record[key] for key in ("kind", "files", "parts")}, indent=1) + "\n"
-    temporary = folder / f"{RECORD}-{os.getpid()}"
+    temporary = folder / f".tmp-{os.getpid()}-{secrets.token_hex(6)}-{RECORD}"
     try:
         temporary.write_text(text, encoding="utf-8")
         os.replace(temporary, folder / RECORD)
