@@ -8,7 +8,9 @@ goes on; computations that look at `pressed` now and then end early for it.
 
 from __future__ import annotations
 
+import _thread
 import os
+import select
 import signal
 import sys
 import threading
@@ -22,6 +24,10 @@ __all__ = ["held", "kept_from_children", "listening", "pressed", "was_pressed"]
 
 STATUS = 130
 """Exit status of a command that Ctrl-C ended: 128 and the signal's number, as in shells."""
+_LONGEST_WAIT = 10.0
+"""How long a command waits for one call into C++ that cannot be stopped [s]; building a controller has some of 5 s."""
+_PATIENCE = 1.5
+"""After which it says that it waits [s]."""
 _SAME_PRESS = 0.5
 """Signals within this time are one press [s]; a terminal and a parent process may send one each."""
 _PARTS = {
@@ -45,7 +51,8 @@ _noted: float | None = None
 _blocks = 0
 """How many blocks hold it back."""
 _seen = False
-_ends_process = False
+_answered = False
+"""Whether the main thread has run Python code since it was asked to."""
 
 
 def pressed() -> bool:
@@ -65,17 +72,19 @@ def listening(command: bool = False) -> Iterator[None]:
     Parameters
     ----------
     command : bool, optional
-        The block is the whole process: a second press before the first could be raised ends it at once, with status
-        130, and what comes after the block ignores Ctrl-C.
+        The block is the whole process: it ends with status 130 at a second press before the first could be raised, or
+        if that takes long, and what comes after the block ignores Ctrl-C.
     """
-    global _ends_process, _noted, _seen
+    global _noted, _seen
     usual = signal.getsignal(signal.SIGINT)
     ours = usual is signal.default_int_handler or (command and callable(usual) and usual is not _press)
     if threading.current_thread() is not threading.main_thread() or not ours:
         yield
         return
-    _noted, _seen, _ends_process = None, False, command
+    _noted, _seen = None, False
     signal.signal(signal.SIGINT, _press)
+    if command:
+        _start_watch()
     try:
         yield
     finally:
@@ -140,8 +149,6 @@ def _press(number: int, frame: FrameType | None) -> None:
     now = time.monotonic()
     if _noted is not None:
         if now - _noted > _SAME_PRESS:
-            if _ends_process:
-                os._exit(STATUS)
             _raise()
         return
     _noted, _seen = now, True
@@ -181,3 +188,39 @@ def _raise() -> None:
     global _noted
     _noted = None
     raise KeyboardInterrupt
+
+
+def _start_watch() -> None:
+    """Have a thread told of every press, also while the main thread is within a call into C++."""
+    if not hasattr(signal, "SIGURG"):
+        return
+    heard, told = os.pipe()
+    os.set_blocking(told, False)
+    signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+    signal.signal(signal.SIGURG, _answer)  # nobody uses it, and it is ignored elsewhere
+    threading.Thread(target=_watch, args=(heard,), daemon=True).start()
+
+
+def _answer(number: int, frame: FrameType | None) -> None:
+    global _answered
+    _answered = True
+
+
+def _watch(heard: int) -> None:
+    """End the process where a press is not raised in time, or is repeated."""
+    global _answered
+    while True:
+        if signal.SIGINT not in os.read(heard, 64):
+            continue
+        _answered = False
+        _thread.interrupt_main(signal.SIGURG)
+        began, said = time.monotonic(), False
+        while not _answered or _noted is not None:
+            waited = time.monotonic() - began
+            if select.select([heard], [], [], 0.1)[0] and signal.SIGINT in os.read(heard, 64) and waited > _SAME_PRESS:
+                os._exit(STATUS)
+            if waited > _LONGEST_WAIT and not _blocks:
+                os._exit(STATUS)
+            if waited > _PATIENCE and not said:
+                os.write(2, b"interrupted; this step cannot be stopped (Ctrl-C again ends at once)\n")
+                said = True

@@ -74,7 +74,10 @@ def _grasp(scene: MissionScene, output: Output) -> GraspResult:
     from continuum_grasp.grasp import optimize_grasp
 
     with output.busy("optimising the grasp"):
-        return optimize_grasp(scene.grasp)
+        found = optimize_grasp(scene.grasp)
+    if found.statistics["interrupted"]:
+        raise KeyboardInterrupt("interrupted while the grasp was optimised")
+    return found
 
 
 def _tell(run: MissionRun, folder: Path, files: list[Path], output: Output) -> None:
