@@ -241,3 +241,21 @@ def test_the_compiler_leaves_nothing_behind(tmp_path):
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
     assert list((tmp_path / "cache" / "compiled").iterdir()) == []
     assert not (tmp_path / "run").exists()
+
+
+def test_the_starter_lets_the_command_end(tmp_path):
+    """``start.py`` outlives Ctrl-C, and gives the command's own status."""
+    code = """
+        import importlib.util, threading
+        spec = importlib.util.spec_from_file_location("start", sys.argv[1])
+        start = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(start)
+        child = "import time\\ntry: print('here', flush=True), time.sleep(60)\\n"
+        child += "except KeyboardInterrupt: time.sleep(0.5), print('saved'), exit(7)"
+        read, write = os.pipe()
+        os.dup2(write, 1)
+        threading.Thread(target=lambda: (os.read(read, 99), press()), daemon=True).start()
+        status = start.run([sys.executable, "-c", child])
+        print(status, os.read(read, 99), file=sys.stderr)
+    """
+    assert python(code, ROOT / "start.py").stderr == "7 b'saved\\n'\n"
