@@ -51,6 +51,9 @@ _noted: float | None = None
 _blocks = 0
 """How many blocks hold it back."""
 _seen = False
+_ending = threading.Lock()
+_watched = False
+"""Whether the process ends with the block that listens."""
 _answered = False
 """Whether the main thread has run Python code since it was asked to."""
 
@@ -149,7 +152,7 @@ def _press(number: int, frame: FrameType | None) -> None:
     now = time.monotonic()
     if _noted is not None:
         if now - _noted > _SAME_PRESS:
-            _raise()
+            _end() if _watched else _raise()
         return
     _noted, _seen = now, True
     if _blocks:
@@ -190,8 +193,17 @@ def _raise() -> None:
     raise KeyboardInterrupt
 
 
+def _end() -> None:
+    """End the process at once; files are whole, since they get their names when they are complete."""
+    _ending.acquire()  # whoever comes second waits for the end
+    os.write(2, b"interrupted\n")
+    os._exit(STATUS)
+
+
 def _start_watch() -> None:
     """Have a thread told of every press, also while the main thread is within a call into C++."""
+    global _watched
+    _watched = True
     if not hasattr(signal, "SIGURG"):
         return
     heard, told = os.pipe()
@@ -218,9 +230,9 @@ def _watch(heard: int) -> None:
         while not _answered or _noted is not None:
             waited = time.monotonic() - began
             if select.select([heard], [], [], 0.1)[0] and signal.SIGINT in os.read(heard, 64) and waited > _SAME_PRESS:
-                os._exit(STATUS)
+                _end()
             if waited > _LONGEST_WAIT and not _blocks:
-                os._exit(STATUS)
+                _end()
             if waited > _PATIENCE and not said:
                 os.write(2, b"interrupted; this step cannot be stopped (Ctrl-C again ends at once)\n")
                 said = True

@@ -143,7 +143,7 @@ def test_pressed_again_before_it_could_be_raised_ends_a_command_at_once():
                 print("went on", flush=True)
     """
     done = python(code)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "one press\n", "")
+    assert (done.returncode, done.stdout, done.stderr) == (130, "one press\n", "interrupted\n")
 
 
 def test_processes_that_are_started_never_see_it():

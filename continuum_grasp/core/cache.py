@@ -66,6 +66,7 @@ def library_for(source: str, compiler: Compiler) -> Path:
         If no cache folder can be written, or the disk is full.
     """
     folder = private_folder()
+    _remove_left_builds(folder)
     key = hashlib.sha256(compiler.identity(source).encode()).hexdigest()
     library, record = folder / f"{key}.so", folder / f"{key}.json"
     if _sound(library, record, key):
@@ -84,16 +85,18 @@ def library_for(source: str, compiler: Compiler) -> Path:
     return library
 
 
-@contextmanager
-def _build_folder(folder: Path) -> Iterator[Path]:
-    """A folder for one build; those that killed processes left are removed.
-
-    Whoever builds holds a lock on a file in it, which the system lets go of however the process ends.
-    """
+@cache
+def _remove_left_builds(folder: Path) -> None:
+    """Remove, once in a process, the folders of builds that were killed."""
     for left in folder.glob("build-*"):
         with suppress(OSError):
             if _is_left(left):
                 shutil.rmtree(left)
+
+
+@contextmanager
+def _build_folder(folder: Path) -> Iterator[Path]:
+    """A folder for one build, with a locked file in it; the system unlocks that however the process ends."""
     with tempfile.TemporaryDirectory(dir=folder, prefix="build-") as name:
         work = Path(name)
         with open(work / _LOCK, "wb") as file:
