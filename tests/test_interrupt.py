@@ -256,6 +256,6 @@ def test_the_starter_lets_the_command_end(tmp_path):
         os.dup2(write, 1)
         threading.Thread(target=lambda: (os.read(read, 99), press()), daemon=True).start()
         status = start.run([sys.executable, "-c", child])
-        print(status, os.read(read, 99), file=sys.stderr)
+        print(status, b"saved" in os.read(read, 99), file=sys.stderr)
     """
-    assert python(code, ROOT / "start.py").stderr == "7 b'saved\\n'\n"
+    assert python(code, ROOT / "start.py").stderr == "7 True\n"
