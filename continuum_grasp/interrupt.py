@@ -72,6 +72,8 @@ def was_pressed() -> bool:
 def listening(command: bool = False) -> Iterator[None]:
     """Take Ctrl-C within the block; without effect outside the main thread, and where somebody else handles it.
 
+    It serves as a decorator too, which every long computation has: in Python, Ctrl-C is as sure as on the command line.
+
     Parameters
     ----------
     command : bool, optional
@@ -92,6 +94,8 @@ def listening(command: bool = False) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN if command else usual)
+        if not command and pressed():  # nothing that could raise it came after
+            _raise()
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError
 from continuum_grasp.fidelity.motion import Motion, reference_motion
 from continuum_grasp.fidelity.rows import NOTES, Measuring, columns_of
@@ -109,6 +110,7 @@ class AccuracyReport:
         return [*files, save_picture(plot_accuracy(self), target / "accuracy.png")]
 
 
+@interrupt.listening()
 def accuracy(
     scene: Scene | str | PathLike[str],
     *,

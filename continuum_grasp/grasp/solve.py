@@ -7,6 +7,7 @@ import time
 from dataclasses import replace
 from typing import Any
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.programme.ipopt import Attempt
@@ -19,6 +20,7 @@ from continuum_grasp.scene.grasp import GraspScene
 __all__ = ["optimize_grasp"]
 
 
+@interrupt.listening()
 def optimize_grasp(
     scene: GraspScene | str | os.PathLike[str], *, raise_on_failure: bool = True, fine: bool = False
 ) -> GraspResult:

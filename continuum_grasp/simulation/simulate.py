@@ -43,6 +43,7 @@ _CHUNK = 200_000
 """Sub-steps between two calls of ``progress``."""
 
 
+@interrupt.listening()
 def simulate(scene: Scene | str | PathLike[str], *, progress: Progress | None = None) -> Trajectory:
     """Simulate a scene.
 

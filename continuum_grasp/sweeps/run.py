@@ -11,6 +11,7 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted, SolverError
 from continuum_grasp.results import begin_run
 from continuum_grasp.scene.grasp import GraspScene
@@ -32,6 +33,7 @@ _REPORT_SECONDS = 0.2
 _TRIES = 2
 
 
+@interrupt.listening()
 def sweep(
     config: str | os.PathLike[str] | Mapping[str, Any],
     *,

@@ -50,6 +50,7 @@ class Controls(Protocol):
         """Begin anew, from a state (nx) and an input (nu)."""
 
 
+@interrupt.listening()
 def closed_loop(
     scene: ControlScene | str | PathLike[str],
     *,

@@ -26,6 +26,7 @@ __all__ = ["Crew", "mission_of", "run_mission"]
 Progress = Callable[[float], None]
 
 
+@interrupt.listening()
 def run_mission(
     scene: MissionScene | str | PathLike[str],
     *,

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.interrupt import kept_from_children
@@ -43,6 +44,7 @@ def variations(trials: Trials) -> list[Variation]:
     return found
 
 
+@interrupt.listening()
 def run_trials(
     scene: MissionScene | str | PathLike[str],
     *,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.mpc.plan.closing import closing
 from continuum_grasp.mpc.plan.files import load_plan
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["plan"]
 
 
+@interrupt.listening()
 def plan(
     scene: PlanScene | str | os.PathLike[str],
     *,
