@@ -199,7 +199,7 @@ def test_simulate_saves_and_reports(pretend):
     result = run("simulate", RELEASE, "--no-pictures", "--set", "time.duration=0.5", "-v")
     assert result.exit_code == 0, result.output
     assert seen[0].time.duration == 0.5
-    assert Path("runs/nitinol_release_020g/result.npz").exists()
+    assert Path("runs/simulate/nitinol_release_020g/result.npz").exists()
     assert "warning: too bent" in result.stderr
     assert "substeps" in result.stdout
 
@@ -217,7 +217,7 @@ def test_numerical_failure_exits_with_1_and_saves_what_there_is(pretend):
     result = run("simulate", RELEASE)
     assert result.exit_code == 1
     assert "error: not finite at 0.1 s" in result.stderr
-    assert Path("runs/nitinol_release_020g/result.npz").exists()
+    assert Path("runs/simulate/nitinol_release_020g/result.npz").exists()
 
 
 def test_solver_failure_exits_with_1(pretend):
@@ -243,7 +243,7 @@ def test_modes_prints_a_table(pretend):
 
 def test_codegen_lists_its_files(tmp_path):
     lines = run("codegen", RELEASE, "--out", str(tmp_path / "c")).stdout.splitlines()
-    assert sorted(lines) == sorted(str(path) for path in (tmp_path / "c").iterdir())
+    assert sorted(lines) == sorted(str(path) for path in (tmp_path / "c").iterdir() if path.name[0] != ".")
     assert {Path(line).name for line in lines} == {"finger.c", "finger.h", "main.c"}
 
 

@@ -32,7 +32,7 @@ def write(config, folder, *settings):
     changes = [part for setting in settings for part in ("--set", setting)]
     result = CliRunner().invoke(app, ["codegen", str(config), "--out", str(folder), *changes])
     assert result.exit_code == 0, result.output
-    return sorted(path.name for path in folder.iterdir())
+    return sorted(path.name for path in folder.iterdir() if path.name[0] != ".")
 
 
 def build_and_run(folder, *flags):

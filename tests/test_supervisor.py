@@ -1,4 +1,4 @@
-"""The supervisor: what it reports of loops that a wrong plant or a broken sensor drives, and that it is silent otherwise.
+"""The supervisor: what it reports of loops with a wrong plant or a broken sensor, and that it is silent otherwise.
 
 Each loop is that of ``configs/mpc/steady_tip.yaml``.
 """
@@ -206,7 +206,7 @@ def test_a_trip_stays_until_it_is_left_and_is_part_of_the_saved_state():
     plant = Faulty(scene, sensors=swapped((0, 1)), start=0.5)
     control.reset()
     saved = b""
-    for k in range(300):
+    for _ in range(300):
         command = control.step(plant.measure())
         plant.advance(command.u)
         if command.health == Health.TRIPPED and not saved:

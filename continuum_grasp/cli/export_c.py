@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import Config, Json, Quiet, Set
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
 from continuum_grasp.cli.output import Output, run_folder
 from continuum_grasp.errors import InputError
 
@@ -19,7 +19,7 @@ def export_c(
     config: Config,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of the package (default: NAME-OF-CONFIG_c)."),
+        out_option("Folder of the package (default: runs/export-c/NAME-OF-CONFIG)."),
     ] = None,
     real: Annotated[
         str | None, typer.Option("--real", metavar="float|double", help="What to compute in (default: the target's).")
@@ -63,7 +63,7 @@ def export_c(
     output = Output(as_json, quiet)
     loaded = load(config, changes or ())
     scene = loaded if isinstance(loaded, ControlScene) else simulation_scene(config, changes, output)[0]
-    folder = run_folder(out if out is not None else Path(f"{config.stem}_c"), config)
+    folder = run_folder(out, config, "export-c")
 
     from continuum_grasp.export import export_c as write
 

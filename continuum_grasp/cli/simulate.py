@@ -40,7 +40,7 @@ def simulate(
     scene, note = simulation_scene(config, changes, output)
     if scene.time is None:
         raise InputError("a simulation needs time: {duration: ..., step: ...}", file=str(config), key="time")
-    folder = run_folder(out, config)
+    folder = run_folder(out, config, "simulate")
 
     from continuum_grasp.simulation import simulate as run
 
@@ -49,7 +49,8 @@ def simulate(
             trajectory = run(scene, progress=report)
     except (NumericalError, Interrupted) as error:
         if error.result is not None:
-            error.result.save(folder)
+            with output.saving(folder):
+                error.result.save(folder)
             typer.echo(f"what was computed until then is in {folder}", err=True)
         raise
     if note:
@@ -59,12 +60,13 @@ def simulate(
 
 
 def _save(trajectory: Trajectory, folder: Path, animation: str | None, pictures: bool, output: Output) -> list[Path]:
-    trajectory.save(folder)
+    with output.saving(folder):
+        trajectory.save(folder)
     files: list[Path] = []
     if pictures or animation:
         from continuum_grasp.plotting import animate, save_simulation_pictures
 
-        with output.busy("drawing"):
+        with output.drawing(folder):
             if pictures:
                 files += save_simulation_pictures(trajectory, folder)
             if animation:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -63,11 +66,17 @@ def codegen(
     Raises
     ------
     InputError
-        If the prefix is no identifier or a vector has the wrong size.
+        If the prefix is no identifier, a vector has the wrong size, or the folder holds something else.
+    OSError
+        If the files cannot be written.
     NumericalError
         If the example does not stay finite.
     """
+    from continuum_grasp.results import begin_run, kind_of_run, replacing
+
     model_of(model)
+    if kind_of_run(folder) not in (None, "codegen"):
+        raise InputError(f"the folder holds a run of {kind_of_run(folder)}; take another one", file=str(folder))
     if not isinstance(prefix, str) or not prefix.isidentifier() or not prefix.isascii() or prefix in _TAKEN:
         raise InputError(f"prefix: expected a C identifier that is free, got {prefix!r}")
     steps = whole("steps", steps)
@@ -76,17 +85,34 @@ def codegen(
     )
     step = step_function(model.forward_dynamics, "rk4")
     text = _example(model, prefix, step, steps, start, inputs, forces)
-    target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
     options = {"with_header": True, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator(f"{prefix}.c", options)
     for name in FUNCTIONS:
         generator.add(_renamed(getattr(model, name), f"{prefix}_{name}"))
     generator.add(_renamed(step, f"{prefix}_rk4_step"))
-    generator.generate(f"{target}/")
-    example = target / "main.c"
-    example.write_text(text)
-    return [target / f"{prefix}.c", target / f"{prefix}.h", example]
+    source, header = _generated(generator, prefix)
+    target, files = begin_run(folder, "codegen", kept=None), []  # there may be another prefix
+    for name, content in ((f"{prefix}.c", source), (f"{prefix}.h", header), ("main.c", text)):
+        with replacing(target / name) as temporary:
+            temporary.write_text(content)
+        files.append(target / name)
+    return files
+
+
+def _generated(generator: ca.CodeGenerator, prefix: str) -> tuple[str, str]:
+    """Source and header; CasADi writes them to files only, and says nothing where the disk is full.
+
+    Raises
+    ------
+    OSError
+        The files are not whole.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        generator.generate(f"{folder}/")
+        texts = [(Path(folder) / f"{prefix}.{suffix}").read_text() for suffix in ("c", "h")]
+    if not all(text.endswith("#endif\n") for text in texts):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), folder)
+    return texts[0], texts[1]
 
 
 def _renamed(function: ca.Function, name: str) -> ca.Function:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import platform
 import shlex
@@ -14,6 +15,7 @@ from functools import cache
 from pathlib import Path
 
 from continuum_grasp.core.units import longest_function, translation_units
+from continuum_grasp.errors import ContinuumGraspError
 
 __all__ = ["CompileError", "Compiler", "find_compiler", "why_no_compiler"]
 
@@ -31,7 +33,7 @@ _TIMEOUT = 1800.0
 """Most seconds that the compiler may take for a translation unit."""
 
 
-class CompileError(RuntimeError):
+class CompileError(ContinuumGraspError, RuntimeError):
     """The compiler refused the source."""
 
 
@@ -86,6 +88,8 @@ class Compiler:
         except (OSError, subprocess.TimeoutExpired) as error:
             raise CompileError(f"{shlex.join(self.command)}: {error}") from error
         if done.returncode != 0:
+            if os.strerror(errno.ENOSPC) in done.stderr:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "the compiler's files")
             said = " | ".join(done.stderr.strip().splitlines()[:3]) or f"exit status {done.returncode}"
             raise CompileError(f"{shlex.join(self.command)}: {said}")
 

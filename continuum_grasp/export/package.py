@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from continuum_grasp import __version__
+from continuum_grasp import __version__, interrupt
 from continuum_grasp.export.accuracy import check_errors, rounding_errors
 from continuum_grasp.export.arguments import count_of, parts_of, positive, prefix_of
 from continuum_grasp.export.bindings import python_binding, wasm_files
@@ -56,6 +56,7 @@ class Package:
     manifest: dict[str, Any]
 
 
+@interrupt.listening()
 def export_c(
     given: Given,
     folder: str | os.PathLike[str],

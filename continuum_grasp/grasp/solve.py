@@ -7,6 +7,7 @@ import time
 from dataclasses import replace
 from typing import Any
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.fine import ELEMENTS, asked_tolerance, resolve_elements, with_elements, with_fine
@@ -20,6 +21,7 @@ from continuum_grasp.scene.grasp import GraspScene
 __all__ = ["optimize_grasp"]
 
 
+@interrupt.listening()
 def optimize_grasp(
     scene: GraspScene | str | os.PathLike[str], *, raise_on_failure: bool = True, fine: bool = False
 ) -> GraspResult:
@@ -87,9 +89,12 @@ def _load(path: str | os.PathLike[str]) -> GraspScene:
 def _kept(scene: GraspScene, tolerance: float, budget: Budget) -> GraspResult:
     """The grasp with the cheapest model that keeps a tolerance."""
     first = _Verdict(with_elements(scene, ELEMENTS[1]), budget).result()
-    if not first.solved:
+    if not first.solved or first.statistics["interrupted"]:
         return first
-    resolved, note, change = resolve_elements(scene, first, tolerance, budget)
+    try:
+        resolved, note, change = resolve_elements(scene, first, tolerance, budget)
+    except KeyboardInterrupt:
+        return replace(first, statistics={**first.statistics, "interrupted": True, "fidelity": "interrupted"})
     result = first if resolved == first.scene or budget.over else _Verdict(resolved, budget).result()
     return replace(result, fine=change, statistics={**result.statistics, "fidelity": note})
 

@@ -83,7 +83,7 @@ class Command:
     def __reduce__(self) -> tuple[Any, ...]:  # without the controller, but for the layout of its numbers
         control = self._control
         stages = SimpleNamespace(nx=control.stages.nx, nu=control.stages.nu, nd=control.stages.nd)
-        names = {"_parts": control._parts, "measurement_names": control.measurement_names}
+        names = {name: getattr(control, name) for name in ("_parts", "measurement_names", "sensor_names")}
         return Command, (SimpleNamespace(**names, stages=stages), self.status, self._out)
 
     def _part(self, name: str) -> Array:
@@ -154,7 +154,7 @@ class Command:
 
     @property
     def mismatch(self) -> float:
-        """Mean squared normalized innovation of the sensor that contradicts the model most; about 1 where all is well."""
+        """Mean squared normalized innovation of the sensor that contradicts the model most; about 1: all is well."""
         return float(self._out[10])
 
     @property

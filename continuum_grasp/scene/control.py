@@ -25,8 +25,8 @@ __all__ = [
 
 
 _CALM = 0.1
-"""Share of the rate limit that the weight of the input's rate may tolerate [1]; at 0.075 the hand finger's loops hold two
-periods of unknown delay, at 0.23 none (docs/mpc.md)."""
+"""Share of the rate limit that the weight of the input's rate may tolerate [1]; at 0.075 the hand finger's loops hold
+two periods of unknown delay, at 0.23 none (docs/mpc.md)."""
 
 
 class ControlScene(Surroundings):

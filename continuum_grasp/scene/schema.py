@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import copy
 import json
-from pathlib import Path
 from typing import Any
 
 from continuum_grasp.scene.load import model_of
 
-__all__ = ["KINDS", "json_schema", "schema_text", "write_schemas"]
+__all__ = ["KINDS", "json_schema", "schema_text"]
 
 KINDS = ("simulate", "identify", "grasp", "mpc", "mission", "plan", "sweep", "finger")
 
@@ -67,18 +66,6 @@ def json_schema(kind: str) -> _Node:
 def schema_text(kind: str) -> str:
     """The schema as the text of its file."""
     return json.dumps(json_schema(kind), indent=1, ensure_ascii=False) + "\n"
-
-
-def write_schemas(folder: str | Path) -> list[Path]:
-    """Write ``<kind>.json`` of every kind into a folder, which is made where missing."""
-    target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for kind in KINDS:
-        path = target / f"{kind}.json"
-        path.write_text(schema_text(kind), encoding="utf-8")
-        paths.append(path)
-    return paths
 
 
 def _take_files(scene: _Node, own: str, definitions: _Node) -> None:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from signal import SIGINT, signal
-from threading import current_thread, main_thread
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
 
@@ -59,7 +56,7 @@ def integrate_reference(model: FingerModel | System, x0: Array, step: float, u: 
     steps = (len(u) - 1) // 2
     states = np.empty((steps + 1, model.nx))
     states[0] = x0
-    with _noted_interrupts() as interrupts:
+    with interrupt.held(quietly=True) as pressed:
         for k in range(steps):
             rows = np.concatenate([u[2 * k : 2 * k + 3].ravel(), w[2 * k : 2 * k + 3].ravel()])
             reason = "the state is not finite"
@@ -67,23 +64,9 @@ def integrate_reference(model: FingerModel | System, x0: Array, step: float, u: 
                 states[k + 1] = np.array(one(x0=states[k], p=rows)["xf"]).ravel()
             except RuntimeError as error:
                 states[k + 1], reason = np.nan, f"the reference integrator failed: {str(error).splitlines()[-1]}"
-            if interrupts:
+            if pressed():  # CasADi's integrators would report it as a failure of the motion
                 raise Interrupted("interrupted", result=states[: k + 1])
             if not np.all(np.isfinite(states[k + 1])):
                 message = f"{reason} (after t = {k * step:g} s)"
                 raise NumericalError(message, time=k * step, state=states[k], result=states[: k + 1])
     return states
-
-
-@contextmanager
-def _noted_interrupts() -> Iterator[list[int]]:
-    """Note Ctrl-C, which CasADi's integrators would report as a failure of the motion."""
-    seen: list[int] = []
-    if current_thread() is not main_thread():
-        yield seen
-        return
-    before = signal(SIGINT, lambda number, frame: seen.append(number))
-    try:
-        yield seen
-    finally:
-        signal(SIGINT, before)

@@ -11,6 +11,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
 from continuum_grasp.core import Core
 from continuum_grasp.core.integrators import RK4_STABLE
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
@@ -42,6 +43,7 @@ _CHUNK = 200_000
 """Sub-steps between two calls of ``progress``."""
 
 
+@interrupt.listening()
 def simulate(scene: Scene | str | PathLike[str], *, progress: Progress | None = None) -> Trajectory:
     """Simulate a scene.
 
@@ -117,6 +119,20 @@ class _Run:
             states, error = self._integrate(x0, plan)
             took = perf_counter() - began
             plan, error = self._judged(plan, states, error)
+        with interrupt.held(quietly=True) as pressed:  # the motion is there
+            result, error = self._finished(states, error, used, took, started)
+        if pressed() and error is None:
+            error = Interrupted("interrupted after the end of the motion")
+        if isinstance(error, Interrupted):
+            raise Interrupted(str(error), result=result) from error.__cause__
+        if error is not None:
+            raise NumericalError(str(error), time=error.time, state=error.state, result=result) from error
+        return result
+
+    def _finished(
+        self, states: Array, error: _Stop | None, used: _Plan, took: float, started: float
+    ) -> tuple[Trajectory, _Stop | None]:
+        """The motion as far as it means something, with warnings and statistics, and what stopped it."""
         result = self._result(states)
         use = self._range_use(result)
         lost = np.flatnonzero(np.any(use > LOST, axis=1))
@@ -142,12 +158,7 @@ class _Run:
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
         started_thrown, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
         warnings = (*started_thrown, *jumps, *limits, *overlap_warnings(result))
-        result = replace(result, status=status, warnings=warnings, statistics=statistics)
-        if isinstance(error, Interrupted):
-            raise Interrupted(str(error), result=result) from error.__cause__
-        if error is not None:
-            raise NumericalError(str(error), time=error.time, state=error.state, result=result) from error
-        return result
+        return replace(result, status=status, warnings=warnings, statistics=statistics), error
 
     def _choose(self, x0: Array) -> _Plan:
         """Method and sub-steps from the spectral radius about the start, over the instants at which inputs turn."""
@@ -231,12 +242,12 @@ class _Run:
         error: _Stop | None
         try:
             error = self._advance(parts, plan)
-        except KeyboardInterrupt as interrupt:
-            if isinstance(interrupt, Interrupted):
-                parts.append(interrupt.result[1:])
+        except KeyboardInterrupt as stop:
+            if isinstance(stop, Interrupted):
+                parts.append(stop.result[1:])
             end = (sum(map(len, parts)) - 1) * self._time.step
             error = Interrupted(f"interrupted after t = {end:g} s of {self._time.duration:g} s")
-            error.__cause__ = interrupt
+            error.__cause__ = stop
         return np.concatenate(parts), error
 
     def _advance(self, parts: list[Array], plan: _Plan) -> NumericalError | None:

@@ -226,6 +226,7 @@ class Trajectory:
             contact_names = list(self.contacts.names)
             arrays |= {"object_pose": self.object_pose, **self.contacts.arrays()}
         meta = {
+            "kind": "simulate",
             "config": self.scene.model_dump(mode="json"),
             "status": self.status,
             "warnings": list(self.warnings),

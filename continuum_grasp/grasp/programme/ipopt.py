@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -15,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
 from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.programme.blocks import Violation
 from continuum_grasp.grasp.programme.make import ProblemMake
@@ -109,7 +107,6 @@ class _Stop(ca.Callback):
         }
         self.budget = Budget(0, float("inf"))
         self.left = 0
-        self.interrupted = False
         self.construct("stop", {})
 
     def get_n_in(self) -> int:
@@ -126,29 +123,7 @@ class _Stop(ca.Callback):
 
     def eval(self, _: Any) -> list[int]:
         self.left -= 1
-        return [int(self.interrupted or self.left < 0 or self.budget.late)]
-
-    @contextmanager
-    def on_interrupt(self) -> Iterator[None]:
-        """Keep Ctrl-C until the end of the block, and act on it then: an exception is lost in the solver."""
-        usual = signal.getsignal(signal.SIGINT)
-        if not callable(usual) or threading.current_thread() is not threading.main_thread():
-            yield
-            return
-        caught: list[Any] = []
-
-        def stop(number: int, frame: Any) -> None:
-            self.interrupted = True
-            caught[:] = [number, frame]
-
-        self.interrupted = False
-        signal.signal(signal.SIGINT, stop)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, usual)
-            if caught:
-                usual(*caught)
+        return [int(interrupt.pressed() or self.left < 0 or self.budget.late)]
 
 
 class GraspSolverRun:
@@ -276,7 +251,7 @@ class GraspSolverRun:
             numbers = problem.numbers.pack({**values, **sight.numbers})
             self._face(x, sight)
             for solver, duals in ((again, multipliers), (cold, {})) if multipliers else ((cold, {}),):
-                with stop.on_interrupt():
+                with interrupt.held():
                     found = solver(x0=x, p=numbers, **bounds, **duals)
                 stats = solver.stats()
                 outcome, taken = str(stats["return_status"]), taken + int(stats["iter_count"])

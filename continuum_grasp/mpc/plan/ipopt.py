@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
 from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.mpc.plan.programme import Programme
 from continuum_grasp.scene.plan import PlanSolver
@@ -96,24 +93,7 @@ class _Watch(ca.Callback):
 
     def eval(self, _: Any) -> list[int]:
         self.budget.left -= 1
-        return [int(self.interrupted or self.budget.over)]
-
-    @contextmanager
-    def on_interrupt(self) -> Iterator[None]:
-        """Note Ctrl-C within the block."""
-        if threading.current_thread() is not threading.main_thread():
-            yield
-            return
-        usual = signal.getsignal(signal.SIGINT)
-
-        def note(number: int, frame: Any) -> None:
-            self.interrupted = True
-
-        signal.signal(signal.SIGINT, note)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, usual)
+        return [int(interrupt.pressed() or self.budget.over)]
 
 
 class ProgrammeSolver:
@@ -164,8 +144,9 @@ class ProgrammeSolver:
             options |= {f"ipopt.{name}": _CLOSE for name in _PUSHES[:4]}
         began = time.perf_counter()
         solver = ca.nlpsol("plan", "ipopt", self._programme.nlp, options)
-        with self.watch.on_interrupt():
+        with interrupt.held(quietly=True) as pressed:
             found = solver(x0=np.clip(w, bounds["lbx"], bounds["ubx"]), **bounds, **given)
+        self.watch.interrupted |= pressed()
         stats = solver.stats()
         x, g = (np.array(found[name]).ravel() for name in ("x", "g"))
         off = [bounds["lbx"] - x, x - bounds["ubx"], bounds["lbg"] - g, g - bounds["ubg"]]

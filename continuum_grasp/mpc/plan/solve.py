@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.mpc.plan.closing import closing
 from continuum_grasp.mpc.plan.files import load_plan
@@ -30,6 +31,7 @@ __all__ = ["plan"]
 Array = NDArray[np.float64]
 
 
+@interrupt.listening()
 def plan(
     scene: PlanScene | str | os.PathLike[str],
     *,
@@ -73,11 +75,17 @@ def plan(
     earlier = load_plan(warm) if isinstance(warm, (str, os.PathLike)) else warm
     search = Search(asked, earlier, near)
     built = time.perf_counter()
-    search.run()
-    searched = time.perf_counter()
-    result = _result(search)
-    if result.solved and not search.interrupted:
-        result = checked(result, search.motion)
+    try:
+        search.run()
+        searched = time.perf_counter()
+        result = _result(search)
+        if result.solved and not search.interrupted:
+            result = checked(result, search.motion)
+    except KeyboardInterrupt:  # outside the solver, which keeps it until it has ended
+        search.interrupted, searched = True, time.perf_counter()
+        if not search.attempts:
+            raise Interrupted("interrupted before anything was found") from None
+        result = _result(search)
     ended = time.perf_counter()
     times = {"build": built - began, "search": searched - built, "check": ended - searched, "total": ended - began}
     result = replace(result, times=times)
