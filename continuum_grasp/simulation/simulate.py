@@ -128,6 +128,7 @@ class _Run:
         statistics = {
             "method": used.method,
             "substeps": used.substeps,
+            "steps_taken": self._stepper.taken,
             "spectral_radius": used.radius,
             "compiled": self._core.compiled,
             "integration_s": took,

@@ -58,7 +58,7 @@ class Plan:
     tolerance : float
         Error per length of the finger at which the motion is given up [1].
     corrected : bool
-        Whether to remove the leading error from the states (Richardson's extrapolation).
+        Whether to remove the leading errors from the states (Richardson's extrapolation).
     """
 
     method: str
@@ -78,6 +78,13 @@ class Plan:
     def every(self) -> int:
         """Output steps from one instant to the next that long and short steps share."""
         return 1 if self.method == "reference" else self.ratios[-1] // math.gcd(self.substeps, self.ratios[-1])
+
+    @property
+    def weights(self) -> Array:
+        """Weights of the longer steps in the sum that is free of the leading powers of the step in the error."""
+        ratios = np.array([1, *self.ratios], dtype=float)
+        powers = np.array([0, *range(_ORDER, _ORDER + len(self.ratios))])
+        return np.asarray(np.linalg.solve(ratios ** powers[:, None], powers == 0)[1:])
 
     def estimate(self, differences: list[float]) -> float:
         """Error of the steps from the differences to longer ones and, where observed, of these to yet longer ones.
@@ -124,6 +131,13 @@ class Stepper:
     time : Timing
     progress : callable
         Called with the share that is done.
+
+    Attributes
+    ----------
+    steps : int
+        Output steps.
+    taken : int
+        Steps of fixed-step methods so far, with longer ones and those of plans that were given up.
     """
 
     def __init__(
@@ -140,6 +154,7 @@ class Stepper:
         self._time, self._progress = time, progress
         self._failure: NumericalError | None = None
         self.steps = round(time.duration / time.step)
+        self.taken = 0
 
     def prepare(self, plan: Plan) -> None:
         """Compile what a plan needs."""
@@ -181,7 +196,8 @@ class Stepper:
                 found.add(self._distances(levels, start * h, plan.every))
                 ends = [level[-1] for level in levels]
                 if plan.corrected:
-                    missed = (levels[0] - levels[1]) / (plan.ratios[0] ** _ORDER - 1)
+                    longer = zip(plan.weights, levels[1:], strict=True)
+                    missed = sum((k * (level - shared) for k, level in longer), np.zeros_like(shared))
                     corrected = part + _between(missed, plan.every, len(part))
             ends[0] = part[-1]
             parts.append(corrected[1:])
@@ -202,6 +218,7 @@ class Stepper:
         run = self._core.prepare_rollout(plan.method)
         p = np.array(self._core.model.p_nominal, dtype=float)
         states, kept = run.levels(np.array(ends), ratios, plan.every, count, plan.substeps, h, *inputs, p)
+        self.taken += sum(count * plan.substeps // ratio for ratio in ratios)
         return [x[: last + 1] for x, last in zip(states, kept, strict=True)]
 
     def _by_variable_steps(self, x: Array, u: Array, w: Array, looser: float) -> Array:
