@@ -70,7 +70,7 @@ def test_the_error_stays_within_the_tolerance_and_the_estimate_covers_it(case):
         truth = integrated(found.scene, found.t) if truth is None else truth
         error = true_error(found, truth)
         assert found.warnings == ()
-        assert error <= 1.5 * found.time_error
+        assert error <= found.time_error
         assert found.time_error <= tolerance
 
 
