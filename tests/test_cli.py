@@ -174,6 +174,7 @@ class FakeTrajectory(SimpleNamespace):
         zero = np.zeros(3)
         super().__init__(t=np.arange(3.0), tip=np.ones((3, 2)), kinetic=zero, potential=zero + 1.5)
         self.status, self.warnings, self.statistics = "done", ["too bent"], {"substeps": 4}
+        self.time_error, self.length = 2e-5, 0.5
 
     def save(self, folder):
         Path(folder).mkdir(parents=True)
@@ -202,10 +203,12 @@ def test_simulate_saves_and_reports(pretend):
     assert Path("runs/simulate/nitinol_release_020g/result.npz").exists()
     assert "warning: too bent" in result.stderr
     assert "substeps" in result.stdout
+    assert "time error      about 2e-05 of the length, 0.01 mm" in result.stdout
 
     found = json.loads(run("simulate", RELEASE, "--no-pictures", "--out", "here", "--json").stdout)
     assert found["folder"] == "here"
     assert found["energy"] == [1.5, 1.5]
+    assert found["time_error"] == 2e-5
     assert run("simulate", RELEASE, "--no-pictures", "--out", "quiet", "-q").stdout == ""
 
 

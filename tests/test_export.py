@@ -18,6 +18,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
 from continuum_grasp.export.codes import Code
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
+from continuum_grasp.export.parts.step import moment_note
 from continuum_grasp.export.reals import REALS
 from continuum_grasp.export.stability import STABLE
 from continuum_grasp.export.subject import Subject
@@ -25,6 +26,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
 from tests.export_cases import ROOT, TENDONS, needs, packages, run, scene, shared_library, two_arcs  # noqa: F401
 
+FILES = ("include/finger.h", "README.md")
 NAMES = ("rubbing", "contact", "tendons")
 
 
@@ -144,6 +146,21 @@ def test_a_step_follows_the_motion_to_fourth_order(packages, tmp_path):  # noqa:
         errors.append(np.abs(found - solved.y[:, -1]).max())
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.35)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(4.0, abs=0.35)
+
+
+def test_header_and_readme_say_what_the_tip_moment_may_do(packages):  # noqa: F811
+    """A matched tip without rates cannot follow one that changes; a lag, or another family, can."""
+    told = {
+        name: [" ".join((packages(name, "double") / file).read_text().split()) for file in files]
+        for name, files in (("contact", FILES), ("tendons", FILES), ("arcs", FILES))
+    }
+    for text in told["contact"]:
+        assert "The tip moment must be the same in every step of a motion" in text
+    for text in (*told["tendons"], *told["arcs"]):
+        assert "must be the same in every step" not in text
+    rates = FingerModel(scene("contact"), family="matched_clothoid", input_rates=True)
+    note = moment_note(Subject.of(rates, "finger", REALS["double"], {}, None, 1))
+    assert "give those of the middle of the step" in note
 
 
 @needs("cc")

@@ -21,6 +21,7 @@ from continuum_grasp.scene.load import load
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
 
 SCENE = "configs/mpc/steady_tip.yaml"
+OFF = np.array([0.1, 0.0, 0.0, 0.0])
 START = 1.0
 """Time at which faults begin [s]."""
 
@@ -274,16 +275,16 @@ def test_verdicts_are_those_of_the_device():
         y = plant.measure()
         plant.advance(control.step(y).u)
     state, y = control.save_state(), plant.measure()
-    control.step(y + [0.1, 0.0, 0.0, 0.0])
-    command = control.step(y + [0.1, 0.0, 0.0, 0.0])
+    control.step(y + OFF)
+    command = control.step(y + OFF)
     assert command.anomaly == Anomaly.OUTLIER
     assert command.anomalies == ("tip_x: outlier rejected",)
     assert command._part("verdict").tolist() == [Verdict.OUTLIER, Verdict.ALONE, Verdict.USED, Verdict.USED]
     # Both of its axes are rejected: the other's value is of no matter.
     control.restore(state)
-    one = control.step(y + [0.1, 0.0, 0.0, 0.0]).estimate.x
+    one = control.step(y + OFF).estimate.x
     control.restore(state)
-    assert np.array_equal(one, control.step(y + [0.1, 5e-4, 0.0, 0.0]).estimate.x)
+    assert np.array_equal(one, control.step(y + OFF + np.array([0.0, 5e-4, 0.0, 0.0])).estimate.x)
 
 
 def test_single_precision_judges_alike():

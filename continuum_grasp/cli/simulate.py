@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -84,6 +85,7 @@ def _report(trajectory: Trajectory, folder: Path, files: list[Path], output: Out
             "status": trajectory.status,
             "time": f"{trajectory.t[-1]:g} s in {len(trajectory.t) - 1} steps",
             "tip at the end": f"({x:.4f}, {y:.4f}) m",
+            "time error": _time_error(trajectory),
             "energy": f"{energy[0]:.6g} J at the start, {energy[-1]:.6g} J at the end",
             "saved in": f"{folder}",
             "pictures": ", ".join(file.name for file in files) or "none",
@@ -97,7 +99,16 @@ def _report(trajectory: Trajectory, folder: Path, files: list[Path], output: Out
         duration=float(trajectory.t[-1]),
         steps=len(trajectory.t) - 1,
         tip=[float(x), float(y)],
+        time_error=trajectory.time_error,
         energy=[float(energy[0]), float(energy[-1])],
         warnings=list(trajectory.warnings),
         statistics=statistics,
     )
+
+
+def _time_error(trajectory: Trajectory) -> str:
+    """The error that the steps in time leave, in words."""
+    error = trajectory.time_error
+    if not math.isfinite(error):
+        return "not known"
+    return f"about {error:.1g} of the length, {1e3 * error * trajectory.length:.2g} mm"

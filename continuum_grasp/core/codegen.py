@@ -28,6 +28,11 @@ _TAKEN |= {"extern", "float", "for", "goto", "if", "inline", "int", "long", "reg
 _TAKEN |= {"signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile"}
 _TAKEN |= {"while"}
 """Words that cannot be the prefix: C's own, and the name of the example."""
+_CONSTANT_MOMENT = """\
+ *
+ * The tip moment must not change during a motion: this model (matched_clothoid without input rates) takes it to be
+ * constant. For inputs that vary take family clothoid, tendons.time_constant, or a model with input rates.
+"""
 
 
 def codegen(
@@ -151,7 +156,7 @@ def _example(
  * w: {_list(model.w_names)}
  * p: {_list(model.p_names)}
  * s: position along the finger [m], h: step [s]; model: {model.family}, elements of {_list(map(str, model.lengths))} m
- */
+{_CONSTANT_MOMENT if model.structure.moment_is_constant else ""} */
 #include <stdio.h>
 #include "{prefix}.h"
 

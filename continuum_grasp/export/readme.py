@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from continuum_grasp.export.header import calls_of, codes_of_package, kept_of, structs_of
 from continuum_grasp.export.layer import kernels_of
 from continuum_grasp.export.part import Part
+from continuum_grasp.export.parts.step import moment_note
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 from continuum_grasp.scene.controller import Controller
@@ -33,7 +35,12 @@ def readme(
     functions = _table(
         ("function", "gives", "relative error", "test cases"),
         [
-            (f"`{prefix}_{name}`", text, f"{errors[name]:.0e}", str(vectors[name]))
+            (
+                f"`{prefix}_{name}`",
+                text.removesuffix(moment_note(subject)).rstrip(),
+                f"{errors[name]:.0e}",
+                str(vectors[name]),
+            )
             for name, text in [(f.name, f.text) for f in calls] + [(f.name, f.text) for f in kept_of(parts)]
         ],
     )
@@ -70,7 +77,8 @@ def readme(
         "promise": _CHECKED if calls else "",
         "kept": _kept(subject, parts, words) if kept_of(parts) else "",
         "examples": _examples(prefix, {part.name for part in parts}),
-        "stability": (_stability(subject) if calls else "") + (_OBJECT if calls and touching else ""),
+        "stability": (_stability(subject) + _moment(subject) if calls else "")
+        + (_OBJECT if calls and touching else ""),
         "wasm": _WASM if wasm else "",
         "cases": str(sum(vectors.values())),
     }
@@ -111,6 +119,12 @@ def _stability(subject: Subject) -> str:
         f"steps up to {subject.longest_step:g} s are stable, up to {subject.accurate_step:g} s accurate (a\n"
         "warning says when they are not). Velocities and forces are left out of that estimate."
     )
+
+
+def _moment(subject: Subject) -> str:
+    """What a caller must know of a tip moment that changes."""
+    note = moment_note(subject)
+    return "\n\n" + textwrap.fill(note, 118) if note else ""
 
 
 def _expected(parts: Sequence[Part]) -> str:
