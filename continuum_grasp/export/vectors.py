@@ -20,7 +20,7 @@ from continuum_grasp.export.reals import Real
 from continuum_grasp.export.runner import arguments_of, runner_of
 from continuum_grasp.export.subject import Subject
 
-__all__ = ["Bad", "Vectors", "arguments_of", "bad_entries", "sample", "split", "vectors_of"]
+__all__ = ["Bad", "Vectors", "arguments_of", "bad_entries", "reach_of", "sample", "split", "vectors_of"]
 
 Array = NDArray[Any]
 
@@ -93,6 +93,14 @@ def _vectors(subject: Subject, call: Call, seed: int, count: int) -> Vectors:
     return Vectors(call.name, runner_of(subject, call), rows, outputs, codes, bad, pointers, call.output.size)
 
 
+def reach_of(arguments: Sequence[Argument]) -> tuple[Array, Array]:
+    """Least and greatest value of every number: of its range, and of usual values where it has none."""
+    fields = [field for a in arguments for field in a.fields for _ in range(field.size)]
+    low = np.array([f.low if f.low > -np.inf else -f.scale for f in fields])
+    high = np.array([f.high if f.high < np.inf else f.scale for f in fields])
+    return low, high
+
+
 def split(rows: Array, arguments: list[Argument]) -> dict[str, Array]:
     """Rows by the arrays of the arguments; empty ones for those that a function does not have."""
     found, start = {}, 0
@@ -108,8 +116,7 @@ def sample(subject: Subject, arguments: list[Argument], seed: int, count: int) -
     """Rows at rest, at tiny bends, overflowing, hard driven, at limits, and over the whole ranges."""
     rng = np.random.default_rng(seed)
     fields = [field for a in arguments for field in a.fields for _ in range(field.size)]
-    low = np.array([f.low if f.low > -np.inf else -f.scale for f in fields])
-    high = np.array([f.high if f.high < np.inf else f.scale for f in fields])
+    low, high = reach_of(arguments)
     most = np.array([f.scale for f in fields])
     low, high = np.maximum(low, -most), np.minimum(high, most)
     rows = rng.uniform(low, high, (count, len(fields)))
