@@ -13,6 +13,7 @@ import pytest
 from continuum_grasp.export import export_c
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.load import load
 from tests.rods import ROOT
 
@@ -32,7 +33,10 @@ WARNINGS += ("-Wundef", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Werror"
 
 @lru_cache
 def scene(name: str):
-    """Scenes by name: tendons that rub, a contact, tendons alone, two arcs; closed loops with and without estimator."""
+    """Scenes by name: closed loops with and without estimator, tendons that rub, a contact, tendons alone, two arcs.
+
+    Of ``direct`` the inputs set the curvature of the tip at once, and a run-time parameter its range.
+    """
     return {
         "observed": lambda: loop_scene(8),
         "given": lambda: loop_scene(8, observed=False),
@@ -40,7 +44,15 @@ def scene(name: str):
         "contact": lambda: load(CONTACT, {"fidelity.family": "matched_clothoid"}),
         "tendons": lambda: load(TENDONS),
         "arcs": lambda: load(TENDONS, {"fidelity.family": "arc", "fidelity.elements": 2}),
+        "direct": lambda: FingerModel(
+            without_lag(load(TENDONS).finger), family="matched_clothoid", parameters=("bending_stiffness",)
+        ),
     }[name]()
+
+
+def without_lag(finger: Finger) -> Finger:
+    """The same with drives that follow at once."""
+    return finger.model_copy(update={"tendons": finger.tendons.model_copy(update={"time_constant": None})})
 
 
 def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
@@ -52,7 +64,7 @@ def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
         "delay": 0.01,
     }
     if not observed:
-        finger = finger.model_copy(update={"tendons": finger.tendons.model_copy(update={"time_constant": None})})
+        finger = without_lag(finger)
     return ControlScene(
         schema_version=1,
         name="two arcs under control",
@@ -80,9 +92,9 @@ def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
 
 def two_arcs(real: str) -> FingerModel:
     """The finger whose step is counted: two arcs, two tendons, a force at the tip, weight and damping, no lag."""
-    finger = scene("tendons").finger
-    finger = finger.model_copy(update={"tendons": finger.tendons.model_copy(update={"time_constant": None})})
-    return FingerModel(finger, family="arc", elements=2, accuracy=3e-8 if real == "float" else None)
+    return FingerModel(
+        without_lag(scene("tendons").finger), family="arc", elements=2, accuracy=3e-8 if real == "float" else None
+    )
 
 
 @pytest.fixture(scope="session")
@@ -124,12 +136,13 @@ def compile_programs(compiler: str, package: Path, folder: Path, programs: str, 
     return found
 
 
-def shared_library(package: Path, out: Path):
+def shared_library(package: Path, out: Path, *flags: str):
     """The library by the Python binding of its own package, compiled here."""
     library = out / "libfinger.so"
     run(
         "cc",
         *STRICT,
+        *flags,
         "-O2",
         "-shared",
         "-fPIC",

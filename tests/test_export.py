@@ -130,6 +130,25 @@ def test_functions_are_those_of_the_model(name, real, packages, tmp_path):  # no
         assert np.abs(np.reshape(found, true.shape) - true).max() <= limit * np.abs(true).max()
 
 
+def calls_by_name(subject, *parts):
+    """Functions of some parts."""
+    return {call.name: call for call in calls_of([PARTS[part](subject) for part in parts])}
+
+
+def test_the_bound_of_the_tip_is_in_the_header(packages):  # noqa: F811
+    """From the curvature at which the last element bends by its range: EI over its length, times the range."""
+    model = FingerModel(scene("tendons"))
+    most = model.finger.rod.stiffness * model.ranges[-1] / model.lengths[-1]
+    (state,) = re.findall(
+        r"tip_moment; +/\* \[N m\], (.*?);", (packages("tendons", "double") / "include/finger.h").read_text()
+    )
+    assert [float(v) for v in state.split(" to ")] == pytest.approx([-most, most], rel=1e-5)
+    direct = (packages("direct", "double") / "include/finger.h").read_text()
+    slope = model.finger.tendons.offset / most
+    said = re.search(r"tip must be in its range:\s+-1 <= (\S+)\s+tension_1 -(\S+)\s+tension_2 <= 1 with", direct)
+    assert [float(v) for v in said.groups()] == pytest.approx([slope, slope], rel=1e-5)
+
+
 @pytest.mark.parametrize("name", [*NAMES, "arcs"])
 def test_the_stated_rounding_errors_hold_on_other_rows(name, packages):  # noqa: F811
     """Of 40,000 fresh rows, half uniform and half crowded at the ends, none is off by more; none by much less."""
@@ -137,8 +156,8 @@ def test_the_stated_rounding_errors_hold_on_other_rows(name, packages):  # noqa:
     subject = Subject.of(source_of(scene(name), REALS["float"]).model, "finger", REALS["float"], {}, None, 1)
     exact = replace(subject, real=REALS["double"])
     rng = np.random.default_rng(20)
-    parts = [part for part in PARTS if part not in OF_LOOPS]
-    for call, wide in zip(*(calls_of([PARTS[p](s) for p in parts]) for s in (subject, exact)), strict=True):
+    calls = [calls_by_name(s, *(part for part in PARTS if part not in OF_LOOPS)).values() for s in (subject, exact)]
+    for call, wide in zip(*calls, strict=True):
         arguments = arguments_of(subject, call)
         low, high = reach_of(arguments)
         worst = np.zeros(call.output.size)

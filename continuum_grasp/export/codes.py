@@ -21,7 +21,7 @@ class Code(IntEnum):
 
     OK = 0, "done"
     WARN_COARSE_STEP = 1, "done; the step is stable but too long to be accurate"
-    WARN_LEFT_RANGE = 2, "done; the next state is out of range and will not be taken"
+    WARN_LEFT_RANGE = 2, "done; the state (of a step: the next one) is out of range, and no step will take it"
     WARN_ITERATION_LIMIT = 3, "done; the command is of a new plan that was not solved to its tolerance"
     WARN_BOUND_LEFT = 4, "done; the command is of a new plan that leaves a soft bound"
     WARN_PREVIOUS_PLAN = 5, "no new plan; the command is of the last one"

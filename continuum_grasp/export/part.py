@@ -41,6 +41,8 @@ class Argument:
     """Name of its numbers in the body: an array, or the number itself."""
     code: Code = Code.ERR_RANGE
     """What is returned where a number of it is out of range."""
+    drawn: bool = False
+    """Whether numbers out of their range are taken; the function warns then."""
 
     @property
     def is_struct(self) -> bool:

@@ -195,9 +195,10 @@ def _error_note(subject: Subject, parts: Sequence[Part], errors: Mapping[str, tu
             for one in errors[f.name]
         ]
         texts.append(
-            "Of estimator and controller there is no bound: where rounding decides whether a measurement is left out, or "
-            "which bounds hold in a plan, results jump. The greatest differences from double precision over the usual "
-            "rows of their vectors:\n\n" + _table(("function", "output", "unit", "difference", "greatest value"), rows)
+            "Of estimator and controller there is no bound: where rounding decides whether a measurement is left out, "
+            "or which bounds hold in a plan, results jump. The greatest differences from double precision over the "
+            "usual rows of their vectors:\n\n"
+            + _table(("function", "output", "unit", "difference", "greatest value"), rows)
         )
     return "\n\n".join(texts)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,8 @@ _SIDES = 8
 """Rows with every bend at a limit."""
 _HARD = 5.0
 """Times the usual input, at which a matched tip is out of its range."""
+_DRAWN_BEYOND = 2.0
+"""Times a number within the range, up to which vectors draw states out of it."""
 _TINY = (0.0, 1e-12, 1e-9)
 """Bends at which a formula with a division by them would fail."""
 
@@ -135,6 +137,9 @@ def sample(subject: Subject, arguments: list[Argument], seed: int, count: int) -
     driven = slice(first + 2 * subject.n, first + subject.nx + subject.model.nu)
     limits = np.array([f.high for f in fields])
     rows[4, driven] = np.minimum(_HARD * most, limits)[driven]
+    if any(argument.drawn for argument in arguments):
+        beyond = rows[5 + _SIDES : 5 + 2 * _SIDES]
+        beyond[:, state] *= rng.uniform(1.0, _DRAWN_BEYOND, (len(beyond), subject.nx))
     rows[5 : 5 + len(sides)] = sides
     return rows
 
@@ -143,7 +148,8 @@ def _bad(real: Real, arguments: list[Argument], row: int) -> list[Bad]:
     """Each number not finite, and each below and above its range."""
     found, first = [], 0
     for argument in arguments:
-        found += bad_entries(real, argument.fields, row, first, argument.code)
+        ranges = [replace(f, low=-np.inf, high=np.inf) if argument.drawn else f for f in argument.fields]
+        found += bad_entries(real, ranges, row, first, argument.code)
         first += argument.size
     return found
 
