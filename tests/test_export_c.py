@@ -150,7 +150,9 @@ def test_a_state_that_no_step_takes_was_warned_about_and_can_be_drawn(name, pack
         following, codes = np.zeros_like(given), np.zeros(count, dtype=np.intc)
         arrays = [array.ctypes.data_as(ctypes.c_void_p) for array in (given, inputs, *forces)]
         out = [array.ctypes.data_as(ctypes.c_void_p) for array in (following, codes)]
-        said = library._c.finger_step_batch(ctypes.byref(library.model), *arrays, module.Real(h), *out, count)
+        said = library._c.finger_step_batch(
+            ctypes.byref(library.model), *arrays, module.Real(h), *out, ctypes.c_long(count)
+        )
         assert said == (codes < 0).sum()
         return following, codes
 
