@@ -141,7 +141,11 @@ def test_a_state_that_no_step_takes_was_warned_about_and_can_be_drawn(name, pack
     module, library = shared_library(packages(name, "double"), tmp_path, "-DFINGER_BATCH")
     limits = json.loads((packages(name, "double") / "MANIFEST.json").read_text())["structs"]
     rng, count, h = np.random.default_rng(5), 20_000, 1e-3
-    reach = {part: [min(field.get("high", 30.0), 30.0) for field in limits[part]] for part in ("state", "input")}
+    usual = {"tip_moment": 0.1, "tip_moment_rate": 1.0}
+    reach = {
+        part: [field.get("high", usual.get(field["name"], 300.0)) for field in limits[part]]
+        for part in ("state", "input")
+    }
     states = rng.uniform(-1.02, 1.02, (count, len(reach["state"]))) * reach["state"]
     inputs = rng.uniform(0.0, 1.02, (count, len(reach["input"]))) * reach["input"]
     forces = [np.zeros((count, len(limits["forces"])))] if "forces" in limits else []
