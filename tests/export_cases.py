@@ -40,6 +40,7 @@ def scene(name: str):
     return {
         "observed": lambda: loop_scene(8),
         "given": lambda: loop_scene(8, observed=False),
+        "limited": lambda: loop_scene(8, observed=False, rate=300.0),
         "rubbing": lambda: load(TENDONS, RUBBING),
         "contact": lambda: load(CONTACT, {"fidelity.family": "matched_clothoid"}),
         "tendons": lambda: load(TENDONS),
@@ -55,8 +56,11 @@ def without_lag(finger: Finger) -> Finger:
     return finger.model_copy(update={"tendons": finger.tendons.model_copy(update={"time_constant": None})})
 
 
-def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
-    """Two arcs on two tendons under weight, that are to bend further than their bound; measured late, or known."""
+def loop_scene(stages: int, *, observed: bool = True, rate: float | None = None) -> ControlScene:
+    """Two arcs on two tendons under weight, that are to bend further than their bound; measured late, or known.
+
+    Tensions change at a rate [N/s], or at once.
+    """
     finger = scene("tendons").finger
     asked = {
         "measured": {"tip": 3e-4, "tension": 0.1},
@@ -76,6 +80,7 @@ def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
             "horizon": {"stages": stages, "stage": 0.01, "substeps": 2},
             "cost": {"bending": {"running": 100.0, "terminal": 10.0}, "effort": 0.1 if observed else 1e-3},
             "bounds": {"curvature": 9.0},
+            "input": {"rate_max": rate},
             "start_iterations": 5 if observed else 1,
         },
         reference={
@@ -90,11 +95,9 @@ def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
     )
 
 
-def two_arcs(real: str) -> FingerModel:
+def two_arcs() -> FingerModel:
     """The finger whose step is counted: two arcs, two tendons, a force at the tip, weight and damping, no lag."""
-    return FingerModel(
-        without_lag(scene("tendons").finger), family="arc", elements=2, accuracy=3e-8 if real == "float" else None
-    )
+    return FingerModel(without_lag(scene("tendons").finger), family="arc", elements=2)
 
 
 @pytest.fixture(scope="session")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import json
 import os
@@ -27,7 +28,7 @@ from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import arguments_of, reach_of, split
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
-from tests.export_cases import ROOT, TENDONS, needs, packages, run, scene, shared_library, two_arcs  # noqa: F401
+from tests.export_cases import ROOT, STRICT, TENDONS, needs, packages, run, scene, shared_library, two_arcs  # noqa: F401
 
 NAMES = ("rubbing", "contact", "tendons")
 
@@ -322,6 +323,52 @@ def test_the_configuration_hash_tells_apart_what_computes_differently(tmp_path):
     assert len(set(hashes)) == 4
 
 
+def test_the_number_of_the_interface_changes_with_whatever_a_caller_sees(tmp_path):
+    """The longest step, a range, a name; not with what is computed behind the same header."""
+    made = {
+        name: export_c(given, tmp_path, what=["step"], **more).manifest
+        for name, (given, more) in {
+            "one": (scene("arcs"), {}),
+            "title": (scene("arcs").model_copy(update={"name": "another"}), {}),
+            "substeps": (scene("arcs"), {"substeps": 2}),
+            "gravity": (scene("arcs").model_copy(update={"gravity": (0.0, -9.0)}), {}),
+            "kind": (scene("arcs"), {"real": "float"}),
+        }.items()
+    }
+    assert made["one"]["abi"] == made["title"]["abi"]
+    assert made["one"]["stability"]["longest_step_s"] != made["substeps"]["stability"]["longest_step_s"]
+    assert len({made[name]["abi"] for name in ("one", "substeps", "kind")}) == 3
+    same = made["one"]["stability"] == made["gravity"]["stability"]
+    assert (made["one"]["abi"] == made["gravity"]["abi"]) == same
+    assert made["one"]["configuration_hash"] != made["gravity"]["configuration_hash"]
+
+
+@needs("cc")
+def test_another_configuration_is_told_at_run_time(packages, tmp_path):  # noqa: F811
+    finger, library = shared_library(packages("arcs", "double"), tmp_path)
+    stated = json.loads((packages("arcs", "double") / "MANIFEST.json").read_text())["configuration_hash"]
+    asked = {finger.CONFIGURATION: 0, "": -7, stated[:-1]: -7, f"{stated}0": -7, "0" * 16: -7}
+    for configuration, code in asked.items():
+        assert library._c.finger_check_built(ctypes.c_uint32(finger.ABI), configuration.encode()) == code
+    assert library._c.finger_check_built(ctypes.c_uint32(finger.ABI ^ 1), stated.encode()) == Code.ERR_ABI
+    assert library._c.finger_check_built(ctypes.c_uint32(finger.ABI), None) == Code.ERR_NULL
+    with pytest.raises(finger.Error, match="another configuration"):
+        finger.Library(str(tmp_path / "libfinger.so"), configuration="0" * 16)
+    finger.Library(str(tmp_path / "libfinger.so"), configuration=None)
+    (tmp_path / "main.c").write_text('#include "finger.h"\nint main(void) { return finger_check(); }\n')
+    sources = (packages("arcs", "double") / "src").glob("*.c")
+    run(
+        "cc",
+        *STRICT,
+        f"-I{packages('arcs', 'double') / 'include'}",
+        tmp_path / "main.c",
+        *sources,
+        "-o",
+        tmp_path / "main",
+    )
+    run(tmp_path / "main")
+
+
 @needs("cc")
 def test_a_name_means_nothing_to_a_language(tmp_path):
     """What ends a comment, or is syntax of XML, pkg-config or CMake; letters of any script stay."""
@@ -433,5 +480,5 @@ def test_a_wider_parameter_shortens_the_step():
 
 
 def test_the_counted_step_is_that_of_two_arcs():
-    model = two_arcs("double")
+    model = two_arcs()
     assert (model.family, model.n, model.nx, model.nu, model.nw) == ("arc", 2, 4, 2, 2)

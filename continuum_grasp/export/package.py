@@ -192,7 +192,7 @@ def _further_files(
         f"{prefix}.pc.in": fill("pkgconfig.pc.in", words),
         **{f"tests/{name}": fill(f"tests/{name}", words) for name in ("main.c", "fuzz.c", "threads.c")},
         **{f"cmake/{name}": fill(f"cmake/{name}", words) for name in _CMAKE},
-        **{name: fill(name, words) for name in ("CMakeLists.txt", "LICENSE")},
+        **{name: fill(name, words) for name in ("CMakeLists.txt", "LICENSE", "package.xml")},
         **example_files(subject, parts, target, words),
     }
     if target.name == "wasm":
@@ -225,14 +225,14 @@ _CMAKE = ("config.cmake.in", "cortex-m4f.cmake", "cortex-m7.cmake")
 def _common_words(subject: Subject, parts: Sequence[Part], source: Source) -> dict[str, str]:
     """What the templates have in common."""
     number = re.match(r"\d+(\.\d+)*", __version__)
-    return {
+    words = {
         "p": subject.prefix,
         "P": subject.prefix.upper(),
         "version": __version__,
         "number": number[0] if number else "0",
+        "version3": ".".join([*(number[0] if number else "0").split("."), "0", "0"][:3]),
         "real": subject.real.name,
         "title": source.title,
-        "abi": abi_of(subject, parts),
         "sources": " ".join(_library_sources(subject.prefix, parts)),
         "count": str(len(calls_of(parts)) + len(kept_of(parts))),
         "check_memory": "".join(
@@ -244,6 +244,7 @@ def _common_words(subject: Subject, parts: Sequence[Part], source: Source) -> di
         "tolerance": "2e-3" if subject.real.name == "float" else "1e-11",
         "usage": _usage(subject, parts),
     }
+    return words | {"abi": abi_of(subject, parts, words)}
 
 
 def _library_sources(prefix: str, parts: Sequence[Part]) -> list[str]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from continuum_grasp.export.control.host import Host
     from continuum_grasp.export.vectors import Vectors
 
-__all__ = ["Argument", "Call", "Kept", "Part", "Rows", "Twin"]
+__all__ = ["Argument", "Call", "Kept", "Method", "Part", "Rows", "Twin"]
 
 Array = NDArray[Any]
 Rows = Mapping[str, Array]
@@ -82,6 +82,18 @@ class Call:
 
 
 @dataclass(frozen=True)
+class Method:
+    """A further function of what is kept, ``<prefix>_<owner>_<name>``: takes structs, gives one or nothing."""
+
+    name: str
+    text: str
+    inputs: tuple[str, ...] = ()
+    output: str | None = None
+    counts: bool = False
+    """Whether it returns a whole number instead of a code."""
+
+
+@dataclass(frozen=True)
 class Kept:
     """A public function that keeps something between its calls, in memory of its caller."""
 
@@ -95,6 +107,7 @@ class Kept:
     """Its vectors by the strict build of this machine, with the runner."""
     inputs: tuple[str, ...]
     output: str
+    methods: tuple[Method, ...] = ()
 
 
 @dataclass(frozen=True)

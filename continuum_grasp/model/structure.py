@@ -52,6 +52,7 @@ class Structure:
             "tip_force": tip_force,
             "input_rates": input_rates,
         }
+        self.asked = (finger, keywords)
         choices = Choices(finger, keywords)
         try:
             self._resolve(choices)

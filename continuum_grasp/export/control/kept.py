@@ -47,7 +47,7 @@ def kept_vectors(
     if subject.real.name == "float" and subject.loop is not None:
         double = replace(subject, real=REALS["double"])
         written = {**words, "real": "double", **dict.fromkeys(SIZES, UNKNOWN)}
-        written["abi"] = abi_of(double, wide)
+        written["abi"] = abi_of(double, wide, written)
         other = _host(double, functions, _files(double, wide, written, files["tests/check.h"]))
         structs = {struct.name: struct for part in parts for struct in part.structs}
         for v, function in zip(vectors, functions, strict=True):
@@ -63,8 +63,16 @@ def kept_usage(prefix: str, function: Kept) -> str:
     lines = [f"static {prefix}_{name} {name};" for name in (*function.types, *structs)]
     passed = ", ".join(f"&{name}" for name in (*function.types, *structs))
     lines.append(f"int code = {prefix}_{owner}_init(&{owner});")
-    lines.append(f"code = {prefix}_{function.name}({passed});")
-    lines.append(f"if (code < 0) report({prefix}_strerror(code));")
+    notes = {
+        "measurement": " /* nothing measured: NaN */",
+        "reference": " /* the set-points of the scene, at all nodes */",
+        "command": " /* what was applied before */",
+    }
+    for name in function.inputs:
+        lines.append(f"if (code >= 0) code = {prefix}_{name}_init(&{name});{notes[name]}")
+    lines.append("/* every period: write what was measured into the measurement, leave the rest NaN; then */")
+    lines.append(f"if (code >= 0) code = {prefix}_{function.name}({passed});")
+    lines.append(f"if (code < 0) report({prefix}_strerror(code)); /* above zero: a warning, see the table of codes */")
     return "\n".join(lines)
 
 
