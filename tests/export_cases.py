@@ -27,6 +27,7 @@ RUBBING = {
 }
 """Everything that kernels may call: sine, cosine, exponential, square root."""
 STRICT = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
+SANITIZE = "-fsanitize=address,undefined,float-divide-by-zero,float-cast-overflow"
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wfloat-conversion", "-Wshadow")
 WARNINGS += ("-Wundef", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Werror")
 

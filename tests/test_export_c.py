@@ -11,7 +11,7 @@ import pytest
 
 from continuum_grasp.export.codes import Code
 from continuum_grasp.export.reals import REALS
-from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, packages, run, shared_library  # noqa: F401
+from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, packages, run, shared_library  # noqa: F401
 
 CASES = [("rubbing", "float"), ("contact", "double")]
 COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
@@ -50,7 +50,7 @@ def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(real, comp
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
-    flags = (*STRICT, "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    flags = (*STRICT, "-O1", "-g", SANITIZE, "-fno-sanitize-recover=all")
     vectors, fuzz = compile_programs(compiler, packages("rubbing", "float"), tmp_path, "main fuzz", *flags)
     run(vectors)
     run(fuzz, 5000)

@@ -23,6 +23,7 @@ from continuum_grasp.mpc.status import Status
 from continuum_grasp.scene.control import ControlScene
 from tests.control_cases import Reality
 from tests.export_cases import (  # noqa: F401
+    SANITIZE,
     STRICT,
     WARNINGS,
     compile_programs,
@@ -85,8 +86,8 @@ def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, package
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
-    flags = (*STRICT, "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-    name = {"gcc": ("given", "double"), "clang": ("observed", "float")}[compiler]
+    flags = (*STRICT, "-O1", "-g", SANITIZE, "-fno-sanitize-recover=all")
+    name = {"gcc": ("limited", "float"), "clang": ("observed", "float")}[compiler]
     vectors, fuzz = compile_programs(compiler, packages(*name), tmp_path, "main fuzz", *flags)
     run(vectors)
     run(fuzz, 3000)
