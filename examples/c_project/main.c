@@ -3,7 +3,6 @@
  * sees the tip with noise, and for a moment does not see it. Writes CSV.
  *
  * Made for packages of controller.yaml and plant.yaml; see README.md. */
-#include <math.h>
 #include <stdint.h>
 #include <stdio.h>
 
