@@ -385,16 +385,16 @@ def test_a_command_beyond_its_settings_is_told(packages, tmp_path):  # noqa: F81
     for _ in range(20):
         command = control.step(x, rows)
     top = command.tension_1
-    assert (top > 10.0, control.code) == (True, Code.OK) or control.code == Code.WARN_BOUND_LEFT
+    assert top > 10.0
+    assert control.code < Code.WARN_PREVIOUS_PLAN
     control.head.settings.most_tension_1 = 6.0
-    tensions = []
-    while not tensions or control.code == Code.WARN_BEYOND_LIMIT:
+    tensions = [top]
+    while len(tensions) == 1 or control.code == Code.WARN_BEYOND_LIMIT:
         tensions.append(control.step(x, rows).tension_1)
-    assert np.diff([top, *tensions]) == pytest.approx(-3.0, abs=1e-3) or np.diff([top, *tensions])[
-        :-1
-    ] == pytest.approx(-3.0, abs=1e-3)
+    assert np.diff(tensions)[:-1] == pytest.approx(-3.0, abs=1e-3)  # 300 N/s in 10 ms
+    assert tensions[-2] > 6.0
     assert tensions[-1] == pytest.approx(6.0, abs=1e-5)
-    assert control.code in (Code.OK, Code.WARN_BOUND_LEFT)
+    assert control.code < Code.WARN_PREVIOUS_PLAN
 
 
 @needs("gcc")

@@ -90,13 +90,16 @@ forces.
 _PYTHON = "- `examples/python/{p}.py`: the library by ctypes.\n"
 _STEPPING = """\
 - `examples/loop.c`: a plain loop that writes CSV; `examples/cuda/batch.cu`: many fingers on a GPU.
-- `examples/ros2`: a node that simulates the finger; `examples/simulink/sfun_{p}.c`: the same as an S-function.
+- `examples/ros2`: a node that simulates the finger; `examples/simulink/sfun_{p}.c`: the same as an S-function. Run-time
+  parameters are parameters of node and block.
 """
 _CONTROLLING = """\
 - `examples/control_loop.c`: measurements come in line by line, commands go out as CSV.
 - `examples/ros2_control`: the controller as a node; `examples/simulink/sfun_{p}_control.c`: the same as an S-function.
+  Settings, and what is known of the finger, are parameters of node and block.
 """
 _SKELETONS = """\
+- `package.xml`, here and of the nodes: side by side in a workspace, colcon builds the library first.
 - Nodes and S-functions are skeletons: they were compiled against stand-ins of ROS 2 and Simulink, not run in them.
 """
 
