@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from continuum_grasp.export.control.examples import control_examples
+from continuum_grasp.export.control.examples import control_examples, declared_parameters, read_parameters
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.targets import Target
@@ -43,9 +43,18 @@ def _of_steps(subject: Subject, words: dict[str, str]) -> dict[str, str]:
     return found
 
 
+_SFUN_READS = """
+  <{p}>_real numbers[PARAMETER_COUNT];
+  size_t k;
+  if (mxGetNumberOfElements(PARAMETERS(S)) == 0) return code;
+  for (k = 0; k < PARAMETER_COUNT; ++k) numbers[k] = ({p}_real)mxGetPr(PARAMETERS(S))[k];
+  memcpy(&model->parameters, numbers, sizeof model->parameters);""".replace("<{p}>", "{p}")
+
+
 def _words(subject: Subject) -> dict[str, str]:
     prefix, real, forced = subject.prefix, subject.real, subject.forces is not None
     state, first = subject.state.fields, subject.input.fields[0]
+    parameters = subject.parameters.fields if subject.parameters is not None else ()
     return {
         "h": real.literal(subject.accurate_step),
         "h_plain": repr(subject.accurate_step),
@@ -57,6 +66,8 @@ def _words(subject: Subject) -> dict[str, str]:
         "forces_array": f"\n  static const {prefix}_forces forces[MOST];" if forced else "",
         "forces_heap": f"\n  {prefix}_forces *forces = calloc((size_t)count, sizeof *forces);" if forced else "",
         "forces_free": "\n  free(forces);" if forced else "",
+        "forces_free_more": "\n    free(forces);" if forced else "",
+        "forces_none": " || !forces" if forced else "",
         "forces_first": "forces, " if forced else "",
         "forces_each": "&forces[k], " if forced else "",
         "nx": str(subject.nx),
@@ -66,6 +77,10 @@ def _words(subject: Subject) -> dict[str, str]:
         "csv_head": "".join(f",{f.name} [{f.unit}]" for f in state),
         "csv_format": ",%.9g" * len(state),
         "csv_values": "".join(f",\n           (double)state.{f.name}" for f in state),
+        "np": str(subject.model.np),
+        "node_declares": declared_parameters([f.name for f in parameters], "model_.parameters"),
+        "node_reads": read_parameters(prefix, [f.name for f in parameters], "model_.parameters"),
+        "sfun_reads": _SFUN_READS.format(p=prefix) if parameters else "",
         "forces_declared": f"\n  {prefix}_forces forces;" if forced else "",
         "forces_zero": "\n  memset(&forces, 0, sizeof forces);" if forced else "",
         "forces_passed": ", &forces" if forced else "",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import InputLayout
@@ -52,6 +53,7 @@ class Structure:
             "tip_force": tip_force,
             "input_rates": input_rates,
         }
+        self.asked: tuple[Scene | Finger, dict[str, Any]] = (finger, keywords)
         choices = Choices(finger, keywords)
         try:
             self._resolve(choices)

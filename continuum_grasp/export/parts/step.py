@@ -47,7 +47,7 @@ def step(subject: Subject) -> Part:
         codes = codes_of(subject, rows, result)
         coarse_ones = (codes == Code.OK) & (h[:, 0] > real.dtype(coarse))
         codes = np.where(coarse_ones, Code.WARN_COARSE_STEP, codes)
-        left = (codes >= 0) & subject.out_of_range(result)
+        left = (codes >= 0) & subject.out_of_range({**rows, "x": result})
         return result, np.where(left, Code.WARN_LEFT_RANGE, codes)
 
     def runge_kutta(rows: Rows) -> Array:
@@ -76,6 +76,7 @@ def step(subject: Subject) -> Part:
         "half": real.literal(0.5),
         "substeps": real.literal(subject.substeps),
         "accurate": real.literal(coarse),
+        "left_range": subject.left_range("result"),
         "forces_declared": f"const {subject.prefix}_forces *forces, " if subject.forces else "",
         "forces_missing": " || !forces" if subject.forces else "",
         "forces_at": "&forces[at], " if subject.forces else "",
@@ -122,6 +123,7 @@ def _batch(subject: Subject, kernel: Kernel, words: dict[str, str]) -> str:
         ),
         "spread": f"\n    for (i = 0; i < {held['p']}; ++i) vp[i] = same(p[i]);" if "p" in kernel.inputs else "",
         "passed": "".join(f", {name}" for name in ("p", "x", "u", "w") if name in held),
+        "again": "\n      read_input(&inputs[first + k], u);" if subject.guard and "u" in subject.guard.inputs else "",
         "call": ", ".join([*("point" if name == "x" else f"v{name}" for name in kernel.inputs), "rate"]),
     }
     return fill("batch.c", {**words, **more})

@@ -80,7 +80,7 @@ static void rti_centre(rti_work *o, real product)
     const rti_side side = o->side[i];
     for (int k = 0; k < RTI_LENGTH; ++k) {
       const real room = side.bound - side.sign * o->y[side.row][k], over = rti_max(0, -room);
-      real t = room, m = product / t, v = 0, n = 1;
+      real t = room, m, v = 0, n = 1;
       if (side.soft) {
         const real price = side.linear + side.quadratic * over;
         const real most = side.quadratic > 0 ? RTI_SQRT(product / side.quadratic) : product / price;
@@ -100,6 +100,8 @@ static void rti_centre(rti_work *o, real product)
         t = room > 0 ? (room + root) / 2 : 2 * product * side.yield / (root - room);
         m = product / t;
         v = m * side.yield;
+      } else {
+        m = product / t;
       }
       o->t[i][k] = t;
       o->m[i][k] = m;
