@@ -56,7 +56,7 @@ CASES = {
     "4 arcs": ("arc", 4, 1e-3),
     "2 matched clothoids, far apart": ("matched_clothoid", 2, 1e-2),
     "2 matched clothoids, very far apart": ("matched_clothoid", 2, 0.1),
-    "6 clothoids": ("clothoid", 6, 1e-3),
+    "4 clothoids": ("clothoid", 4, 1e-3),
     "dense output": ("arc", 2, 2e-4),
 }
 
