@@ -99,7 +99,7 @@ def test_fixed_steps_report_an_error_of_order_4_and_warn(method, steps, without_
     assert fine.warnings == ()
     (warning,) = coarse.warnings
     assert warning.startswith(
-        f"steps of {steps[1]:g} s leave about {reported[1]:.1g} of the length (time.tolerance is "
+        f"steps of {steps[1]:g} s leave about {reported[1]:.2g} of the length (time.tolerance is "
     )
     assert "time.method: auto" in warning
 
