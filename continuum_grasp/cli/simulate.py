@@ -111,4 +111,4 @@ def _time_error(trajectory: Trajectory) -> str:
     error = trajectory.time_error
     if not math.isfinite(error):
         return "not known"
-    return f"about {error:.1g} of the length, {1e3 * error * trajectory.length:.2g} mm"
+    return f"about {error:.2g} of the length, {1e3 * error * trajectory.length:.2g} mm"

@@ -254,7 +254,7 @@ class _Run:
         step = self._time.step / plan.substeps
         if math.isnan(found):
             return (f"the time error is not known: there is one step of {step:g} s; take a smaller time.step",)
-        size = f"about {found:.1g} of the length" if math.isfinite(found) else "an error that cannot be estimated"
+        size = f"about {found:.2g} of the length" if math.isfinite(found) else "an error that cannot be estimated"
         if self._time.method == "auto":
             advice = "the motion is too sensitive for more: take a shorter duration, or a greater time.tolerance"
         else:

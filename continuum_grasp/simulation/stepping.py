@@ -182,7 +182,7 @@ class Stepper:
         substeps, h, start = plan.substeps, self._time.step, 0
         wanted = _CHUNK if math.isinf(plan.tolerance) else max(_LEAST_CHUNK, self.steps * substeps // _LOOKS)
         chunk = plan.every * max(1, min(wanted, _CHUNK) // (substeps * plan.every))
-        ends = [parts[0][0]] * (1 + len(plan.ratios))
+        ends, looked = [parts[0][0]] * (1 + len(plan.ratios)), _COMPARED * (_LOOKS if math.isinf(plan.tolerance) else 1)
         while start < self.steps:
             count = min(chunk, self.steps - start)
             levels = self._levels(ends if found.finite else ends[:1], start, count, plan)
@@ -194,7 +194,7 @@ class Stepper:
             found.finite = found.finite and all(len(level) == len(shared) for level in levels[1:])
             if found.finite and len(shared) > 1:
                 levels[0] = shared
-                found.add(self._distances(levels, start * h, plan.every))
+                found.add(self._distances(levels, start * h, plan.every, looked))
                 ends = [level[-1] for level in levels]
                 if plan.corrected:
                     longer = zip(plan.weights, levels[1:], strict=True)
@@ -253,9 +253,9 @@ class Stepper:
         t = start + np.arange(2 * count * plan.substeps + 1) * (0.5 * self._time.step / plan.substeps)
         return self._signals.u(t), self._signals.w(t)
 
-    def _distances(self, levels: list[Array], start: float, every: int) -> list[float]:
-        """Greatest distance of the elements' ends, and of points of the object, per length, from level to level [1]."""
-        some = np.arange(len(levels[0]))[:: -max(1, len(levels[0]) // _COMPARED)]
+    def _distances(self, levels: list[Array], start: float, every: int, looked: int) -> list[float]:
+        """Greatest distance of the elements' ends, and of the object's points, per length, from level to level [1]."""
+        some = np.arange(len(levels[0]))[:: -max(1, len(levels[0]) // looked)]
         u = self._signals.u(start + some * (self._time.step * every))
         levels = [level[some] for level in levels]
         ends = [self._ends(x, u) for x in levels]
