@@ -225,7 +225,7 @@ def test_what_was_computed_is_saved_when_drawing_is_stopped(place, tmp_path):
     assert not list(tmp_path.rglob(".tmp-*"))
 
 
-def test_within_an_eval_too():
+def test_within_an_eval_too(tmp_path):
     """Python lets the signal kill a process in which the exception came through the evaluation of a text."""
     code = """
         from continuum_grasp.__main__ import main
@@ -234,7 +234,10 @@ def test_within_an_eval_too():
         sys.argv = ["continuum-grasp", "schema", "finger"]
         main()
     """
-    done = python(code)
+    (tmp_path / "pressing.py").write_text(textwrap.dedent(READY) + textwrap.dedent(code))
+    env = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
+    command = [sys.executable, "-m", "pressing"]
+    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
 
 
