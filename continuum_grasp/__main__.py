@@ -27,7 +27,11 @@ def main() -> None:
             command()
         except KeyboardInterrupt:
             os.write(2, b"interrupted\n")
-            raise SystemExit(interrupt.STATUS) from None
+            interrupt.leave()
+        except SystemExit as ended:
+            if ended.code == interrupt.STATUS:
+                interrupt.leave()
+            raise
 
 
 if __name__ == "__main__":

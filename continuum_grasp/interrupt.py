@@ -9,6 +9,7 @@ goes on; computations that look at `pressed` now and then end early for it.
 from __future__ import annotations
 
 import _thread
+import atexit
 import os
 import select
 import signal
@@ -20,7 +21,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-__all__ = ["held", "kept_from_children", "listening", "pressed", "was_pressed"]
+__all__ = ["held", "kept_from_children", "leave", "listening", "pressed", "was_pressed"]
 
 STATUS = 130
 """Exit status of a command that Ctrl-C ended: 128 and the signal's number, as in shells."""
@@ -43,6 +44,7 @@ _PARTS = {
     "_weakrefset": None,
     "continuum_grasp.results.atomic": None,
     "continuum_grasp.results.record": None,
+    "continuum_grasp.sweeps.folder": ("append", "write_run_files"),
 }
 """Modules, and functions of them, in and under which an exception would be lost or leave half of something."""
 
@@ -195,6 +197,12 @@ def _raise() -> None:
     global _noted
     _noted = None
     raise KeyboardInterrupt
+
+
+def leave() -> None:
+    """End the process with status 130; after an exception in an ``eval`` Python would have the signal kill it."""
+    atexit._run_exitfuncs()
+    os._exit(STATUS)
 
 
 def _end() -> None:

@@ -225,6 +225,22 @@ def test_what_was_computed_is_saved_when_drawing_is_stopped(place, tmp_path):
     assert not list(tmp_path.rglob(".tmp-*"))
 
 
+def test_within_an_eval_too(tmp_path):
+    """Python lets the signal kill a process in which the exception came through the evaluation of a text."""
+    code = """
+        from continuum_grasp.__main__ import main
+        import continuum_grasp.scene.schema as schema
+        schema.schema_text = lambda kind: eval("press() or 1")
+        sys.argv = ["continuum-grasp", "schema", "finger"]
+        main()
+    """
+    (tmp_path / "pressing.py").write_text(textwrap.dedent(READY) + textwrap.dedent(code))
+    env = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
+    command = [sys.executable, "-m", "pressing"]
+    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
 def test_the_compiler_leaves_nothing_behind(tmp_path):
     """Ctrl-C while the C compiler runs."""
     compiler = tmp_path / "cc"

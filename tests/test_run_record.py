@@ -23,6 +23,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.results import begin_run, kind_of_run, note_part, read_run, replacing, write_run
 from continuum_grasp.results.atomic import naming
 from continuum_grasp.scene.load import load
+from continuum_grasp.sweeps.folder import write_run_files
 
 ROOT = Path(__file__).resolve().parents[1]
 RELEASE = ROOT / "configs/simulate/nitinol_release_020g.yaml"
@@ -297,6 +298,22 @@ def test_every_writing_may_fail(tmp_path, monkeypatch, old):
             assert not old
         assert not list(folder.glob(".tmp-*"))
     assert 10 <= count < 39
+
+
+def test_the_files_of_a_sweep_are_whole_or_not_there(tmp_path, monkeypatch):
+    for count in range(10):
+        with monkeypatch.context() as patch:
+            fail_from(patch, count)
+            try:
+                write_run_files(tmp_path, 7, {"result.npz": b"whole"})
+            except OSError:
+                done = False
+            else:
+                done = True
+        assert names(tmp_path) == (["runs/0000/0000007/result.npz"] if done else [])
+        if done:
+            break
+    assert 2 <= count < 9
 
 
 def test_errors_of_the_system_name_the_file(tmp_path):

@@ -159,13 +159,16 @@ def write_run_files(folder: Path, index: int, files: Mapping[str, bytes]) -> Non
     temporary = target.with_name(f".tmp-{target.name}")
     if temporary.exists():
         shutil.rmtree(temporary)
-    temporary.mkdir(parents=True)
-    for name, data in files.items():
-        with naming(target / name):
-            (temporary / name).write_bytes(data)
-    if target.exists():  # of a process that was killed before it wrote the row
-        shutil.rmtree(target)
-    os.replace(temporary, target)
+    try:
+        temporary.mkdir(parents=True)
+        for name, data in files.items():
+            with naming(target / name):
+                (temporary / name).write_bytes(data)
+        if target.exists():  # of a process that was killed before it wrote the row
+            shutil.rmtree(target)
+        os.replace(temporary, target)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 @contextmanager
