@@ -128,7 +128,7 @@ def test_nothing_is_called_or_kept_and_the_stack_is_bounded(name, real, packages
 @needs("cppcheck")
 def test_cppcheck_finds_nothing(packages):  # noqa: F811
     package = packages("observed", "float")
-    flags = ("--enable=warning,performance,portability", "--std=c99", "--suppress=missingIncludeSystem", "-q")
+    flags = ("--enable=warning,style,performance,portability", "--std=c99", "--suppress=missingIncludeSystem", "-q")
     said = run("cppcheck", *flags, "--error-exitcode=3", f"-I{package / 'include'}", package / "src/finger_control.c")
     assert said == ""
 

@@ -181,7 +181,7 @@ static rti_change rti_changes(rti_work *o, real target, real second)
     real *restrict dt = o->dt[i], *restrict dm = o->dm[i], *restrict ds = o->ds[i], *restrict dn = o->dn[i];
     if (side.soft)
       for (int k = 0; k < RTI_LENGTH; ++k) {
-        const real violation = V[k] * (W[k] * side.sign * dy[k] + e[k]) + f[k], inverse = 1 / (s[k] * n[k]);
+        const real violation = V[k] * (W[k] * side.sign * dy[k] + e[k]) + f[k], inverse = 1 / rti_max(s[k] * n[k], RTI_LEAST);
         const real pull = (target - second * ds[k] * dn[k] - n[k] * violation) * n[k] * inverse - n[k];
         dn[k] = pull;
         ratio[k] = rti_max(ratio[k], -inverse * rti_min(n[k] * violation, s[k] * pull));
@@ -194,7 +194,7 @@ static rti_change rti_changes(rti_work *o, real target, real second)
       dm[k] = multiplier;
       ds[k] = violation;
       dt[k] = slack;
-      ratio[k] = rti_max(ratio[k], -rti_min(m[k] * slack, t[k] * multiplier) / (t[k] * m[k]));
+      ratio[k] = rti_max(ratio[k], -rti_min(m[k] * slack, t[k] * multiplier) / rti_max(t[k] * m[k], RTI_LEAST));
       first[k] += t[k] * multiplier + m[k] * slack;
       square[k] += slack * multiplier;
     }
