@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from continuum_grasp.mpc.loop.run import closed_loop
+from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
 
 FOLDER = Path(__file__).parents[1] / "configs/mpc"
@@ -33,6 +35,29 @@ def checked(found):
 def test_every_configuration_is_run_here():
     text = Path(__file__).read_text(encoding="utf-8")
     assert all(f'"{path.stem}"' in text for path in FOLDER.glob("*.yaml"))
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.yaml")), ids=lambda path: path.stem)
+def test_shipped_loops_have_margin_for_dead_time(path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load(path)
+
+
+def test_loops_without_margin_for_dead_time_are_doubted():
+    with pytest.warns(UserWarning, match=r"input_rate tolerates 60.9 N/s.* tenth .*0\.00028"):
+        load(FOLDER / "steady_tip.yaml", ["controller.cost.input_rate=2.7e-4"])
+    with pytest.warns(UserWarning, match="input_rate tolerates inf"):
+        load(FOLDER / "steady_tip.yaml", ["controller.cost.input_rate=null"])
+    with pytest.warns(UserWarning, match=r"input_rate tolerates .* N m/s"):
+        load(FOLDER / "nitinol_moment.yaml", ["controller.cost.input_rate=11.0"])
+    given = load(FOLDER / "steady_tip.yaml").model_dump()
+    del given["estimator"]["delay"]
+    with pytest.warns(UserWarning, match="estimator.delay is not given"):
+        ControlScene(**given)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # a tenth, and a camera that is said to have no delay
+        load(FOLDER / "steady_tip.yaml", ["controller.cost.input_rate=2.78e-4", "estimator.delay=0.0"])
 
 
 def test_the_tip_settles_at_set_points():

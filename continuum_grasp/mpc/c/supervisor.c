@@ -1,5 +1,7 @@
 /* Supervision of sensors, model and call rate. See supervisor.h. */
 
+#define SUPERVISOR_NOTICE 2.5   /* mismatch that is reported; a drive four times slower than the model's, which makes the
+                                   tip late without a swing, has 2.8 */
 #define SUPERVISOR_DOUBT 3.0    /* mismatch: of one row the mean is chi-square with 39 degrees of freedom per 39, beyond
                                    3 once in 1e9 steps; greatest of nominal trials 2.3 */
 #define SUPERVISOR_SEVERE 10.0  /* mismatch that needs no waiting: a move with half the stiffness stays below 9, a loop
@@ -129,7 +131,8 @@ void supervisor_judge(supervisor_state *state, const supervisor_settings *o, con
   report->rung = state->rung;
   report->reason = state->tripped;
   report->health = state->tripped ? SUPERVISOR_TRIPPED : report->entry >= 0 ? SUPERVISOR_FROZEN
-                 : state->rung ? SUPERVISOR_DETUNED : doubt ? SUPERVISOR_MISMATCH : SUPERVISOR_OK;
+                 : state->rung ? SUPERVISOR_DETUNED : mismatch > (real)SUPERVISOR_NOTICE ? SUPERVISOR_MISMATCH
+                 : SUPERVISOR_OK;
 }
 
 void supervisor_note(supervisor_state *state, const supervisor_settings *o, const real *change)

@@ -9,7 +9,7 @@
  * health                       when
  * ---------------------------- -----------------------------------------------------------------------------------
  *  0 SUPERVISOR_OK
- *  1 SUPERVISOR_MISMATCH       a sensor contradicts the model: mismatch > 3
+ *  1 SUPERVISOR_MISMATCH       a sensor contradicts the model: mismatch > 2.5
  *  2 SUPERVISOR_DETUNED        the weight of the command's rate is raised, for a mismatch with an active command that lasts
  *  3 SUPERVISOR_FROZEN         a reading has not moved for a window while the command did: it counts as missing until it
  *                              moves

@@ -35,20 +35,22 @@ class Sensors:
         Name and unit of each measured number.
     delay : float
         Age of measurements when they arrive [s].
+    std : (ny,) ndarray
+        Standard deviation of each one's noise.
     """
 
     def __init__(self, scene: ControlScene, plant: PlantModel, prediction: Prediction) -> None:
         self._rng = np.random.default_rng(scene.plant.seed)
-        self.delay, self._std = 0.0, np.zeros(0)
+        self.delay, self.std = 0.0, np.zeros(0)
         if scene.estimator is None:
             self.names: tuple[str, ...] = prediction.x_names
-            self._std = np.zeros(len(self.names))
+            self.std = np.zeros(len(self.names))
             self._value = plant.function("state", y=nearest_state(plant, prediction))
             return
         estimator = scene.estimator
         self.delay = estimator.delay if scene.plant.delay is None else scene.plant.delay
         self.names, values, std = _measured(scene, plant)
-        self._std = scene.plant.noise * np.array(std)
+        self.std = scene.plant.noise * np.array(std)
         self._value = plant.function("measured", y=ca.vertcat(*values))
 
     def exact(self, x: Array, u: Array, w: Array) -> Array:
@@ -57,7 +59,7 @@ class Sensors:
 
     def read(self, x: Array, u: Array, w: Array) -> Array:
         """A measurement (ny) of a state, with noise."""
-        return self.exact(x, u, w) + self._std * self._rng.standard_normal(len(self._std))
+        return self.exact(x, u, w) + self.std * self._rng.standard_normal(len(self.std))
 
 
 def _measured(scene: ControlScene, plant: PlantModel) -> tuple[tuple[str, ...], list[ca.SX], list[float]]:

@@ -1,0 +1,299 @@
+"""Every shipped loop on plants that differ in values, drive, wiring, sensors and call rate.
+
+Run ``python -m benchmarks.bench_robustness`` in the root of the repository. A loop has to stay near the ideal one,
+which is the loop on the plant that its scene describes, or to reach a safe state that has a name; and its command must
+not swing. A loop that does neither without a word is silent, the worst of all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import continuum_grasp as cg
+from benchmarks.mpc_cases import CONFIGS
+from benchmarks.report import RESULTS, Report, Table
+from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
+from continuum_grasp.errors import NumericalError
+from continuum_grasp.mpc.controller import Command, Controller
+from continuum_grasp.mpc.loop.result import ControlRun
+from continuum_grasp.mpc.loop.run import closed_loop
+from continuum_grasp.mpc.loop.schedule import Phase
+from continuum_grasp.mpc.setpoints import set_points
+
+Array = NDArray[np.float64]
+
+LOOPS = tuple(sorted(path.stem for path in (CONFIGS / "mpc").glob("*.yaml")))
+DURATION = {"nitinol_moment": 12.0}
+"""Of a run [s]; the rod, whose first mode is six times slower, has eight seconds after its last step."""
+OTHERS, DRIFTING = 5.0, 3.0
+"""The same of other loops, and how much longer where a sensor drifts, slowly, until it contradicts the others."""
+REPEATED = {"tip_arc": 1.0}
+"""Period of set-points that would stand still before the end of the run [s]."""
+LAST = 1.0
+"""Time at the end over which errors and commands are judged [s]."""
+NEAR = 0.1
+"""Error beyond the ideal loop's that still counts as near, in lengths: where the supervisor has the tip away."""
+SWINGS = 0.25
+"""Root mean square change of the command per period, in shares of its rate limit, beyond which a command swings: a
+sine at the first mode's frequency with that rate moves the tip by half of the finger's length; ideal loops have 0.03."""
+MILD = 2e-3
+"""Error [m] beyond the ideal loop's that mild differences may cost ``MILD_LOOPS``."""
+MILD_LOOPS = ("steady_tip", "keep_out")
+
+
+@dataclass
+class Outcome:
+    """What came of one run."""
+
+    loop: str
+    group: str
+    name: str
+    seed: int
+    mild: bool
+    error: float
+    """Root mean square distance of the tip from its set-point in the last second [m]."""
+    ideal: float
+    """The same of the ideal loop."""
+    length: float
+    change: float
+    """Root mean square change of the command per period in the last second [input]."""
+    swing: float
+    """The same as a share of the rate limit."""
+    worst_swing: float
+    """Greatest of all seconds."""
+    status: dict[str, int]
+    health: dict[str, int]
+    reported: float
+    """When a health other than ok was first reported [s]; NaN never."""
+    tripped: float
+    """When it went to the safe state for good [s]; NaN: it did not."""
+    text: str
+    """What the first report said."""
+    lost: bool
+    """Whether the plant's motion did not stay finite."""
+
+    @property
+    def safe(self) -> bool:
+        """Whether it ended in a named safe state."""
+        return not math.isnan(self.tripped) and not self.lost
+
+    @property
+    def swings(self) -> bool:
+        """Whether its command swings at the end."""
+        return self.lost or self.swing > SWINGS
+
+    @property
+    def near(self) -> bool:
+        """Whether it ended near the ideal loop."""
+        return not self.lost and not self.swings and self.error <= self.ideal + NEAR * self.length
+
+    @property
+    def silent(self) -> bool:
+        """Whether it is bad and nothing was said."""
+        return not self.near and not self.safe and math.isnan(self.reported)
+
+    @property
+    def verdict(self) -> str:
+        """In a word."""
+        if self.safe:
+            return "safe state"
+        if self.near:
+            return "near" if math.isnan(self.reported) else "near, reported"
+        return "SILENT" if self.silent else "swings, reported" if self.swings else "far, reported"
+
+
+class _Clocked:
+    """A controller that is told the time of each call by its plant."""
+
+    def __init__(self, control: Controller, plant: Any) -> None:
+        self._control, self._plant = control, plant
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._control, name)
+
+    def step(self, *given: Any, **named: Any) -> Command:
+        return self._control.step(*given, time=self._plant.t, **named)
+
+
+def run_of(bench: Bench, loop: str, wrong: Wrong, seed: int) -> tuple[ControlRun, bool]:
+    """A closed loop, and whether the plant's motion was lost in it."""
+    scene, control = bench.scene, bench.control
+    plant = bench.plant(wrong, seed)
+    points, again = set_points(scene, control.stages, control.prediction), REPEATED.get(loop, math.inf)
+    duration = DURATION.get(loop, OTHERS) + DRIFTING * (wrong.fault == "drift")
+    phase = Phase(loop, lambda t: points.rows(t if math.isinf(again) else np.mod(t, again)), duration)
+    driven = _Clocked(control, plant) if wrong.clock else control
+    asked = scene.model_copy(update={"duration": duration})
+    try:
+        return closed_loop(asked, controller=driven, plant=plant, schedule=[phase]), False
+    except NumericalError as error:
+        return error.result, True
+
+
+def outcome(loop: str, wrong: Wrong, seed: int, run: ControlRun, lost: bool, ideal: float) -> Outcome:
+    """Judge a run."""
+    error = np.linalg.norm(run.tip[:-1] - run.r[:-1, :2], axis=1)
+    last = max(1, round(LAST / run.period))
+    change = np.diff(run.u, axis=0)
+    limit = (run.scene.controller.input.rate_max or math.inf) * run.scene.controller.step
+    seconds = [_rms(change[k : k + last]) for k in range(0, max(1, len(change) - last + 1), last)]
+    odd = [k for k, health in enumerate(run.health) if health != "ok"]
+    safe = run.health[-1:] == ("tripped",) or run.status[-1:] == ("safe_ramp",)
+    since = next((k + 1 for k in range(len(run.health) - 1, -1, -1) if run.health[k] != "tripped"), 0)
+    mean = _rms(error[-last:])
+    return Outcome(
+        loop=loop,
+        group=wrong.group,
+        name=wrong.name,
+        seed=seed,
+        mild=wrong.mild,
+        error=mean,
+        ideal=mean if math.isnan(ideal) else ideal,
+        length=run.length,
+        change=_rms(change[-last:]),
+        swing=_rms(change[-last:]) / limit,
+        worst_swing=max(seconds) / limit,
+        status=dict(Counter(run.status)),
+        health=dict(Counter(run.health)),
+        reported=float(run.t[odd[0]]) if odd else math.nan,
+        tripped=float(run.t[since]) if safe else math.nan,
+        text=run.health_texts[odd[0]] if odd else "",
+        lost=lost,
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def outcomes(loop: str, seeds: Sequence[int], only: Sequence[str] = ()) -> list[Outcome]:
+    """All runs of a loop; the ideal one first."""
+    bench = Bench(cg.load(CONFIGS / "mpc" / f"{loop}.yaml"))
+    found: list[Outcome] = []
+    for seed in seeds:
+        ideal = math.nan
+        for wrong in wrongs(bench.scene):
+            if only and found and wrong.group not in only and wrong.group != "as shipped":
+                continue
+            run, lost = run_of(bench, loop, wrong, seed)
+            one = outcome(loop, wrong, seed, run, lost, ideal)
+            ideal = one.error if math.isnan(ideal) else ideal
+            found.append(one)
+            print(
+                f"{loop:15s} {wrong.group:10s} {wrong.name:42s} {seed} {1e3 * one.error:7.2f} mm (ideal "
+                f"{1e3 * one.ideal:.2f}) swing {one.swing:.3f} {one.worst_swing:.3f} said {one.reported:.2f} trip "
+                f"{one.tripped:.2f} {one.verdict} {one.text[:60]}",
+                flush=True,
+            )
+    return found
+
+
+def add(report: Report, found: Sequence[Outcome]) -> None:
+    """Claims and tables."""
+    report.claim("cases", len(found), ">=", 500)
+    report.claim("silent: bad and no word of it", sum(one.silent for one in found), "<=", 0)
+    report.claim("command swings at the end", sum(one.swings for one in found), "<=", 0)
+    report.claim(
+        "neither near the ideal loop nor in a safe state", sum(not (one.near or one.safe) for one in found), "<=", 0
+    )
+    for loop in MILD_LOOPS:
+        more = [1e3 * (one.error - one.ideal) for one in found if one.loop == loop and one.mild]
+        report.claim(
+            f"{loop}: error of mild differences beyond the ideal loop's [mm]", max(more, default=math.nan), "<=", 2
+        )
+    ideal = [one for one in found if one.group == "as shipped"]
+    false = sum(not math.isnan(one.reported) for one in ideal)
+    report.claim("reports on plants as shipped", false, "<=", 0)
+    loops = sorted({one.loop for one in found})
+    rows = []
+    for group, name in dict.fromkeys((one.group, one.name) for one in found):
+        same = [one for one in found if (one.group, one.name) == (group, name)]
+        row: list[Any] = [group, name]
+        for loop in loops:
+            row.append(_cell([one for one in same if one.loop == loop]))
+        rows.append([*row, max(one.swing for one in same), _first(same), _last(same)])
+    columns = ["", "plant", *loops, "greatest swing", "reported after [s]", "tripped after [s]"]
+    note = (
+        f"Root mean square distance of the tip from its set-point over the last {LAST:g} s of {OTHERS:g} s "
+        f"(nitinol_moment: {DURATION['nitinol_moment']:g} s; {DRIFTING:g} s more where a sensor drifts), of the seeds the "
+        "worst [mm]; r: reported, T: tripped into the safe state (t: of some seeds), F: more than "
+        f"{NEAR:g} L from the ideal loop and not tripped, S: the command swings, !: silent. Swing: r.m.s. change of the "
+        f"command per period as a share of the rate limit, bound {SWINGS:g}. Sensors fail after {FAULT:g} s, and times "
+        "count from there; all else is wrong from the start."
+    )
+    report.tables.append(Table("Last second", columns, rows, note))
+    counts = [
+        [loop, *[sum(one.loop == loop and one.verdict == v for one in found) for v in _VERDICTS]] for loop in loops
+    ]
+    counts.append(["all", *[sum(one.verdict == v for one in found) for v in _VERDICTS]])
+    report.tables.append(Table("Verdicts", ["", *_VERDICTS], counts))
+    statuses = Counter(word for one in found for word, n in one.status.items() for _ in range(n))
+    healths = Counter(word for one in found for word, n in one.health.items() for _ in range(n))
+    report.tables.append(Table("Steps", ["", "steps"], [[k, n] for k, n in (statuses + healths).most_common()]))
+
+
+_VERDICTS = ("near", "near, reported", "safe state", "far, reported", "swings, reported", "SILENT")
+
+
+def _cell(same: Sequence[Outcome]) -> str:
+    if not same:
+        return "–"
+    marks = "r" * any(not math.isnan(one.reported) for one in same)
+    safe = [one.safe for one in same]
+    marks = "T" if all(safe) else marks + "t" * any(safe)
+    marks += "F" * any(not one.near and not one.safe and not one.swings for one in same)
+    marks += "S" * any(one.swings for one in same) + "!" * any(one.silent for one in same)
+    return f"{1e3 * max(one.error for one in same):.1f} {marks}".strip()
+
+
+def _since(one: Outcome, t: float) -> float:
+    return t - FAULT if one.group == "sensor" else t
+
+
+def _first(same: Iterable[Outcome]) -> float | None:
+    times = [_since(one, one.reported) for one in same if not math.isnan(one.reported)]
+    return max(times) if times else None
+
+
+def _last(same: Iterable[Outcome]) -> float | None:
+    times = [_since(one, one.tripped) for one in same if one.safe]
+    return max(times) if times else None
+
+
+def main() -> None:
+    """Run the loops asked for and write the report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--loops", nargs="*", choices=LOOPS, default=list(LOOPS))
+    parser.add_argument("--groups", nargs="*", default=[], help="of wrong plants; all where not given")
+    parser.add_argument("--seeds", type=int, default=2, help="how many noises of each")
+    parser.add_argument("--seed", type=int, default=0, help="the first")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--name", default="robustness", help="name of the report")
+    parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write it")
+    arguments = parser.parse_args()
+    report = Report(arguments.name, arguments.seed)
+    seeds = range(arguments.seed, arguments.seed + arguments.seeds)
+    with ProcessPoolExecutor(arguments.jobs) as pool:
+        tasks = [pool.submit(outcomes, loop, seeds, arguments.groups) for loop in arguments.loops]
+        found = [one for task in tasks for one in task.result()]
+    add(report, found)
+    for file in report.write(arguments.folder):
+        print(file)
+    for claim in report.claims:
+        print("kept  " if claim.met else "BROKEN", claim.what, f"{claim.value:.4g} {claim.relation} {claim.limit:g}")
+    print(report.status, time.strftime("%H:%M:%S"))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""Figures and picture of mpc.md: ``python docs/loops.py`` in the root of the repository; ``--compare`` also converges."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+
+import continuum_grasp as cg
+from continuum_grasp.mpc.loop.compare import compared
+from continuum_grasp.mpc.loop.result import ControlRun
+from continuum_grasp.mpc.loop.run import closed_loop
+from continuum_grasp.plotting.control import plot_control_path, plot_inputs
+from continuum_grasp.plotting.pictures import save_picture
+
+FOLDER = Path("configs/mpc")
+DRAWN = ("tip_steps", "keep_out", "nitinol_moment")
+ARCS = ["fidelity.family=arc", "fidelity.elements=2"]
+
+
+def figures(name: str, run: ControlRun) -> str:
+    """Errors of the tip, distances from bounds, cost, health."""
+    error = 1e3 * np.linalg.norm(run.tip - run.tip_reference, axis=1)
+    late = error[run.t >= 0.5]
+    found = run.metrics()
+    change = np.sqrt(np.mean(np.diff(run.u, axis=0) ** 2))
+    bounds = ", ".join(f"{b.name} {b.worst:.4g}" for b in found.violations if b.worst > -0.05)
+    return (
+        f"{name:28s} r.m.s. {found.tracking[0].rms * 1e3:.2f} mm, after 0.5 s {math.sqrt(np.mean(late**2)):.2f}, final "
+        f"{found.tracking[0].final * 1e3:.2f}; cost {found.cost:.5g}; change {change:.3g}; {found.health}; {bounds}"
+    )
+
+
+def main() -> None:
+    """Run, print, draw."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--compare", action="store_true", help="also the controller that converges: minutes")
+    parser.add_argument("--scenes", nargs="*", default=sorted(path.stem for path in FOLDER.glob("*.yaml")))
+    asked = parser.parse_args()
+    runs = {}
+    for name in asked.scenes:
+        runs[name] = closed_loop(FOLDER / f"{name}.yaml")
+        print(figures(name, runs[name]), flush=True)
+        if name in ("tip_steps", "nitinol_moment"):
+            print(figures(f"{name}, two arcs", closed_loop(cg.load(FOLDER / f"{name}.yaml", ARCS))), flush=True)
+        if name == "steady_tip":
+            for seed in range(3):
+                for stiffness in (0.9, 1.1):
+                    changes = [f"plant.stiffness={stiffness}", f"plant.seed={seed}"]
+                    print(
+                        figures(" ".join(changes), closed_loop(cg.load(FOLDER / f"{name}.yaml", changes))), flush=True
+                    )
+        if asked.compare:
+            exact = compared(cg.load(FOLDER / f"{name}.yaml"))
+            print(name, {key: run.metrics().cost for key, run in exact.items()}, flush=True)
+    if set(DRAWN) <= set(runs):
+        figure, axes = plt.subplots(2, len(DRAWN), figsize=(12, 8.4))
+        for (above, below), name in zip(axes.T, DRAWN, strict=True):
+            plot_control_path(runs[name], ax=above)
+            plot_inputs(runs[name], ax=below)
+        figure.tight_layout()
+        save_picture(figure, Path("docs/pictures/mpc_loops.png"))
+
+
+if __name__ == "__main__":
+    main()
