@@ -53,13 +53,15 @@ _SFUN_READS = """
 
 def _words(subject: Subject) -> dict[str, str]:
     prefix, real, forced = subject.prefix, subject.real, subject.forces is not None
+    constant = subject.model.structure.moment_is_constant
     state, first = subject.state.fields, subject.input.fields[0]
     parameters = subject.parameters.fields if subject.parameters is not None else ()
     return {
         "h": real.literal(subject.accurate_step),
         "h_plain": repr(subject.accurate_step),
-        "tenth": real.literal(_TENTH),
         "level": real.literal(_SHARE * first.scale),
+        "what_input": "a constant input" if constant else "a constant input that sets in smoothly",
+        "onset": "" if constant else f" * (t < {real.literal(_TENTH)} ? t / {real.literal(_TENTH)} : 1)",
         "first_input": first.name,
         "first_state": state[0].name,
         "reach": real.literal(0.5 * state[0].high),
