@@ -13,6 +13,7 @@ import hashlib
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 
@@ -34,8 +35,25 @@ def main(arguments):
         return 2
     sys.stdout.flush()
     if testing:
-        return subprocess.call([PYTHON, "-m", "pytest", "-n", "auto", "--dist", "loadfile", *arguments[1:]], cwd=ROOT)
-    return subprocess.call([PYTHON, "-m", "continuum_grasp", *arguments])
+        return run([PYTHON, "-m", "pytest", "-n", "auto", "--dist", "loadfile", *arguments[1:]], cwd=ROOT)
+    return run([PYTHON, "-m", "continuum_grasp", *arguments])
+
+
+def run(command, cwd=None):
+    """Run a command to its end; on Ctrl-C, which it gets too, that is its own, so that it can save what there is."""
+    process = None
+
+    def pressed(number, frame):
+        if process is not None and not sys.stdin.isatty():  # a terminal tells both
+            process.send_signal(number)
+
+    usual = signal.signal(signal.SIGINT, pressed)
+    try:
+        process = subprocess.Popen(command, cwd=cwd)
+        status = process.wait()
+    finally:
+        signal.signal(signal.SIGINT, usual)
+    return status if status >= 0 else 128 - status
 
 
 def set_up(extras):
@@ -107,4 +125,8 @@ def fail(message):
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)

@@ -45,7 +45,7 @@ def main() -> None:
     report = Report("embedded", 0)
     steps, calls = [], []
     for real, board in BOARDS:
-        found = measured(two_arcs(real), real, board)
+        found = measured(two_arcs(), real, board)
         steps.append(row(found, f"two arcs, {board}, {real}", ("step",)))
         report.claim(f"two arcs, {board}: instructions of a step", steps[-1][2], "<=", TRIALS["step"][board])
         steps.append(row(measured(TENDONS, real, board), f"two matched clothoids, {board}, {real}", ("step",)))

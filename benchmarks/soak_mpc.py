@@ -3,7 +3,9 @@
 Run ``python -m benchmarks.soak_mpc`` in the root of the repository. Each scene runs in a process of its own, so that a
 crash is seen; references, disturbances, pushes and what is injected are drawn at random. After every step: the command
 is finite and within the limits of input and rate, the status is one of the documented ones, and each thing injected
-shows among the anomalies.
+shows among the anomalies. A controller that trips is left to its ramp for a while and then begins anew.
+
+With ``--nominal`` nothing is injected; references jump, and the stiffness is wrong by up to a fifth: nothing may trip.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from benchmarks.mpc_world import World
 from benchmarks.report import RESULTS, Report, Table
 from continuum_grasp.errors import InputError
 from continuum_grasp.mpc.controller import Controller
-from continuum_grasp.mpc.status import Anomaly, Status
+from continuum_grasp.mpc.status import Anomaly, Health, Status
 
 Array = NDArray[np.float64]
 
@@ -59,6 +61,10 @@ OUTLIER = 0.01
 """How often a measurement jumps within its range; whether that can be told depends on what the estimator knows."""
 DRIVE = 0.005
 """How often the drive applies another input than the command, and says so."""
+RAMP = 100
+"""Steps after which a controller that tripped begins anew; its ramp takes half a second."""
+WRONG = 0.2
+"""Greatest share by which the stiffness is wrong without injected faults."""
 SAVED = 5000
 """Steps between two checks that a restored state gives the same command."""
 ROUNDING = {"double": 1e-12, "float": 3e-7}
@@ -75,6 +81,8 @@ class Counts:
     unseen: Counter[str] = field(default_factory=Counter)
     statuses: Counter[str] = field(default_factory=Counter)
     anomalies: Counter[str] = field(default_factory=Counter)
+    health: Counter[str] = field(default_factory=Counter)
+    trips: int = 0
     outliers: int = 0
     outliers_seen: int = 0
     plant_resets: int = 0
@@ -94,7 +102,8 @@ class Counts:
 class Soak:
     """One controller in a closed loop with a random world."""
 
-    def __init__(self, name: str, seed: int) -> None:
+    def __init__(self, name: str, seed: int, nominal: bool = False) -> None:
+        self.nominal, self.tripped = nominal, 0
         file, self.precision, _ = SCENES[name]
         scene: Any = mpc_cases.CONFIGS / file if file else _measured_state()
         self.control = Controller(scene, precision=self.precision, deadline=math.inf)
@@ -104,6 +113,7 @@ class Soak:
         self.references, self.far = self._targets()
         self.reference = self.references[0]
         self.noise = 1e-4 * np.minimum(np.abs(ranges.measurement[:, 1]), 10.0)
+        self.plant_p = self.p.copy()
         self.rate = np.full(stages.nu, self.control.scene.controller.input.rate_max or np.inf)
         self.events = list(EVENTS)
         self.chances = np.array([EVENTS[name][1] for name in EVENTS])
@@ -152,6 +162,9 @@ class Soak:
     def _inputs(self) -> tuple[dict[str, Any], set[str], bool]:
         """Arguments of a step, what was injected in them, and whether a measurement jumps."""
         rng, ranges, stages = self.rng, self.world.ranges, self.stages
+        if self.nominal:
+            measurement = self.measurement + self.noise * rng.normal(size=len(self.noise))
+            return {"measurement": measurement, "reference": self.reference, "late": False}, set(), False
         chosen, measurement = self._events(), self.measurement + self.noise * rng.normal(size=len(self.noise))
         size, limits = len(measurement), ranges.measurement
         jumps = rng.random() < OUTLIER
@@ -175,7 +188,7 @@ class Soak:
         p = self._bad(self.p, ranges.p) if "bad parameter" in chosen else self.p
         applied = None
         if "bad applied input" in chosen:
-            applied = self._bad(self.before, np.stack([stages.u_min, stages.u_max], axis=1))
+            applied = self._bad(self.before, ranges.applied)
         elif self.applied is not None:
             applied = self.before = self.applied
         given = {"reference": reference, "p": p, "applied": applied, "late": "late command" in chosen}
@@ -190,8 +203,13 @@ class Soak:
         """Another set-point, disturbance, push."""
         rng, world = self.rng, self.world
         if rng.random() < 0.02:
-            some = self.far if rng.random() < 0.05 else self.references
+            some = self.far if rng.random() < 0.05 and not self.nominal else self.references
             self.reference = some[rng.integers(len(some))]
+        if self.nominal:
+            for k, name in enumerate(self.stages.p_names):
+                if name.startswith("bending_stiffness") and rng.random() < 0.001:
+                    self.plant_p[k] = self.p[k] * (1.0 + rng.uniform(-WRONG, WRONG))
+            return
         if rng.random() < 0.005 and len(world.z) > world.nx:
             world.z[world.nx :] = 0.02 * rng.uniform(*world.ranges.disturbances.T)
         if rng.random() < 0.005:
@@ -223,10 +241,14 @@ class Soak:
         self.before, self.applied = command.u.copy(), None
         if not np.isfinite(self.before).all():
             self.before = self.safe
-        elif self.rng.random() < DRIVE:
+        elif self.rng.random() < DRIVE and not self.nominal:
             self.applied = self.rng.uniform(self.stages.u_min, self.stages.u_max)
-        self.measurement = self.world.step(self.before if self.applied is None else self.applied, self.p)
+        self.measurement = self.world.step(self.before if self.applied is None else self.applied, self.plant_p)
         self._change()
+        self.tripped = self.tripped + 1 if command.health == Health.TRIPPED else 0
+        counts.trips += self.tripped == 1
+        if self.tripped > RAMP:
+            control.reset(u=np.clip(self.before, self.stages.u_min, self.stages.u_max))
         counts.steps += 1
 
     def _check(self, command: Any, injected: set[str]) -> None:
@@ -246,6 +268,9 @@ class Soak:
                 counts.unseen[name] += 1
                 counts.fault("injected and not in the status", f"{name}, {command.anomalies}")
         counts.statuses[Status(command.status).name.lower()] += 1
+        counts.health[command.health.name.lower()] += 1
+        if command.health == Health.TRIPPED and command.status is not Status.SAFE_RAMP:
+            counts.fault("tripped, but no safe ramp", str(command))
         self.old = self.old + 1 if command.status is Status.PREVIOUS_PLAN else 0
         if self.old * self.control.period > stages.stages * stages.stage + 1e-9:
             counts.fault("plan used beyond its end", f"for {self.old} steps")
@@ -291,13 +316,15 @@ def _resident() -> int:
     return int(pages) * os.sysconf("SC_PAGE_SIZE")
 
 
-def child(name: str, steps: int, seed: int) -> None:
+def child(name: str, steps: int, seed: int, nominal: bool) -> None:
     """Run one scene and print its counts."""
-    print(json.dumps(vars(Soak(name, seed).run(steps))))
+    print(json.dumps(vars(Soak(name, seed, nominal).run(steps))))
 
 
-def add(report: Report, found: dict[str, dict[str, Any]]) -> None:
+def add(report: Report, found: dict[str, dict[str, Any]], nominal: bool) -> None:
     """Claims and tables."""
+    if nominal:
+        report.claim("trips", sum(data["trips"] for data in found.values()), "<=", 0)
     total = sum(data["steps"] for data in found.values())
     report.claim("steps", total, ">=", 1_000_000)
     broken = [sum(data["broken"].values()) for data in found.values()]
@@ -322,6 +349,10 @@ def add(report: Report, found: dict[str, dict[str, Any]]) -> None:
     report.tables.append(Table("Steps", columns, rows, note))
     rows = [[kind, *(int(data["injected"].get(kind, 0)) for data in found.values())] for kind in EVENTS]
     report.tables.append(Table("Injected", ["", *found], rows))
+    names = [health.name.lower() for health in Health]
+    rows = [[kind, *(int(data["health"].get(kind, 0)) for data in found.values())] for kind in names]
+    rows.append(["trips", *(int(data["trips"]) for data in found.values())])
+    report.tables.append(Table("Health", ["", *found], rows))
     names = [(a.name or "").lower() for a in Anomaly]
     rows = [[kind, *(int(data["anomalies"].get(kind, 0)) for data in found.values())] for kind in names]
     report.tables.append(Table("Anomalies told", ["", *found], rows))
@@ -337,12 +368,13 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="*", choices=list(SCENES), default=list(SCENES))
     parser.add_argument("--jobs", type=int, default=1, help="processes at once")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--nominal", action="store_true", help="inject nothing: no trip is allowed")
     parser.add_argument("--name", default="mpc_soak", help="name of the report")
     parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write it")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.child:
-        return child(arguments.child, arguments.steps, arguments.seed)
+        return child(arguments.child, arguments.steps, arguments.seed, arguments.nominal)
     report = Report(arguments.name, arguments.seed)
     report.machine["flags"] = f"of the package; plant: {' '.join(CFLAGS)}"
     whole = sum(SCENES[name][2] for name in arguments.scenes)
@@ -354,7 +386,7 @@ def main() -> None:
             k, name = waiting.pop(0)
             steps = math.ceil(arguments.steps * SCENES[name][2] / whole)
             command = [sys.executable, "-m", "benchmarks.soak_mpc", "--child", name]
-            command += ["--steps", str(steps), "--seed", str(arguments.seed + k)]
+            command += ["--steps", str(steps), "--seed", str(arguments.seed + k), *["--nominal"] * arguments.nominal]
             running[name] = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         for name, process in list(running.items()):
             if process.poll() is None:
@@ -368,7 +400,7 @@ def main() -> None:
                 report.claim(f"{name}: exit status", abs(process.returncode), "<=", 0)
                 print(name, "ended with", process.returncode, flush=True)
         time.sleep(0.2)
-    add(report, {name: found[name] for name in arguments.scenes if name in found})
+    add(report, {name: found[name] for name in arguments.scenes if name in found}, arguments.nominal)
     for file in report.write(arguments.folder):
         print(file)
     print(report.status)

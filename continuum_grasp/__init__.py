@@ -5,9 +5,7 @@ Everything here is loaded when it is first used; importing the package is quick.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from continuum_grasp._lazy import lazy_names
+from continuum_grasp._lazy import TYPE_CHECKING, lazy_names
 
 __version__ = "0.1.0"
 

@@ -78,6 +78,15 @@ class SolverError(ContinuumGraspError, RuntimeError):
             parts.append(advice)
         super().__init__("\n".join(parts))
 
+    def __reduce__(self) -> tuple[Any, ...]:  # an error that a worker cannot send breaks the whole pool
+        return _unpickled, (type(self), self.args), self.__dict__
+
+
+def _unpickled(kind: type[SolverError], args: tuple[Any, ...]) -> SolverError:
+    error = kind.__new__(kind)
+    error.args = args
+    return error
+
 
 class NumericalError(ContinuumGraspError, ArithmeticError):
     """A computation left the range in which its numbers mean something.

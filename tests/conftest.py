@@ -14,7 +14,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Long functions are compiled in half the time and run half as fast, which tests do not mind.
 compiler._SHORT = 1_500
-compiler._LEVELS = ((1_500, "-O3"), (60_000, "-O1"))
+compiler._LONG = 1_500
 
 
 @pytest.fixture(scope="session", autouse=True)

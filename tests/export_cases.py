@@ -13,6 +13,7 @@ import pytest
 from continuum_grasp.export import export_c
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.load import load
 from tests.rods import ROOT
 
@@ -26,25 +27,41 @@ RUBBING = {
 }
 """Everything that kernels may call: sine, cosine, exponential, square root."""
 STRICT = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
+SANITIZE = "-fsanitize=address,undefined,float-divide-by-zero,float-cast-overflow"
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wfloat-conversion", "-Wshadow")
 WARNINGS += ("-Wundef", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Werror")
 
 
 @lru_cache
 def scene(name: str):
-    """Scenes by name: tendons that rub, a contact, tendons alone, two arcs; closed loops with and without estimator."""
+    """Scenes by name: closed loops with and without estimator, tendons that rub, a contact, tendons alone, two arcs.
+
+    Of ``direct`` the inputs set the curvature of the tip at once, and a run-time parameter its range.
+    """
     return {
         "observed": lambda: loop_scene(8),
         "given": lambda: loop_scene(8, observed=False),
+        "limited": lambda: loop_scene(8, observed=False, rate=300.0),
         "rubbing": lambda: load(TENDONS, RUBBING),
         "contact": lambda: load(CONTACT, {"fidelity.family": "matched_clothoid"}),
         "tendons": lambda: load(TENDONS),
         "arcs": lambda: load(TENDONS, {"fidelity.family": "arc", "fidelity.elements": 2}),
+        "direct": lambda: FingerModel(
+            without_lag(load(TENDONS).finger), family="matched_clothoid", parameters=("bending_stiffness",)
+        ),
     }[name]()
 
 
-def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
-    """Two arcs on two tendons under weight, that are to bend further than their bound; measured late, or known."""
+def without_lag(finger: Finger) -> Finger:
+    """The same with drives that follow at once."""
+    return finger.model_copy(update={"tendons": finger.tendons.model_copy(update={"time_constant": None})})
+
+
+def loop_scene(stages: int, *, observed: bool = True, rate: float | None = None) -> ControlScene:
+    """Two arcs on two tendons under weight, that are to bend further than their bound; measured late, or known.
+
+    Tensions change at a rate [N/s], or at once.
+    """
     finger = scene("tendons").finger
     asked = {
         "measured": {"tip": 3e-4, "tension": 0.1},
@@ -52,7 +69,7 @@ def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
         "delay": 0.01,
     }
     if not observed:
-        finger = finger.model_copy(update={"tendons": finger.tendons.model_copy(update={"time_constant": None})})
+        finger = without_lag(finger)
     return ControlScene(
         schema_version=1,
         name="two arcs under control",
@@ -64,6 +81,7 @@ def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
             "horizon": {"stages": stages, "stage": 0.01, "substeps": 2},
             "cost": {"bending": {"running": 100.0, "terminal": 10.0}, "effort": 0.1 if observed else 1e-3},
             "bounds": {"curvature": 9.0},
+            "input": {"rate_max": rate},
             "start_iterations": 5 if observed else 1,
         },
         reference={
@@ -78,11 +96,9 @@ def loop_scene(stages: int, *, observed: bool = True) -> ControlScene:
     )
 
 
-def two_arcs(real: str) -> FingerModel:
+def two_arcs() -> FingerModel:
     """The finger whose step is counted: two arcs, two tendons, a force at the tip, weight and damping, no lag."""
-    finger = scene("tendons").finger
-    finger = finger.model_copy(update={"tendons": finger.tendons.model_copy(update={"time_constant": None})})
-    return FingerModel(finger, family="arc", elements=2, accuracy=3e-8 if real == "float" else None)
+    return FingerModel(without_lag(scene("tendons").finger), family="arc", elements=2)
 
 
 @pytest.fixture(scope="session")
@@ -124,12 +140,13 @@ def compile_programs(compiler: str, package: Path, folder: Path, programs: str, 
     return found
 
 
-def shared_library(package: Path, out: Path):
+def shared_library(package: Path, out: Path, *flags: str):
     """The library by the Python binding of its own package, compiled here."""
     library = out / "libfinger.so"
     run(
         "cc",
         *STRICT,
+        *flags,
         "-O2",
         "-shared",
         "-fPIC",

@@ -174,6 +174,7 @@ class FakeTrajectory(SimpleNamespace):
         zero = np.zeros(3)
         super().__init__(t=np.arange(3.0), tip=np.ones((3, 2)), kinetic=zero, potential=zero + 1.5)
         self.status, self.warnings, self.statistics = "done", ["too bent"], {"substeps": 4}
+        self.time_error, self.length = 2e-5, 0.5
 
     def save(self, folder):
         Path(folder).mkdir(parents=True)
@@ -199,13 +200,15 @@ def test_simulate_saves_and_reports(pretend):
     result = run("simulate", RELEASE, "--no-pictures", "--set", "time.duration=0.5", "-v")
     assert result.exit_code == 0, result.output
     assert seen[0].time.duration == 0.5
-    assert Path("runs/nitinol_release_020g/result.npz").exists()
+    assert Path("runs/simulate/nitinol_release_020g/result.npz").exists()
     assert "warning: too bent" in result.stderr
     assert "substeps" in result.stdout
+    assert "time error      about 2e-05 of the length, 0.01 mm" in result.stdout
 
     found = json.loads(run("simulate", RELEASE, "--no-pictures", "--out", "here", "--json").stdout)
     assert found["folder"] == "here"
     assert found["energy"] == [1.5, 1.5]
+    assert found["time_error"] == 2e-5
     assert run("simulate", RELEASE, "--no-pictures", "--out", "quiet", "-q").stdout == ""
 
 
@@ -217,7 +220,7 @@ def test_numerical_failure_exits_with_1_and_saves_what_there_is(pretend):
     result = run("simulate", RELEASE)
     assert result.exit_code == 1
     assert "error: not finite at 0.1 s" in result.stderr
-    assert Path("runs/nitinol_release_020g/result.npz").exists()
+    assert Path("runs/simulate/nitinol_release_020g/result.npz").exists()
 
 
 def test_solver_failure_exits_with_1(pretend):
@@ -243,7 +246,7 @@ def test_modes_prints_a_table(pretend):
 
 def test_codegen_lists_its_files(tmp_path):
     lines = run("codegen", RELEASE, "--out", str(tmp_path / "c")).stdout.splitlines()
-    assert sorted(lines) == sorted(str(path) for path in (tmp_path / "c").iterdir())
+    assert sorted(lines) == sorted(str(path) for path in (tmp_path / "c").iterdir() if path.name[0] != ".")
     assert {Path(line).name for line in lines} == {"finger.c", "finger.h", "main.c"}
 
 

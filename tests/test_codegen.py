@@ -32,7 +32,7 @@ def write(config, folder, *settings):
     changes = [part for setting in settings for part in ("--set", setting)]
     result = CliRunner().invoke(app, ["codegen", str(config), "--out", str(folder), *changes])
     assert result.exit_code == 0, result.output
-    return sorted(path.name for path in folder.iterdir())
+    return sorted(path.name for path in folder.iterdir() if path.name[0] != ".")
 
 
 def build_and_run(folder, *flags):
@@ -108,7 +108,11 @@ def test_every_function_is_declared_under_the_prefix(tmp_path, without_compiler)
     header = files[1].read_text()
     for name in (*FUNCTIONS, "rk4_step"):
         assert f"int rod_2_{name}(" in header
-    assert '#include "rod_2.h"' in files[2].read_text()
+    example = files[2].read_text()
+    assert '#include "rod_2.h"' in example
+    assert "The tip moment must not change during a motion" in example
+    free = codegen(FingerModel(load(RELEASE), family="clothoid"), tmp_path / "free")[2].read_text()
+    assert "must not change" not in free
 
 
 @needs_compiler

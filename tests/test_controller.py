@@ -328,6 +328,11 @@ def test_phases_are_timed_and_statuses_counted():
     [
         lambda c: c.step([0.0]),
         lambda c: c.step("state"),
+        lambda c: c.step(np.zeros(4) + 1j),
+        lambda c: c.step([1j] * 4),
+        lambda c: c.step(np.zeros(4), np.array(REFERENCE) + 0j),
+        lambda c: c.step(np.zeros(4), REFERENCE, applied=np.zeros(c.stages.nu, complex)),
+        lambda c: c.reset(state=np.zeros(4, complex)),
         lambda c: c.step(np.zeros(4), np.zeros(7)),
         lambda c: c.step(np.zeros(4), REFERENCE, p=np.zeros(9)),
         lambda c: c.step(np.zeros(4), REFERENCE, applied=np.zeros(2)),

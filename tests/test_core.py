@@ -44,7 +44,8 @@ def small(family: str = "arc"):
         masses=(PointMass(at=0.6, mass=0.3),),
         tendons=Tendons(offset=0.02, max_tension=50.0),
     )
-    model = cg.FingerModel(finger, family=family, elements=2)
+    rates = True if family == "matched_clothoid" else None  # its tip moves with the moment
+    model = cg.FingerModel(finger, family=family, elements=2, input_rates=rates)
     return model, cg.compile(model)
 
 

@@ -19,6 +19,7 @@ from continuum_grasp.fidelity.elastica import solve_elastica
 from continuum_grasp.fidelity.elliptic import complete, incomplete
 from continuum_grasp.fidelity.rod_equations import RodEquations
 from continuum_grasp.fidelity.rod_problem import read_problem
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import ForceLoad, MomentLoad
 from continuum_grasp.simulation import equilibrium
 from continuum_grasp.simulation.signals import interpolate
@@ -419,3 +420,76 @@ def test_it_shares_no_code_with_the_model():
         "assert not {'casadi', 'scipy'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def worst(scene) -> float:
+    """Greatest error of the backbone of the scene's model [m]."""
+    found, exact = equilibrium(scene), solve_elastica(scene)
+    return float(np.hypot(*(found.backbone(101) - exact.position(np.linspace(0.0, 1.0, 101))).T).max())
+
+
+@pytest.mark.parametrize("at", [0.2, 0.35, 0.7])
+@pytest.mark.parametrize("family", [None, "clothoid", "arc"])
+def test_default_elements_serve_loads_within_the_finger(at, family, without_compiler):  # noqa: F811
+    """Force and couple each; contacts and couples may coincide. Arcs make the circles of a couple exactly."""
+    for load, gain, count in ((force(at, (0.0, 2.0)), 4.0, 2), (couple(at, 1.0), 20.0, 3)):
+        if family == "arc" and load["kind"] == "force":
+            continue  # the error of two arcs is larger than what a boundary changes
+        plain, own = (
+            rod_scene(UNIT, family, elements, gravity=NONE, loads=[load], contacts=contacts)
+            for elements, contacts in ((2, ()), (None, ()))
+        )
+        model = FingerModel(own)
+        edges = np.cumsum(model.lengths)
+        if family == "arc" or load["kind"] == "force":
+            assert len(model.lengths) == 2
+            assert edges[0] == pytest.approx(at)
+        else:
+            assert len(model.lengths) == count
+            assert edges[:2] == pytest.approx([at - 0.01, at + 0.01])
+        assert worst(own) < worst(plain) / gain
+    touched = rod_scene(UNIT, family, None, gravity=NONE, loads=[couple(at, 1.0)], contacts=(at,))
+    assert worst(touched) < 6e-4
+    held = rod_scene(UNIT, family, None, initial={"pose": "equilibrium", "held_by": [force(at, (0.0, 1.0))]})
+    heavy = rod_scene(UNIT, family, None, finger={"masses": [{"at": at, "mass": 1.0}]})
+    for scene in (held, heavy):
+        assert FingerModel(scene).lengths == pytest.approx((at, 1.0 - at))
+
+
+def test_what_leaves_no_room_for_an_element_makes_none():
+    loads = [force(0.01, (0.0, 1.0)), force(0.5, (0.0, 1.0)), force(0.51, (0.0, 1.0)), couple(0.995, 1.0)]
+    assert FingerModel(rod_scene(UNIT, None, None, loads=loads)).lengths == pytest.approx((0.5, 0.5))
+    many = [force(at, (0.0, 0.01)) for at in np.linspace(0.01, 0.99, 99)]
+    lengths = FingerModel(rod_scene(UNIT, None, None, loads=many)).lengths
+    assert len(lengths) <= 64
+    assert min(lengths) >= 0.02 - 1e-9
+
+
+@pytest.mark.parametrize("family", ["clothoid", "arc"])
+def test_tendon_friction_makes_the_order_two(family, without_compiler):  # noqa: F811
+    tendons = {"offset": 0.01, "max_tension": 500.0, "friction": 0.1}
+    errors = [
+        worst(
+            rod_scene(
+                UNIT,
+                family,
+                elements,
+                gravity=(0.0, -2.0),
+                finger={"tendons": tendons},
+                actuation={"tensions": [150.0, 0.0]},
+            )
+        )
+        for elements in (2, 4, 8)
+    ]
+    assert np.all(np.abs(order(errors) - 2.0) < 0.1)
+
+
+@pytest.mark.parametrize(
+    ("share", "warned"), [(0.9, False), (0.995, True), (1.00005, True), (1.005, True), (1.2, False)]
+)
+def test_near_the_buckling_load_there_is_a_warning(share, warned, without_compiler):  # noqa: F811
+    loads = [force(1.0, (0.0, -share * math.pi**2 / 4))]
+    found = equilibrium(rod_scene(UNIT, None, 2, angle=UPRIGHT, gravity=NONE, loads=loads))
+    assert any("near a buckling load" in warning for warning in found.warnings) == warned
+    arcs = equilibrium(rod_scene(UNIT, "arc", 2, angle=UPRIGHT, gravity=NONE, loads=loads))
+    assert any("near a buckling load" in warning for warning in arcs.warnings) == (0.9 < share < 1.2)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import json
 import os
 import re
 import sys
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,14 +19,19 @@ from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
 from continuum_grasp.export.codes import Code
+from continuum_grasp.export.header import calls_of
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
+from continuum_grasp.export.parts.step import moment_note
 from continuum_grasp.export.reals import REALS
+from continuum_grasp.export.source import source_of
 from continuum_grasp.export.stability import STABLE
 from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.vectors import arguments_of, reach_of, split
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
-from tests.export_cases import ROOT, TENDONS, needs, packages, run, scene, shared_library, two_arcs  # noqa: F401
+from tests.export_cases import ROOT, STRICT, TENDONS, needs, packages, run, scene, shared_library, two_arcs  # noqa: F401
 
+FILES = ("include/finger.h", "README.md")
 NAMES = ("rubbing", "contact", "tendons")
 
 
@@ -126,6 +133,59 @@ def test_functions_are_those_of_the_model(name, real, packages, tmp_path):  # no
         assert np.abs(np.reshape(found, true.shape) - true).max() <= limit * np.abs(true).max()
 
 
+def calls_by_name(subject, *parts):
+    """Functions of some parts."""
+    return {call.name: call for call in calls_of([PARTS[part](subject) for part in parts])}
+
+
+def test_the_bound_of_the_tip_is_in_the_header(packages):  # noqa: F811
+    """From the curvature at which the last element bends by its range: EI over its length, times the range."""
+    model = FingerModel(scene("tendons"))
+    most = model.finger.rod.stiffness * model.ranges[-1] / model.lengths[-1]
+    (state,) = re.findall(
+        r"tip_moment; +/\* \[N m\], (.*?);", (packages("tendons", "double") / "include/finger.h").read_text()
+    )
+    assert [float(v) for v in state.split(" to ")] == pytest.approx([-most, most], rel=1e-5)
+    direct = (packages("direct", "double") / "include/finger.h").read_text()
+    slope = model.finger.tendons.offset / most
+    said = re.search(r"tip must be in its range:\s+-1 <= (\S+)\s+tension_1 -(\S+)\s+tension_2 <= 1 with", direct)
+    assert [float(v) for v in said.groups()] == pytest.approx([slope, slope], rel=1e-5)
+
+
+@pytest.mark.parametrize("name", [*NAMES, "arcs"])
+def test_the_stated_rounding_errors_hold_on_other_rows(name, packages):  # noqa: F811
+    """Of 40,000 fresh rows, half uniform and half crowded at the ends, none is off by more; none by much less."""
+    stated = json.loads((packages(name, "float") / "MANIFEST.json").read_text())["functions"]
+    subject = Subject.of(source_of(scene(name), REALS["float"]).model, "finger", REALS["float"], {}, None, 1)
+    exact = replace(subject, real=REALS["double"])
+    rng = np.random.default_rng(20)
+    calls = [calls_by_name(s, *(part for part in PARTS if part not in OF_LOOPS)).values() for s in (subject, exact)]
+    for call, wide in zip(*calls, strict=True):
+        arguments = arguments_of(subject, call)
+        low, high = reach_of(arguments)
+        worst = np.zeros(call.output.size)
+        for k in range(20):
+            share = rng.uniform(size=(2000, len(low))) if k % 2 else rng.beta(0.1, 0.1, (2000, len(low)))
+            rows = (low + (high - low) * share).astype(np.float32)
+            found, codes = call.twin(split(rows, arguments))
+            true, _ = wide.twin(split(rows.astype(float), arguments))
+            good = (codes >= 0) & (codes != Code.WARN_LEFT_RANGE)
+            worst = np.maximum(worst, np.abs(found - true)[good].max(axis=0))
+        assert list(stated[call.name]["errors"]) == [field.name for field in call.output.fields]
+        for field in call.output.fields:
+            here, worst = worst[: field.size].max(), worst[field.size :]
+            bound = stated[call.name]["errors"][field.name]["bound"]
+            assert here <= bound, (call.name, field.name)
+            assert bound <= 20.0 * here, (call.name, field.name)
+
+
+def test_double_precision_states_no_rounding_error(packages):  # noqa: F811
+    folder = packages("tendons", "double")
+    stated = json.loads((folder / "MANIFEST.json").read_text())["functions"]
+    assert not any({"relative_error", "errors"} & set(function) for function in stated.values())
+    assert "error" not in re.search("## Functions\n\n(.*)", (folder / "README.md").read_text())[1]
+
+
 @needs("cc")
 def test_a_step_follows_the_motion_to_fourth_order(packages, tmp_path):  # noqa: F811
     finger, library = shared_library(packages("tendons", "double"), tmp_path)
@@ -144,6 +204,21 @@ def test_a_step_follows_the_motion_to_fourth_order(packages, tmp_path):  # noqa:
         errors.append(np.abs(found - solved.y[:, -1]).max())
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.35)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(4.0, abs=0.35)
+
+
+def test_header_and_readme_say_what_the_tip_moment_may_do(packages):  # noqa: F811
+    """A matched tip without rates cannot follow one that changes; a lag, or another family, can."""
+    told = {
+        name: [" ".join((packages(name, "double") / file).read_text().split()) for file in files]
+        for name, files in (("contact", FILES), ("tendons", FILES), ("arcs", FILES))
+    }
+    for text in told["contact"]:
+        assert "The tip moment must be the same in every step of a motion" in text
+    for text in (*told["tendons"], *told["arcs"]):
+        assert "must be the same in every step" not in text
+    rates = FingerModel(scene("contact"), family="matched_clothoid", input_rates=True)
+    note = moment_note(Subject.of(rates, "finger", REALS["double"], {}, None, 1))
+    assert "give those of the middle of the step" in note
 
 
 @needs("cc")
@@ -265,6 +340,54 @@ def test_the_configuration_hash_tells_apart_what_computes_differently(tmp_path):
     assert len(set(hashes)) == 4
 
 
+def test_the_number_of_the_interface_changes_with_whatever_a_caller_sees(tmp_path):
+    """The longest step, a range, a name; not with what is computed behind the same header."""
+    made = {
+        name: export_c(given, tmp_path, what=["step"], **more).manifest
+        for name, (given, more) in {
+            "one": (scene("arcs"), {}),
+            "title": (scene("arcs").model_copy(update={"name": "another"}), {}),
+            "substeps": (scene("arcs"), {"substeps": 2}),
+            "gravity": (scene("arcs").model_copy(update={"gravity": (0.0, -9.0)}), {}),
+            "kind": (scene("arcs"), {"real": "float"}),
+        }.items()
+    }
+    assert made["one"]["abi"] == made["title"]["abi"]
+    assert made["one"]["stability"]["longest_step_s"] != made["substeps"]["stability"]["longest_step_s"]
+    assert len({made[name]["abi"] for name in ("one", "substeps", "kind")}) == 3
+    steps = [
+        [made[name]["stability"][f"{kind}_step_s"] for kind in ("longest", "accurate")] for name in ("one", "gravity")
+    ]
+    assert (made["one"]["abi"] == made["gravity"]["abi"]) == (steps[0] == steps[1])
+    assert made["one"]["configuration_hash"] != made["gravity"]["configuration_hash"]
+
+
+@needs("cc")
+def test_another_configuration_is_told_at_run_time(packages, tmp_path):  # noqa: F811
+    finger, library = shared_library(packages("arcs", "double"), tmp_path)
+    stated = json.loads((packages("arcs", "double") / "MANIFEST.json").read_text())["configuration_hash"]
+    asked = {finger.CONFIGURATION: 0, "": -7, stated[:-1]: -7, f"{stated}0": -7, "0" * 16: -7}
+    for configuration, code in asked.items():
+        assert library._c.finger_check_built(ctypes.c_uint32(finger.ABI), configuration.encode()) == code
+    assert library._c.finger_check_built(ctypes.c_uint32(finger.ABI ^ 1), stated.encode()) == Code.ERR_ABI
+    assert library._c.finger_check_built(ctypes.c_uint32(finger.ABI), None) == Code.ERR_NULL
+    with pytest.raises(finger.Error, match="another configuration"):
+        finger.Library(str(tmp_path / "libfinger.so"), configuration="0" * 16)
+    finger.Library(str(tmp_path / "libfinger.so"), configuration=None)
+    (tmp_path / "main.c").write_text('#include "finger.h"\nint main(void) { return finger_check(); }\n')
+    sources = (packages("arcs", "double") / "src").glob("*.c")
+    run(
+        "cc",
+        *STRICT,
+        f"-I{packages('arcs', 'double') / 'include'}",
+        tmp_path / "main.c",
+        *sources,
+        "-o",
+        tmp_path / "main",
+    )
+    run(tmp_path / "main")
+
+
 @needs("cc")
 def test_a_name_means_nothing_to_a_language(tmp_path):
     """What ends a comment, or is syntax of XML, pkg-config or CMake; letters of any script stay."""
@@ -376,5 +499,5 @@ def test_a_wider_parameter_shortens_the_step():
 
 
 def test_the_counted_step_is_that_of_two_arcs():
-    model = two_arcs("double")
+    model = two_arcs()
     assert (model.family, model.n, model.nx, model.nu, model.nw) == ("arc", 2, 4, 2, 2)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
+import json
 import re
 
+import numpy as np
 import pytest
 
+from continuum_grasp.export.codes import Code
 from continuum_grasp.export.reals import REALS
-from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, packages, run  # noqa: F401
+from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, packages, run, shared_library  # noqa: F401
 
 CASES = [("rubbing", "float"), ("contact", "double")]
 COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
@@ -46,7 +50,7 @@ def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(real, comp
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
-    flags = (*STRICT, "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    flags = (*STRICT, "-O1", "-g", SANITIZE, "-fno-sanitize-recover=all")
     vectors, fuzz = compile_programs(compiler, packages("rubbing", "float"), tmp_path, "main fuzz", *flags)
     run(vectors)
     run(fuzz, 5000)
@@ -84,11 +88,13 @@ def test_the_stack_is_bounded(real, packages, tmp_path):  # noqa: F811
 
 
 @needs("cppcheck")
-@pytest.mark.parametrize("real", REALS)
-def test_cppcheck_finds_nothing(real, packages):  # noqa: F811
-    package = packages("rubbing", real)
+@pytest.mark.parametrize(("name", "real"), CASES)
+def test_cppcheck_finds_nothing(name, real, packages):  # noqa: F811
+    package = packages(name, real)
     flags = ("--enable=warning,style,performance,portability", "--std=c99", "--suppress=missingIncludeSystem", "-q")
-    said = run("cppcheck", *flags, "--error-exitcode=3", f"-I{package / 'include'}", package / "src")
+    said = run(
+        "cppcheck", *flags, "--error-exitcode=3", f"-I{package / 'include'}", package / "src", package / "tests/batch.c"
+    )
     assert said == ""
 
 
@@ -125,6 +131,54 @@ def test_a_vector_that_is_changed_fails(packages, tmp_path):  # noqa: F811
     (program,) = compile_programs("cc", package, tmp_path, "main", *STRICT, "-O1")
     said = run(program, expect=1)
     assert re.search(r" [1-9]\d* of +\d+ cases failed", said)
+
+
+@needs("cc")
+@pytest.mark.parametrize("name", ["tendons", "contact", "direct", "arcs"])
+def test_a_state_that_no_step_takes_was_warned_about_and_can_be_drawn(name, packages, tmp_path):  # noqa: F811
+    """Of 20,000 steps up to every limit, those with the warning and no others end where the next one is refused.
+
+    So do single steps and lanes, to the bit.
+    """
+    module, library = shared_library(packages(name, "double"), tmp_path, "-DFINGER_BATCH")
+    limits = json.loads((packages(name, "double") / "MANIFEST.json").read_text())["structs"]
+    rng, count, h = np.random.default_rng(5), 20_000, 1e-3
+    usual = {"tip_moment": 0.1, "tip_moment_rate": 1.0}
+    reach = {
+        part: [field.get("high", usual.get(field["name"], 300.0)) for field in limits[part]]
+        for part in ("state", "input")
+    }
+    states = rng.uniform(-1.02, 1.02, (count, len(reach["state"]))) * reach["state"]
+    inputs = rng.uniform(0.0, 1.02, (count, len(reach["input"]))) * reach["input"]
+    forces = [np.zeros((count, len(limits["forces"])))] if "forces" in limits else []
+
+    def steps(given):
+        following, codes = np.zeros_like(given), np.zeros(count, dtype=np.intc)
+        arrays = [array.ctypes.data_as(ctypes.c_void_p) for array in (given, inputs, *forces)]
+        out = [array.ctypes.data_as(ctypes.c_void_p) for array in (following, codes)]
+        said = library._c.finger_step_batch(
+            ctypes.byref(library.model), *arrays, module.Real(h), *out, ctypes.c_long(count)
+        )
+        assert said == (codes < 0).sum()
+        return following, codes
+
+    following, codes = steps(states)
+    again = steps(following)[1]
+    done, warned = codes >= 0, codes == Code.WARN_LEFT_RANGE
+    assert done.sum() > 5000
+    assert warned.sum() > 20
+    assert np.array_equal((again == Code.ERR_RANGE)[done], warned[done])
+    for k in [*np.flatnonzero(warned)[:200], *range(200)]:
+        acting = module.Input(*inputs[k])
+        more = [module.Forces(*f[k]) for f in forces]
+        if codes[k] < 0:
+            with pytest.raises(module.Error, match=rf"\({codes[k]}\)"):
+                library.step(module.State(*states[k]), acting, *more, h)
+            continue
+        single = library.step(module.State(*states[k]), acting, *more, h)
+        assert (bytes(single), library.code) == (following[k].tobytes(), codes[k])
+        assert np.isfinite([library.tip(single, acting).x, library.section_at(single, acting, 0.05).y]).all()
+        assert library.code == (Code.WARN_LEFT_RANGE if warned[k] else Code.OK)
 
 
 @pytest.mark.parametrize("native", [(), ("-march=native",)], ids=["16 bytes", "as wide as there are"])

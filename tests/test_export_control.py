@@ -22,7 +22,18 @@ from continuum_grasp.mpc.estimator import Estimator
 from continuum_grasp.mpc.status import Status
 from continuum_grasp.scene.control import ControlScene
 from tests.control_cases import Reality
-from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, packages, run, scene, shared_library  # noqa: F401
+from tests.export_cases import (  # noqa: F401
+    SANITIZE,
+    STRICT,
+    WARNINGS,
+    compile_programs,
+    loop_scene,
+    needs,
+    packages,
+    run,
+    scene,
+    shared_library,
+)
 
 CASES = [("observed", "float"), ("given", "double")]
 COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
@@ -32,6 +43,7 @@ CODES = {
     4: Status.ROW_VIOLATED,
     5: Status.PREVIOUS_PLAN,
     6: Status.SAFE_RAMP,
+    8: Status.SOLVED,
 }
 FUNCTIONS = {"observed": ("estimator_step", "mpc"), "given": ("mpc",)}
 
@@ -74,8 +86,8 @@ def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, package
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
-    flags = (*STRICT, "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-    name = {"gcc": ("given", "double"), "clang": ("observed", "float")}[compiler]
+    flags = (*STRICT, "-O1", "-g", SANITIZE, "-fno-sanitize-recover=all")
+    name = {"gcc": ("limited", "float"), "clang": ("observed", "float")}[compiler]
     vectors, fuzz = compile_programs(compiler, packages(*name), tmp_path, "main fuzz", *flags)
     run(vectors)
     run(fuzz, 3000)
@@ -116,8 +128,7 @@ def test_nothing_is_called_or_kept_and_the_stack_is_bounded(name, real, packages
 @needs("cppcheck")
 def test_cppcheck_finds_nothing(packages):  # noqa: F811
     package = packages("observed", "float")
-    flags = ("--enable=warning,performance,portability", "--std=c99", "--suppress=missingIncludeSystem", "-q")
-    flags += ("--suppress=uninitvar",)  # kernels write through arrays of pointers, which it does not follow
+    flags = ("--enable=warning,style,performance,portability", "--std=c99", "--suppress=missingIncludeSystem", "-q")
     said = run("cppcheck", *flags, "--error-exitcode=3", f"-I{package / 'include'}", package / "src/finger_control.c")
     assert said == ""
 
@@ -250,7 +261,7 @@ def test_scratch_needs_no_beginning_and_may_be_shared(libraries):
 def test_settings_that_cannot_be_used_are_refused_and_nothing_changes(field, value, code, libraries):
     finger, library = libraries("given", "double")
     control = finger.Controller(library)
-    rows, x = reference(finger, np.tile([0.5, 0.5, 1.0, 1.0], (9, 1))), finger.Measurement(0.1)
+    rows, x = reference(finger, np.tile([0.5, 0.5, 1.0, 1.0], (9, 1))), finger.Measurement(0.1, 0.0, 0.0, 0.0)
     control.step(x, rows)
     before = control._memory.raw
     kept = getattr(control.head.settings, field)
@@ -267,33 +278,156 @@ def test_what_goes_beside_measurements(libraries):
     """Begin anew at a state, say what was applied, that a command was late; ask for estimate and diagnosis."""
     finger, library = libraries("given", "double")
     c, control = library._c, finger.Controller(library)
-
-    class Diagnosis(ctypes.Structure):
-        _fields_ = [("anomalies", ctypes.c_uint32), ("iterations", ctypes.c_int)] + [
-            (name, finger.Real) for name in ("violation", "residual", "cost")
-        ]
-
     rows = reference(finger, np.tile([0.5, 0.5, 1.0, 1.0], (9, 1)))
-    state, before, said = finger.Measurement(0.4, 0.3, 0.0, 0.0), finger.Command(5.0, 2.0), Diagnosis()
-    memory = control._memory
-    assert c.finger_controller_start(memory, ctypes.byref(state), ctypes.byref(before)) == 0
+    state, before = finger.Measurement(0.4, 0.3, 0.0, 0.0), finger.Command(5.0, 2.0)
+    control.start(state, before)
     control.step(state, rows)
-    assert c.finger_controller_late(memory) == 0
+    control.late()
     control.step(state, rows)
     assert control.code == Code.WARN_PREVIOUS_PLAN
-    assert c.finger_controller_diagnosis(memory, ctypes.byref(said)) == 0
+    said = control.diagnosis()
     assert said.anomalies == 1024
-    assert c.finger_controller_applied(memory, ctypes.byref(finger.Command(99.0, 1.0))) == Code.ERR_RANGE
-    assert c.finger_controller_applied(memory, ctypes.byref(before)) == 0
-    control.step(finger.Measurement(*[math.nan] * 4), rows)
-    estimate = finger.Measurement()
-    assert c.finger_controller_estimate(memory, ctypes.byref(estimate)) == 0
-    assert values(estimate) == values(state)
-    far = finger.Measurement(0.0, 99.0, 0.0, 0.0)
-    assert c.finger_controller_start(memory, ctypes.byref(far), ctypes.byref(before)) == Code.ERR_RANGE
+    assert finger.ANOMALIES[said.anomalies] == "the last command was late"
+    for beyond in (-31.0, 121.0, math.nan):
+        with pytest.raises(finger.Error):
+            control.applied(finger.Command(beyond, 1.0))
+    for applied in (before, finger.Command(0.0, 0.0), finger.Command(-0.01, 60.5)):
+        control.applied(applied)
+    control.step(finger.Measurement(), rows)
+    assert values(control.estimate()) == values(state)
+    with pytest.raises(finger.Error) as caught:
+        control.start(finger.Measurement(0.0, 99.0, 0.0, 0.0), before)
+    assert caught.value.code == Code.ERR_RANGE
     for function, count in (("start", 3), ("applied", 2), ("late", 1), ("estimate", 2), ("diagnosis", 2)):
         assert getattr(c, f"finger_controller_{function}")(*[None] * count) == Code.ERR_NULL
-    assert c.finger_controller_init_abi(memory, ctypes.c_uint32(1)) == Code.ERR_ABI
+    assert c.finger_controller_init_abi(control._memory, ctypes.c_uint32(1)) == Code.ERR_ABI
+    for name in ("measurement", "reference", "command"):
+        assert getattr(c, f"finger_{name}_init_abi")(None, ctypes.c_uint32(finger.ABI)) == Code.ERR_NULL
+        assert getattr(c, f"finger_{name}_init_abi")(control._memory, ctypes.c_uint32(1)) == Code.ERR_ABI
+
+
+@needs("cc")
+@pytest.mark.parametrize("real", REALS)
+def test_drives_that_are_off_are_what_was_applied(real, libraries):
+    """Zero tensions, which cannot be commanded, count: in Python, in the package, in its estimator."""
+    finger, library = libraries("observed", real)
+    python, other = Controller(scene("observed"), precision=real, deadline=math.inf), finger.Controller(library)
+    estimators = Estimator(scene("observed"), precision=real), finger.Estimator(library)
+    y = [-0.02, 0.177, 0.0, 0.0]
+    for _ in range(8):
+        other.applied(finger.Command(0.0, 0.0))
+        command, found = (
+            python.step(y, np.zeros(2 + 2), applied=[0.0, 0.0]),
+            other.step(finger.Measurement(*y), reference(finger, np.zeros((9, 4)))),
+        )
+        assert int(command.anomaly) == other.diagnosis().anomalies
+        expected = estimators[0].step(np.array(y), np.zeros(2))
+        estimate = estimators[1].step(finger.Measurement(*y), finger.Command(0.0, 0.0))
+        limit = 2e-3 if real == "float" else 1e-7
+        assert values(found) == pytest.approx(command.u, rel=limit, abs=20 * limit)
+        assert np.allclose(values(estimate), expected.z, rtol=limit, atol=limit * np.abs(expected.z).max())
+    assert not int(command.anomaly) & 512
+    assert min(values(estimators[1].variance())) > 0.0
+    assert estimators[1].anomalies() == 0
+    estimators[1].start(estimate, finger.Command(0.0, 0.0))
+
+
+@needs("cc")
+def test_what_is_left_out_is_not_measured_and_the_reference_is_that_of_the_scene(libraries):
+    finger, library = libraries("observed", "double")
+    rows = Controller(scene("observed"))._reference.rows(np.zeros(9))
+    short, whole = finger.Controller(library), finger.Controller(library)
+    for k in range(12):
+        tip = {"tip_x": -0.002 * k, "tip_y": 0.18}
+        found = short.step(finger.Measurement(**tip), finger.Reference())
+        expected = whole.step(finger.Measurement(*tip.values(), math.nan, math.nan), reference(finger, rows))
+        assert values(found) == values(expected)
+        assert short.diagnosis().anomalies == 1
+    assert values(finger.Command()) == [1.0, 1.0]
+    with pytest.raises(TypeError, match="Command: tension_2 missing"):
+        finger.Command(tension_1=1.0)
+    with pytest.raises(TypeError, match="has tip_x, tip_y"):
+        finger.Measurement(tip_z=1.0)
+
+
+@needs("cc")
+@pytest.mark.parametrize(("name", "real"), CASES)
+def test_the_ten_lines_of_the_readme_control(name, real, packages, tmp_path):  # noqa: F811
+    """Nothing measured, the set-points of the scene: the command stays finite; the header tells nodes and period."""
+    package = packages(name, real)
+    include, *lines = (
+        re.search("```c\n(.*?)```", (package / "README.md").read_text(), re.DOTALL)[1].strip().splitlines()
+    )
+    body = "\n".join(lines)
+    check = """
+  if (measurement.tip_x == measurement.tip_x || reference.tension_1[FINGER_NODES - 1] != 1) return 100;
+  if (!(FINGER_PERIOD * 100 > 0.999 && FINGER_PERIOD * 100 < 1.001) || FINGER_NODES != 9) return 101;
+  return code;
+"""
+    if name == "given":
+        check = check.replace("tip_x", "theta_1")
+    main = f"{include}\nstatic void report(const char *text) {{ (void)text; }}\nint main(void) {{\n{body}\n{check}}}\n"
+    (tmp_path / "main.c").write_text(main)
+    flags = ("-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{package / 'include'}")
+    run("cc", *flags, tmp_path / "main.c", *(package / "src").glob("*.c"), "-o", tmp_path / "main")
+    run(tmp_path / "main", expect={"observed": 0, "given": int(Code.WARN_SAFE_RAMP)}[name])
+
+
+@needs("cc")
+def test_a_command_beyond_its_settings_is_told(packages, tmp_path):  # noqa: F811
+    """Where limits move faster than the command may; no fuzzed input gives one by another code of a new plan."""
+    package = packages("limited", "float")
+    (fuzz,) = compile_programs("cc", package, tmp_path, "fuzz", *STRICT, "-O1")
+    assert re.search(r"^mpc +0 of 40000 rows failed", run(fuzz, 800_000), re.MULTILINE)
+    finger, library = shared_library(package, tmp_path)
+    control, rows = finger.Controller(library), reference(finger, np.tile([0.9, 0.9, 1.0, 1.0], (9, 1)))
+    x = finger.Measurement(0.0, 0.0, 0.0, 0.0)
+    for _ in range(20):
+        command = control.step(x, rows)
+    top = command.tension_1
+    assert top > 10.0
+    assert control.code < Code.WARN_PREVIOUS_PLAN
+    control.head.settings.most_tension_1 = 6.0
+    tensions = [top]
+    while len(tensions) == 1 or control.code == Code.WARN_BEYOND_LIMIT:
+        tensions.append(control.step(x, rows).tension_1)
+    assert np.diff(tensions)[:-1] == pytest.approx(-3.0, abs=1e-3)  # 300 N/s in 10 ms
+    assert tensions[-2] > 6.0
+    assert tensions[-1] == pytest.approx(6.0, abs=1e-5)
+    assert control.code < Code.WARN_PREVIOUS_PLAN
+
+
+@needs("gcc")
+@pytest.mark.parametrize("stages", [4, 6, 7])
+def test_a_plan_is_not_read_past_its_end(stages, tmp_path):
+    """In single precision N - 1e-3 + 1e-3 may round up to N: with the plan at that very age, the last input goes on."""
+    oldest = np.float32(stages) - np.float32(1e-3)
+    export_c(loop_scene(stages, observed=False), tmp_path / "out", real="float")
+    main = f"""
+#include <stdio.h>
+#include "finger.h"
+static finger_controller c;
+static finger_controller_work work;
+int main(void)
+{{
+  finger_measurement y = {{0}};
+  finger_reference r;
+  finger_command command;
+  float age = {float(oldest)!r}f - 1.0f;
+  int code = finger_controller_init(&c) | finger_reference_init(&r);
+  code = finger_mpc(&c, &work, &y, &r, &command);
+  while (age + 1.0f > {float(oldest)!r}f) age = age * (1 - 6e-8f);
+  c.memory.state.age = age;
+  c.memory.state.blind = 0;
+  finger_controller_late(&c);
+  code = finger_mpc(&c, &work, &y, &r, &command);
+  return code == FINGER_WARN_PREVIOUS_PLAN && command.tension_1 == c.memory.state.plan.u[{stages - 1}][0] ? 0 : 1;
+}}
+"""
+    (tmp_path / "main.c").write_text(main)
+    flags = (*STRICT, "-fsanitize=address,undefined", "-fno-sanitize-recover=all", f"-I{tmp_path / 'out/include'}")
+    run("gcc", *flags, tmp_path / "main.c", *(tmp_path / "out/src").glob("*.c"), "-o", tmp_path / "main")
+    run(tmp_path / "main")
 
 
 @pytest.mark.parametrize(

@@ -45,13 +45,13 @@ def test_every_command_runs(after_all_commands):
     ("k", "name", "main"),
     [
         (0, "finger", "control_start(); return control_tick(3.0f, 1.0f) < 0;"),
-        (1, "control", "return loop_start() < 0 || loop_tick() != 0;"),
+        (1, "control", "return loop_start() < 0 || loop_tick(-0.02f, 0.177f) != 0;"),
     ],
 )
 def test_its_c_compiles_and_runs(k, name, main, after_all_commands, tmp_path):
     place, _ = after_all_commands
     code = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)[k]
-    declared = "void control_start(void);\nint loop_start(void);\nint loop_tick(void);\n"
+    declared = "void control_start(void);\nint loop_start(void);\nint loop_tick(float tip_x, float tip_y);\n"
     (tmp_path / "main.c").write_text(f"{declared}{code}\nint main(void) {{ {main} }}\n")
     package = place / "build" / name
     flags = ("-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{package / 'include'}")

@@ -8,6 +8,7 @@ import re
 import pytest
 
 from continuum_grasp.export import export_c
+from continuum_grasp.export.codes import Code
 from continuum_grasp.export.reals import REALS
 from tests.export_cases import STRICT, compile_programs, needs, packages, run, scene, two_arcs  # noqa: F401
 
@@ -78,7 +79,7 @@ def test_every_vector_to_the_bit_on_a_microcontroller(real, target, tmp_path):
 @needs("arm-none-eabi-gcc", "qemu-system-arm")
 @pytest.mark.parametrize(("real", "target"), COUNTED)
 def test_the_step_takes_no_more_instructions_than_it_did(real, target, tmp_path):
-    made = export_c(two_arcs(real), tmp_path, real=real, target=target, measured=True).manifest["measured"]
+    made = export_c(two_arcs(), tmp_path, real=real, target=target, measured=True).manifest["measured"]
     most = made["functions"]["step"]["most_instructions"]
     assert most < LIMITS[target]
     if COMPILER in made["compiler"]:
@@ -131,7 +132,26 @@ const answers = [one, other].map((c) => c.step({ tip_y: 0.18, tension_1: 1, tens
 let refused = "";
 other.settings.most_tension_1 = 99;
 try { other.step({}, wanted); } catch (error) { refused = error.message; }
-console.log(JSON.stringify({ answers, refused }));
+let missing = "";
+try { one.applied({ tension_1: 1 }); } catch (error) { missing = error.message; }
+const short = finger.new_controller(), whole = finger.new_controller();
+const told = { tip_x: NaN, tip_y: 0.18, tension_1: NaN, tension_2: NaN };
+const same = [];
+for (let k = 0; k < 20; ++k) {
+  const wish = { bending_1: row(0.5) };
+  const commands = [short.step({ tip_y: 0.18 }, wish), whole.step(told, { ...finger.begin("reference"), ...wish })];
+  same.push(JSON.stringify(commands[0]) === JSON.stringify(commands[1]));
+}
+short.late();
+short.applied({ tension_1: 0, tension_2: 0 });
+const late = short.step({ tip_y: 0.18 });
+const beside = { code: late.code, diagnosis: short.diagnosis(), estimate: short.estimate() };
+short.start({ ...finger.begin("estimate"), theta_1: 0.25 }, finger.begin("command"));
+const filter = finger.new_estimator();
+const estimate = filter.step({ tip_y: 0.18 }, { tension_1: 0, tension_2: 0 });
+filter.start(beside.estimate, { tension_1: 0, tension_2: 0 });
+const filtered = { code: estimate.code, variance: filter.variance(), anomalies: filter.anomalies() };
+console.log(JSON.stringify({ answers, refused, missing, same, beside, filtered, begin: finger.begin("reference") }));
 """
     )
     said = run("node", tmp_path / "test.mjs")
@@ -142,6 +162,17 @@ console.log(JSON.stringify({ answers, refused }));
         assert free > 3.0
         assert 1.0 <= limited <= 3.0 + 1e-5
         assert "out of its range (-3)" in used["refused"]
+        assert used["missing"] == "command: tension_2 missing"
+        assert used["same"] == [True] * 20
+        assert used["beside"]["code"] == Code.WARN_PREVIOUS_PLAN
+        assert used["beside"]["diagnosis"]["anomalies"] == 1024 + 1
+        assert used["beside"]["estimate"]["theta_1"] != 0.0
+        assert used["filtered"]["code"] == 0
+        assert used["filtered"]["anomalies"] == 0
+        assert min(used["filtered"]["variance"].values()) > 0.0
+        assert used["begin"] == {"bending_1": [0.0] * 9, "bending_2": [0.0] * 9} | {
+            f"tension_{k}": [1.0] * 9 for k in (1, 2)
+        }
 
 
 @needs("clang", "wasm-ld", "node")
@@ -155,13 +186,15 @@ import { readFile } from "node:fs/promises";
 import { load } from "./finger.mjs";
 const finger = await load(await readFile("finger.wasm"));
 finger.parameters.tip_mass = 0.004;
-const state = { theta_1: 0.3, theta_2: -0.2 }, input = { tension_1: 3, tension_2: 1 };
+const state = { ...finger.begin("state"), theta_1: 0.3, theta_2: -0.2 }, input = { tension_1: 3, tension_2: 1 };
 const tip = finger.section_at(state, input, 0.1).section, rate = finger.dynamics(state, input).rate;
 let refused = "";
-try { finger.dynamics({ theta_1: 99 }, input); } catch (error) { refused = error.message; }
+try { finger.dynamics({ ...state, theta_1: 99 }, input); } catch (error) { refused = error.message; }
 let unknown = "";
 try { finger.dynamics({ theta1: 0 }, input); } catch (error) { unknown = error.message; }
-console.log(JSON.stringify({ tip, rate, refused, unknown, parameters: finger.parameters }));
+let missing = "";
+try { finger.dynamics(state, { tension_1: 3 }); } catch (error) { missing = error.message; }
+console.log(JSON.stringify({ tip, rate, refused, unknown, missing, parameters: finger.parameters }));
 """
     )
     said = json.loads(run("node", "use.mjs", cwd=tmp_path))
@@ -174,3 +207,4 @@ console.log(JSON.stringify({ tip, rate, refused, unknown, parameters: finger.par
     assert list(said["rate"].values()) == pytest.approx([float(v) for v in xd.full().ravel()], rel=1e-9)
     assert "out of its range (-3)" in said["refused"]
     assert "there is no theta1" in said["unknown"]
+    assert said["missing"] == "input: tension_2 missing"

@@ -7,6 +7,7 @@ import re
 import shlex
 import shutil
 import sys
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -106,6 +107,31 @@ def test_the_skeletons_are_c(name, packages, tmp_path):  # noqa: F811
     include = (f"-I{package / 'include'}", f"-I{stand_ins}")
     run("c++", "-std=c++17", "-Wall", "-Wextra", "-fsyntax-only", *include, package / "examples/ros2/src/node.cpp")
     run("cc", "-std=c99", "-Wall", "-Wextra", "-fsyntax-only", *include, package / "examples/simulink/sfun_finger.c")
+
+
+@pytest.mark.parametrize("name", ["rubbing", "observed"])
+def test_a_node_is_built_behind_its_library(name, packages):  # noqa: F811
+    """By what package.xml says to colcon, and find_package to CMake."""
+    package = packages(name, "float")
+    library = ElementTree.parse(package / "package.xml").getroot()
+    (folder,) = (path for path in (package / "examples").glob("ros2*"))
+    node = ElementTree.parse(folder / "package.xml").getroot()
+    assert library.find("name").text == "finger"
+    assert library.find("export/build_type").text == "cmake"
+    assert "finger" in [depend.text for depend in node.findall("depend")]
+    assert "find_package(finger REQUIRED)" in (folder / "CMakeLists.txt").read_text()
+    for version in (library.find("version").text, node.find("version").text):
+        assert re.fullmatch(r"\d+\.\d+\.\d+", version)
+
+
+@needs("colcon")
+def test_colcon_builds_the_library_first(packages, tmp_path):  # noqa: F811
+    """Whatever their folders are called."""
+    package = packages("observed", "float")
+    shutil.copytree(package, tmp_path / "src/z_library")
+    shutil.copytree(package / "examples/ros2_control", tmp_path / "src/a_node")
+    said = run("colcon", "list", "--topological-order", "--names-only", cwd=tmp_path)
+    assert said.split() == ["finger", "finger_control_node"]
 
 
 @needs("c++")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from itertools import pairwise
 
 import casadi as ca
@@ -13,6 +12,7 @@ from grasp_scenes import CONFIGS, PALM, UPRIGHT, WEIGHTLESS, make_scene
 from numpy.testing import assert_allclose
 
 from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.fine import with_elements
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.programme.obstacles import nearest, smooth_support
@@ -185,7 +185,7 @@ def test_resisted_disturbance_against_the_fine_rod(tendons):
         disturbances=Disturbances(wrenches=((0.0, 1.0, 0.0), (0.0, -1.0, 0.0)), tendons=tendons),
     )
     result = optimize_grasp(scene)
-    search = Search(scene, time.monotonic() + 60)
+    search = Search(scene, Budget.of(scene.solver))
     search.run()
     best = search.best
     variable = best.solver.problem.parts.variables["resisted disturbance"]
@@ -211,7 +211,7 @@ def test_a_grasp_is_its_own_start():
     """A start that is made from a grasp leads back to it at once."""
     scene = make_scene(elements=4)
     result = optimize_grasp(scene)
-    search = Search(scene, time.monotonic() + 60)
+    search = Search(scene, Budget.of(scene.solver))
     again = search.attempt(start_from(scene, dict(result.arrays)))
     assert again.certificate.passed
     assert again.arrays["finger.tensions"].sum() == pytest.approx(result.tension, rel=2e-4)

@@ -337,7 +337,7 @@ def test_given_axes_are_used_and_hold_the_numbers():
 def test_saved_files_are_whole(tmp_path):
     result = held()
     save_result(result, tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["meta.json", "result.npz", "result.yaml"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".run.json", "meta.json", "result.npz", "result.yaml"]
     run = read_run(tmp_path)
     assert run.meta["status"] == "optimal"
     assert (run.arrays["contact_forces"] == result.arrays["contact_forces"]).all()
@@ -362,7 +362,7 @@ def test_command_saves_a_failure_and_says_so(tmp_path, monkeypatch, status):
     assert f"too heavy (status: {status})" in done.output
     assert "0.46 kg" in done.output
     found = {path.name for path in tmp_path.iterdir()}
-    assert found == {"result.npz", "meta.json", "result.yaml", "grasp.png", "report.html"}
+    assert found == {".run.json", "result.npz", "meta.json", "result.yaml", "grasp.png", "report.html"}
     assert read_run(tmp_path).meta["status"] == status
     assert "Why there is no grasp" in (tmp_path / "report.html").read_text(encoding="utf-8")
 

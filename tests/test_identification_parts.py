@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from continuum_grasp.errors import SolverError
+from continuum_grasp.errors import NumericalError, SolverError
 from continuum_grasp.identification import Frequencies, Poses, Reading, fit_damped_sine
 from continuum_grasp.identification.blocks import PosesBlock, VibrationBlock
 from continuum_grasp.identification.inference import infer
@@ -52,6 +52,41 @@ def test_search_takes_shorter_steps_where_the_model_fails():
         return np.array([v[0] ** 2 - 3.9]), np.array([[2.0 * v[0]]])
 
     assert search(fails, [0.1]).values == pytest.approx([math.sqrt(3.9)])
+
+
+@pytest.mark.parametrize("seed", [42, 243, 375, 806, 1066, 1130, 1154, 1318, 1335, 1481])
+def test_search_along_bounds_ends_where_the_gradient_leads_outwards(seed):
+    """Curved residuals whose steps bounds cut off, so that the quadratic model predicts no decrease or hardly any.
+
+    Each of these draws ended in an OverflowError. The conditions of optimality are checked by central differences.
+    """
+    draw = np.random.default_rng(seed)
+    slopes, levels, steepness = draw.normal(size=(3, 2)), 3.0 * draw.normal(size=3), draw.uniform(0.5, 4.0)
+
+    def residuals(v):
+        y = slopes @ v
+        return np.tanh(steepness * y) - levels, (steepness / np.cosh(steepness * y) ** 2)[:, None] * slopes
+
+    found = search(residuals, draw.uniform(-1.0, 1.0, 2), -1.0, 1.0)
+    assert found.converged
+    cost = [[np.sum(residuals(found.values + h * e)[0] ** 2) for h in (-1e-5, 1e-5)] for e in np.eye(2)]
+    gradient = np.diff(cost, axis=1).ravel() / 2e-5
+    inside = np.where(
+        found.values >= 1.0,
+        np.maximum(gradient, 0.0),
+        np.where(found.values <= -1.0, np.minimum(gradient, 0.0), gradient),
+    )
+    assert inside == pytest.approx(0.0, abs=1e-5)
+
+
+def test_search_takes_shorter_steps_where_derivatives_are_not_finite():
+    def residuals(v):
+        return np.array([v[0] - 2.0]), np.array([[1.0 if v[0] < 1.2 else np.inf]])
+
+    found = search(residuals, [0.9])
+    assert found.values[0] == pytest.approx(1.2, abs=1e-6)
+    with pytest.raises(NumericalError, match="start values"):
+        search(residuals, [1.5])
 
 
 def test_search_of_unseen_directions_leaves_them():

@@ -12,6 +12,7 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.identification import Estimate, Fit, data_folder
 from continuum_grasp.identification.folder import VARIABLE
+from continuum_grasp.scene.identify import IdentifyScene
 
 CONFIGS = Path(__file__).parents[1] / "configs/identify"
 FOLDER = data_folder()
@@ -158,3 +159,40 @@ def test_tendon_steps_tell_a_deadband_and_no_friction():
     assert 0.3 < fit["tension_deadband"] < 1.0  # nothing moves below 0.65 to 0.95 N above the pretension
     assert any("hardly see tendon_friction" in warning for warning in fit.warnings)
     assert math.degrees(fit.holdout_errors[0].largest) > 10.0  # the other tendon bends by 20 % more
+
+
+# -- Notched nitinol wrist of the COMET lab: a scene that no configuration describes -----------------------------------
+
+
+@pytest.mark.parametrize("stiffness", [1e-4, 1e-5])
+@pytest.mark.parametrize("friction", [1.0, 0.0])
+def test_friction_deadband_and_stiffness_of_a_notched_wrist_from_awkward_starts(stiffness, friction):
+    """From 1e-4 N m2 and a friction of 1 the search ended in an OverflowError; the others tell where it has to end."""
+    path = FOLDER / "niti_notched_wrist/wrist_C.csv"
+    if not path.exists():
+        pytest.skip(f"{path.name} is not in the folder that {VARIABLE} names, {FOLDER}")
+    scene = IdentifyScene(
+        schema_version=1,
+        finger={
+            "rod": {"length": 0.010, "linear_density": 0.005, "bending_stiffness": 1e-5},
+            "tendons": {"offset": 0.0014, "max_tension": 20.0},
+        },
+        gravity=(0.0, 0.0),
+        fidelity={"family": "clothoid", "elements": 2},
+        estimate=({"name": "bending_stiffness"},),
+        data=(
+            {
+                "kind": "static",
+                "conditions": [{"name": "tension_1", "column": "tension_N", "unit": "N"}],
+                "measured": [{"quantity": "bend", "column": "total_deg", "unit": "deg"}],
+            },
+        ),
+    )
+    estimates = [
+        Estimate(name="bending_stiffness", start=stiffness),
+        Estimate(name="tendon_friction", start=friction),
+        Estimate(name="tension_deadband", start=0.3),
+    ]
+    fit = cg.identify(scene, path, parameters=estimates, loss="huber")
+    assert fit["bending_stiffness"] == pytest.approx(1.026e-5, rel=0.01)
+    assert fit.errors[0].rms == pytest.approx(0.0933, rel=0.01)

@@ -624,13 +624,15 @@ def test_names_of_a_full_model():
 
 def test_defaults():
     model = FingerModel(UNIT)
-    assert (model.family, model.lengths, model.nw) == ("matched_clothoid", (0.5, 0.5), 2)
+    assert (model.family, model.lengths, model.nw) == ("clothoid", (0.5, 0.5), 2)
     assert model.ranges == pytest.approx((2 * math.pi / 3,) * 2)
     assert FingerModel(UNIT, contacts=(0.2, 0.7)).lengths == pytest.approx((0.2, 0.5, 0.3))
     assert FingerModel(UNIT, contacts=(0.2,), elements=3).lengths == pytest.approx((0.2, 0.4, 0.4))
     rubbing = UNIT.model_copy(update={"tendons": Tendons(offset=0.01, max_tension=1.0, friction=0.1)})
     assert FingerModel(rubbing).family == "clothoid"
-    assert float(FingerModel(UNIT).gravity([0.0, 0.0], [1.0], [])[0]) < 0.0  # it falls the way it is bent
+    assert FingerModel(UNIT, input_rates=False).family == "matched_clothoid"
+    bent = FingerModel(UNIT, family="matched_clothoid")
+    assert float(bent.gravity([0.0, 0.0], [1.0], [])[0]) < 0.0  # it falls the way it is bent
 
 
 def test_a_scene_supplies_and_keywords_override():

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import signal
 import threading
+import time
 
 import casadi as ca
 import numpy as np
@@ -156,6 +158,28 @@ def test_inputs_keep_their_limits_and_rates():
     assert np.abs(np.diff(u)).max() > 3.99 * scene.duration / scene.intervals
 
 
+def test_least_time_of_held_inputs_reports_by_how_much_they_lead_the_drive():
+    """Against the plan whose inputs do not jump: held inputs gain an interval at most."""
+    asked = {
+        "objective": "least_time",
+        "duration": {"least": 0.02, "most": 0.3},
+        "goal": {"bending": (0.5,), "end": "held"},
+    }
+    held, ramps = (
+        plan(small(**asked, input={"moment_max": 0.3, "rate_max": 1.0, "form": form})) for form in ("hold", "linear")
+    )
+    interval = held.duration / held.scene.intervals
+    assert 0.5 * interval < ramps.duration - held.duration < 1.05 * interval
+    assert "up to one interval longer" in held.message
+    (told,) = held.warnings
+    assert (
+        f"at the end): a drive that keeps input.rate_max = 1 N m/s needs up to one interval ({1e3 * interval:.3g} ms)"
+        in told
+    )
+    assert "input.form: linear" in told
+    assert (ramps.message, ramps.warnings) == ("solved", ())
+
+
 def test_least_time_shrinks_with_the_limits():
     asked = KINDS["least_time"] | {"method": "collocation"}
     times = [plan(two_arcs(**asked, input={"moment_max": m})).duration for m in (0.15, 0.2, 0.3)]
@@ -252,12 +276,27 @@ def test_failure_is_told_by_the_status_where_that_is_wanted():
 
 
 @pytest.mark.parametrize(
-    ("solver", "text"), [({"max_iterations": 2}, "iterations were used up"), ({"time_limit": 1e-6}, "time was up")]
+    ("solver", "status", "text"),
+    [
+        ({"max_iterations": 2}, PlanStatus.NOT_SOLVED, "iterations were used up"),
+        ({"max_total_iterations": 2}, PlanStatus.NOT_SOLVED, "solver.max_total_iterations"),
+        ({"time_limit": 1e-6}, PlanStatus.TIMED_OUT, "solver.time_limit"),
+    ],
 )
-def test_solver_that_is_stopped_is_told(solver, text):
+def test_solver_that_is_stopped_is_told(solver, status, text):
     found = plan(two_arcs(solver=solver), raise_on_failure=False)
-    assert found.status is PlanStatus.NOT_SOLVED
+    assert found.status is status
     assert text in found.message
+
+
+@pytest.mark.parametrize(("changes", "status"), [({}, PlanStatus.OPTIMAL), ({"duration": 0.02}, PlanStatus.INFEASIBLE)])
+def test_a_busy_machine_gives_the_same_plan_bit_by_bit(monkeypatch, changes, status):
+    calm, readings = plan(two_arcs(**changes), raise_on_failure=False), itertools.count()
+    monkeypatch.setattr(time, "monotonic", lambda: 10.0 * next(readings))  # s
+    busy = plan(two_arcs(**changes), raise_on_failure=False)
+    assert calm.status is busy.status is status
+    assert calm.x.tobytes() == busy.x.tobytes()
+    assert (calm.message, calm.violated, calm.iterations) == (busy.message, busy.violated, busy.iterations)
 
 
 def test_interrupt_gives_what_there_is():

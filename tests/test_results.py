@@ -27,7 +27,7 @@ def names(folder: Path) -> list[str]:
 
 def test_round_trip(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "deep" / "run", ARRAYS, META)
-    assert names(folder) == ["meta.json", "result.npz"]
+    assert names(folder) == [".run.json", "meta.json", "result.npz"]
     run = read_run(folder)
     assert run.arrays.keys() == ARRAYS.keys()
     for name, value in ARRAYS.items():
@@ -167,7 +167,7 @@ def fail_at(monkeypatch: pytest.MonkeyPatch, name: str, call: int) -> None:
 
 
 @pytest.mark.parametrize("old", [False, True])
-@pytest.mark.parametrize(("name", "call"), [("fsync", k) for k in range(1, 6)] + [("replace", k) for k in (1, 2)])
+@pytest.mark.parametrize(("name", "call"), [("fsync", k) for k in range(1, 6)] + [("replace", k) for k in range(1, 6)])
 def test_raising_in_the_middle_leaves_one_whole_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, call: int, old: bool
 ) -> None:
@@ -214,7 +214,10 @@ write_run(folder, {"a": np.ones(9)}, {"seed": 1})
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SIGKILL")
-@pytest.mark.parametrize(("name", "call", "seed"), [("fsync", 1, 0), ("replace", 1, 0), ("replace", 2, 1)])
+@pytest.mark.parametrize(
+    ("name", "call", "seed"),
+    [("fsync", 1, 0), *(("replace", k, 0) for k in (1, 2, 3)), ("replace", 4, 1), ("replace", 5, 1)],
+)
 def test_killed_in_the_middle_leaves_one_whole_run(tmp_path: Path, name: str, call: int, seed: int) -> None:
     write_run(tmp_path, {"a": np.zeros(5)}, {"seed": 0})
     root = Path(__file__).resolve().parents[1]

@@ -95,6 +95,7 @@ def test_functions_of_time_take_the_place_of_references():
         ({"bending": lambda t: (0.0, 0.0)}, "functions.bending"),
         ({"tip": lambda t: (0.0, 0.0, 0.0)}, "t = 0.5 s: expected 2 finite entries"),
         ({"tip": lambda t: (math.nan, 0.0)}, "expected 2 finite entries"),
+        ({"tip": lambda t: np.array([1j, 0.0])}, "t = 0.5 s: expected numbers"),
     ],
 )
 def test_wrong_functions_are_refused(functions, said):

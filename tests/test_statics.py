@@ -220,6 +220,8 @@ def test_a_guess_selects_the_shape_and_must_fit():
     scene = pressed(load, "matched_clothoid", 2)
     left = equilibrium(scene)
     assert equilibrium(scene, guess=-left.q).q == pytest.approx(-left.q, rel=1e-7)
+    with pytest.raises(InputError, match="guess: expected real numbers"):
+        equilibrium(scene, guess=left.q + 0j)
     with pytest.raises(InputError, match="guess: expected 2 finite entries"):
         equilibrium(scene, guess=[1.0])
 

@@ -1,6 +1,6 @@
-"""The supervisor: what it reports of loops that a wrong plant or a broken sensor drives, and that it is silent otherwise.
+"""The supervisor: what it reports of loops with a wrong plant or a broken sensor, and that it is silent otherwise.
 
-Each loop is that of ``configs/mpc/steady_tip.yaml`` at the weight of the command's rate that docs/control.md recommends.
+Each loop is that of ``configs/mpc/steady_tip.yaml``.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from continuum_grasp.scene.load import load
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
 
 SCENE = "configs/mpc/steady_tip.yaml"
-CALM = "controller.cost.input_rate=5e-4"
+OFF = np.array([0.1, 0.0, 0.0, 0.0])
 START = 1.0
 """Time at which faults begin [s]."""
 
 
 @lru_cache
 def controller(*changes: str) -> Controller:
-    return Controller(load(SCENE, (CALM, *changes)), deadline=math.inf)
+    return Controller(load(SCENE, changes), deadline=math.inf)
 
 
 class Faulty(Plant):
@@ -57,7 +57,7 @@ class Faulty(Plant):
 
 
 def run(*changes: str, duration=3.0, **faults):
-    scene = load(SCENE, (CALM, f"duration={duration}", *changes))
+    scene = load(SCENE, (f"duration={duration}", *changes))
     control = controller(*[c for c in changes if not c.startswith("plant.")])
     return closed_loop(scene, controller=control, plant=Faulty(scene, **faults) if faults else None)
 
@@ -90,7 +90,8 @@ def test_wrong_plants_are_held(change):
 
 def test_a_wrong_lag_is_held_at_a_hasty_weight_too():
     """The loop that once swung by 95 mm with 279 of 300 commands solved and nothing else said."""
-    scene = load(SCENE, ("plant.time_constant=0.01",))
+    with pytest.warns(UserWarning, match="input_rate"):
+        scene = load(SCENE, ("plant.time_constant=0.01", "controller.cost.input_rate=5e-5"))
     found = closed_loop(scene, controller=Controller(scene, deadline=math.inf))
     assert error(found) < 2e-3
     assert first(found, "mismatch", "detuned") < 0.3
@@ -113,23 +114,22 @@ def scaled(plant, y):
     return y * [1.05, 1.05, 1.0, 1.0]
 
 
-# Reported within and tripped within, after the fault [s]: twice what the trials took, or never.
+# Reported within and tripped within, after the fault [s].
 FAULTS = {
-    "tip axes swapped": ({"sensors": swapped((0, 1))}, 0.1, 1.5, {"contradicted", "away", "swinging"}),
-    "tensions swapped": ({"sensors": swapped((2, 3))}, 0.1, 2.2, {"contradicted", "away", "swinging"}),
-    "commands swapped": ({"commands": lambda u: u[::-1]}, 0.16, 3.5, {"contradicted", "away", "swinging"}),
-    "tip stuck": ({"sensors": stuck(0, 1)}, 0.3, 0.7, {"unseen"}),
-    "tip_x stuck": ({"sensors": stuck(0)}, 0.3, 0.7, {"unseen"}),
-    "a tension stuck": ({"sensors": stuck(2)}, 0.3, math.inf, {"none"}),
-    "camera's scale 5 % wrong": ({"sensors": scaled}, 0.12, 1.8, {"contradicted", "away", "swinging"}),
+    "tip axes swapped": ({"sensors": swapped((0, 1))}, 0.1, 1.5),
+    "tensions swapped": ({"sensors": swapped((2, 3))}, 0.1, 2.0),
+    "commands swapped": ({"commands": lambda u: u[::-1]}, 0.16, 2.0),
+    "tip stuck": ({"sensors": stuck(0, 1)}, 0.3, 0.7),
+    "tip_x stuck": ({"sensors": stuck(0)}, 0.3, 0.7),
+    "a tension stuck": ({"sensors": stuck(2)}, 0.3, math.inf),
+    "camera's scale 5 % wrong": ({"sensors": scaled}, 0.12, 1.8),
 }
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_faults_are_reported_and_end_in_the_safe_state(fault):
-    faults, reported, tripped, _ = FAULTS[fault]
+    faults, reported, tripped = FAULTS[fault]
     found = run(duration=START + min(max(tripped, 1.0), 3.5) + 0.5, **faults)
-    assert "ok" in found.health[: round(START / found.period)]
     assert set(found.health[: round(START / found.period)]) == {"ok"}
     assert first(found, "mismatch", "detuned", "frozen", "tripped") - START < reported
     if math.isinf(tripped):
@@ -179,6 +179,7 @@ def test_all_sensors_may_be_gone_for_fifty_periods():
 
 def test_the_gate_changes_no_nominal_command():
     closed, opened = run(), run("estimator.outlier=100")
+    assert np.ptp(closed.u) > 1.0
     assert np.array_equal(closed.u, opened.u)
     assert set(closed.health) == {"ok"}
 
@@ -206,7 +207,7 @@ def test_a_trip_stays_until_it_is_left_and_is_part_of_the_saved_state():
     plant = Faulty(scene, sensors=swapped((0, 1)), start=0.5)
     control.reset()
     saved = b""
-    for k in range(300):
+    for _ in range(300):
         command = control.step(plant.measure())
         plant.advance(command.u)
         if command.health == Health.TRIPPED and not saved:
@@ -220,17 +221,23 @@ def test_a_trip_stays_until_it_is_left_and_is_part_of_the_saved_state():
     control.restore(saved)
     assert control.step(None).health == Health.TRIPPED
 
-    # The cable is put right, the finger rests, the estimator agrees again: then, and only then, it goes on.
+    # The cable is put right; once the estimator agrees again, and not before, the trip can be left.
     plant._sensors = None
-    left = [control.rearm() or control.step(plant.measure()) and False for _ in range(400) if plant.advance([1.0, 1.0]).size]
-    assert True in left
-    assert left.index(True) > 20
-    for _ in range(300):
+    waited = 0
+    while not control.rearm():
         command = control.step(plant.measure())
         plant.advance(command.u)
-    assert command.health == Health.DETUNED  # on the top rung, until it was calm for a while
-    assert command.rung == 2
-    assert np.linalg.norm(plant.sensors.exact(plant.x, command.u, np.zeros(0))[:2] - [-0.0827, 0.1515]) < 4e-3
+        waited += 1
+        assert waited < 400
+    assert command.mismatch < 1.5
+    assert waited > 20
+    command = control.step(plant.measure())
+    assert (command.health, command.rung) == (Health.DETUNED, 2)
+    for _ in range(200):
+        plant.advance(command.u)
+        command = control.step(plant.measure())
+    assert not command.fallback
+    assert np.linalg.norm(plant.measure()[:2] - [-0.0827, 0.1515]) < 4e-3
 
 
 def test_half_the_call_rate_is_noticed_by_the_clock():
@@ -268,20 +275,20 @@ def test_verdicts_are_those_of_the_device():
         y = plant.measure()
         plant.advance(control.step(y).u)
     state, y = control.save_state(), plant.measure()
-    control.step(y + [0.1, 0.0, 0.0, 0.0])
-    command = control.step(y + [0.1, 0.0, 0.0, 0.0])
+    control.step(y + OFF)
+    command = control.step(y + OFF)
     assert command.anomaly == Anomaly.OUTLIER
     assert command.anomalies == ("tip_x: outlier rejected",)
     assert command._part("verdict").tolist() == [Verdict.OUTLIER, Verdict.ALONE, Verdict.USED, Verdict.USED]
     # Both of its axes are rejected: the other's value is of no matter.
     control.restore(state)
-    one = control.step(y + [0.1, 0.0, 0.0, 0.0]).estimate.x
+    one = control.step(y + OFF).estimate.x
     control.restore(state)
-    assert np.array_equal(one, control.step(y + [0.1, 5e-4, 0.0, 0.0]).estimate.x)
+    assert np.array_equal(one, control.step(y + OFF + np.array([0.0, 5e-4, 0.0, 0.0])).estimate.x)
 
 
 def test_single_precision_judges_alike():
-    scene = load(SCENE, (CALM, "duration=3.0"))
+    scene = load(SCENE, ("duration=3.0",))
     single = Controller(scene, precision="float", deadline=math.inf)
     faults = {"sensors": swapped((0, 1))}
     found = closed_loop(scene, controller=single, plant=Faulty(scene, **faults))

@@ -27,14 +27,15 @@ def accuracy(
 
     output = Output(as_json, quiet)
     scene = plain_scene(config, changes)
-    folder = run_folder(out, config)
+    folder = run_folder(out, config, "accuracy")
 
     from continuum_grasp.fidelity.report import COUNTS
     from continuum_grasp.fidelity.report import accuracy as measure
 
     with output.busy("measuring") as report:
         found = measure(scene, counts=[count for count in COUNTS if count <= most], progress=report)
-    files = found.save(folder)
+    with output.saving(folder):
+        files = found.save(folder)
     output.say(found.markdown())
     output.say(f"saved in {folder}: {', '.join(file.name for file in files)}")
     output.result(

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import sys
 import warnings
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-from continuum_grasp import __version__
+from continuum_grasp import __version__, interrupt
 from continuum_grasp.cli.accuracy import accuracy
 from continuum_grasp.cli.codegen import codegen
 from continuum_grasp.cli.doctor import doctor
@@ -28,7 +31,7 @@ __all__ = ["app", "main"]
 
 SOLVER_FAILED = 1
 BAD_INPUT = 2
-INTERRUPTED = 130
+INTERRUPTED = interrupt.STATUS
 
 
 class _Verbs(TyperGroup):
@@ -44,9 +47,10 @@ class _Verbs(TyperGroup):
             typer.echo(str(error) or "interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None
         except OSError as error:
-            if error.filename is None:
+            if error.errno == errno.EPIPE:  # nobody reads on, as with head; click ends without a word
                 raise
-            typer.echo(f"error: {error.filename}: {error.strerror}", err=True)
+            where = "" if error.filename is None else f"{error.filename}: "
+            typer.echo(f"error: {where}{error.strerror or error}", err=True)
             raise typer.Exit(BAD_INPUT) from None
 
 
@@ -100,6 +104,22 @@ def _say_warning(message: Warning | str, category: type[Warning], *place: Any, *
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line; Ctrl-C ends it with status 130, also where all was done when it was pressed."""
     warnings.showwarning = _say_warning
-    app(prog_name="continuum-grasp")
+    with interrupt.listening(command=True):
+        try:
+            app(prog_name="continuum-grasp")
+        except SystemExit as end:
+            _end_output()
+            if interrupt.was_pressed() and end.code != INTERRUPTED:
+                typer.echo("interrupted", err=True)
+                raise SystemExit(INTERRUPTED) from None
+            raise
+
+
+def _end_output() -> None:
+    """Drop what standard output cannot take: the interpreter would fail over it once more."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

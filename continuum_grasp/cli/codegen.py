@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from continuum_grasp.cli.options import Config, Json, Quiet, Set
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
 from continuum_grasp.cli.output import Output, run_folder
 
 __all__ = ["codegen"]
@@ -17,11 +15,7 @@ def codegen(
     config: Config,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Folder for the files (default: NAME-OF-CONFIG_c); they are replaced.",
-        ),
+        out_option("Folder for the files (default: runs/codegen/NAME-OF-CONFIG); they are replaced."),
     ] = None,
     changes: Set = None,
     as_json: Json = False,
@@ -32,7 +26,7 @@ def codegen(
 
     output = Output(as_json, quiet)
     scene, _ = simulation_scene(config, changes, output)
-    folder = run_folder(out if out is not None else Path(f"{config.stem}_c"), config)
+    folder = run_folder(out, config, "codegen")
 
     from continuum_grasp.core import codegen as write
     from continuum_grasp.model import FingerModel

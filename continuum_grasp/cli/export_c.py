@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import Config, Json, Quiet, Set
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
 from continuum_grasp.cli.output import Output, run_folder
 from continuum_grasp.errors import InputError
 
@@ -19,7 +19,7 @@ def export_c(
     config: Config,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of the package (default: NAME-OF-CONFIG_c)."),
+        out_option("Folder of the package (default: runs/export-c/NAME-OF-CONFIG)."),
     ] = None,
     real: Annotated[
         str | None, typer.Option("--real", metavar="float|double", help="What to compute in (default: the target's).")
@@ -63,7 +63,7 @@ def export_c(
     output = Output(as_json, quiet)
     loaded = load(config, changes or ())
     scene = loaded if isinstance(loaded, ControlScene) else simulation_scene(config, changes, output)[0]
-    folder = run_folder(out if out is not None else Path(f"{config.stem}_c"), config)
+    folder = run_folder(out, config, "export-c")
 
     from continuum_grasp.export import export_c as write
 
@@ -82,6 +82,7 @@ def export_c(
             measured=measure,
         )
     made = package.manifest
+    errors = [f["relative_error"] for f in made["functions"].values() if "relative_error" in f]
     if (made["configuration"].get("object") is not None) and not {"estimator", "mpc"}.issuperset(made["parts"]):
         output.say("the object of the scene is no part of the model: what it presses with is given as forces")
     output.pairs(
@@ -91,7 +92,7 @@ def export_c(
             "configuration": made["configuration_hash"],
             **_limits(made),
             "test cases": sum(f["test_cases"] for f in made["functions"].values()),
-            "greatest error": f"{max(f['relative_error'] for f in made['functions'].values()):g}",
+            **({"greatest relative error": f"{max(errors):g}"} if errors else {}),
         }
     )
     for name, found in ((made["measured"] or {}).get("functions", {})).items():

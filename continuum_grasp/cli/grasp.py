@@ -36,24 +36,20 @@ def grasp(
     output = Output(as_json, quiet, verbose)
     seeding = [] if seed is None else [f"solver.random_seed={seed}"]
     scene = grasp_scene(config, [*(changes or ()), *seeding])
-    folder = run_folder(out, config)
+    folder = run_folder(out, config, "grasp")
 
     from continuum_grasp.grasp import optimize_grasp
 
     with output.busy("searching"):
         result = optimize_grasp(scene, raise_on_failure=False, fine=fine)
-    from continuum_grasp.grasp.report.report import save_result
-    from continuum_grasp.grasp.report.report_files import save_pictures
+    with output.saving(folder):  # the grasp is safe before what can be computed again
+        from continuum_grasp.grasp.report.report import save_result
+        from continuum_grasp.grasp.report.report_files import save_pictures
 
-    save_result(result, folder, quality=False)  # the grasp is safe before what can be computed again
-    files = []
-    try:
+        save_result(result, folder, quality=False)
+    with output.drawing(folder):
         save_result(result, folder)
-        if pictures:
-            with output.busy("drawing"):
-                files = save_pictures(result, folder)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"interrupted; the result is saved in {folder}") from None
+        files = save_pictures(result, folder) if pictures else []
 
     statistics: dict[str, Any] = dict(result.statistics)
     output.warn(result.warnings)

@@ -36,7 +36,7 @@ def identify(
     """Estimate parameters from measurements, with confidence intervals."""
     output = Output(as_json, quiet, verbose)
     scene, document = _scene(config, changes)
-    folder = run_folder(out, config)
+    folder = run_folder(out, config, "identify")
 
     from continuum_grasp.errors import InputError
     from continuum_grasp.identification import identify as run
@@ -50,10 +50,11 @@ def identify(
             raise
         path = undotted(error.key)
         raise document.nearest(path).error(error.message, path) from None
-    fit.save(folder)
+    with output.saving(folder):
+        fit.save(folder)
     files: list[Path] = []
     if pictures:
-        with output.busy("drawing"):
+        with output.drawing(folder):
             files = fit.plot(folder)
     _report(fit, folder, files, output)
 

@@ -34,11 +34,13 @@ def carry_out(scene: MissionScene, folder: Path, animation: str | None, pictures
             run = run_mission(scene, grasp=grasp, progress=report)
     except (Interrupted, NumericalError) as error:
         if error.result is not None:
-            error.result.save(folder)
+            with output.saving(folder):
+                error.result.save(folder)
             typer.echo(f"what was done until then is in {folder}", err=True)
         raise
-    run.save(folder)
-    with output.busy("drawing"):
+    with output.saving(folder):
+        run.save(folder)
+    with output.drawing(folder):
         files = run.plot(folder) if pictures else []
         if animation:
             files.append(run.animate(folder / f"animation.{animation}"))
@@ -72,7 +74,10 @@ def _grasp(scene: MissionScene, output: Output) -> GraspResult:
     from continuum_grasp.grasp import optimize_grasp
 
     with output.busy("optimising the grasp"):
-        return optimize_grasp(scene.grasp)
+        found = optimize_grasp(scene.grasp)
+    if found.statistics["interrupted"]:
+        raise KeyboardInterrupt("interrupted while the grasp was optimised")
+    return found
 
 
 def _tell(run: MissionRun, folder: Path, files: list[Path], output: Output) -> None:
@@ -107,12 +112,13 @@ def _tell_outcomes(scene: MissionScene, outcomes: list[Outcome], folder: Path, p
     from continuum_grasp.mpc.mission.outcomes import save_trials, summarize
 
     found = summarize(outcomes)
-    files = [save_trials(outcomes, folder)]
+    with output.saving(folder):
+        files = [save_trials(outcomes, folder)]
     if pictures:
         from continuum_grasp.plotting.mission_trials import plot_trials
         from continuum_grasp.plotting.pictures import save_picture
 
-        with output.busy("drawing"):
+        with output.drawing(folder):
             files.append(save_picture(plot_trials(outcomes), folder / "trials.png"))
     output.pairs(found.pairs())
     for k in found.failed[:_SHOWN]:

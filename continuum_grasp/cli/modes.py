@@ -6,9 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from continuum_grasp.cli.options import Config, Json, Quiet, Set
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
 from continuum_grasp.cli.output import Output, run_folder
 
 if TYPE_CHECKING:
@@ -21,7 +19,7 @@ __all__ = ["modes"]
 def modes(
     config: Config,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Save modes and their picture in this folder.")
+        Path | None, out_option("Save modes and their picture in this folder; an earlier run of modes is replaced.")
     ] = None,
     changes: Set = None,
     as_json: Json = False,
@@ -33,6 +31,8 @@ def modes(
     output = Output(as_json, quiet)
     scene, note = simulation_scene(config, changes, output, vibrates=True)
 
+    folder = None if out is None else run_folder(out, config, "modes")
+
     from continuum_grasp.simulation import modes as find
 
     with output.busy("finding modes"):
@@ -40,7 +40,7 @@ def modes(
     output.warn(found.warnings)
     if not found.stable:
         output.warn(["the equilibrium is unstable"])
-    files = _save(found, scene, note, run_folder(out, config)) if out is not None else []
+    files = _save(found, scene, note, folder, output) if folder is not None else []
     output.table(
         ("mode", "frequency [Hz]", "damping ratio"),
         (
@@ -61,13 +61,16 @@ def modes(
     )
 
 
-def _save(found: Modes, scene: Scene, note: str, folder: Path) -> list[Path]:
+def _save(found: Modes, scene: Scene, note: str, folder: Path, output: Output) -> list[Path]:
     from continuum_grasp.plotting import plot_modes, save_picture
     from continuum_grasp.results import write_run
 
     names = ("frequencies_hz", "damping_ratios", "backbone", "shapes")
-    meta: dict[str, Any] = {"config": scene.model_dump(mode="json"), "status": "stable" if found.stable else "unstable"}
+    meta: dict[str, Any] = {"kind": "modes", "config": scene.model_dump(mode="json")}
+    meta["status"] = "stable" if found.stable else "unstable"
     if note:
         meta["statistics"] = {"fidelity": note}
-    write_run(folder, {name: getattr(found, name) for name in names}, meta)
-    return [save_picture(plot_modes(found), folder / "modes.png")]
+    with output.saving(folder):
+        write_run(folder, {name: getattr(found, name) for name in names}, meta)
+    with output.drawing(folder):
+        return [save_picture(plot_modes(found), folder / "modes.png")]

@@ -68,7 +68,7 @@ def mpc(
     if animation not in (None, "gif", "mp4"):
         raise InputError(f"expected gif or mp4, got {animation!r}", key="--animate")
     scene = _scene(config, [*(changes or ()), *_settings(seed, trials)])
-    folder = run_folder(out, config)
+    folder = run_folder(out, config, "mpc")
     if isinstance(scene, MissionScene):
         if compare:
             raise InputError("is not for missions", key="--compare")
@@ -89,11 +89,13 @@ def mpc(
             run = closed_loop(scene, progress=report)
     except (NumericalError, Interrupted) as error:
         if error.result is not None:
-            error.result.save(folder)
+            with output.saving(folder):
+                error.result.save(folder)
             typer.echo(f"what was computed until then is in {folder}", err=True)
         raise
-    run.save(folder)
-    with output.busy("drawing"):
+    with output.saving(folder):
+        run.save(folder)
+    with output.drawing(folder):
         files = run.plot(folder) if pictures else []
         if animation:
             files.append(run.animate(folder / f"animation.{animation}"))

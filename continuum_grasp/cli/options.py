@@ -3,24 +3,45 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-__all__ = ["Config", "Json", "Out", "Quiet", "Set", "Verbose"]
+__all__ = ["Config", "Json", "Out", "Quiet", "Set", "Verbose", "named_path", "out_option"]
 
-Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="YAML configuration.", show_default=False)]
+
+def named_path(text: str | Path) -> Path:
+    """A path that is given by its name; an empty one would be the working directory.
+
+    Raises
+    ------
+    typer.BadParameter
+        The name is empty.
+    """
+    if not str(text):
+        raise typer.BadParameter("expected a path, got an empty text")
+    return Path(text)
+
+
+def out_option(explained: str) -> Any:
+    """``--out`` with its own explanation."""
+    return typer.Option("--out", metavar="DIR", parser=named_path, help=explained)
+
+
+Config = Annotated[
+    Path, typer.Argument(metavar="CONFIG", parser=named_path, help="YAML configuration.", show_default=False)
+]
 Out = Annotated[
     Path | None,
-    typer.Option(
-        "--out",
-        metavar="DIR",
-        help="Folder of the run (default: runs/NAME-OF-CONFIG); a run in it is replaced.",
-    ),
+    out_option("Folder of the run (default: runs/COMMAND/NAME-OF-CONFIG); an earlier run of the command is replaced."),
 ]
 Set = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY.PATH=VALUE", help="Change one entry of the configuration; repeatable."),
+    typer.Option(
+        "--set",
+        metavar="KEY.PATH=VALUE",
+        help="Change one entry of the configuration; repeatable. Paths are relative to the configuration.",
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import threading
 import time
@@ -15,6 +16,7 @@ from typing import Any
 import typer
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.interrupt import held
 
 __all__ = ["Output", "run_folder"]
 
@@ -36,7 +38,7 @@ class Output:
     def say(self, text: str) -> None:
         """Print text for people."""
         if not (self.quiet or self.as_json):
-            typer.echo(text)
+            _print(text)
 
     def pairs(self, rows: Mapping[str, Any]) -> None:
         """Print names and values in two columns."""
@@ -66,7 +68,24 @@ class Output:
         if self.as_json:
             from continuum_grasp.results.plain import plain
 
-            typer.echo(json.dumps(plain(values), indent=2, allow_nan=False))
+            _print(json.dumps(plain(values), indent=2, allow_nan=False))
+
+    @contextmanager
+    def saving(self, folder: Path) -> Iterator[None]:
+        """Save what was computed, and let Ctrl-C wait for that."""
+        with held(quietly=True) as pressed:
+            yield
+        if pressed():
+            raise KeyboardInterrupt(f"interrupted; the result is saved in {folder}")
+
+    @contextmanager
+    def drawing(self, folder: Path) -> Iterator[None]:
+        """Work on what can be drawn again; Ctrl-C says where the numbers are."""
+        try:
+            with self.busy("drawing"):
+                yield
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"interrupted; the result is saved in {folder}") from None
 
     @contextmanager
     def busy(self, what: str) -> Iterator[Callable[[float], None]]:
@@ -88,6 +107,14 @@ class Output:
             watcher.join()
 
 
+def _print(text: str) -> None:
+    try:
+        typer.echo(text)
+    except OSError as error:
+        error.filename = error.filename or "standard output"
+        raise
+
+
 def _show_progress(what: str, done: threading.Event, shares: list[float]) -> None:
     start = time.monotonic()
     if done.wait(_PATIENCE):
@@ -106,9 +133,25 @@ def _show_progress(what: str, done: threading.Event, shares: list[float]) -> Non
                 progress.update(task)
 
 
-def run_folder(out: Path | None, config: Path) -> Path:
-    """The folder of a run: as asked, or named after its configuration."""
-    folder = out if out is not None else Path("runs") / config.stem
-    if folder.exists() and not folder.is_dir():
-        raise InputError("expected a folder, got a file", file=str(folder))
+def run_folder(out: Path | None, config: Path, command: str) -> Path:
+    """The folder of a run: as asked, or named after command and configuration; nothing is written yet.
+
+    Raises
+    ------
+    InputError
+        It is no folder, cannot be written, or belongs to another command: a folder holds one run.
+    """
+    from continuum_grasp.results.record import kind_of_run
+
+    folder = out if out is not None else Path("runs") / command / config.stem
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not there.is_dir():
+        raise InputError("expected a folder, got a file", file=str(there))
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError("this folder cannot be written", file=str(there))
+    kind = kind_of_run(folder)
+    if kind not in (None, command):
+        raise InputError(
+            f"the folder holds what continuum-grasp {kind} wrote; take another one, or remove it", file=str(folder)
+        )
     return folder

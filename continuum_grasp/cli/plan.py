@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set, Verbose
+from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set, Verbose, named_path
 from continuum_grasp.cli.output import Output, run_folder
 
 if TYPE_CHECKING:
@@ -23,10 +23,14 @@ def plan(
     out: Out = None,
     changes: Set = None,
     warm: Annotated[
-        Path | None, typer.Option("--warm", metavar="DIR", help="Run folder of a plan from which to begin.")
+        Path | None,
+        typer.Option("--warm", metavar="DIR", parser=named_path, help="Run folder of a plan from which to begin."),
     ] = None,
     grasp: Annotated[
-        Path | None, typer.Option("--grasp", metavar="DIR", help="Run folder of the grasp that is to be carried out.")
+        Path | None,
+        typer.Option(
+            "--grasp", metavar="DIR", parser=named_path, help="Run folder of the grasp that is to be carried out."
+        ),
     ] = None,
     animation: Annotated[
         str | None,
@@ -47,7 +51,7 @@ def plan(
     if animation not in (None, "gif", "mp4"):
         raise InputError(f"expected gif or mp4, got {animation!r}", key="--animate")
     scene = _scene(config, changes)
-    folder = run_folder(out, config)
+    folder = run_folder(out, config, "plan")
 
     from continuum_grasp.mpc.plan import plan as run
 
@@ -56,12 +60,14 @@ def plan(
             found = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
     except Interrupted as error:
         if error.result is not None:
-            error.result.save(folder)
+            with output.saving(folder):
+                error.result.save(folder)
             typer.echo(f"what was found until then is in {folder}", err=True)
         raise
-    found.save(folder)
+    with output.saving(folder):
+        found.save(folder)
     files: list[Path] = []
-    with output.busy("drawing"):
+    with output.drawing(folder):
         if pictures:
             files += found.plot(folder)
         if animation:

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from continuum_grasp.cli.options import out_option
+from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 __all__ = ["schema"]
@@ -21,17 +23,19 @@ def schema(
             show_default=False,
         ),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Write all schemas into this folder.")
-    ] = None,
+    out: Annotated[Path | None, out_option("Write all schemas into this folder.")] = None,
 ) -> None:
     """JSON Schema of the configurations, for editors."""
-    from continuum_grasp.scene.schema import KINDS, schema_text, write_schemas
+    from continuum_grasp.results import replacing
+    from continuum_grasp.scene.schema import KINDS, schema_text
 
+    output = Output()
     if (kind is None) == (out is None):
         raise InputError(f"expected either one of {', '.join(KINDS)}, or --out DIR")
     if kind is not None:
-        typer.echo(schema_text(kind), nl=False)
+        output.say(schema_text(kind).rstrip("\n"))
     elif out is not None:
-        for path in write_schemas(out):
-            typer.echo(str(path))
+        for name in KINDS:
+            with replacing(out / f"{name}.json") as temporary:
+                temporary.write_text(schema_text(name), encoding="utf-8")
+            output.say(str(out / f"{name}.json"))

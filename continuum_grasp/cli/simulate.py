@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -40,7 +41,7 @@ def simulate(
     scene, note = simulation_scene(config, changes, output)
     if scene.time is None:
         raise InputError("a simulation needs time: {duration: ..., step: ...}", file=str(config), key="time")
-    folder = run_folder(out, config)
+    folder = run_folder(out, config, "simulate")
 
     from continuum_grasp.simulation import simulate as run
 
@@ -49,7 +50,8 @@ def simulate(
             trajectory = run(scene, progress=report)
     except (NumericalError, Interrupted) as error:
         if error.result is not None:
-            error.result.save(folder)
+            with output.saving(folder):
+                error.result.save(folder)
             typer.echo(f"what was computed until then is in {folder}", err=True)
         raise
     if note:
@@ -59,12 +61,13 @@ def simulate(
 
 
 def _save(trajectory: Trajectory, folder: Path, animation: str | None, pictures: bool, output: Output) -> list[Path]:
-    trajectory.save(folder)
+    with output.saving(folder):
+        trajectory.save(folder)
     files: list[Path] = []
     if pictures or animation:
         from continuum_grasp.plotting import animate, save_simulation_pictures
 
-        with output.busy("drawing"):
+        with output.drawing(folder):
             if pictures:
                 files += save_simulation_pictures(trajectory, folder)
             if animation:
@@ -82,6 +85,7 @@ def _report(trajectory: Trajectory, folder: Path, files: list[Path], output: Out
             "status": trajectory.status,
             "time": f"{trajectory.t[-1]:g} s in {len(trajectory.t) - 1} steps",
             "tip at the end": f"({x:.4f}, {y:.4f}) m",
+            "time error": _time_error(trajectory),
             "energy": f"{energy[0]:.6g} J at the start, {energy[-1]:.6g} J at the end",
             "saved in": f"{folder}",
             "pictures": ", ".join(file.name for file in files) or "none",
@@ -95,7 +99,16 @@ def _report(trajectory: Trajectory, folder: Path, files: list[Path], output: Out
         duration=float(trajectory.t[-1]),
         steps=len(trajectory.t) - 1,
         tip=[float(x), float(y)],
+        time_error=trajectory.time_error,
         energy=[float(energy[0]), float(energy[-1])],
         warnings=list(trajectory.warnings),
         statistics=statistics,
     )
+
+
+def _time_error(trajectory: Trajectory) -> str:
+    """The error that the steps in time leave, in words."""
+    error = trajectory.time_error
+    if not math.isfinite(error):
+        return "not known"
+    return f"about {error:.2g} of the length, {1e3 * error * trajectory.length:.2g} mm"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import Config, Json, Quiet, Set, Verbose
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, Verbose, out_option
 from continuum_grasp.cli.output import Output, run_folder
 
 if TYPE_CHECKING:
@@ -26,11 +26,7 @@ def sweep(
     config: Config,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            help="Folder of the sweep (default: runs/NAME-OF-CONFIG); one that was stopped goes on.",
-        ),
+        out_option("Folder of the sweep (default: runs/sweep/NAME-OF-CONFIG); one that was stopped goes on."),
     ] = None,
     changes: Set = None,
     workers: Annotated[
@@ -58,7 +54,7 @@ def sweep(
     output = Output(as_json, quiet, verbose)
     if keep not in ("all", "failed", "none"):
         raise InputError(f"expected all, failed or none, got {keep!r}", key="--keep")
-    folder = run_folder(out, config)
+    folder = run_folder(out, config, "sweep")
     if plot_only:
         table = _stored(config, folder, changes or [])
     else:
@@ -76,7 +72,7 @@ def sweep(
             )
     files: list[Path] = []
     if pictures or plot_only:
-        with output.busy("drawing"):
+        with output.drawing(folder):
             files = table.plot(folder)
     _report(table, files, output)
 
@@ -85,10 +81,15 @@ def _stored(config: Path, folder: Path, changes: list[str]) -> SweepTable:
     """The table as it is, with the pictures that the configuration asks for now."""
     from dataclasses import replace
 
+    from continuum_grasp.results import begin_run
     from continuum_grasp.sweeps import sweep_table
+    from continuum_grasp.sweeps.export import CSV
+    from continuum_grasp.sweeps.folder import PLAN
     from continuum_grasp.sweeps.read import plan_of
 
-    return replace(sweep_table(folder), pictures=plan_of(config, changes).pictures)
+    table = replace(sweep_table(folder), pictures=plan_of(config, changes).pictures)
+    begin_run(folder, "sweep", kept=(PLAN, CSV))
+    return table
 
 
 def _report(table: SweepTable, files: list[Path], output: Output) -> None:

@@ -9,13 +9,25 @@ import os
 import shutil
 import stat
 import tempfile
+import time
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
 from continuum_grasp.core.compiler import Compiler
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
 __all__ = ["cache_folder", "library_for", "private_folder"]
+
+_LOCK = "lock"
+_LONGEST_BUILD = 2.0 * 3600.0
+"""Age at which a build is over where locks do not tell [s]; a compiler is stopped after half an hour."""
 
 
 def cache_folder(kind: str = "compiled") -> Path:
@@ -51,14 +63,15 @@ def library_for(source: str, compiler: Compiler) -> Path:
     CompileError
         If the compiler refuses the source.
     OSError
-        If no cache folder can be written.
+        If no cache folder can be written, or the disk is full.
     """
     folder = private_folder()
+    _remove_left_builds(folder)
     key = hashlib.sha256(compiler.identity(source).encode()).hexdigest()
     library, record = folder / f"{key}.so", folder / f"{key}.json"
     if _sound(library, record, key):
         return library
-    with tempfile.TemporaryDirectory(dir=folder, prefix="build-") as work:
+    with _build_folder(folder) as work:
         code, built = Path(work) / "code.c", Path(work) / "code.so"
         code.write_text(source)
         compiler.build(code, built)
@@ -70,6 +83,38 @@ def library_for(source: str, compiler: Compiler) -> Path:
         os.replace(built, library)
         os.replace(kept, record)
     return library
+
+
+@cache
+def _remove_left_builds(folder: Path) -> None:
+    """Remove, once in a process, the folders of builds that were killed."""
+    for left in folder.glob("build-*"):
+        with suppress(OSError):
+            if _is_left(left):
+                shutil.rmtree(left)
+
+
+@contextmanager
+def _build_folder(folder: Path) -> Iterator[Path]:
+    """A folder for one build, with a locked file in it; the system unlocks that however the process ends."""
+    with tempfile.TemporaryDirectory(dir=folder, prefix="build-") as name:
+        work = Path(name)
+        with open(work / _LOCK, "wb") as file:
+            if fcntl is not None:
+                with suppress(OSError):  # file systems without locks
+                    fcntl.flock(file, fcntl.LOCK_EX)
+            yield work
+
+
+def _is_left(build: Path) -> bool:
+    """Whether nobody works in a folder of a build any more."""
+    if time.time() - build.lstat().st_mtime > _LONGEST_BUILD:
+        return True
+    if fcntl is None:
+        return False
+    with open(build / _LOCK, "rb") as file:  # a folder so young that it has none yet raises
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return True
 
 
 def private_folder(kind: str = "compiled") -> Path:

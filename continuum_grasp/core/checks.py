@@ -15,10 +15,12 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.finger_model import FUNCTIONS, FingerModel
 from continuum_grasp.model.system import SYSTEM_FUNCTIONS, System
 
-__all__ = ["Sections", "finite", "functions_of", "model_of", "positive", "whole"]
+__all__ = ["Sections", "check_moment", "finite", "functions_of", "model_of", "positive", "whole"]
 
 _SNAP = 1e-9
 """Part of the finger's length by which a position may lie off it."""
+_ROUNDING = 1e-12
+"""Part of the greatest input by which a constant moment may vary [1]."""
 
 
 class Sections:
@@ -63,6 +65,35 @@ class Sections:
         wrong = np.flatnonzero(~np.broadcast_to(within, np.shape(s)).ravel()) if np.size(s) > 1 else np.zeros(1, int)
         worst, its = (np.broadcast_to(v, np.shape(within)).ravel()[wrong[0]] for v in (s, length))
         raise InputError(f"{self._name}: s: expected a position from 0 to the length {its:g} m, got {worst:g}")
+
+
+def check_moment(model: FingerModel, u: NDArray[np.float64]) -> None:
+    """Refuse a tip moment that varies in time where the model takes it to be constant.
+
+    Parameters
+    ----------
+    model : FingerModel
+    u : (rollouts, rows, nu) ndarray
+        Inputs in time.
+
+    Raises
+    ------
+    InputError
+        If it varies by more than rounding.
+    """
+    structure = model.structure
+    if not structure.moment_is_constant or u.shape[1] < 2:
+        return
+    offset = model.finger.tendons.offset if model.finger.tendons is not None else 0.0
+    moment = offset * (u[:, :, 0] - u[:, :, 1]) if structure.inputs.tendons else u[:, :, 0]
+    couples = u[:, :, structure.inputs.count - structure.inputs.couples : structure.inputs.count].sum(axis=-1)
+    if np.ptp(moment + couples, axis=1).max() <= _ROUNDING * np.abs(u).max() * (offset or 1.0):
+        return
+    raise InputError(
+        "u: the tip moment varies, which the tip of this matched_clothoid would not follow (a model without input "
+        "rates takes the moment to be constant): use family='clothoid', input_rates=True with rows of values, rates "
+        "and accelerations, or tendons.time_constant"
+    )
 
 
 def model_of(given: Any) -> FingerModel:

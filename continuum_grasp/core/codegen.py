@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -25,6 +28,11 @@ _TAKEN |= {"extern", "float", "for", "goto", "if", "inline", "int", "long", "reg
 _TAKEN |= {"signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile"}
 _TAKEN |= {"while"}
 """Words that cannot be the prefix: C's own, and the name of the example."""
+_CONSTANT_MOMENT = """\
+ *
+ * The tip moment must not change during a motion: this model (matched_clothoid without input rates) takes it to be
+ * constant. For inputs that vary take family clothoid, tendons.time_constant, or a model with input rates.
+"""
 
 
 def codegen(
@@ -63,11 +71,17 @@ def codegen(
     Raises
     ------
     InputError
-        If the prefix is no identifier or a vector has the wrong size.
+        If the prefix is no identifier, a vector has the wrong size, or the folder holds something else.
+    OSError
+        If the files cannot be written.
     NumericalError
         If the example does not stay finite.
     """
+    from continuum_grasp.results import begin_run, kind_of_run, replacing
+
     model_of(model)
+    if kind_of_run(folder) not in (None, "codegen"):
+        raise InputError(f"the folder holds a run of {kind_of_run(folder)}; take another one", file=str(folder))
     if not isinstance(prefix, str) or not prefix.isidentifier() or not prefix.isascii() or prefix in _TAKEN:
         raise InputError(f"prefix: expected a C identifier that is free, got {prefix!r}")
     steps = whole("steps", steps)
@@ -76,17 +90,34 @@ def codegen(
     )
     step = step_function(model.forward_dynamics, "rk4")
     text = _example(model, prefix, step, steps, start, inputs, forces)
-    target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
     options = {"with_header": True, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator(f"{prefix}.c", options)
     for name in FUNCTIONS:
         generator.add(_renamed(getattr(model, name), f"{prefix}_{name}"))
     generator.add(_renamed(step, f"{prefix}_rk4_step"))
-    generator.generate(f"{target}/")
-    example = target / "main.c"
-    example.write_text(text)
-    return [target / f"{prefix}.c", target / f"{prefix}.h", example]
+    source, header = _generated(generator, prefix)
+    target, files = begin_run(folder, "codegen", kept=None), []  # there may be another prefix
+    for name, content in ((f"{prefix}.c", source), (f"{prefix}.h", header), ("main.c", text)):
+        with replacing(target / name) as temporary:
+            temporary.write_text(content)
+        files.append(target / name)
+    return files
+
+
+def _generated(generator: ca.CodeGenerator, prefix: str) -> tuple[str, str]:
+    """Source and header; CasADi writes them to files only, and says nothing where the disk is full.
+
+    Raises
+    ------
+    OSError
+        The files are not whole.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        generator.generate(f"{folder}/")
+        texts = [(Path(folder) / f"{prefix}.{suffix}").read_text() for suffix in ("c", "h")]
+    if not all(text.endswith("#endif\n") for text in texts):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), folder)
+    return texts[0], texts[1]
 
 
 def _renamed(function: ca.Function, name: str) -> ca.Function:
@@ -125,7 +156,7 @@ def _example(
  * w: {_list(model.w_names)}
  * p: {_list(model.p_names)}
  * s: position along the finger [m], h: step [s]; model: {model.family}, elements of {_list(map(str, model.lengths))} m
- */
+{_CONSTANT_MOMENT if model.structure.moment_is_constant else ""} */
 #include <stdio.h>
 #include "{prefix}.h"
 

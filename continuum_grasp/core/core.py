@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.call import Caller, pointers, real_array, shaped
-from continuum_grasp.core.checks import Sections, finite, functions_of, positive, whole
+from continuum_grasp.core.checks import Sections, check_moment, finite, functions_of, positive, whole
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
 from continuum_grasp.core.integrators import METHODS, step_function
 from continuum_grasp.core.precision import SingleRange, check_solvable, precision_of
@@ -21,6 +21,7 @@ from continuum_grasp.core.rollouts import Rollouts, row, signal
 from continuum_grasp.core.source import batch_source, entry, function_source, rollout_source, rollouts_source
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel, System
+from continuum_grasp.model.remade import Remade
 
 __all__ = ["Core", "compile"]
 
@@ -64,7 +65,7 @@ def compile(model: FingerModel | System, functions: Sequence[str] | None = None,
     return core
 
 
-class Core:
+class Core(Remade):
     """The functions of a model on numpy arrays, compiled where there is a C compiler.
 
     Every function of the model is a method of the same name, with the model's inputs as positional or keyword
@@ -257,7 +258,8 @@ class Core:
         Raises
         ------
         InputError
-            If shapes do not fit, numbers of steps are not whole, or something given is not finite.
+            If shapes do not fit, numbers of steps are not whole, something given is not finite, or the tip moment
+            varies where the model takes it to be constant (``input_rates`` of ``FingerModel``).
         NumericalError
             If a state is not finite; ``result`` holds the states before it.
         """
@@ -270,6 +272,7 @@ class Core:
         steps, substeps, step = whole("steps", steps), whole("substeps", substeps), positive("step", step)
         rows = 2 * steps * substeps + 1
         inputs = signal("u", u, model.nu, rows, None if single else len(start))
+        check_moment(self._finger_model, inputs.rows)
         forces = signal("w", w, model.nw, rows, None if single else len(start))
         parameters = row("p", model.p_nominal if p is None else p, model.np)
         if self.precision == "float":

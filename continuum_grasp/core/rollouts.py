@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.core.call import pointer, real_array
+from continuum_grasp.core.call import pointer, pointers, real_array
 from continuum_grasp.core.checks import finite
 from continuum_grasp.errors import InputError
 
@@ -36,8 +37,11 @@ class Rollouts:
     def __init__(self, step: ca.Function, library: ctypes.CDLL | None, single: bool) -> None:
         self._step = step
         self._single = single
-        self._code = None
+        self._code = self._levels = None
         if library is not None:
+            if single:
+                self._levels = getattr(library, f"{step.name()}_levels")
+                self._levels.restype = None
             self._code = getattr(library, f"{step.name()}_rollout{'' if single else 's'}")
             self._code.restype = ctypes.c_longlong if single else None
 
@@ -64,6 +68,60 @@ class Rollouts:
             own_w = (pointer(w.rows), whole(w.in_time), whole(w.per_rollout))
             kept_at = ctypes.c_void_p(kept.ctypes.data)
             self._code(whole(len(x0)), *begin, *own_u, *own_w, *tail, kept_at)
+        return states, kept
+
+    def levels(
+        self,
+        x0: Array,
+        ratios: Sequence[int],
+        every: int,
+        keep: int,
+        sub: int,
+        h: float,
+        u: Signal,
+        w: Signal,
+        p: Array,
+    ) -> tuple[list[Array], NDArray[np.int64]]:
+        """The same motion in steps of several lengths, in one call.
+
+        Parameters
+        ----------
+        x0 : (levels, nx) ndarray
+            State at the start, of each level.
+        ratios : sequence of int
+            Length of the steps of each level, per h; 1 for the first.
+        every : int
+            Kept states of the first level from one that the others keep to the next.
+        keep, sub, h, u, w, p
+            As for one rollout; rows of u and w are at half steps of h.
+
+        Returns
+        -------
+        list of ndarray
+            States of each level.
+        kept : (levels,) ndarray
+            How many of them are finite, after the first.
+        """
+        whole, counts = ctypes.c_longlong, [keep if r == 1 else keep // every for r in ratios]
+        states = [np.full((count + 1, x0.shape[1]), np.nan) for count in counts]
+        kept = np.zeros(len(states), dtype=np.int64)
+        if self._levels is None:
+            for k, (r, count) in enumerate(zip(ratios, counts, strict=True)):
+                own = sub if r == 1 else sub * every // r
+                us, ws = (one.rows[0][:: r if one.in_time else 1] for one in (u, w))
+                states[k][0] = x0[k]
+                if count:
+                    kept[k] = self._on_virtual_machine(states[k], x0[k], count, own, h * r, us, ws, p)
+            return states, kept
+        work = np.empty(max(self._step.sz_w(), 1))
+        integers = np.empty(max(self._step.sz_iw(), 1), dtype=np.int64)
+        lengths, places = np.array(ratios, dtype=np.int64), pointers(states)
+        begin = (whole(len(ratios)), ctypes.c_void_p(lengths.ctypes.data), whole(every), whole(keep), whole(sub))
+        signals = (pointer(u.rows), whole(u.in_time), pointer(w.rows), whole(w.in_time))
+        tail = (pointer(p), ctypes.c_void_p(integers.ctypes.data), pointer(work), places)
+        start = np.ascontiguousarray(x0)
+        kept_at = ctypes.c_void_p(kept.ctypes.data)
+        self._levels(*begin, ctypes.c_double(h), pointer(start), *signals, *tail, kept_at)
         return states, kept
 
     def _on_virtual_machine(

@@ -128,7 +128,8 @@ def rollout_source(step: ca.Function, real: str = "double") -> str:
     ``step`` has inputs x, u and w at the start, the middle and the end of the step, p and h, and the next x as output.
     Inputs are rows at half steps (a stride of zero repeats one row). Every ``sub``-th state is kept. The result is the
     number of kept states after the first; fewer than asked for mean that the next one is not finite. The state stays
-    in ``real`` from step to step.
+    in ``real`` from step to step. ``NAME_levels`` does the same with steps of several lengths: ``ratio`` times h, the
+    longer ones kept at every ``every``-th instant only.
     """
     nx, nu, nw, n_p = (step.nnz_in(k) for k in (0, 1, 4, 7))
     code, before, inputs = _generated(step), "", _DOUBLE_INPUTS
@@ -160,6 +161,16 @@ long long {step.name()}_rollout(long long keep, long long sub, double h, const d
     for (int j = 0; j < {nx}; ++j) X[(k + 1) * {nx} + j] = (double)x[j];
   }}
   return keep;
+}}
+void {step.name()}_levels(long long levels, const long long *ratio, long long every, long long keep, long long sub,
+    double h, const double *x0, const double *u, long long us, const double *w, long long ws, const double *p,
+    long long *iw, double *work, double *const *X, long long *kept)
+{{
+  for (long long l = 0; l < levels; ++l) {{
+    const long long r = ratio[l], e = r == 1 ? 1 : every;
+    kept[l] = {step.name()}_rollout(keep / e, sub * e / r, h * (double)r, x0 + l * {nx}, u, us * r, w, ws * r, p,
+        iw, work, X[l]);
+  }}
 }}
 """
 

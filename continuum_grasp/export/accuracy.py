@@ -1,37 +1,149 @@
-"""How far what a package computes is from the same in double precision."""
+"""How far what a package computes in single precision is from double precision, per output."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.part import Call
+from continuum_grasp.export.codes import Code
+from continuum_grasp.export.part import Argument, Call
 from continuum_grasp.export.reals import REALS, Real
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.vectors import arguments_of, sample, split
+from continuum_grasp.export.vectors import arguments_of, reach_of, split
 
-__all__ = ["check_errors", "rounding_errors"]
+__all__ = ["OutputError", "check_errors", "error_bounds", "sampled_rows", "worst_of"]
 
-_ROWS = 256
+Array = NDArray[Any]
+
+_CHUNK = 2048
+"""Rows that are evaluated at once: the reference implementation keeps every intermediate value of a kernel."""
+_UNIFORM, _ENDS = 2, 4
+"""Chunks of rows drawn uniformly, and of rows with half of their entries at an end of their range."""
+_CLIMBS = 2
+"""Further chunks, each of rows around the worst ones so far: rounding grows with the condition, which is smooth."""
+_BEST = 8
+"""Worst rows of each output that a climb starts from."""
+_STRIDE = 0.1
+"""Standard deviation of a climb, in shares of the range."""
+_MARGIN = 2.0
+"""Bound over the greatest error found. Of 8 models the greatest in 200,000 further rows was 0.2 to 0.6 of it."""
 
 
-def rounding_errors(subject: Subject, narrow: Call, wide: Call, seed: int) -> float:
-    """Greatest difference between a function's twins in the package's precision and in double.
+@dataclass(frozen=True)
+class OutputError:
+    """Rounding error of one field of an output.
 
-    Relative to the greatest value of each output over rows that cover the ranges; both start from the same rounded
-    inputs.
+    Attributes
+    ----------
+    name, unit : str
+    bound : float
+        Greatest difference from double precision, in the unit of the field.
+    greatest : float
+        Greatest absolute value within the ranges.
+    """
+
+    name: str
+    unit: str
+    bound: float
+    greatest: float
+
+    @property
+    def relative(self) -> float:
+        """The bound per the greatest value."""
+        return self.bound / self.greatest if self.greatest > 0.0 else 0.0
+
+
+def error_bounds(subject: Subject, narrow: Call, wide: Call, seed: int) -> tuple[OutputError, ...]:
+    """Bound the rounding errors of a function in single precision, per field of its output.
+
+    The bound is twice the greatest error of some ten thousand rows that cover the ranges and their corners, rounded up.
+    What has no range is sampled up to the size of usual values (``Field.scale``).
+
+    Parameters
+    ----------
+    subject : Subject
+    narrow, wide : Call
+        The function in single and in double precision.
+    seed : int
+    """
+    rng = np.random.default_rng((seed, 1))
+    arguments = arguments_of(subject, narrow)
+    chunks = [sampled_rows(arguments, rng, _CHUNK, ends=k >= _UNIFORM) for k in range(_UNIFORM + _ENDS)]
+    best: list[list[tuple[float, Array]]] = [[] for _ in range(narrow.output.size)]
+    greatest, low_high = np.zeros(narrow.output.size), reach_of(arguments)
+    for k in range(_UNIFORM + _ENDS + _CLIMBS):
+        rows = chunks[k] if k < len(chunks) else _around([row for held in best for _, row in held], *low_high, rng)
+        rows = rows.astype(subject.real.dtype)
+        off, size = differences(subject, narrow, wide, rows)
+        greatest = np.maximum(greatest, size.max(axis=0))
+        for j, held in enumerate(best):
+            held += [(float(off[i, j]), rows[i]) for i in np.argsort(off[:, j])[-_BEST:]]
+            held.sort(key=lambda one: -one[0])
+            del held[_BEST:]
+    return _by_field(narrow.output, np.array([held[0][0] for held in best]), greatest)
+
+
+def sampled_rows(arguments: Sequence[Argument], rng: np.random.Generator, count: int, *, ends: bool) -> Array:
+    """Rows over the ranges of the arguments, drawn uniformly or with half of the entries at the ends."""
+    low, high = reach_of(arguments)
+    rows = rng.uniform(low, high, (count, len(low)))
+    if not ends:
+        return rows
+    picked = rng.integers(0, 4, rows.shape)
+    return np.where(picked == 0, low, np.where(picked == 1, high, rows))
+
+
+def differences(subject: Subject, narrow: Call, wide: Call, rows: Array) -> tuple[Array, Array]:
+    """Absolute differences and absolute values in double (count, outputs).
+
+    Zero in rows that are refused, and in those of which a code warns that they are out of range or leave it.
     """
     arguments = arguments_of(subject, narrow)
-    rows = sample(subject, arguments, seed, _ROWS).astype(subject.real.dtype)
-    found, codes = narrow.twin(split(rows, arguments))
-    true, _ = wide.twin(split(rows.astype(REALS["double"].dtype), arguments))
-    good = codes >= 0
-    found, true = found[good].astype(float), true[good]
-    scale = np.abs(true).max(axis=0)
-    return float((np.abs(found - true).max(axis=0) / np.where(scale > 0.0, scale, 1.0)).max())
+    given = split(rows, list(arguments))
+    found, codes = narrow.twin(given)
+    true, _ = wide.twin(split(rows.astype(REALS["double"].dtype), list(arguments)))
+    good = ((codes >= 0) & (codes != Code.WARN_LEFT_RANGE))[:, None]
+    with np.errstate(invalid="ignore"):
+        return np.where(good, np.abs(found - true), 0.0), np.where(good, np.abs(true), 0.0)
 
 
-def check_errors(real: Real, errors: dict[str, float], asked: float) -> None:
+def _around(rows: Sequence[Array], low: Array, high: Array, rng: np.random.Generator) -> Array:
+    """Rows near some, half of their entries moved, within the ranges."""
+    start = np.array(rows, dtype=float)[rng.integers(0, len(rows), _CHUNK)]
+    moved = start + _STRIDE * (high - low) * rng.standard_normal(start.shape) * rng.integers(0, 2, start.shape)
+    return np.asarray(np.clip(moved, low, high))
+
+
+def _by_field(output: Argument, off: Array, greatest: Array) -> tuple[OutputError, ...]:
+    found, at = [], 0
+    for field in output.fields:
+        here = slice(at, at + field.size)
+        bound = _rounded_up(_MARGIN * float(off[here].max()))
+        found.append(OutputError(field.name, field.unit, bound, float(f"{greatest[here].max():.2g}")))
+        at += field.size
+    return tuple(found)
+
+
+def _rounded_up(value: float) -> float:
+    """Two digits."""
+    if not value > 0.0:
+        return 0.0
+    digits = 1 - math.floor(math.log10(value))
+    return float(f"{math.ceil(value * 10.0**digits) / 10.0**digits:.2g}")
+
+
+def worst_of(errors: Mapping[str, tuple[OutputError, ...]]) -> dict[str, float]:
+    """Greatest relative error of each function."""
+    return {name: max(one.relative for one in outputs) for name, outputs in errors.items()}
+
+
+def check_errors(real: Real, errors: Mapping[str, float], asked: float) -> None:
     """Whether the functions are as accurate as asked.
 
     Raises
@@ -39,6 +151,8 @@ def check_errors(real: Real, errors: dict[str, float], asked: float) -> None:
     InputError
         If one is not.
     """
+    if not errors:
+        return
     worst = max(errors, key=lambda name: errors[name])
     if errors[worst] > asked:
         raise InputError(

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 
-from continuum_grasp.export.codes import Code
+from continuum_grasp.export.control.loop import DIAGNOSIS
+from continuum_grasp.export.control.source import ANOMALIES
 from continuum_grasp.export.fields import Struct
-from continuum_grasp.export.header import abi_of, calls_of, kept_of, structs_of
-from continuum_grasp.export.part import Call, Kept, Part
+from continuum_grasp.export.header import calls_of, kept_of, structs_of
+from continuum_grasp.export.part import SECONDS, Call, Kept, Method, Part
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 
@@ -16,11 +18,17 @@ __all__ = ["interface", "python_binding", "wasm_files"]
 
 
 def interface(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> dict[str, object]:
-    """Structs and functions as plain values: fields with their shapes, arguments with their structs."""
+    """Structs and functions as plain values: fields with their shapes and types, arguments with their structs."""
+    structs = {s.name: [[f.name, list(f.shape), "real"] for f in s.fields] for s in structs_of(subject, parts)}
+    if any(function.types[0] == "controller" for function in kept_of(parts)):
+        structs["diagnosis"] = [[name, [], kind] for kind, name, _ in DIAGNOSIS]
     return {
         "real": subject.real.name,
-        "abi": int(abi_of(subject, parts)[:-1], 16),
-        "structs": {s.name: [[f.name, list(f.shape)] for f in s.fields] for s in structs_of(subject, parts)},
+        "abi": int(words["abi"][:-1], 16),
+        "configuration": words["hash"],
+        "structs": structs,
+        "begun": [name for name in _BEGUN if name in structs and kept_of(parts)],
+        "open": _OPEN,
         "functions": {
             call.name: {
                 "inputs": [[a.name, a.kind.name if a.is_struct else None] for a in call.inputs],
@@ -35,9 +43,33 @@ def interface(subject: Subject, parts: Sequence[Part], words: dict[str, str]) ->
                 "members": _members(subject, function),
                 "inputs": list(function.inputs),
                 "output": function.output,
+                "methods": {
+                    m.name: {"inputs": list(m.inputs), "output": m.output, "counts": m.counts} for m in function.methods
+                },
             }
             for function in kept_of(parts)
         },
+    }
+
+
+_BEGUN = ("measurement", "reference", "command")
+"""Structs with a function that fills them with what they begin with."""
+_OPEN = ("measurement", "reference")
+"""Structs of which a part may be given; the rest is as they begin: not measured, as the scene wants it."""
+
+
+def _beginnings(subject: Subject) -> dict[str, dict[str, object]]:
+    """What structs of a closed loop begin with; those that are not here with zeros."""
+    loop = subject.loop
+    if loop is None:
+        return {}
+    return {
+        "measurement": {field.name: math.nan for field in loop.measurement.fields},
+        "reference": {
+            field.name: [float(value)] * field.size
+            for field, value in zip(loop.reference.fields, loop.wanted, strict=True)
+        },
+        "command": {field.name: float(value) for field, value in zip(loop.command.fields, loop.before, strict=True)},
     }
 
 
@@ -49,8 +81,11 @@ def _members(subject: Subject, function: Kept) -> list[str]:
 
 def python_binding(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> str:
     """A module with the structs and functions."""
-    structs = [_python_struct(struct) for struct in structs_of(subject, parts)]
     calls, kept = calls_of(parts), kept_of(parts)
+    begun = _beginnings(subject) if kept else {}
+    structs = [_python_struct(struct, begun.get(struct.name)) for struct in structs_of(subject, parts)]
+    if any(function.types[0] == "controller" for function in kept):
+        structs.append(_PYTHON_DIAGNOSIS)
     if calls:
         parameters = "" if subject.parameters is None else ', ("parameters", Parameters)'
         structs.append(f'class Model(_Struct):\n    _fields_ = [("abi", ctypes.c_uint32){parameters}]\n\n')
@@ -60,12 +95,17 @@ def python_binding(subject: Subject, parts: Sequence[Part], words: dict[str, str
         "methods": "".join(_python_method(call) for call in calls),
         "kept": "".join(_python_kept(subject, function, words) for function in kept),
         "use": f"print(f.tip({subject.prefix}.State(), {subject.prefix}.Input()))" if calls else "print(f)",
-        "abi_python": abi_of(subject, parts)[:-1],
-        "abi_code": str(int(Code.ERR_ABI)),
+        "abi_python": words["abi"][:-1],
+        "anomalies": "\n".join(
+            ["ANOMALIES = {", *(f'    {2**k}: "{text}",' for k, text in enumerate(ANOMALIES.values())), "}", ""]
+        )
+        if kept
+        else "",
     }
     return fill("examples/python/binding.py.txt", {**words, **more})
 
 
+_PYTHON_KINDS = {"uint32_t": "ctypes.c_uint32", "int": "ctypes.c_int", "real": "Real"}
 _PYTHON_MODEL = """
         self.model = Model()
         \"\"\"Its parameters may be changed at any time.\"\"\"
@@ -104,16 +144,64 @@ class {owner.title()}:
         arguments = (self._memory, self._work, {passed}, ctypes.byref(output))
         self.code = self._library._call("{function.name}", *arguments)
         return output
+{"".join(_python_method_of_kept(subject.prefix, owner, method) for method in function.methods)}'''
+
+
+def _python_method_of_kept(prefix: str, owner: str, method: Method) -> str:
+    name = f"{owner}_{method.name}"
+    if method.counts:
+        return f'''
+    def {method.name}(self) -> int:
+        """{method.text}"""
+        return self._library._c.{prefix}_{name}(self._memory) & 0xFFFFFFFF
+'''
+    kinds = [kind.title() for kind in method.inputs]
+    given = "".join(f", {argument}: {kind}" for argument, kind in zip(("state", "before"), kinds, strict=False))
+    if len(kinds) == 1:
+        given = f", {method.name}: {kinds[0]}"
+    names = [method.name] if len(kinds) == 1 else ["state", "before"][: len(kinds)]
+    passed = ", ".join([f'"{name}"', "self._memory", *(f"ctypes.byref({n})" for n in names)])
+    if method.inputs == (SECONDS,):
+        given, passed = f", {SECONDS}: float", f'"{name}", self._memory, Real({SECONDS})'
+    if method.output is None:
+        return f'''
+    def {method.name}(self{given}) -> None:
+        """{method.text}"""
+        self._library._call({passed})
+'''
+    kind = method.output.title()
+    return f'''
+    def {method.name}(self{given}) -> {kind}:
+        """{method.text}"""
+        output = {kind}()
+        self._library._call({passed}, ctypes.byref(output))
+        return output
 '''
 
 
-def _python_struct(struct: Struct) -> str:
+_PYTHON_DIAGNOSIS = (
+    'class Diagnosis(_Struct):\n    """What is known of the last call of a controller."""\n\n    _fields_ = [\n'
+    + "".join(f'        ("{name}", {_PYTHON_KINDS[kind]}),  # {text}\n' for kind, name, text in DIAGNOSIS)
+    + "    ]\n\n"
+)
+
+
+def _python_struct(struct: Struct, begin: Mapping[str, object] | None) -> str:
     fields = "\n".join(
         f'        ("{f.name}", Real{"".join(f" * {n}" for n in reversed(f.shape))}),  # [{f.unit}]'
         for f in struct.fields
     )
     head = f'class {struct.name.title()}(_Struct):\n    """{struct.text}"""\n\n'
-    return f"{head}    _fields_ = [\n{fields}\n    ]\n\n"
+    more = ""
+    if begin is not None:
+        values = ", ".join(f'"{name}": {_python_number(value)}' for name, value in begin.items())
+        more = f"    _begin_ = {{{values}}}\n"
+    more += "    _open_ = True\n" if struct.name in _OPEN and begin is not None else ""
+    return f"{head}    _fields_ = [\n{fields}\n    ]\n{more}\n"
+
+
+def _python_number(value: object) -> str:
+    return repr(value).replace("nan", "float('nan')")
 
 
 def _python_method(call: Call) -> str:
@@ -134,10 +222,12 @@ def wasm_files(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -
     """Script, wrapper and test for WebAssembly, by path."""
     prefix, calls, kept = subject.prefix, calls_of(parts), kept_of(parts)
     names = [f"{prefix}_{name}" for name in ("strerror", "version", "abi", "configuration")]
+    begun = [name for name in _BEGUN if kept and name in {s.name for s in structs_of(subject, parts)}]
+    names += [f"{prefix}_{name}_init_abi" for name in begun]
+    names += [f"{prefix}_{function.types[0]}_{method.name}" for function in kept for method in function.methods]
     names += [f"{prefix}_{call.name}" for call in calls] + ([f"{prefix}_init_abi"] if calls else [])
     names += [f"{prefix}_{name}" for function in kept for name in (function.name, f"{function.types[0]}_init_abi")]
-    structs = {struct.name: struct for struct in structs_of(subject, parts)}
-    used = (_use_of_call(calls[0]) if calls else "") + "".join(_use_of_kept(function, structs) for function in kept)
+    used = (_use_of_call(calls[0]) if calls else "") + "".join(_use_of_kept(function) for function in kept)
     more = {
         **words,
         "exports": " ".join(f"-Wl,--export={name}" for name in names),
@@ -167,7 +257,9 @@ def _example_of_kept(function: Kept) -> str:
 
 
 def _use_of_call(call: Call) -> str:
-    bad = _arguments(call).replace("{}", f"{{ {call.inputs[0].fields[0].name}: NaN }}", 1)
+    first = call.inputs[0]
+    spoilt = f'{{ ...finger.begin("{first.kind.name}"), {first.fields[0].name}: NaN }}' if first.is_struct else "NaN"
+    bad = _arguments(call).replace("{}", spoilt, 1)
     return f"""\
 const answer = finger.{call.name}({_arguments(call)});
 if (answer.code < 0 || !Object.values(answer.{call.output.name}).flat(Infinity).every(Number.isFinite)) ++failed;
@@ -181,18 +273,11 @@ console.log(JSON.stringify(answer));
 """
 
 
-def _allowed(struct: Struct) -> str:
-    """An object whose numbers are in their ranges: zero where that is."""
-    ends = [f"{f.name}: {f.low if f.low > 0.0 else f.high!r}" for f in struct.fields if f.low > 0.0 or f.high < 0.0]
-    return f"{{ {', '.join(ends)} }}"
-
-
-def _use_of_kept(function: Kept, structs: Mapping[str, Struct]) -> str:
+def _use_of_kept(function: Kept) -> str:
     owner = function.types[0]
-    given = ", ".join(_allowed(structs[name]) for name in function.inputs)
     return f"""\
 const {owner} = finger.new_{owner}();
-const {function.output} = {owner}.step({given});
+const {function.output} = {owner}.step();
 if ({function.output}.code < 0) ++failed;
 console.log(JSON.stringify({function.output}));
 """

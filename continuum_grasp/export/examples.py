@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from continuum_grasp.export.control.examples import control_examples
+from continuum_grasp.export.control.examples import control_examples, declared_parameters, read_parameters
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.targets import Target
@@ -43,20 +43,33 @@ def _of_steps(subject: Subject, words: dict[str, str]) -> dict[str, str]:
     return found
 
 
+_SFUN_READS = """
+  <{p}>_real numbers[PARAMETER_COUNT];
+  size_t k;
+  if (mxGetNumberOfElements(PARAMETERS(S)) == 0) return code;
+  for (k = 0; k < PARAMETER_COUNT; ++k) numbers[k] = ({p}_real)mxGetPr(PARAMETERS(S))[k];
+  memcpy(&model->parameters, numbers, sizeof model->parameters);""".replace("<{p}>", "{p}")
+
+
 def _words(subject: Subject) -> dict[str, str]:
     prefix, real, forced = subject.prefix, subject.real, subject.forces is not None
+    constant = subject.model.structure.moment_is_constant
     state, first = subject.state.fields, subject.input.fields[0]
+    parameters = subject.parameters.fields if subject.parameters is not None else ()
     return {
         "h": real.literal(subject.accurate_step),
         "h_plain": repr(subject.accurate_step),
-        "tenth": real.literal(_TENTH),
         "level": real.literal(_SHARE * first.scale),
+        "what_input": "a constant input" if constant else "a constant input that sets in smoothly",
+        "onset": "" if constant else f" * (t < {real.literal(_TENTH)} ? t / {real.literal(_TENTH)} : 1)",
         "first_input": first.name,
         "first_state": state[0].name,
         "reach": real.literal(0.5 * state[0].high),
         "forces_array": f"\n  static const {prefix}_forces forces[MOST];" if forced else "",
         "forces_heap": f"\n  {prefix}_forces *forces = calloc((size_t)count, sizeof *forces);" if forced else "",
         "forces_free": "\n  free(forces);" if forced else "",
+        "forces_free_more": "\n    free(forces);" if forced else "",
+        "forces_none": " || !forces" if forced else "",
         "forces_first": "forces, " if forced else "",
         "forces_each": "&forces[k], " if forced else "",
         "nx": str(subject.nx),
@@ -66,6 +79,10 @@ def _words(subject: Subject) -> dict[str, str]:
         "csv_head": "".join(f",{f.name} [{f.unit}]" for f in state),
         "csv_format": ",%.9g" * len(state),
         "csv_values": "".join(f",\n           (double)state.{f.name}" for f in state),
+        "np": str(subject.model.np),
+        "node_declares": declared_parameters([f.name for f in parameters], "model_.parameters"),
+        "node_reads": read_parameters(prefix, [f.name for f in parameters], "model_.parameters"),
+        "sfun_reads": _SFUN_READS.format(p=prefix) if parameters else "",
         "forces_declared": f"\n  {prefix}_forces forces;" if forced else "",
         "forces_zero": "\n  memset(&forces, 0, sizeof forces);" if forced else "",
         "forces_passed": ", &forces" if forced else "",

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
-__all__ = ["Field", "Struct", "fields_of"]
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Field", "Struct", "fields_of", "outside"]
+
+
+_LINE = 115
 
 
 @dataclass(frozen=True)
@@ -58,7 +66,8 @@ class Struct:
         rows = [(f"  {prefix}_real {f.name}{''.join(f'[{n}]' for n in f.shape)};", _comment(f)) for f in self.fields]
         width = max(len(code) for code, _ in rows)
         lines = "\n".join(f"{code:<{width}}  {comment}" for code, comment in rows)
-        return f"/* {self.text} */\ntypedef struct {{\n{lines}\n}} {prefix}_{self.name};\n"
+        text = "\n".join(textwrap.wrap(self.text, _LINE, initial_indent="/* ", subsequent_indent="   "))
+        return f"{text} */\ntypedef struct {{\n{lines}\n}} {prefix}_{self.name};\n"
 
     def reader(self, prefix: str) -> str:
         """C that copies the struct to an array."""
@@ -76,6 +85,12 @@ class Struct:
 
     def _places(self) -> list[str]:
         return [field.name + index for field in self.fields for index in _indices(field.shape)]
+
+
+def outside(struct: Struct, rows: NDArray[Any]) -> NDArray[np.bool_]:
+    """Rows (count, size) of a struct's numbers of which one is out of its range."""
+    low, high = (np.array(side, dtype=rows.dtype) for side in zip(*struct.bounded, strict=True))
+    return np.asarray(((rows < low) | (rows > high)).any(axis=1))
 
 
 def fields_of(labels: Sequence[str]) -> tuple[Field, ...]:

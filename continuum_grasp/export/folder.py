@@ -22,12 +22,15 @@ def write_package(folder: Path, files: Mapping[str, str]) -> None:
     InputError
         If a file of that name is there that no export wrote, or that was changed since; nothing is written then.
     """
-    from continuum_grasp.results.atomic import replacing
+    from continuum_grasp.results import kind_of_run, replacing
 
+    kind = kind_of_run(folder)
+    if kind not in (None, "export-c"):
+        raise InputError(f"{folder} holds a run of {kind}: take another folder", key="folder")
     earlier = _earlier(folder)
     for name, text in files.items():
         path = folder / name
-        if path.exists() and path.read_bytes() != text.encode() and _digest(path) != earlier.get(name):
+        if path.exists() and _digest(path) not in (hashlib.sha256(text.encode()).hexdigest(), earlier.get(name)):
             raise InputError(f"{path} is not as an export left it: move it away, or take another folder", key="folder")
     for name in earlier.keys() - files.keys():
         path = folder / name
@@ -42,7 +45,7 @@ def _earlier(folder: Path) -> dict[str, str]:
     """SHA-256 of the files of the package that is there, its manifest included; empty where there is none."""
     path = folder / MANIFEST
     try:
-        listed = json.loads(path.read_text(encoding="utf-8"))
+        listed = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
         digests = {str(name): str(digest) for name, digest in listed["sha256"].items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}

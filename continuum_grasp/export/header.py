@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+from continuum_grasp import __version__
 from continuum_grasp.export.codes import Code
 from continuum_grasp.export.fields import Struct
 from continuum_grasp.export.part import Call, Kept, Part
@@ -39,6 +40,7 @@ def kept_of(parts: Sequence[Part]) -> list[Kept]:
 def codes_of_package(parts: Sequence[Part]) -> list[Code]:
     """Codes that some function of a package may return."""
     common = {Code.OK, Code.ERR_NULL, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT, Code.ERR_ABI}
+    common.add(Code.ERR_CONFIGURATION)
     used = common.union(*(call.codes for call in calls_of(parts)), *(part.codes for part in parts))
     return sorted(used, key=lambda code: (code < 0, abs(code)))
 
@@ -62,21 +64,20 @@ def prototype(call: Call, prefix: str) -> str:
     return head + f"\n{' ' * (mark + len(head))}".join(line.rstrip() for line in lines)
 
 
-def interface(subject: Subject, parts: Sequence[Part]) -> str:
-    """All that a caller is compiled against."""
-    structs = "\n".join(struct.declaration(subject.prefix) for struct in structs_of(subject, parts))
-    calls = "\n".join(prototype(call, subject.prefix) for call in calls_of(parts))
-    kept = [part.declarations for part in parts if part.kept]
-    kept += [text for part in parts for path, text in part.sources.items() if path.startswith("include/")]
-    return "\n".join([f"{subject.real.name}\n{structs}\n{calls}", *kept])
+def abi_of(subject: Subject, parts: Sequence[Part], words: Mapping[str, str]) -> str:
+    """Number of the interface as C; another one where anything of its headers differs but title, version and hash.
+
+    Sizes of memory, which are known once it was compiled, follow from its types.
+    """
+    same = {name: "" for name in words if name.endswith("_bytes")} | dict.fromkeys(
+        ("abi", "hash", "title", "version"), ""
+    )
+    texts = [header(subject, parts, {**words, **same})]
+    texts += [text for part in parts for path, text in part.sources.items() if path.startswith("include/")]
+    return "0x" + hashlib.sha256("\n".join(texts).replace(__version__, "").encode()).hexdigest()[:8] + "u"
 
 
-def abi_of(subject: Subject, parts: Sequence[Part]) -> str:
-    """Number of the interface as C; another one where a struct, a function or the type of reals differs."""
-    return "0x" + hashlib.sha256(interface(subject, parts).encode()).hexdigest()[:8] + "u"
-
-
-def header(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> str:
+def header(subject: Subject, parts: Sequence[Part], words: Mapping[str, str]) -> str:
     """The header."""
     prefix, big = subject.prefix, subject.prefix.upper()
     dimensions = {
@@ -95,8 +96,8 @@ def header(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> st
     }
     modelled = bool(calls_of(parts))
     lines = [f"#define {big}_{name} {size} /* {notes[name]} */" for name, size in dimensions.items() if modelled]
-    for part in parts:
-        lines += [f"#define {big}_{name} {value}" for name, value in part.constants.items()]
+    constants = {name: value for part in parts for name, value in part.constants.items()}
+    lines += [f"#define {big}_{name} {value}" for name, value in constants.items()]
     codes = codes_of_package(parts)
     width = max(len(code.name) for code in codes)
     commas = [","] * (len(codes) - 1) + [" "]
@@ -120,7 +121,7 @@ def header(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> st
     return fill("header.h", {**words, **more})
 
 
-def _use_of_kept(function: Kept, words: dict[str, str]) -> str:
+def _use_of_kept(function: Kept, words: Mapping[str, str]) -> str:
     return fill("use_loop.h", {**words, "owner": function.types[0], "step": function.name})
 
 

@@ -72,7 +72,11 @@ def layer_source(subject: Subject, parts: Sequence[Part], words: dict[str, str])
         "writers": "\n".join(struct.writer(prefix) for struct in outputs),
         "check": fill("check_numbers.c", words),
         "functions": "\n".join(
-            [*(_function(subject, call) for call in calls), *(part.definitions for part in parts if part.definitions)]
+            [
+                *([subject.guard_function] if subject.guard else []),
+                *(_function(subject, call) for call in calls),
+                *(part.definitions for part in parts if part.definitions),
+            ]
         ),
         "nominal": "".join(f"\n{line}" for line in nominal),
     }
@@ -127,14 +131,17 @@ def _accept(subject: Subject, call: Call, arrays: list[Argument]) -> str:
     lines = [
         f"{big}_API static int accept_{call.name}({', '.join(declared)})",
         "{",
-        "  int code;",
+        *([] if all(a.drawn for a in arrays) else ["  int code;"]),
         f"  if ({' || '.join(f'!{name}' for name in nulls)}) return {big}_ERR_NULL;",
         f"  if (model->abi != {big}_ABI) return {big}_ERR_ABI;",
     ]
     for a in arrays:
         place, name = "&model->parameters" if a.name == "parameters" else a.name, a.kind.name
         lines.append(f"  read_{name}({place}, {a.array});")
-        lines.append(f"  if ((code = check({a.array}, {name}_low, {name}_high, {a.size})) < 0) return code;")
+        if a.drawn:
+            lines.append(f"  if (!all_finite({a.array}, {a.size})) return {big}_ERR_NON_FINITE;")
+        else:
+            lines.append(f"  if ((code = check({a.array}, {name}_low, {name}_high, {a.size})) < 0) return code;")
     for a in (a for a in call.inputs if not a.is_struct):
         low, high = (real.literal(v) for v in (a.fields[0].low, a.fields[0].high))
         lines.append(f"  if (!{prefix}_is_finite(&{a.array})) return {big}_ERR_NON_FINITE;")

@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 
 from continuum_grasp import __version__
+from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.fields import Field
 from continuum_grasp.export.header import calls_of, codes_of_package, kept_of, structs_of
 from continuum_grasp.export.layer import kernels_of
@@ -34,7 +35,7 @@ def manifest(
     words: Mapping[str, str],
     target: str,
     files: Mapping[str, str],
-    errors: Mapping[str, float],
+    errors: Mapping[str, tuple[OutputError, ...]],
     vectors: Mapping[str, int],
     measured: Mapping[str, Any] | None,
     configuration: Mapping[str, Any] | None,
@@ -66,7 +67,7 @@ def manifest(
                 "inputs": [a.name if a.is_struct else _entry(a.fields[0]) for a in call.inputs],
                 "output": call.output.name,
                 "test_cases": vectors[call.name],
-                "relative_error": float(f"{errors[call.name]:.1g}"),
+                **_errors(errors.get(call.name, ()), "bound"),
             }
             for call in calls_of(parts)
         }
@@ -75,7 +76,7 @@ def manifest(
                 "inputs": list(function.inputs),
                 "output": function.output,
                 "test_cases": vectors[function.name],
-                "relative_error": float(f"{errors[function.name]:.1g}"),
+                **_errors(errors.get(function.name, ()), "greatest_seen"),
                 "memory_bytes": {name: int(words[f"{name}_bytes"]) for name in function.types},
             }
             for function in kept_of(parts)
@@ -97,6 +98,16 @@ def manifest(
 def manifest_text(values: Mapping[str, Any]) -> str:
     """As JSON."""
     return json.dumps(values, indent=2, allow_nan=False) + "\n"
+
+
+def _errors(outputs: Sequence[OutputError], what: str) -> dict[str, Any]:
+    """Rounding errors of single precision by field; nothing in double precision."""
+    if not outputs:
+        return {}
+    return {
+        "relative_error": float(f"{max(one.relative for one in outputs):.1g}"),
+        "errors": {one.name: {what: one.bound, "unit": one.unit, "greatest_value": one.greatest} for one in outputs},
+    }
 
 
 def _entry(field: Field) -> dict[str, Any]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from continuum_grasp.export.control.host import Host
     from continuum_grasp.export.vectors import Vectors
 
-__all__ = ["Argument", "Call", "Kept", "Part", "Rows", "Twin"]
+__all__ = ["SECONDS", "Argument", "Call", "Kept", "Method", "Part", "Rows", "Twin"]
 
 Array = NDArray[Any]
 Rows = Mapping[str, Array]
@@ -41,6 +41,8 @@ class Argument:
     """Name of its numbers in the body: an array, or the number itself."""
     code: Code = Code.ERR_RANGE
     """What is returned where a number of it is out of range."""
+    drawn: bool = False
+    """Whether numbers out of their range are taken; the function warns then."""
 
     @property
     def is_struct(self) -> bool:
@@ -79,6 +81,22 @@ class Call:
     """Warnings and errors that it may return beyond those of every function."""
 
 
+SECONDS = "seconds"
+"""Input of a method that is a number instead of a struct."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A further function of what is kept, ``<prefix>_<owner>_<name>``: takes structs or seconds, gives one or none."""
+
+    name: str
+    text: str
+    inputs: tuple[str, ...] = ()
+    output: str | None = None
+    counts: bool = False
+    """Whether it returns a whole number instead of a code."""
+
+
 @dataclass(frozen=True)
 class Kept:
     """A public function that keeps something between its calls, in memory of its caller."""
@@ -93,6 +111,7 @@ class Kept:
     """Its vectors by the strict build of this machine, with the runner."""
     inputs: tuple[str, ...]
     output: str
+    methods: tuple[Method, ...] = ()
 
 
 @dataclass(frozen=True)

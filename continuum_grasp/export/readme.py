@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.header import calls_of, codes_of_package, kept_of, structs_of
 from continuum_grasp.export.layer import kernels_of
 from continuum_grasp.export.part import Part
+from continuum_grasp.export.parts.step import moment_note
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 from continuum_grasp.scene.controller import Controller
@@ -20,7 +23,7 @@ def readme(
     parts: Sequence[Part],
     *,
     words: Mapping[str, str],
-    errors: Mapping[str, float],
+    errors: Mapping[str, tuple[OutputError, ...]],
     vectors: Mapping[str, int],
     measured: Mapping[str, Any] | None,
     source: str,
@@ -31,9 +34,9 @@ def readme(
     prefix, model = subject.prefix, subject.model
     calls = calls_of(parts)
     functions = _table(
-        ("function", "gives", "relative error", "test cases"),
+        ("function", "gives", "test cases"),
         [
-            (f"`{prefix}_{name}`", text, f"{errors[name]:.0e}", str(vectors[name]))
+            (f"`{prefix}_{name}`", text.removesuffix(moment_note(subject)).rstrip(), str(vectors[name]))
             for name, text in [(f.name, f.text) for f in calls] + [(f.name, f.text) for f in kept_of(parts)]
         ],
     )
@@ -64,13 +67,14 @@ def readme(
         "operations": operations,
         "codes": codes,
         "measured": _measured(measured),
-        "error_note": _error_note(subject),
+        "error_note": _error_note(subject, parts, errors),
         "loops": "Loops have bounded counts." if kept_of(parts) else "Loops have fixed counts.",
         "expected": _expected(parts),
         "promise": _CHECKED if calls else "",
         "kept": _kept(subject, parts, words) if kept_of(parts) else "",
         "examples": _examples(prefix, {part.name for part in parts}),
-        "stability": (_stability(subject) if calls else "") + (_OBJECT if calls and touching else ""),
+        "stability": (_stability(subject) + _moment(subject) if calls else "")
+        + (_OBJECT if calls and touching else ""),
         "wasm": _WASM if wasm else "",
         "cases": str(sum(vectors.values())),
     }
@@ -89,13 +93,16 @@ forces.
 _PYTHON = "- `examples/python/{p}.py`: the library by ctypes.\n"
 _STEPPING = """\
 - `examples/loop.c`: a plain loop that writes CSV; `examples/cuda/batch.cu`: many fingers on a GPU.
-- `examples/ros2`: a node that simulates the finger; `examples/simulink/sfun_{p}.c`: the same as an S-function.
+- `examples/ros2`: a node that simulates the finger; `examples/simulink/sfun_{p}.c`: the same as an S-function. Run-time
+  parameters are parameters of node and block.
 """
 _CONTROLLING = """\
 - `examples/control_loop.c`: measurements come in line by line, commands go out as CSV.
 - `examples/ros2_control`: the controller as a node; `examples/simulink/sfun_{p}_control.c`: the same as an S-function.
+  Settings, and what is known of the finger, are parameters of node and block.
 """
 _SKELETONS = """\
+- `package.xml`, here and of the nodes: side by side in a workspace, colcon builds the library first.
 - Nodes and S-functions are skeletons: they were compiled against stand-ins of ROS 2 and Simulink, not run in them.
 """
 
@@ -111,6 +118,12 @@ def _stability(subject: Subject) -> str:
         f"steps up to {subject.longest_step:g} s are stable, up to {subject.accurate_step:g} s accurate (a\n"
         "warning says when they are not). Velocities and forces are left out of that estimate."
     )
+
+
+def _moment(subject: Subject) -> str:
+    """What a caller must know of a tip moment that changes."""
+    note = moment_note(subject)
+    return "\n\n" + textwrap.fill(note, 118) if note else ""
 
 
 def _expected(parts: Sequence[Part]) -> str:
@@ -162,18 +175,44 @@ WebAssembly, with clang and lld alone: `sh wasm/build.sh`, then `node wasm/test.
 """
 
 
-def _error_note(subject: Subject) -> str:
+def _error_note(subject: Subject, parts: Sequence[Part], errors: Mapping[str, tuple[OutputError, ...]]) -> str:
+    """What is known of rounding."""
     if subject.real.name == "double":
-        return (
-            "They compute what the Python core computes, to the rounding of double precision (relative error 0 here)."
+        return "They compute what the Python core computes, to the rounding of double precision."
+    texts, calls = [], calls_of(parts)
+    if calls:
+        rows = [
+            (f"`{subject.prefix}_{call.name}`", f"`{one.name}`", one.unit, f"{one.bound:.2g}", f"{one.greatest:.2g}")
+            for call in calls
+            for one in errors[call.name]
+        ]
+        usual = ", ".join(
+            f"{field.name} {field.scale:.2g} {field.unit}"
+            for struct in (subject.state, subject.input, *([subject.forces] if subject.forces else []))
+            for field in struct.fields
+            if not -float("inf") < field.low <= field.high < float("inf")
         )
-    note = (
-        "The relative error is the greatest difference from double precision over rows that cover the ranges, per the "
-        "greatest value of each output."
-    )
-    return (
-        note if subject.loop is None else f"{note} Of estimator and controller: over the usual rows of their vectors."
-    )
+        where = f" and, where there is no range, up to these sizes: {usual}" if usual else ""
+        texts.append(
+            "Rounding of single precision, per output: no result without WARN_LEFT_RANGE differs by more from double "
+            f"precision{where}. Each bound is twice the greatest difference of some ten thousand rows that cover the "
+            "ranges and their corners.\n\n"
+            + _table(("function", "output", "unit", "error at most", "greatest value"), rows)
+        )
+    kept = kept_of(parts)
+    if kept:
+        rows = [
+            (f"`{subject.prefix}_{f.name}`", f"`{one.name}`", one.unit, f"{one.bound:.2g}", f"{one.greatest:.2g}")
+            for f in kept
+            for one in errors[f.name]
+        ]
+        texts.append(
+            "Of estimator and controller there is no bound: where rounding decides whether a measurement is left out, "
+            "or which bounds hold in a plan, results jump. The greatest differences from double precision over the "
+            "usual rows of their vectors:\n\n"
+            + _table(("function", "output", "unit", "difference", "greatest value"), rows)
+        )
+    return "\n\n".join(texts)
 
 
 def _measured(measured: Mapping[str, Any] | None) -> str:

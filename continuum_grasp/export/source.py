@@ -23,6 +23,9 @@ __all__ = ["Given", "Source", "source_of"]
 _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
 """What may mean something in a comment of C, in XML, CMake, pkg-config or Markdown."""
 
+_CUT = 0.25
+"""Share of the rounding below which the terms of an arc's series are left out in single precision."""
+
 Given = FingerModel | Scene | ControlScene | Controller | Estimator | str | os.PathLike[str]
 
 
@@ -60,7 +63,7 @@ def source_of(given: Given, real: Real) -> Source:
         If no model keeps the scene's tolerance.
     """
     if isinstance(given, FingerModel):
-        return Source(given, "a continuum finger", "a FingerModel", None, None)
+        return Source(_of_precision(given, real), "a continuum finger", "a FingerModel", None, None)
     if isinstance(given, (str, os.PathLike)):
         given = load(given)  # type: ignore[assignment, arg-type]
     if isinstance(given, (Controller, Estimator)):
@@ -74,18 +77,24 @@ def source_of(given: Given, real: Real) -> Source:
         from continuum_grasp.fidelity.resolve import resolve_fidelity
 
         scene, _ = resolve_fidelity(scene)
-    arcs = scene.fidelity.family == "arc"
-    cut = real.epsilon / 4 if real.name == "float" and arcs and scene.fidelity.accuracy is None else None
-    model = FingerModel(scene, accuracy=cut) if cut is not None else FingerModel(scene)
+    model = _of_precision(FingerModel(scene), real)
     step = scene.time.step if scene.time is not None else None
     return Source(model, *_names(scene), step, scene.model_dump(mode="json"))
+
+
+def _of_precision(model: FingerModel, real: Real) -> FingerModel:
+    """The same model; of arcs in single precision with series that are cut there, unless an accuracy was asked for."""
+    if real.name != "float" or model.family != "arc" or model.structure.accuracy is not None:
+        return model
+    finger, keywords = model.structure.asked
+    return FingerModel(finger, **{**keywords, "accuracy": _CUT * real.epsilon})
 
 
 def _of_loop(scene: ControlScene, real: Real) -> Source:
     """The closed loop, and the model that its controller predicts with."""
     fidelity = scene.fidelity
     if real.name == "float" and fidelity.family == "arc" and fidelity.accuracy is None:
-        scene = scene.model_copy(update={"fidelity": fidelity.model_copy(update={"accuracy": real.epsilon / 4})})
+        scene = scene.model_copy(update={"fidelity": fidelity.model_copy(update={"accuracy": _CUT * real.epsilon})})
     model = Prediction(scene).system.finger_model
     return Source(model, *_names(scene), None, scene.model_dump(mode="json"), scene)
 

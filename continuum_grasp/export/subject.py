@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -14,12 +13,13 @@ from numpy.typing import NDArray
 from continuum_grasp.core.precision import check_solvable
 from continuum_grasp.export.codes import Code
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.fields import Field, Struct
+from continuum_grasp.export.fields import Field, Struct, outside
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Rows
 from continuum_grasp.export.ranges import force_fields, input_fields, parameter_fields, state_fields
 from continuum_grasp.export.reals import Real
 from continuum_grasp.export.stability import ACCURATE, STABLE, check_step, greatest_radius
+from continuum_grasp.export.tip import TipRange
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
 
@@ -84,18 +84,21 @@ class Subject:
         if step is not None:
             check_step(step, substeps, radius)
         equations = Equations(model.structure)
+        tip = TipRange.of(model, equations)
         made = Subject(
             model=model,
             equations=equations,
             prefix=prefix,
             real=real,
             parameters=_struct("parameters", "Parameters of the finger that may be changed at run time.", parameters),
-            state=Struct("state", "State of the finger.", states),
-            input=Struct("input", "What drives the finger.", input_fields(model)),
+            state=Struct("state", "State of the finger." + tip.notes.get("state", ""), tip.bounded(states)),
+            input=Struct(
+                "input", "What drives the finger." + tip.notes.get("input", ""), tip.bounded(input_fields(model))
+            ),
             forces=_struct("forces", "Forces on the finger.", forces),
             radius=radius,
             substeps=substeps,
-            guard=_guard(model, equations),
+            guard=tip.guard,
         )
         return made
 
@@ -125,9 +128,12 @@ class Subject:
         arguments = [getattr(self.equations, key) for key in names]
         return ca.Function(name, arguments, ca.cse(list(outputs.values())), names, list(outputs))
 
-    def acting(self, *, forces: bool = True) -> tuple[Argument, ...]:
-        """State, input and, where there are any and they are wanted, forces, as arguments of a public function."""
-        found = [Argument("state", self.state, "x"), Argument("input", self.input, "u")]
+    def acting(self, *, forces: bool = True, drawn: bool = False) -> tuple[Argument, ...]:
+        """State, input and, where there are any and they are wanted, forces, as arguments of a public function.
+
+        Those that are ``drawn`` may be out of their ranges.
+        """
+        found = [Argument("state", self.state, "x", drawn=drawn), Argument("input", self.input, "u", drawn=drawn)]
         if forces and self.forces is not None:
             found.append(Argument("forces", self.forces, "w"))
         return tuple(found)
@@ -139,17 +145,37 @@ class Subject:
         return Argument("h", step, "h", Code.ERR_STEP)
 
     @property
+    def guard_function(self) -> str:
+        """C of the function that tells a matched tip out of its range."""
+        if self.guard is None:
+            return ""
+        p, inputs = self.prefix, list(self.guard.inputs)
+        return f"""\
+/* Whether the curvature of the matched tip, which is no coordinate, is out of its range. */
+{p.upper()}_API static int tip_left_range({", ".join(f"const {p}_real *{name}" for name in inputs)})
+{{
+  {p}_real use[1];
+  {self.guard.call(p, **{name: name for name in inputs}, use="use")}
+  return !{p}_is_finite(use) || use[0] < -1 || use[0] > 1;
+}}
+"""
+
+    @property
     def guard_source(self) -> str:
         """C that refuses a matched tip out of its range."""
         if self.guard is None:
             return ""
-        return f"""\
-  {{
-    {self.prefix}_real use[1];
-    {self.guard.call(self.prefix, x="x", u="u", p="p", use="use")}
-    if (!{self.prefix}_is_finite(use) || use[0] < -1 || use[0] > 1) return {self.prefix.upper()}_ERR_RANGE;
-  }}
-"""
+        return f"  if ({self._tip_left_range('x')}) return {self.prefix.upper()}_ERR_RANGE;\n"
+
+    def left_range(self, x: str) -> str:
+        """C expression for whether the numbers ``x`` are a state that no step would take under the same input."""
+        p = self.prefix.upper()
+        box = f"check({x}, state_low, state_high, {p}_NX) < 0"
+        return box if self.guard is None else f"{box} || {self._tip_left_range(x)}"
+
+    def _tip_left_range(self, x: str) -> str:
+        names = () if self.guard is None else self.guard.inputs
+        return f"tip_left_range({', '.join(x if name == 'x' else name for name in names)})"
 
     def refused(self, rows: Rows) -> NDArray[np.bool_]:
         """Rows whose matched tip is out of its range."""
@@ -159,10 +185,9 @@ class Subject:
         use = self.guard.evaluate(self.real, **rows)["use"][:, 0]
         return ~(np.abs(use) <= 1.0)
 
-    def out_of_range(self, x: NDArray[Any]) -> NDArray[np.bool_]:
-        """Rows of states that the package would not take."""
-        low, high = (np.array(side) for side in zip(*self.state.bounded, strict=True))
-        return np.asarray(((x < low.astype(x.dtype)) | (x > high.astype(x.dtype))).any(axis=1))
+    def out_of_range(self, rows: Rows) -> NDArray[np.bool_]:
+        """Rows whose state no step would take under the input of the row."""
+        return np.asarray(outside(self.state, rows["x"]) | self.refused(rows))
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:
@@ -172,14 +197,6 @@ class Subject:
 
 def _struct(name: str, text: str, fields: tuple[Field, ...]) -> Struct | None:
     return Struct(name, text, fields) if fields else None
-
-
-def _guard(model: FingerModel, equations: Equations) -> Kernel | None:
-    if not model.structure.matched:
-        return None
-    use = ca.SX(equations.full[-1]) * equations.lengths[-1] / model.ranges[-1]
-    function = ca.Function("tip_use", [equations.x, equations.u, equations.p], [use], ["x", "u", "p"], ["use"])
-    return Kernel("tip_use", function, "Share of its bending range that the curvature of the tip takes.")
 
 
 def _floor(value: float) -> float:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from continuum_grasp.export.reals import Real
 from continuum_grasp.export.runner import arguments_of, runner_of
 from continuum_grasp.export.subject import Subject
 
-__all__ = ["Bad", "Vectors", "arguments_of", "bad_entries", "sample", "split", "vectors_of"]
+__all__ = ["Bad", "Vectors", "arguments_of", "bad_entries", "reach_of", "sample", "split", "vectors_of"]
 
 Array = NDArray[Any]
 
@@ -34,6 +34,8 @@ _SIDES = 8
 """Rows with every bend at a limit."""
 _HARD = 5.0
 """Times the usual input, at which a matched tip is out of its range."""
+_DRAWN_BEYOND = 2.0
+"""Times a number within the range, up to which vectors draw states out of it."""
 _TINY = (0.0, 1e-12, 1e-9)
 """Bends at which a formula with a division by them would fail."""
 
@@ -93,6 +95,14 @@ def _vectors(subject: Subject, call: Call, seed: int, count: int) -> Vectors:
     return Vectors(call.name, runner_of(subject, call), rows, outputs, codes, bad, pointers, call.output.size)
 
 
+def reach_of(arguments: Sequence[Argument]) -> tuple[Array, Array]:
+    """Least and greatest value of every number: of its range, and of usual values where it has none."""
+    fields = [field for a in arguments for field in a.fields for _ in range(field.size)]
+    low = np.array([f.low if f.low > -np.inf else -f.scale for f in fields])
+    high = np.array([f.high if f.high < np.inf else f.scale for f in fields])
+    return low, high
+
+
 def split(rows: Array, arguments: list[Argument]) -> dict[str, Array]:
     """Rows by the arrays of the arguments; empty ones for those that a function does not have."""
     found, start = {}, 0
@@ -108,8 +118,7 @@ def sample(subject: Subject, arguments: list[Argument], seed: int, count: int) -
     """Rows at rest, at tiny bends, overflowing, hard driven, at limits, and over the whole ranges."""
     rng = np.random.default_rng(seed)
     fields = [field for a in arguments for field in a.fields for _ in range(field.size)]
-    low = np.array([f.low if f.low > -np.inf else -f.scale for f in fields])
-    high = np.array([f.high if f.high < np.inf else f.scale for f in fields])
+    low, high = reach_of(arguments)
     most = np.array([f.scale for f in fields])
     low, high = np.maximum(low, -most), np.minimum(high, most)
     rows = rng.uniform(low, high, (count, len(fields)))
@@ -128,6 +137,9 @@ def sample(subject: Subject, arguments: list[Argument], seed: int, count: int) -
     driven = slice(first + 2 * subject.n, first + subject.nx + subject.model.nu)
     limits = np.array([f.high for f in fields])
     rows[4, driven] = np.minimum(_HARD * most, limits)[driven]
+    if any(argument.drawn for argument in arguments):
+        beyond = rows[5 + _SIDES : 5 + 2 * _SIDES]
+        beyond[:, state] *= rng.uniform(1.0, _DRAWN_BEYOND, (len(beyond), subject.nx))
     rows[5 : 5 + len(sides)] = sides
     return rows
 
@@ -136,7 +148,8 @@ def _bad(real: Real, arguments: list[Argument], row: int) -> list[Bad]:
     """Each number not finite, and each below and above its range."""
     found, first = [], 0
     for argument in arguments:
-        found += bad_entries(real, argument.fields, row, first, argument.code)
+        ranges = [replace(f, low=-np.inf, high=np.inf) if argument.drawn else f for f in argument.fields]
+        found += bad_entries(real, ranges, row, first, argument.code)
         first += argument.size
     return found
 

@@ -9,6 +9,7 @@ from time import perf_counter
 
 import numpy as np
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.fidelity.choice import ACCURACIES, COUNTS, FAMILIES, Choice, choices
 from continuum_grasp.fidelity.measure import Measured, measure
@@ -64,6 +65,7 @@ class Chosen:
         )
 
 
+@interrupt.listening()
 def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None = None) -> Chosen:
     """Find the cheapest family, elements and terms with which a scene keeps a tolerance.
 

@@ -10,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError
 from continuum_grasp.fidelity.motion import Motion, reference_motion
 from continuum_grasp.fidelity.rows import NOTES, Measuring, columns_of
@@ -94,9 +95,9 @@ class AccuracyReport:
     def save(self, folder: str | PathLike[str]) -> list[Path]:
         """Write ``accuracy.md``, ``accuracy.json`` and ``accuracy.png`` into a folder."""
         from continuum_grasp.plotting import plot_accuracy, save_picture
-        from continuum_grasp.results import replacing
+        from continuum_grasp.results import begin_run, replacing
 
-        target = Path(folder)
+        target = begin_run(folder, "accuracy")
         texts = {
             "accuracy.md": self.markdown(),
             "accuracy.json": json.dumps([table.as_dict() for table in self.tables], indent=1, allow_nan=False),
@@ -109,6 +110,7 @@ class AccuracyReport:
         return [*files, save_picture(plot_accuracy(self), target / "accuracy.png")]
 
 
+@interrupt.listening()
 def accuracy(
     scene: Scene | str | PathLike[str],
     *,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.starts_found import start_from
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
@@ -102,7 +102,7 @@ def with_elements(scene: GraspScene, per_stretch: int, family: str | None = None
     return scene.model_copy(update={"fingers": fingers, **plain})
 
 
-def solve_again(scene: GraspScene, found: GraspScene, arrays: dict[str, Array], until: float) -> Tried | None:
+def solve_again(scene: GraspScene, found: GraspScene, arrays: dict[str, Array], budget: Budget) -> Tried | None:
     """The grasp next to one that was found with other elements; None where there is none.
 
     Parameters
@@ -112,15 +112,14 @@ def solve_again(scene: GraspScene, found: GraspScene, arrays: dict[str, Array], 
     found : GraspScene
         With those of the grasp.
     arrays : dict
-    until : float
-        ``time.monotonic()`` at which to stop.
+    budget : Budget
     """
-    search = Search(scene, until)
-    if time.monotonic() > until:
+    search = Search(scene, budget)
+    if budget.over:
         return None
     search.attempt(start_from(found, arrays))
     search.slide()
-    return search.best
+    return None if budget.stopped else search.best
 
 
 def compare(scene: GraspScene, here: dict[str, Array], there: dict[str, Array]) -> Change:
@@ -149,20 +148,19 @@ def _tension(scene: GraspScene, arrays: dict[str, Array]) -> float:
     return float(sum(arrays[f"{name}.tensions"].sum() for name in scene.named_fingers))
 
 
-def with_fine(result: GraspResult, until: float) -> GraspResult:
+def with_fine(result: GraspResult, budget: Budget) -> GraspResult:
     """The result with what a fine model changes; as it is where that has no grasp next to it.
 
     Parameters
     ----------
     result : GraspResult
         A grasp.
-    until : float
-        ``time.monotonic()`` at which to stop.
+    budget : Budget
     """
     scene, arrays = result.scene, dict(result.arrays)
-    found = solve_again(with_elements(scene, FINE, _smooth(scene)), scene, arrays, until)
+    found = solve_again(with_elements(scene, FINE, _smooth(scene)), scene, arrays, budget)
     if found is None:
-        return replace(result, statistics={**result.statistics, "fine_model": "no grasp next to this one"})
+        return replace(result, statistics={**result.statistics, "fine_model": _none(budget)})
     change = compare(scene, arrays, found.arrays)
     return replace(result, fine=change, statistics={**result.statistics, "fine_model": str(change)})
 
@@ -174,7 +172,7 @@ def asked_tolerance(scene: GraspScene) -> float | None:
 
 
 def resolve_elements(
-    scene: GraspScene, first: GraspResult, tolerance: float, until: float
+    scene: GraspScene, first: GraspResult, tolerance: float, budget: Budget
 ) -> tuple[GraspScene, str, Change | None]:
     """The scene with the fewest elements whose grasp differs from a fine model's by no more than a tolerance.
 
@@ -186,8 +184,7 @@ def resolve_elements(
         Its grasp with some elements.
     tolerance : float
         Greatest change of the tension (relative) and of contact points (per length).
-    until : float
-        ``time.monotonic()`` at which to stop.
+    budget : Budget
 
     Returns
     -------
@@ -199,13 +196,13 @@ def resolve_elements(
         What the fine model changes about it.
     """
     arrays = dict(first.arrays)
-    reference = solve_again(with_elements(scene, FINE, _smooth(scene)), first.scene, arrays, until)
+    reference = solve_again(with_elements(scene, FINE, _smooth(scene)), first.scene, arrays, budget)
     if reference is None:
-        return first.scene, "the fine model has no grasp next to this one: no tolerance can be told", None
+        return first.scene, f"the fine model: {_none(budget)}, so no tolerance can be told", None
     note, change, chosen = "", None, first.scene
     for count in ELEMENTS:
         chosen = with_elements(scene, count)
-        found = solve_again(chosen, first.scene, arrays, until)
+        found = solve_again(chosen, first.scene, arrays, budget)
         if found is None:
             continue
         change = compare(scene, found.arrays, reference.arrays)
@@ -213,6 +210,12 @@ def resolve_elements(
             return chosen, f"{_words(chosen)}: {change}; tolerance {tolerance:.2%} kept", change
         note = f"{_words(chosen)}: {change}; tolerance {tolerance:.2%} NOT kept"
     return chosen, note, change
+
+
+def _none(budget: Budget) -> str:
+    """Why a grasp was not found again."""
+    cut = {"clock": "stopped by the clock", "iterations": "the iterations were used up"}
+    return cut.get(budget.cut, "no grasp next to this one")
 
 
 def _words(scene: GraspScene) -> str:

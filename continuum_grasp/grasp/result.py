@@ -35,11 +35,13 @@ class Status(StrEnum):
     OPTIMAL = "optimal"
     """A local optimum that the certificate confirms."""
     FEASIBLE = "feasible"
-    """A grasp that the certificate confirms, but the solver stopped before its optimum."""
+    """A grasp that the certificate confirms, but the solver stopped early, or the search before its last start."""
     INFEASIBLE = "infeasible"
     """There is no grasp near any start, and giving way in a named limit makes one: see ``reasons``."""
     NOT_SOLVED = "not_solved"
     """Neither a grasp nor a proof that there is none."""
+    TIMED_OUT = "timed_out"
+    """The clock stopped the search before there was a verdict: an emergency, which another machine may not meet."""
 
 
 @dataclass(frozen=True)
@@ -228,6 +230,8 @@ class GraspResult:
             found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
         if "NOT kept" in str(self.statistics.get("fidelity", "")):
             found.append(str(self.statistics["fidelity"]))
+        if self.statistics.get("cut_short"):
+            found.append("the search was cut short: another start may hold the object with less tension")
         if self.statistics.get("interrupted"):
             found.append("the search was interrupted: another start may hold the object with less tension")
         return tuple(found)

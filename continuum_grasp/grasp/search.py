@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.programme.ipopt import Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.programme.make import ProblemMake
@@ -65,8 +66,8 @@ class Search:
     Parameters
     ----------
     scene : GraspScene
-    until : float
-        ``time.monotonic()`` at which to stop.
+    budget : Budget
+        What it may spend.
 
     Attributes
     ----------
@@ -80,8 +81,8 @@ class Search:
         Spent on building solvers.
     """
 
-    def __init__(self, scene: GraspScene, until: float) -> None:
-        self.scene, self.until = scene, until
+    def __init__(self, scene: GraspScene, budget: Budget) -> None:
+        self.scene, self.budget = scene, budget
         self.tried: list[Tried] = []
         self.good: list[Tried] = []
         self.starts: list[Start] = []
@@ -96,11 +97,6 @@ class Search:
         near = least + NEAR * max(1.0, abs(least))
         converged = [t for t in self.good if t.attempt.converged and t.attempt.objective <= near]
         return min(converged or self.good, key=lambda t: round(t.attempt.objective, 9), default=None)
-
-    @property
-    def late(self) -> bool:
-        """Whether the time is up."""
-        return time.monotonic() > self.until
 
     def run(self) -> None:
         """Try the starts of all modes, one of each branch, then let contacts pass on to the next faces and corners.
@@ -118,7 +114,7 @@ class Search:
                 branch = branch_of(start)
                 if branch in held or (self.good and not self._promises(start)):
                     continue
-                if self.tried and self.late:
+                if self.tried and self.budget.over:
                     return
                 found = self.attempt(start, iterations=HURRIED if self.good else None)
                 if found is not None and found in self.good:
@@ -127,7 +123,7 @@ class Search:
 
     def _from_least_tension(self) -> None:
         """Other aims start from grasps with least tension, which are found more surely."""
-        before = Search(self.scene.model_copy(update={"objective": "least_tension"}), self.until)
+        before = Search(self.scene.model_copy(update={"objective": "least_tension"}), self.budget)
         try:
             before.run()
         finally:  # also on Ctrl-C
@@ -135,7 +131,7 @@ class Search:
             self.start_seconds += before.start_seconds
             self.fallback = before.best
         for held in sorted(before.good, key=lambda t: t.attempt.objective)[:HELD]:
-            if self.late:
+            if self.budget.over:
                 return
             self.attempt(start_from(self.scene, held.arrays))
 
@@ -161,7 +157,7 @@ class Search:
     def attempt(self, start: Start, **options: Any) -> Tried | None:
         """Solve from a start and verify; None where there are no numbers to verify."""
         solver = self.solver(start)
-        attempt = solver.run(self.scene, start, self.until, **options)
+        attempt = solver.run(self.scene, start, self.budget, **options)
         if not np.isfinite(attempt.x).all():
             return None
         arrays = solver.reader.arrays(self.scene, attempt.start, attempt.x, attempt.numbers)
@@ -183,7 +179,7 @@ class Search:
         """From the best grasp, pass contacts on to the next face or corner as long as that helps."""
         for _ in range(SLIDES):
             best = self.best
-            if best is None or self.late:
+            if best is None or self.budget.over:
                 return
             for features_, x0 in _neighbours(self.scene, best):
                 found = self.attempt(replace(best.attempt.start, label="next face"), features=features_, x0=x0)

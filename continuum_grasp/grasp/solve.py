@@ -7,7 +7,9 @@ import time
 from dataclasses import replace
 from typing import Any
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, Interrupted, SolverError
+from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.fine import ELEMENTS, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.programme.ipopt import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
@@ -19,6 +21,7 @@ from continuum_grasp.scene.grasp import GraspScene
 __all__ = ["optimize_grasp"]
 
 
+@interrupt.listening()
 def optimize_grasp(
     scene: GraspScene | str | os.PathLike[str], *, raise_on_failure: bool = True, fine: bool = False
 ) -> GraspResult:
@@ -50,17 +53,17 @@ def optimize_grasp(
     """
     if not isinstance(scene, GraspScene):
         scene = _load(scene)
-    until = time.monotonic() + scene.solver.time_limit
+    budget = Budget.of(scene.solver)
     tolerance = asked_tolerance(scene)
     if tolerance is None:
-        result = _Verdict(scene, until).result()
+        result = _Verdict(scene, budget).result()
         if fine and result.solved and not result.statistics["interrupted"]:
             try:
-                result = with_fine(result, until)
+                result = with_fine(result, budget)
             except KeyboardInterrupt:
                 result = replace(result, statistics={**result.statistics, "fine_model": "interrupted"})
     else:
-        result = _kept(scene, tolerance, until)
+        result = _kept(scene, tolerance, budget)
     if raise_on_failure and not result.solved:
         raise SolverError(
             result.message,
@@ -83,21 +86,24 @@ def _load(path: str | os.PathLike[str]) -> GraspScene:
     return scene
 
 
-def _kept(scene: GraspScene, tolerance: float, until: float) -> GraspResult:
+def _kept(scene: GraspScene, tolerance: float, budget: Budget) -> GraspResult:
     """The grasp with the cheapest model that keeps a tolerance."""
-    first = _Verdict(with_elements(scene, ELEMENTS[1]), until).result()
-    if not first.solved:
+    first = _Verdict(with_elements(scene, ELEMENTS[1]), budget).result()
+    if not first.solved or first.statistics["interrupted"]:
         return first
-    resolved, note, change = resolve_elements(scene, first, tolerance, until)
-    result = first if resolved == first.scene else _Verdict(resolved, until).result()
+    try:
+        resolved, note, change = resolve_elements(scene, first, tolerance, budget)
+    except KeyboardInterrupt:
+        return replace(first, statistics={**first.statistics, "interrupted": True, "fidelity": "interrupted"})
+    result = first if resolved == first.scene or budget.over else _Verdict(resolved, budget).result()
     return replace(result, fine=change, statistics={**result.statistics, "fidelity": note})
 
 
 class _Verdict:
-    def __init__(self, scene: GraspScene, until: float) -> None:
-        self.scene = scene
+    def __init__(self, scene: GraspScene, budget: Budget) -> None:
+        self.scene, self.budget = scene, budget
         self.began = time.monotonic()
-        self.search = Search(scene, until)
+        self.search = Search(scene, budget)
         self.interrupted = False
 
     def result(self) -> GraspResult:
@@ -123,7 +129,7 @@ class _Verdict:
         reasons = find_reasons(self.scene, search)
         if search.good:  # feasible after all, though no start saw it
             return self._solved()
-        if reasons:
+        if reasons and not self.budget.stopped:
             return self._infeasible(reasons, closest)
         return self._unsolved(closest)
 
@@ -139,6 +145,9 @@ class _Verdict:
             status, message = Status.FEASIBLE, f"{words}, the least there is; nothing was found for the objective"
         elif not best.attempt.converged:
             status, message = Status.FEASIBLE, f"{words}; the solver stopped early ({best.attempt.outcome})"
+        if self.budget.cut:
+            status = Status.FEASIBLE
+            message += f"; {self._cut()}, not all starts were tried"
         if self.interrupted:
             message += "; the search was interrupted, not all starts were tried"
         return GraspResult(
@@ -163,8 +172,12 @@ class _Verdict:
         return self._failed(Status.INFEASIBLE, reasons[0].text, closest, tuple(reasons), advice)
 
     def _unsolved(self, closest: Tried | None) -> GraspResult:
-        if self.search.late:
-            message, advice = "the time limit passed without a verified grasp", "Raise solver.time_limit."
+        if self.budget.stopped:
+            message = f"{self._cut()} before there was a verdict"
+            advice = "Raise solver.time_limit, or free the machine."
+            return self._failed(Status.TIMED_OUT, message, closest, (), advice)
+        if self.budget.cut:
+            message, advice = f"{self._cut()} without a verified grasp", "Raise solver.max_total_iterations."
         elif closest is not None and closest.attempt.converged:
             names = ", ".join(check.name for check in closest.certificate.failed)
             message = f"the solver converged, but the independent check rejects: {names}"
@@ -202,6 +215,13 @@ class _Verdict:
             statistics=self._statistics(None if closest is None else closest.attempt),
         )
 
+    def _cut(self) -> str:
+        """What cut the search short, in words."""
+        options = self.scene.solver
+        if self.budget.stopped:
+            return f"the clock stopped the search after {options.time_limit:g} s (solver.time_limit)"
+        return f"all {options.max_total_iterations} iterations were used up (solver.max_total_iterations)"
+
     def _support_note(self) -> str:
         if self.scene.object.free is not None:
             return ""
@@ -220,6 +240,8 @@ class _Verdict:
             "solver_seconds": sum(a.seconds for a in attempts),
             "total_seconds": time.monotonic() - self.began,
             "interrupted": self.interrupted,
+            "cut_short": self.budget.cut,
+            "total_iterations": self.scene.solver.max_total_iterations - self.budget.left,
             "iterations": None if chosen is None else chosen.iterations,
             "start": None if chosen is None else chosen.start.label,
             "attempts": [

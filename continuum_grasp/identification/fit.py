@@ -177,6 +177,7 @@ class Fit:
             "labels": np.array([entry.label for entry in self.entries]),
         }
         meta = {
+            "kind": "identify",
             "config": self.scene.model_dump(mode="json"),
             "identified_finger": self._finger(),
             "status": self.status,

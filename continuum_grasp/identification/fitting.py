@@ -13,6 +13,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import ContinuumGraspError, InputError
 from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBlock
 from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPath
@@ -39,6 +40,7 @@ _APART = 8.0
 _LITTLE = 0.6
 
 
+@interrupt.listening()
 def identify(
     scene: Scene | str | PathLike[str],
     data: Measurements,

@@ -70,6 +70,11 @@ def least_squares(
     -------
     Minimum
 
+    Raises
+    ------
+    NumericalError
+        If residuals or derivatives at the start are not finite.
+
     Notes
     -----
     Steps are damped in the metric of the scaled Jacobian (J. J. More, 1978, doi:10.1007/BFb0067700; damping after
@@ -77,6 +82,8 @@ def least_squares(
     """
     values = np.clip(start, lower, upper)
     residuals, jacobian = function(values)
+    if not (np.isfinite(residuals).all() and np.isfinite(jacobian).all()):
+        raise NumericalError("the predictions at the start values, or their derivatives, are not finite")
     cost, damping, growth, evaluations = float(residuals @ residuals), 1e-4, 2.0, 1
     weights = np.zeros(len(values))
     for count in range(iterations):
@@ -100,13 +107,14 @@ def least_squares(
             short = float(np.abs(step).max()) <= _STEP
             try:
                 after, slope = function(trial)
-                new = float(after @ after)
+                new = float(after @ after) if np.isfinite(slope).all() else np.inf
             except (SolverError, NumericalError):
                 new = np.inf
             evaluations += 1
             expected = -float(step @ (2.0 * gradient + normal @ step))
             if new < cost or (short and new <= cost * (1.0 + 1e-12)):
-                gain = (cost - new) / max(expected, 1e-300)
+                # A step that a bound cuts off need not lead down in the quadratic model: that has predicted nothing.
+                gain = min(max((cost - new) / expected, 0.0), 1.0) if expected > 0.0 else 0.0
                 damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-14)
                 growth = 2.0
                 small = cost - new <= 1e-14 * cost and expected <= 1e-14 * cost

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.units import factor_to_si
+from continuum_grasp.scene.files import refuse_what_is_no_file
 
 __all__ = ["Table", "read_table"]
 
@@ -155,6 +156,7 @@ def read_table(path: str | Path) -> Table:
         With the line, where it is not of that form.
     """
     name = str(path)
+    refuse_what_is_no_file(path)
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError:

@@ -10,6 +10,7 @@ import casadi as ca
 from continuum_grasp.model.chain import column
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Scalar, Vec
+from continuum_grasp.model.remade import Remade
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Load
@@ -18,7 +19,7 @@ from continuum_grasp.scene.simulate import Scene
 __all__ = ["FUNCTIONS", "MATRICES", "FingerModel"]
 
 
-class FingerModel:
+class FingerModel(Remade):
     """A planar continuum finger, written once as CasADi functions.
 
     The motion obeys ``M qdd + bias + gravity + elastic + damping = actuation + external_force``. All functions are SX
@@ -34,8 +35,10 @@ class FingerModel:
     gravity : (2,) sequence, optional
         World gravity [m/s2]; (0, -9.81) for a bare finger; zero leaves the weight out.
     family : {"arc", "clothoid", "matched_clothoid"}, optional
-        Curvature family; ``matched_clothoid`` where nothing is said (``clothoid`` where tendons rub, where a moment
-        of the scene on the tip varies in time, or where those at time zero do not fit the initial pose).
+        Curvature family. Default: ``matched_clothoid`` for a scene, and for a bare finger whose tendons have a time
+        constant or whose ``input_rates`` are given; ``clothoid`` for other bare fingers, whose tip moment may vary,
+        with tendon friction, where a moment of the scene on the tip varies in time, or where those at time zero do not
+        fit the initial pose.
     elements : int or sequence of float, optional
         Number of elements, or their lengths [m]; two, or one per stretch between contacts and jumps of the rest
         curvature, where nothing is said.
@@ -53,8 +56,12 @@ class FingerModel:
     tip_force : bool, optional
         Whether a force acts at the tip; for a scene, where it has contacts.
     input_rates : bool, optional
-        Whether rates and accelerations follow the values in ``u``. A matched tip moves with the tip moment, so a
-        moment that varies needs them; without them the moment is taken to be constant.
+        Whether ``u`` is [values, rates, accelerations] of the inputs, for ``matched_clothoid`` alone. Its tip moves
+        with the tip moment, so a moment that varies needs them. Default: True where an input of the scene varies, or a
+        moment on its tip, and tendons have no time constant, which supplies the rates. Without rates the moment is
+        taken to be constant throughout the motion: ``Core.rollout`` refuses one that varies, and no function can notice
+        it from one call to the next. Dropping the rates of a ramp of 0.05 N m in 0.2 s costs 8.9 mm r.m.s. on a rod of
+        0.6 m, where two elements with rates have 0.14 mm and free clothoids 0.09 mm.
 
     Attributes
     ----------

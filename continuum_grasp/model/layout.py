@@ -9,15 +9,16 @@ from collections.abc import Sequence
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.chain import Place
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
 
-__all__ = ["DEFAULT_RANGE", "element_lengths", "element_ranges", "place_at", "with_jumps"]
+__all__ = ["DEFAULT_RANGE", "element_lengths", "element_ranges", "place_at", "with_breaks"]
 
 DEFAULT_RANGE = 2 * math.pi / 3
 """Bending range of one element where nothing else is said [rad]; equation (44) of the paper."""
 
 _SNAP = 1e-9
 _SHORTEST = 0.02
-"""Shortest element that is made for a jump of the rest curvature, per length of the finger."""
+"""Shortest element that is made for a load, a mass or a jump of the rest curvature, per length of the finger."""
 _LEAST = 1e-6
 """Least length of an element, as a part of the finger's."""
 _MOST = 64
@@ -74,12 +75,50 @@ def element_lengths(
     return tuple(h / n for h, n in zip(stretches, shares, strict=True) for _ in range(n))
 
 
-def with_jumps(contacts: Sequence[float], finger: Finger) -> tuple[float, ...]:
-    """Contacts, and the jumps of the rest curvature that are not too near to them or to an end for an element."""
+def with_breaks(
+    contacts: Sequence[float], finger: Finger, loads: Sequence[Load], *, continuous: bool
+) -> tuple[float, ...]:
+    """Contacts, and where the curvature or its slope jumps: loads, masses, and jumps of the rest curvature.
+
+    Parameters
+    ----------
+    contacts : sequence of float
+        Positions of the contacts [m].
+    finger : Finger
+    loads : sequence of loads
+    continuous : bool
+        Whether the curvature is continuous from element to element. It then cannot jump at a couple, and rises within
+        a short element around it: a couple of 0.3 EI/L on 2 elements costs 1e-3 of the length, with such an element
+        3e-5 (with a boundary at the couple 2e-3), and the stiffest mode hardly changes.
+
+    Returns
+    -------
+    tuple of float
+        Increasing [m], without what is too near to another or to an end for an element.
+    """
     length, kept = finger.rod.length, list(contacts)
+
+    def add(*places: float) -> None:
+        near = any(
+            abs(at - other) < (1.0 - _SNAP) * _SHORTEST * length for at in places for other in (0.0, *kept, length)
+        )
+        if not near and min(places) > 0.0 and max(places) < length and len(kept) + len(places) < _MOST:
+            kept.extend(places)
+
     for start, _, _ in finger.curvature_pieces[1:]:
-        if all(abs(start - other) >= _SHORTEST * length for other in (0.0, *kept, length)):
-            kept.append(start)
+        add(start)
+    for load in loads:
+        if isinstance(load, MomentLoad) and continuous:
+            taken = any(abs(load.at - other) <= _SNAP * length for other in kept)
+            half = (1.0 if taken else 0.5) * _SHORTEST * length
+            add(load.at - half, load.at + half)
+        elif isinstance(load, MomentLoad):
+            add(load.at)
+    for at in (load.at for load in loads if isinstance(load, ForceLoad)):
+        add(at)
+    for mass in finger.masses:
+        if mass.mass > 0.0:
+            add(mass.at)
     return tuple(sorted(kept))
 
 

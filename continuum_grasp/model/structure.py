@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import InputLayout
 from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices
 from continuum_grasp.model.family import ArcFamily, ClothoidFamily, Family
-from continuum_grasp.model.layout import element_lengths, element_ranges, place_at, with_jumps
+from continuum_grasp.model.layout import element_lengths, element_ranges, place_at, with_breaks
 from continuum_grasp.model.parameters import Parameters
 from continuum_grasp.model.quadrature import node_count
 from continuum_grasp.scene.finger import Finger
@@ -52,6 +53,7 @@ class Structure:
             "tip_force": tip_force,
             "input_rates": input_rates,
         }
+        self.asked: tuple[Scene | Finger, dict[str, Any]] = (finger, keywords)
         choices = Choices(finger, keywords)
         try:
             self._resolve(choices)
@@ -75,14 +77,18 @@ class Structure:
         elements = choices.elements()
         self.lengths = element_lengths(self.length, self.contacts, elements)
         if elements is None:
-            self.lengths = element_lengths(self.length, with_jumps(self.contacts, self.finger), None)
+            held = () if scene is None else scene.initial.held_by
+            continuous = choices.word("family", FAMILIES) != "arc"
+            breaks = with_breaks(self.contacts, self.finger, (*self.loads, *held), continuous=continuous)
+            self.lengths = element_lengths(self.length, breaks, None)
         self.ranges = element_ranges(self.lengths, choices.number("bending_range"), self.finger.curvature_limit)
         self.parameters = Parameters(self.finger, (gravity[0], gravity[1]), self.lengths, choices.words("parameters"))
         self.accuracy = choices.number("accuracy")
         if self.accuracy is not None and not 1e-16 <= self.accuracy <= 1e-2:
             raise InputError(f"expected a number from 1e-16 to 0.01, got {self.accuracy}", key="accuracy")
-        self.family_name = choices.word("family", FAMILIES) or self._default_family(scene)
-        self.inputs = self._input_layout(choices.switch("input_rates"), self._input_varies(scene))
+        input_rates = choices.switch("input_rates")
+        self.family_name = choices.word("family", FAMILIES) or self._default_family(scene, input_rates)
+        self.inputs = self._input_layout(input_rates, self._input_varies(scene))
         self.family = self._make_family()
         self.n = self.family.size - (1 if self.matched else 0)
         self._name_entries()
@@ -125,6 +131,11 @@ class Structure:
         return self.finger.tendons is not None and self.finger.tendons.time_constant is not None
 
     @property
+    def moment_is_constant(self) -> bool:
+        """Whether the tip moves with its moment, whose rates the model leaves out: it must not vary."""
+        return self.matched and not self.inputs.rates and not self.lagged
+
+    @property
     def rubs(self) -> bool:
         """Whether tendon friction is modelled."""
         tendons = self.finger.tendons
@@ -149,9 +160,12 @@ class Structure:
                 found.append((name, place_at(mass.at, self.lengths)))
         return found
 
-    def _default_family(self, scene: Scene | None) -> str:
+    def _default_family(self, scene: Scene | None, input_rates: bool | None) -> str:
+        # A bare finger does not say whether its tip moment varies, which a matched tip without rates would not follow.
+        unknown = scene is None and input_rates is None and not self.lagged
         thrown = scene is not None and scene.time is not None and scene.initial.q is None and tip_is_thrown(scene)
-        return "clothoid" if self.rubs or self._tip_couple_varies() or thrown else "matched_clothoid"
+        free = self.rubs or self._tip_couple_varies() or thrown or unknown
+        return "clothoid" if free else "matched_clothoid"
 
     def _tip_couple_varies(self) -> bool:
         return any(isinstance(load.moment, Samples) for load in _tip_couples(self.loads, self.length))

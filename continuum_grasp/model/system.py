@@ -15,6 +15,7 @@ from continuum_grasp.model.chain import column
 from continuum_grasp.model.finger_model import FingerModel
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.planar import Scalar, Vec
+from continuum_grasp.model.remade import Remade
 from continuum_grasp.model.system_equations import OBJECT_PARAMETERS, SystemEquations
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
@@ -23,7 +24,7 @@ from continuum_grasp.scene.surroundings import Surroundings
 __all__ = ["SYSTEM_FUNCTIONS", "System"]
 
 
-class System:
+class System(Remade):
     """A finger, and where there is one the object that it touches, as one system xd = f(x, u, w, p).
 
     All functions are SX functions of the whole state with named inputs and outputs; inputs that a system does not need

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +80,12 @@ class Command:
         health = f", health={self.health.name} ({self.suspect})" if self.health else ""
         return f"Command(u={self.u.tolist()}, status={self.status.name}{health}{odd})"
 
+    def __reduce__(self) -> tuple[Any, ...]:  # without the controller, but for the layout of its numbers
+        control = self._control
+        stages = SimpleNamespace(nx=control.stages.nx, nu=control.stages.nu, nd=control.stages.nd)
+        names = {name: getattr(control, name) for name in ("_parts", "measurement_names", "sensor_names")}
+        return Command, (SimpleNamespace(**names, stages=stages), self.status, self._out)
+
     def _part(self, name: str) -> Array:
         return self._out[self._control._parts[name]]
 
@@ -147,7 +154,7 @@ class Command:
 
     @property
     def mismatch(self) -> float:
-        """Mean squared normalized innovation of the sensor that contradicts the model most; about 1 where all is well."""
+        """Mean squared normalized innovation of the sensor that contradicts the model most; about 1: all is well."""
         return float(self._out[10])
 
     @property

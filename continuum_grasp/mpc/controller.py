@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
+from continuum_grasp.model.remade import Remade
 from continuum_grasp.mpc.arrays import control_scene, numbers, shown, slices, vector
 from continuum_grasp.mpc.command import Command, Estimate, Plan
 from continuum_grasp.mpc.compiled import Compiled
@@ -39,7 +40,7 @@ _CHUNK = 128
 _LATE, _APPLIED = 1, 2
 
 
-class Controller:
+class Controller(Remade):
     """Real-time iterations with an estimator and a fallback; all of a step runs in one C function.
 
     Parameters
@@ -88,6 +89,7 @@ class Controller:
     command is active, it raises the weight of the command's rate; where that does not help, or a sensor contradicts the
     model by far, it trips: the command goes to the safe input until ``rearm``.
 
+    A copy, or one that is sent to another process, goes on with the same commands; its ``statistics`` begin anew.
     Objects of their own may run in threads of their own; one object is for one thread at a time.
     """
 
@@ -99,6 +101,10 @@ class Controller:
         deadline: float | None = None,
     ) -> None:
         self.scene = control_scene(scene)
+        self._arguments = (
+            (self.scene,),
+            {"precision": precision, "deadline": deadline},
+        )  # no path, whose file may change
         self.prediction = Prediction(self.scene)
         self.stages = stages_of(self.scene, self.prediction)
         self.precision = precision_of(precision)
@@ -315,7 +321,15 @@ class Controller:
             If it is none of this very problem.
         """
         self._step, late = self._c.restore(saved)
-        self._late = bool(late)
+        self._late, self._time = bool(late), math.nan
+
+    def __getstate__(self) -> tuple[dict[str, Field], bytes]:
+        return self._fields, self.save_state()
+
+    def __setstate__(self, state: tuple[dict[str, Field], bytes]) -> None:
+        self._fields, saved = state
+        self._c.configure(tuple(self._fields.values()))
+        self.restore(saved)
 
     # -- set-points ---------------------------------------------------------------------------------------------------
 

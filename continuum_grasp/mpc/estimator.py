@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
+from continuum_grasp.model.remade import Remade
 from continuum_grasp.mpc.arrays import control_scene, slices, vector
 from continuum_grasp.mpc.compiled import Compiled
 from continuum_grasp.mpc.controller_source import estimator_source
@@ -76,7 +77,7 @@ class Filtered:
         return texts(self.anomaly, [float(v) for v in self.verdict], self._names)
 
 
-class Estimator:
+class Estimator(Remade):
     """The estimator of a control scene by itself; the same C as in ``Controller``.
 
     Parameters
@@ -118,6 +119,7 @@ class Estimator:
 
     def __init__(self, scene: ControlScene | str | PathLike[str], *, precision: str = "double") -> None:
         self.scene = control_scene(scene)
+        self._arguments = (self.scene,), {"precision": precision}  # no path, whose file may change
         self.prediction = Prediction(self.scene)
         stages = stages_of(self.scene, self.prediction)
         self.estimation = estimation_of(self.scene, self.prediction, stages.method)
@@ -204,3 +206,6 @@ class Estimator:
             If it is none of this very problem.
         """
         self._c.restore(saved)
+
+    __getstate__ = save_state
+    __setstate__ = restore

@@ -99,6 +99,8 @@ def controller_fields(
         Field("u_rate", np.full(stages.nu, rate)),
         Field("u_safe", safe),
         Field("safe_rate", np.maximum((stages.u_max - stages.u_min) / _RAMP, 1e-9)),
+        Field("applied_min", ranges.applied[:, 0]),
+        Field("applied_max", ranges.applied[:, 1]),
         Field("r_min", ranges.r[:, 0]),
         Field("r_max", ranges.r[:, 1]),
         Field("p_min", ranges.p[:, 0]),

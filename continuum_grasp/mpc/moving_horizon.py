@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.core.call import real_array
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.mpc.estimator import Estimator
 
@@ -68,7 +69,7 @@ def moving_horizon(
         If IPOPT does not converge.
     """
     model, settings = estimator.estimation, estimator.settings
-    measured, applied = np.atleast_2d(np.asarray(measurements, float)), np.asarray(inputs, float)
+    measured, applied = np.atleast_2d(real_array("measurements", measurements)), real_array("inputs", inputs)
     count = len(measured)
     if estimator.delay:
         raise InputError("a record needs no delay: shift its measurements instead", key="estimator.delay")

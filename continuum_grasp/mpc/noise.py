@@ -56,11 +56,15 @@ class Noise:
 
 @dataclass(frozen=True)
 class Ranges:
-    """Limits beyond which numbers are absurd: least and most of each entry, (size, 2)."""
+    """Limits beyond which numbers are absurd: least and most of each entry, (size, 2).
+
+    ``applied`` are those of an input that was applied, which may be off (0 N) or beyond what can be commanded.
+    """
 
     x: Array
     disturbances: Array
     measurement: Array
+    applied: Array
     r: Array
     p: Array
 
@@ -130,6 +134,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
     """
     x = _state_range(scene, model, stages)
     unknown = estimation.z_names[estimation.nx :] if estimation is not None else ()
+    applied = np.array([_measurable(scene, model, name) for name in stages.u_names])
     measured = (
         x if estimation is None else np.array([_measurable(scene, model, n) for n in estimation.measurement_names])
     )
@@ -137,6 +142,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
         x=x,
         disturbances=np.array([_disturbance_range(scene, name) for name in unknown]).reshape(-1, 2),
         measurement=measured,
+        applied=np.stack([np.minimum(applied[:, 0], stages.u_min), np.maximum(applied[:, 1], stages.u_max)], axis=1),
         r=np.array([_set_point_range(scene, name) for name in stages.r_names]).reshape(-1, 2),
         p=np.array([_parameter_range(scene, *v) for v in zip(model.p_names, model.p_nominal, strict=True)]).reshape(
             -1, 2

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import System
+from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.loads import MomentLoad
 from continuum_grasp.simulation.spectrum import sample_shapes
@@ -19,7 +20,7 @@ __all__ = ["Prediction"]
 Array = NDArray[np.float64]
 
 
-class Prediction:
+class Prediction(Remade):
     """The model of a controller.
 
     Parameters

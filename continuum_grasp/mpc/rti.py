@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -117,6 +117,9 @@ class RealTimeIteration:
         self._preparation = *head, self._p_at, _address(self._refs)
         self._answer = *head, self._x0_at, ctypes.byref(self._record)
         self._prepare, self._feedback = library.rti_prepare, library.rti_feedback
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("RealTimeIteration works on memory of loaded C: send its stages, and make one of them there")
 
     @property
     def plan(self) -> tuple[Array, Array]:

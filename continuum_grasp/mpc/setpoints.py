@@ -152,7 +152,7 @@ def _called(function: Function, width: int, t: Array) -> Array:
         try:
             row = numbers(given).reshape(-1)
         except (TypeError, ValueError):
-            row = np.zeros(0)
+            raise InputError(f"a set-point at t = {instant:g} s: expected numbers, got {shown(given)}") from None
         if row.size != width or not np.all(np.isfinite(row)):
             raise InputError(f"a set-point at t = {instant:g} s: expected {width} finite entries, got {shown(given)}")
         rows[k] = row

@@ -1,4 +1,4 @@
-"""What a controller's command is, and what was noticed; as in ``c/controller.h``, ``c/supervisor.h``, ``c/checks.h``."""
+"""What a command is, and what was noticed; as in ``c/controller.h``, ``c/supervisor.h`` and ``c/checks.h``."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def health_text(health: Health, suspect: str | None, reason: Trip = Trip.NONE) -
     elif health == Health.FROZEN or reason == Trip.UNSEEN:
         cause = "a sensor or its driver is stuck; quantized readings need estimator.frozen: false"
     else:
-        cause = "delay or lag longer than the model's, swapped or rotated axes, a wrong scale, or a contact it does not know"
+        cause = "longer delay or lag than the model's, swapped or rotated axes, wrong scale, or an unknown contact"
     what = {
         Health.MISMATCH: "contradicts the model",
         Health.DETUNED: "contradicts the model, so `input_rate` is raised",

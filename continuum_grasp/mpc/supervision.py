@@ -15,17 +15,17 @@ from continuum_grasp.scene.control import ControlScene
 __all__ = ["supervisor_fields"]
 
 _WINDOW = 0.2
-"""Time over which mismatch and activity are averaged [s]: ten times shorter reports noise, and a loop that swings is lost
-within a second."""
+"""Time over which mismatch and activity are averaged [s]: shorter reports noise, and a loop that swings is lost within
+a second."""
 _LEAST_WINDOW = 20
 """The same in calls: a mean over fewer passes the bounds of ``c/supervisor.c`` by chance."""
 _SETTLING = 3
 """Calls beyond the estimator's delay after which innovations mean something."""
 _RUNGS = 2
-"""Fourfold raises of the weight of the command's rate: 16 times hold three periods of unknown delay, more only slows."""
+"""Fourfold raises of the weight of the command's rate: 16 times hold three periods of unknown delay."""
 _STILL = 1e-3
-"""Share of a sensor's standard deviation by which a reading moves at least: of white noise at a tenth of the declared one
-20 readings in a row stay within it once in 1e45."""
+"""Share of a sensor's standard deviation by which a reading moves at least; 20 readings in a row of white noise stay
+within it once in 1e60, at a tenth of the declared noise once in 1e45."""
 _CROSSING = 0.1
 """Time in which a command that is fully active crosses its range where its rate has no tighter limit [s]."""
 _FAR = 0.1

@@ -8,7 +8,9 @@ import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["replacing"]
+from continuum_grasp.results.record import note_file
+
+__all__ = ["naming", "replacing"]
 
 
 @contextlib.contextmanager
@@ -19,7 +21,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     with ``.tmp-``. When the body ends without an error the file is flushed to the disk and renamed over
     ``path``; whoever opens ``path`` sees the old content or the new one, never a part. When the body raises,
     ``path`` is as before and the temporary file is removed. A killed process leaves ``path`` as before and
-    may leave the temporary file.
+    may leave the temporary file. In the folder of a run the file is recorded as the run's.
 
     Parameters
     ----------
@@ -34,20 +36,35 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     OSError
-        The folder cannot be made or the file not be written.
+        The folder cannot be made or the file not be written; it names the file.
     FileNotFoundError
         The body wrote nothing.
     """
     target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
+    with naming(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
     temporary = target.with_name(f".tmp-{os.getpid()}-{secrets.token_hex(6)}-{target.name}")
     try:
-        yield temporary
-        _flush(temporary)
-        os.replace(temporary, target)
+        with naming(target, temporary):
+            yield temporary
+            _flush(temporary)
+            note_file(target, temporary)
+            os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
     flush_folder(target.parent)
+
+
+@contextlib.contextmanager
+def naming(path: Path, temporary: Path | None = None) -> Iterator[None]:
+    """Have errors of the system name this file where they name none, as that of a full disk, or a temporary one."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None or (temporary is not None and error.filename in (temporary, str(temporary))):
+            error.filename = str(path)
+            error.filename2 = None
+        raise
 
 
 def _flush(path: Path) -> None:

@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.results.atomic import flush_folder, replacing
 from continuum_grasp.results.plain import digest, plain
 from continuum_grasp.results.provenance import created_now, machine, versions
+from continuum_grasp.results.record import begin_run
 
 __all__ = ["RESULT", "Run", "pack_run", "read_run", "write_run"]
 
@@ -65,8 +66,8 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     ``result.npz`` holds the arrays and a copy of the meta data, so one rename turns the old run into the new
     one; a process killed at any instant leaves the old run or the new one. ``meta.json`` is the same meta
     data for people and other programs: it is removed before that rename and written after it, so it is never
-    that of another run. Writing into a folder that already holds a run replaces that run; other files in it,
-    pictures for instance, stay.
+    that of another run. Writing into a folder that already holds a run replaces that run: its pictures and
+    reports go (`begin_run`), so save a run before it is drawn; files that no run wrote stay.
 
     Parameters
     ----------
@@ -76,7 +77,8 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
         What was computed. Numbers, booleans and strings of fixed length; no Python objects, nothing is
         pickled.
     meta : mapping, optional
-        How it was computed. Keys used by the package: ``config`` (resolved configuration), ``seed``,
+        How it was computed. Keys used by the package: ``kind`` (command that computes such runs), ``config``
+        (resolved configuration), ``seed``,
         ``status``, ``statistics``, ``warnings``; others are kept as given. Added here: ``format_version``,
         ``config_sha256`` (of the plain form of ``config``), ``versions``, ``platform``, ``created`` (UTC).
         ``versions`` given by the caller, of a compiler or solver, are joined to those added.
@@ -89,7 +91,8 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     Raises
     ------
     InputError
-        An array holds Python objects or has a name that cannot be a file name; a meta value has no JSON form.
+        An array holds Python objects or has a name that cannot be a file name; a meta value has no JSON form;
+        the folder's name is empty.
     OSError
         The files cannot be written.
 
@@ -97,11 +100,15 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     -----
     The meta data is converted as by `continuum_grasp.results.plain.plain`: NaN and infinity become strings.
     """
+    if not os.fspath(folder):
+        raise InputError("expected the name of a folder, got an empty one", key="folder")
     target = Path(folder)
     checked = {_checked_name(name): _checked_array(name, value) for name, value in arrays.items()}
     text = json.dumps(_complete(meta or {}), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    content = _packed(checked, text)
     with replacing(target / RESULT) as temporary:
-        _write_npz(temporary, checked, text)
+        temporary.write_bytes(content)
+        begin_run(target, (meta or {}).get("kind"), kept=(RESULT,))
         (target / META).unlink(missing_ok=True)
         flush_folder(target)
     with replacing(target / META) as temporary:
@@ -127,9 +134,7 @@ def pack_run(arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -
         As in `write_run`.
     """
     checked = {_checked_name(name): _checked_array(name, value) for name, value in arrays.items()}
-    file = io.BytesIO()
-    _write_npz(file, checked, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
-    return file.getvalue()
+    return _packed(checked, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
 
 
 def read_run(folder: str | os.PathLike[str]) -> Run:
@@ -189,12 +194,15 @@ def _complete(meta: Mapping[str, Any]) -> dict[str, Any]:
     return {**complete, **given, "config": config}
 
 
-def _write_npz(target: Path | IO[bytes], arrays: Mapping[str, NDArray[Any]], text: str) -> None:
+def _packed(arrays: Mapping[str, NDArray[Any]], text: str) -> bytes:
+    """Content of the file, put together in memory: a ZIP file that fills the disk hides why it failed."""
+    file = io.BytesIO()
     stored = {**arrays, _META_KEY: np.frombuffer(text.encode("utf-8"), dtype=np.uint8)}
-    with zipfile.ZipFile(target, "w", compression=zipfile.ZIP_DEFLATED, compresslevel=4) as archive:
+    with zipfile.ZipFile(file, "w", compression=zipfile.ZIP_DEFLATED, compresslevel=4) as archive:
         for name, array in stored.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, array, allow_pickle=False)
+    return file.getvalue()
 
 
 def _checked_array(name: str, value: Any) -> NDArray[Any]:

@@ -182,8 +182,8 @@ class Controller(Value):
     iterations: Annotated[int, Field(ge=1, le=100)] = 20
     """Greatest number of interior-point iterations per quadratic programme."""
     supervisor: bool = True
-    """Whether the loop is supervised: where sensors contradict the model, or readings freeze, ``input_rate`` is raised up
-    to 16-fold, and at last the command goes to the least tensions (no moment) until it is re-armed."""
+    """Whether the loop is supervised: where sensors contradict the model, ``input_rate`` is raised up to 16-fold; where
+    that does not help, or readings freeze, the command goes to the least tensions (no moment) until it is re-armed."""
     deadline: Positive | None = None
     """Time after which a command counts as late [s]; None: the period."""
 

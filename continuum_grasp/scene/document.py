@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from continuum_grasp.errors import InputError
@@ -15,13 +16,22 @@ KeyPath = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Place:
-    """Where a value stands, and where its key does; lines and columns count from 1, None outside a file."""
+    """Where a value stands, and where its key does; lines and columns count from 1, None outside a file.
+
+    Paths are relative to ``folder``; where that is None, to the folder of the file, or of the main file outside one.
+    """
 
     file: str
     line: int | None = None
     column: int | None = None
     key_line: int | None = None
     key_column: int | None = None
+    folder: Path | None = None
+
+    def beside(self, target: str, main: Path) -> Path:
+        """The file that a path standing here means; ``main`` is the main file."""
+        folder = (main if self.line is None else Path(self.file)).parent
+        return (self.folder or folder) / target
 
     def error(self, message: str, path: KeyPath = ()) -> InputError:
         """An error that says it is about what stands here."""

@@ -64,8 +64,8 @@ class Estimator(Value):
     delay: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     """Known age of a measurement when it arrives, a whole number of control periods [s]."""
     outlier: Annotated[float, Field(ge=2.0, le=100.0)] = 8.0
-    """A sensor that is further than this many standard deviations from what is expected is rejected, unless that happens
-    too often: then the model is wrong, and the sensor is used with bounded influence."""
+    """A sensor that is further than this many standard deviations from what is expected is rejected, unless that
+    happens too often: then the model is wrong, and the sensor is used with bounded influence."""
     frozen: bool = True
-    """Whether a reading that does not move for 0.2 s (20 samples at least) while the command does counts as missing. No:
-    for sensors whose resolution is coarser than their noise, which repeat a number while the finger rests."""
+    """Whether a reading that does not move for 0.2 s (20 samples at least) while the command does counts as missing.
+    No: for sensors whose resolution is coarser than their noise, which repeat a number while the finger rests."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Change, Document, KeyPath
+from continuum_grasp.scene.document import Change, Document, KeyPath, dotted
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.overrides import Overrides, apply_override, read_overrides
 from continuum_grasp.scene.simulate import Scene
@@ -64,10 +64,10 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
         (it names a ``scene``) or a finger (it has a ``rod``).
         Where it says ``finger: other.yaml`` or ``finger: {extends: other.yaml, ...}``, that file is read,
         relative to the file that names it; keys given beside ``extends`` replace those of the other file,
-        mappings key by key.
+        mappings key by key. So is ``grasp: other.yaml`` of a mission or plan.
     overrides : iterable of str, or mapping
         ``"key.path=value"`` texts, values read as YAML, or a mapping from key path to value; applied in
-        order, as if they stood in the file.
+        order, as if they stood in the file: paths of other files are relative to it.
 
     Returns
     -------
@@ -219,18 +219,29 @@ def changed(document: Document, changes: Iterable[Change], path: str | Path) -> 
 def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
     for where, new in changes:
         if len(where) > 1:
-            _put_in_files(document, main)
+            if where[-1] != "extends":
+                _put_in_files(document, main)
+            elif not _extends(document, where[:-1]):
+                key = dotted(where[:-1])
+                raise new.places[()].error(f"{key} extends no file: expected {key}={{extends: FILE, ...}}", where)
         apply_override(document, where, new)
     _put_in_files(document, main)
 
 
+def _extends(document: Document, path: KeyPath) -> bool:
+    """Whether at a path there is a mapping that names the file it changes."""
+    value = document.value
+    for part in path:
+        value = value.get(part) if isinstance(value, dict) else None
+    return isinstance(value, dict) and "extends" in value
+
+
 def _put_in_files(document: Document, main: Path) -> None:
-    """Put in place what stands in other files: fingers, and the grasp of a mission or plan."""
-    _put_in_fingers(document, main)
+    """Put in place what stands in other files: the grasp of a mission or plan, and fingers, its own too."""
     target = document.value.get("grasp")
     if isinstance(target, str):
         place = document.places[("grasp",)]
-        file = (Path(place.file).parent if place.line is not None else main.parent) / target
+        file = place.beside(target, main)
         if not file.is_file():
             raise place.error(f"no such grasp file: {os.path.normpath(file)}", ("grasp",))
         inner = assembled(file, ())
@@ -239,14 +250,18 @@ def _put_in_files(document: Document, main: Path) -> None:
                 f"expected a grasp (finger, object, ...), got a file of kind {kind_of(inner.value)}", ("grasp",)
             )
         document.put(("grasp",), inner)
+    for path in ((), ("grasp",)):
+        if path == () or isinstance(document.value.get("grasp"), dict):
+            _put_in_fingers(document, path, main)
 
 
-def _put_in_fingers(document: Document, main: Path) -> None:
-    data = document.value
+def _put_in_fingers(document: Document, scene: KeyPath, main: Path) -> None:
+    """Put in place the fingers of the scene at a path, that stand in other files."""
+    data = document.get(scene)
     many = data.get("fingers")
-    paths: list[KeyPath] = [("finger",)] if "finger" in data else []
-    paths += [("fingers", name) for name in many if isinstance(name, str)] if isinstance(many, dict) else []
-    if "extends" in data:
+    paths: list[KeyPath] = [(*scene, "finger")] if "finger" in data else []
+    paths += [(*scene, "fingers", name) for name in many if isinstance(name, str)] if isinstance(many, dict) else []
+    if "extends" in data and scene == ():
         paths.append(())
     for path in paths:
         value = document.get(path)
@@ -261,8 +276,7 @@ def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, 
     place, target = own.places[key], own.get(key)
     if not isinstance(target, str):
         raise place.error("expected the path of a finger file", path + key)
-    folder = Path(place.file).parent if place.line is not None else main.parent
-    file = folder / target
+    file = place.beside(target, main)
     if os.path.realpath(file) in within:
         raise place.error(f"{target} leads back to itself", path + key)
     if not file.is_file():

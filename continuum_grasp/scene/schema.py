@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import copy
 import json
-from pathlib import Path
 from typing import Any
 
 from continuum_grasp.scene.load import model_of
 
-__all__ = ["KINDS", "json_schema", "schema_text", "write_schemas"]
+__all__ = ["KINDS", "json_schema", "schema_text"]
 
 KINDS = ("simulate", "identify", "grasp", "mpc", "mission", "plan", "sweep", "finger")
 
@@ -50,31 +49,13 @@ def json_schema(kind: str) -> _Node:
         }
         schema["required"] = ["schema_version"]
         schema["anyOf"] = [{"required": ["rod"]}, {"required": ["extends"]}]
-    elif kind == "mission":
-        schema["properties"]["grasp"] = {"anyOf": [_GRASP, {"$ref": "#/$defs/GraspScene"}]}
     elif kind != "sweep":
-        own = "GraspFinger" if kind == "grasp" else "Finger"
-        changes = _changes(own, definitions)
-        definitions[changes]["properties"] = {
-            "extends": {"type": "string", "description": "Path of a finger file, relative to this file."},
-            **definitions[changes]["properties"],
-        }
-        definitions[changes]["required"] = ["extends"]
-        finger = {
-            "description": "The finger itself, the path of a finger file, or changes to one (extends).",
-            "anyOf": [
-                {"type": "string", "description": "Path of a finger file, relative to this file."},
-                {"$ref": f"#/$defs/{own}"},
-                {"$ref": f"#/$defs/{changes}"},
-            ],
-        }
-        schema["properties"]["finger"] = finger
-        if kind == "plan":
-            schema["properties"]["grasp"]["anyOf"].insert(0, _GRASP)
-        if kind == "grasp":
-            many = schema["properties"]["fingers"]
-            many.pop("anyOf"), many.pop("default", None)
-            many |= {"type": "object", "minProperties": 1, "maxProperties": 4, "additionalProperties": finger}
+        if "GraspScene" in definitions:  # in a mission or plan
+            _take_files(definitions["GraspScene"], "GraspFinger", definitions)
+            grasp = schema["properties"]["grasp"]
+            grasp["anyOf"] = [_GRASP, *(grasp.get("anyOf") or [{"$ref": grasp.pop("$ref")}])]
+        if "finger" in schema["properties"]:
+            _take_files(schema, "GraspFinger" if kind == "grasp" else "Finger", definitions)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,
@@ -87,16 +68,27 @@ def schema_text(kind: str) -> str:
     return json.dumps(json_schema(kind), indent=1, ensure_ascii=False) + "\n"
 
 
-def write_schemas(folder: str | Path) -> list[Path]:
-    """Write ``<kind>.json`` of every kind into a folder, which is made where missing."""
-    target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for kind in KINDS:
-        path = target / f"{kind}.json"
-        path.write_text(schema_text(kind), encoding="utf-8")
-        paths.append(path)
-    return paths
+def _take_files(scene: _Node, own: str, definitions: _Node) -> None:
+    """Let a scene name finger files where fingers may stand."""
+    changes = _changes(own, definitions)
+    definitions[changes]["properties"] = {
+        "extends": {"type": "string", "description": "Path of a finger file, relative to this file."},
+        **definitions[changes]["properties"],
+    }
+    definitions[changes]["required"] = ["extends"]
+    finger = {
+        "description": "The finger itself, the path of a finger file, or changes to one (extends).",
+        "anyOf": [
+            {"type": "string", "description": "Path of a finger file, relative to this file."},
+            {"$ref": f"#/$defs/{own}"},
+            {"$ref": f"#/$defs/{changes}"},
+        ],
+    }
+    scene["properties"]["finger"] = finger
+    if own == "GraspFinger":
+        many = scene["properties"]["fingers"]
+        many.pop("anyOf"), many.pop("default", None)
+        many |= {"type": "object", "minProperties": 1, "maxProperties": 4, "additionalProperties": finger}
 
 
 def _changes(name: str, definitions: _Node) -> str:

@@ -92,7 +92,10 @@ class Timing(Value):
     step: Positive
     """Output step [s]; the integrator takes sub-steps of its own where the scene needs them."""
     method: Literal["auto", "rk4", "implicit", "reference"] = "auto"
-    """auto: rk4, or implicit for a stiff scene; reference: variable step with error control."""
+    """auto: rk4, or implicit for a stiff scene, in sub-steps that keep ``tolerance``; rk4, implicit: in sub-steps that
+    are stable, with a warning where they do not keep it; reference: variable step with error control at 1e-11."""
+    tolerance: Annotated[float, BeforeValidator(_share), Field(ge=1e-10, le=0.1)] = 1e-4
+    """Greatest error of position that the steps in time may leave, per length of the finger."""
 
     @model_validator(mode="after")
     def _whole(self) -> Timing:

@@ -6,7 +6,7 @@ import copy
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +119,7 @@ class _Resolver:
         from continuum_grasp.scene.load import assembled, kind_of, validated
 
         self.sweep, self.document = sweep, document
+        self._folder = file.parent
         self.file = self._beside(("scene",), sweep.scene, file)
         fixed = [self._change(("set", key), key, value) for key, value in sweep.set.items()]
         self.base = assembled(self.file, fixed)
@@ -188,6 +189,7 @@ class _Resolver:
     def _change(self, where: KeyPath, key: str, value: Any) -> Change:
         """A key of the scene with a value, at its place in the sweep."""
         place = self.document.nearest(where)
+        place = replace(place, folder=self._folder if place.line is None else None)  # not that of the scene
         try:
             path = path_of(key, place.file)
         except InputError as error:
@@ -196,7 +198,7 @@ class _Resolver:
 
     def _beside(self, where: KeyPath, target: str, file: Path) -> Path:
         place: Place = self.document.nearest(where)
-        found = (Path(place.file).parent if place.line is not None else file.parent) / target
+        found = place.beside(target, file)
         if not found.is_file():
             raise place.error(f"no such file: {os.path.normpath(found)}", where)
         return Path(os.path.normpath(found))

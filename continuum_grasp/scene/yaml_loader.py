@@ -13,6 +13,7 @@ import yaml
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.document import Document, KeyPath, Place, dotted
+from continuum_grasp.scene.files import refuse_what_is_no_file
 
 __all__ = ["parse_yaml", "read_yaml"]
 
@@ -83,13 +84,12 @@ def read_yaml(path: str | Path, *, name: str | None = None) -> Document:
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"expected the path of a file, got {path!r:.60}")
     name = name or str(path)
+    refuse_what_is_no_file(path, name)
     try:
         with open(path, "rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except FileNotFoundError:
         raise InputError("no such file", file=name) from None
-    except IsADirectoryError:
-        raise InputError("expected a file, got a folder", file=name) from None
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=name) from None
     if len(data) > MAX_BYTES:

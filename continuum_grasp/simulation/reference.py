@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from signal import SIGINT, signal
-from threading import current_thread, main_thread
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
 
@@ -22,7 +19,9 @@ Array = NDArray[np.float64]
 _RELATIVE, _ABSOLUTE = 1e-11, 1e-12
 
 
-def integrate_reference(model: FingerModel | System, x0: Array, step: float, u: Array, w: Array) -> Array:
+def integrate_reference(
+    model: FingerModel | System, x0: Array, step: float, u: Array, w: Array, *, looser: float = 1.0
+) -> Array:
     """Integrate with CVODES (backward differentiation, relative tolerance 1e-11).
 
     Parameters
@@ -33,6 +32,8 @@ def integrate_reference(model: FingerModel | System, x0: Array, step: float, u: 
         Time between kept states [s].
     u, w : (2 * steps + 1, size) ndarray
         Inputs and forces at half steps; quadratic in between.
+    looser : float
+        Factor on the tolerances.
 
     Returns
     -------
@@ -54,12 +55,13 @@ def integrate_reference(model: FingerModel | System, x0: Array, step: float, u: 
     now_w = sum((k * b for k, b in zip(weights, blocks[3:], strict=True)), ca.MX.zeros(model.nw))
     rate = model.forward_dynamics(x, now_u, now_w, ca.DM(model.p_nominal))
     problem: Any = {"x": x, "t": t, "p": samples, "ode": rate}
-    options: Any = {"abstol": _ABSOLUTE, "reltol": _RELATIVE, "max_num_steps": 200_000, "newton_scheme": "direct"}
+    options: Any = {"max_num_steps": 200_000, "newton_scheme": "direct"}
+    options |= {"abstol": looser * _ABSOLUTE, "reltol": looser * _RELATIVE}
     one = ca.integrator("reference", "cvodes", problem, 0.0, step, options)
     steps = (len(u) - 1) // 2
     states = np.empty((steps + 1, model.nx))
     states[0] = x0
-    with _noted_interrupts() as interrupts:
+    with interrupt.held(quietly=True) as pressed:
         for k in range(steps):
             rows = np.concatenate([u[2 * k : 2 * k + 3].ravel(), w[2 * k : 2 * k + 3].ravel()])
             reason = "the state is not finite"
@@ -67,23 +69,9 @@ def integrate_reference(model: FingerModel | System, x0: Array, step: float, u: 
                 states[k + 1] = np.array(one(x0=states[k], p=rows)["xf"]).ravel()
             except RuntimeError as error:
                 states[k + 1], reason = np.nan, f"the reference integrator failed: {str(error).splitlines()[-1]}"
-            if interrupts:
+            if pressed():  # CasADi's integrators would report it as a failure of the motion
                 raise Interrupted("interrupted", result=states[: k + 1])
             if not np.all(np.isfinite(states[k + 1])):
                 message = f"{reason} (after t = {k * step:g} s)"
                 raise NumericalError(message, time=k * step, state=states[k], result=states[: k + 1])
     return states
-
-
-@contextmanager
-def _noted_interrupts() -> Iterator[list[int]]:
-    """Note Ctrl-C, which CasADi's integrators would report as a failure of the motion."""
-    seen: list[int] = []
-    if current_thread() is not main_thread():
-        yield seen
-        return
-    before = signal(SIGINT, lambda number, frame: seen.append(number))
-    try:
-        yield seen
-    finally:
-        signal(SIGINT, before)

@@ -20,6 +20,10 @@ Array = NDArray[np.float64]
 _TOLERANCE = 1e-11
 _MAX_ITERATIONS = 500
 _IMPERFECTION = 1e-3
+_NEAR_BUCKLING, _NEAR_BUCKLING_ARCS = 0.02, 0.25
+"""Least stiffness per that of the unloaded finger [1] below which the shape is sensitive to the model's own error; the
+second for arcs, divided by the square of their number. Column under P: below 0.02, 2 matched clothoids have errors of
+4e-3 to 4e-2 of the length; arcs shift the buckling load by 0.21 of it over the square of their number."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,7 @@ class Equilibrium:
     iterations : int
     model : FingerModel
     warnings : tuple of str
-        Elements that are bent beyond their declared range or the strain limit.
+        Elements that are bent beyond their declared range or the strain limit; a buckling load that is near.
     """
 
     q: Array
@@ -76,10 +80,14 @@ class Search:
 
     def rest(self) -> Array:
         """The unloaded shape: elastic forces vanish."""
-        zero = np.zeros(self._model.n)
-        force = self._core.elastic(zero, self._u, self._p)
+        force, stiffness = self._elasticity()
+        return np.asarray(-np.linalg.solve(stiffness, force))
+
+    def _elasticity(self) -> tuple[Array, Array]:
+        """Elastic force at q = 0 and its derivative; it is linear in q."""
+        force = np.asarray(self._core.elastic(np.zeros(self._model.n), self._u, self._p))
         columns = [self._core.elastic(e, self._u, self._p) - force for e in np.eye(self._model.n)]
-        return np.asarray(-np.linalg.solve(np.array(columns).T, force))
+        return force, np.array(columns).T
 
     def find(self, start: Array, stable: bool, side: int) -> Equilibrium:
         """Equilibrium from a start; see ``equilibrium``."""
@@ -102,7 +110,7 @@ class Search:
             size = _IMPERFECTION * self._reach() / max(np.abs(kick).max(), 1e-300)
             q, iterations = self._descend(q + size * kick, iterations)
             margin, _, steady = self._stability(q)
-        warnings = self._checked(q)
+        warnings = (*self._checked(q), *self._buckling(q, margin))
         residual = self._residual(q)
         return Equilibrium(q, self._u, self._w, self._p, steady, margin, residual, iterations, self._model, warnings)
 
@@ -118,6 +126,19 @@ class Search:
                 advice="lower the loads, raise fidelity.bending_range, or give a guess nearer to the shape",
             )
         return limit_warnings(self._model, use[None])
+
+    def _buckling(self, q: Array, margin: float) -> tuple[str, ...]:
+        """What to know of a shape whose least stiffness the loads have nearly used up."""
+        root = np.linalg.inv(np.linalg.cholesky(self._core.mass_matrix(q, self._u, self._p)))
+        unloaded = float(np.linalg.eigvalsh(root @ self._elasticity()[1] @ root.T)[0])
+        arcs = _NEAR_BUCKLING_ARCS / len(self._model.lengths) ** 2 if self._model.family == "arc" else 0.0
+        if not abs(margin) < max(_NEAR_BUCKLING, arcs) * unloaded:
+            return ()
+        return (
+            f"the loads are near a buckling load: the least stiffness is {margin / unloaded:.1g} of that of the "
+            "unloaded finger, and small errors of the model change the shape by percents of the length: take more "
+            "elements, clothoids in place of arcs, or fidelity.tolerance",
+        )
 
     def _reach(self) -> float:
         """Typical size of a bending coordinate."""

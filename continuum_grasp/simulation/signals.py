@@ -147,6 +147,10 @@ class Signals:
             "the order of its change times a step: let it change more slowly, or take a smaller time.step",
         )
 
+    def smooth(self, step: float, duration: float) -> bool:
+        """Whether a method of order 4 keeps its order: no kinks, and no changes within a step."""
+        return not self.warnings(step, duration) and all(value.interpolation == "smooth" for value in self._sampled)
+
     @property
     def _sampled(self) -> list[Samples | VectorSamples]:
         values = [*self._values, *(_value(load) for load, _ in self._loads)]

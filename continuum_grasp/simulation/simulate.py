@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from os import PathLike
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
 from continuum_grasp.core import Core
 from continuum_grasp.core.integrators import RK4_STABLE
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
@@ -20,9 +21,9 @@ from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.contact_spectrum import contact_frequency, pressed_radius, telling_states
 from continuum_grasp.simulation.initial import initial_state, start_warnings
 from continuum_grasp.simulation.limits import LOST, limit_warnings, overlap_warnings
-from continuum_grasp.simulation.reference import integrate_reference
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
+from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
 from continuum_grasp.simulation.trajectory import Trajectory
 
 __all__ = ["simulate"]
@@ -38,10 +39,19 @@ _MOST_IMPLICIT = 256
 """Sub-steps per output step of the implicit method, which contacts need to be resolved."""
 _FINER = 4
 """Factor by which they grow where a motion with contacts is not finite."""
-_CHUNK = 200_000
-"""Sub-steps between two calls of ``progress``."""
+_TARGET_ORDER = 4
+"""Order by which the next number of sub-steps is foreseen on smooth motions; 1 with contacts and kinks."""
+_GROWTH = (1.3, 16.0)
+"""Least and greatest factor from one number of sub-steps to the next that keeps the tolerance."""
+_LONG_RADIUS = 2.0
+"""Product of step and spectral radius up to which longer steps are compared with; they are stable up to 2.7."""
+_MARGIN = 1.25
+"""Factor on the number of sub-steps that is foreseen."""
+_MOST_WORK = {"rk4": 4_000_000, "implicit": 400_000}
+"""Sub-steps of a motion up to which the tolerance is pursued: some 10 s of compiled code for fingers with contacts."""
 
 
+@interrupt.listening()
 def simulate(scene: Scene | str | PathLike[str], *, progress: Progress | None = None) -> Trajectory:
     """Simulate a scene.
 
@@ -78,18 +88,6 @@ def simulate(scene: Scene | str | PathLike[str], *, progress: Progress | None = 
     return _Run(scene, scene.time, model, progress).trajectory()
 
 
-@dataclass(frozen=True)
-class _Plan:
-    """How to integrate."""
-
-    method: str
-    substeps: int
-    radius: float
-
-
-_Stop = NumericalError | Interrupted
-
-
 class _Run:
     """One simulation."""
 
@@ -100,23 +98,37 @@ class _Run:
         self._moving = self._system or model
         self._core = Core(self._moving)
         self._signals = Signals(scene, model, nw=self._moving.nw)
-        self._steps = round(time.duration / time.step)
+        self._stepper = Stepper(model, self._system, self._core, self._signals, time, self._progress)
         self._p = np.array(model.p_nominal)
         self._implicit_substeps = 1
 
     def trajectory(self) -> Trajectory:
         """Integrate and check."""
-        started = perf_counter()
+        started, took = perf_counter(), 0.0
         x0 = initial_state(self._scene, self._moving)
-        plan: _Plan | None = self._choose(x0)
+        plan: Plan | None = self._choose(x0)
         while plan is not None:
             used = plan
-            if plan.method != "reference":
-                self._core.prepare_rollout(plan.method)
+            self._stepper.prepare(plan)
             began = perf_counter()
-            states, error = self._integrate(x0, plan)
-            took = perf_counter() - began
-            plan, error = self._judged(plan, states, error)
+            motion = self._stepper.run(x0, plan)
+            took += perf_counter() - began
+            plan, error = self._judged(plan, motion)
+        with interrupt.held(quietly=True) as pressed:  # the motion is there
+            result, error = self._finished(motion, error, used, took, started)
+        if pressed() and error is None:
+            error = Interrupted("interrupted after the end of the motion")
+        if isinstance(error, Interrupted):
+            raise Interrupted(str(error), result=result) from error.__cause__
+        if error is not None:
+            raise NumericalError(str(error), time=error.time, state=error.state, result=result) from error
+        return result
+
+    def _finished(
+        self, motion: Motion, error: Stop | None, used: Plan, took: float, started: float
+    ) -> tuple[Trajectory, Stop | None]:
+        """The motion as far as it means something, with warnings and statistics, and what stopped it."""
+        states = motion.states
         result = self._result(states)
         use = self._range_use(result)
         lost = np.flatnonzero(np.any(use > LOST, axis=1))
@@ -132,6 +144,7 @@ class _Run:
         statistics = {
             "method": used.method,
             "substeps": used.substeps,
+            "steps_taken": self._stepper.taken,
             "spectral_radius": used.radius,
             "compiled": self._core.compiled,
             "integration_s": took,
@@ -141,15 +154,12 @@ class _Run:
         status = "finished" if error is None else "stopped"
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
         started_thrown, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
-        warnings = (*started_thrown, *jumps, *limits, *overlap_warnings(result))
-        result = replace(result, status=status, warnings=warnings, statistics=statistics)
-        if isinstance(error, Interrupted):
-            raise Interrupted(str(error), result=result) from error.__cause__
-        if error is not None:
-            raise NumericalError(str(error), time=error.time, state=error.state, result=result) from error
-        return result
+        inexact = self._error_warnings(used, motion)
+        warnings = (*started_thrown, *jumps, *inexact, *limits, *overlap_warnings(result))
+        result = replace(result, status=status, warnings=warnings, statistics=statistics, time_error=motion.time_error)
+        return result, error
 
-    def _choose(self, x0: Array) -> _Plan:
+    def _choose(self, x0: Array) -> Plan:
         """Method and sub-steps from the spectral radius about the start, over the instants at which inputs turn."""
         shapes = sample_shapes(self._model, x0[: self._model.n])
         bent = np.tile(x0, (4, 1))
@@ -158,18 +168,23 @@ class _Run:
         asked = self._time.method
         self._implicit_substeps = self._wanted(self._contact_frequency(bent))
         if asked == "reference":
-            return _Plan(asked, 1, radius)
+            return Plan(asked, 1, radius)
         wanted = self._wanted(radius)
         if asked == "implicit" or (asked == "auto" and wanted > _IMPLICIT_FROM):
             return self._implicit(radius)
-        return _Plan("rk4", min(wanted, _MOST_SUBSTEPS), radius)
+        return self._explicit(min(wanted, _MOST_SUBSTEPS), radius)
 
-    def _judged(self, plan: _Plan, states: Array, error: _Stop | None) -> tuple[_Plan | None, _Stop | None]:
-        """A finer plan where the motion turned out to be faster than rk4 can follow, and what is wrong if none is."""
+    def _judged(self, plan: Plan, motion: Motion) -> tuple[Plan | None, Stop | None]:
+        """A finer plan where the steps turned out to be too long, and what is wrong if there is none."""
+        states, error = motion.states, motion.error
+        if isinstance(error, Interrupted):
+            return None, error
+        if error is None and motion.time_error > plan.tolerance:
+            return self._finer(plan, motion), None
         if plan.method == "implicit" and isinstance(error, NumericalError) and self._system is not None:
             self._implicit_substeps = _FINER * plan.substeps
             return (self._implicit(plan.radius) if self._implicit_substeps <= _MOST_IMPLICIT else None), error
-        if plan.method != "rk4" or isinstance(error, Interrupted):
+        if plan.method != "rk4":
             return None, error
         shapes = states[:: max(1, len(states) // 12), : self._model.n]
         radius = max(plan.radius, self._radius(shapes))
@@ -183,7 +198,7 @@ class _Run:
         if self._time.method == "auto" and (wanted > _IMPLICIT_FROM or wanted <= plan.substeps):
             return self._implicit(radius), error
         if plan.substeps < wanted <= _MOST_SUBSTEPS:
-            return _Plan("rk4", wanted, radius), error
+            return self._explicit(wanted, radius), error
         if wanted > _MOST_SUBSTEPS:
             end = (len(states) - 1) * self._time.step
             message = (
@@ -194,8 +209,57 @@ class _Run:
             return None, NumericalError(message, time=end, state=states[-1])
         return None, error
 
-    def _implicit(self, radius: float) -> _Plan:
-        return _Plan("implicit", min(self._implicit_substeps, _MOST_IMPLICIT), radius)
+    def _explicit(self, substeps: int, radius: float) -> Plan:
+        return self._controlled(Plan("rk4", substeps, radius))
+
+    def _implicit(self, radius: float) -> Plan:
+        return self._controlled(Plan("implicit", min(self._implicit_substeps, _MOST_IMPLICIT), radius))
+
+    def _controlled(self, plan: Plan, final: bool = False) -> Plan:
+        """The plan with what it is compared with and, where the tolerance is to be kept, given up beyond it."""
+        auto, steps = self._time.method == "auto", self._stepper.steps
+        if auto and steps == 1 and plan.substeps % 2:
+            plan = replace(plan, substeps=plan.substeps + 1)
+        step = self._time.step / plan.substeps
+        smooth = self._smooth(plan)
+        tame = _LONG_RADIUS / (plan.radius * step) if plan.method == "rk4" else math.inf
+        sparse = auto and smooth and plan.method == "rk4" and plan.substeps == 1
+        halvings = 2 if sparse and min(steps, tame) >= 4 else 1
+        observed = smooth and 2 ** (halvings + 1) <= min(tame, steps * plan.substeps)
+        plan = replace(plan, halvings=halvings, observed=observed)
+        if not auto:
+            return plan
+        return replace(plan, tolerance=math.inf if final else self._time.tolerance, corrected=smooth)
+
+    def _smooth(self, plan: Plan) -> bool:
+        """Whether the method has its order: no contacts, no kinks of inputs or loads."""
+        return self._system is None and self._signals.smooth(self._time.step / plan.substeps, self._time.duration)
+
+    def _finer(self, plan: Plan, motion: Motion) -> Plan:
+        """Sub-steps that should keep the tolerance, or as many as are taken at the most."""
+        reached = (len(motion.states) - 1) / self._stepper.steps
+        excess = motion.time_error / (self._time.tolerance * reached)
+        factor = _MARGIN * excess ** (1.0 / _TARGET_ORDER if self._smooth(plan) else 1.0)
+        least, most = _GROWTH
+        wanted = 4 * math.ceil(0.25 * plan.substeps * float(np.clip(factor, least, most)))
+        limit = max(plan.substeps, _MOST_WORK[plan.method] // self._stepper.steps)
+        substeps = min(wanted, limit)
+        return self._controlled(replace(plan, substeps=substeps), final=substeps == limit)
+
+    def _error_warnings(self, plan: Plan, motion: Motion) -> tuple[str, ...]:
+        """What the user must know of a time error beyond the tolerance."""
+        found, tolerance = motion.time_error, self._time.tolerance
+        if found <= tolerance or plan.method == "reference" or motion.error is not None:
+            return ()
+        step = self._time.step / plan.substeps
+        if math.isnan(found):
+            return (f"the time error is not known: there is one step of {step:g} s; take a smaller time.step",)
+        size = f"about {found:.2g} of the length" if math.isfinite(found) else "an error that cannot be estimated"
+        if self._time.method == "auto":
+            advice = "the motion is too sensitive for more: take a shorter duration, or a greater time.tolerance"
+        else:
+            advice = "take time.method: auto, or a smaller time.step"
+        return (f"steps of {step:.3g} s leave {size} (time.tolerance is {tolerance:g}): {advice}",)
 
     def _wanted(self, radius: float) -> int:
         """Sub-steps, one more than the most at the most."""
@@ -224,57 +288,6 @@ class _Run:
             return 0.0
         core = Core(self._system, compiled=False)
         return contact_frequency(core, states, self._signals.u(0.0)[0], self._signals.w(0.0)[0], self._p)
-
-    def _integrate(self, x0: Array, plan: _Plan) -> tuple[Array, _Stop | None]:
-        """States, whole or until the error."""
-        parts = [x0[None]]
-        error: _Stop | None
-        try:
-            error = self._advance(parts, plan)
-        except KeyboardInterrupt as interrupt:
-            if isinstance(interrupt, Interrupted):
-                parts.append(interrupt.result[1:])
-            end = (sum(map(len, parts)) - 1) * self._time.step
-            error = Interrupted(f"interrupted after t = {end:g} s of {self._time.duration:g} s")
-            error.__cause__ = interrupt
-        return np.concatenate(parts), error
-
-    def _advance(self, parts: list[Array], plan: _Plan) -> NumericalError | None:
-        """Add the states after the last one, and say what stopped them."""
-        method, substeps, h = plan.method, plan.substeps, self._time.step
-        chunk, start = max(1, _CHUNK // substeps), 0
-        while start < self._steps:
-            count = min(chunk, self._steps - start)
-            u, w = self._inputs(start * h, count, substeps)
-            try:
-                if method == "reference":
-                    part = integrate_reference(self._moving, parts[-1][-1], h, u, w)
-                else:
-                    part = self._core.rollout(parts[-1][-1], count, h, u=u, w=w, substeps=substeps, method=method)
-            except NumericalError as error:
-                parts.append(error.result[1:])
-                time, state = start * h + (error.time or 0.0), parts[-1][-1] if len(parts[-1]) else parts[-2][-1]
-                reason = (
-                    str(error)
-                    if method == "reference"
-                    else f"the motion is not finite after t = {time:g} s (last state {state.tolist()}; {method}, "
-                    f"{substeps} sub-steps of {h / substeps:g} s): take a smaller time.step or time.method: implicit; "
-                    "if the finger bends beyond its range, raise fidelity.bending_range or lower the loads"
-                )
-                stopped = NumericalError(reason, time=time, state=state)
-                stopped.__cause__ = error
-                return stopped
-            parts.append(part[1:])
-            start += count
-            self._progress(start / self._steps)
-        return None
-
-    def _inputs(self, start: float, count: int, substeps: int) -> tuple[Array, Array]:
-        """Inputs and forces at half sub-steps, or one row where nothing varies."""
-        if self._signals.constant and self._time.method != "reference":
-            return self._signals.u(start)[0], self._signals.w(start)[0]
-        t = start + np.arange(2 * count * substeps + 1) * (0.5 * self._time.step / substeps)
-        return self._signals.u(t), self._signals.w(t)
 
     def _result(self, states: Array) -> Trajectory:
         t: Array = np.linspace(0.0, (len(states) - 1) * self._time.step, len(states))

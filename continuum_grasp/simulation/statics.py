@@ -8,6 +8,7 @@ from os import PathLike
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.core.call import real_array
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import scene_of
@@ -99,7 +100,7 @@ def equilibrium_under(
     if side not in (1, -1):
         raise InputError(f"side: expected 1 or -1, got {side!r}")
     search = Search(model, np.asarray(u, dtype=float), np.asarray(w, dtype=float), np.array(model.p_nominal))
-    start = search.rest() if guess is None else np.asarray(guess, dtype=float)
+    start = search.rest() if guess is None else real_array("guess", guess)
     if start.shape != (model.n,) or not np.all(np.isfinite(start)):
         raise InputError(f"guess: expected {model.n} finite entries, got {start.tolist()}")
     return search.find(start, stable, side)

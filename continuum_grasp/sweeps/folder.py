@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import IO, Any
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.results import replacing
+from continuum_grasp.results import begin_run, kind_of_run, replacing
+from continuum_grasp.results.atomic import naming
 from continuum_grasp.results.provenance import created_now, versions
+from continuum_grasp.scene.files import refuse_what_is_no_file
 from continuum_grasp.sweeps.lines import decode
 from continuum_grasp.sweeps.plan import Plan, differences
 
@@ -44,6 +46,8 @@ def store_plan(folder: Path, plan: Plan) -> list[str]:
     if not (folder / PLAN).exists():
         if (folder / TABLE).exists():
             raise InputError(f"there is a {TABLE} without its {PLAN}; take another folder", file=str(folder))
+        if kind_of_run(folder) not in (None, "sweep"):
+            raise InputError(f"there is a run of {kind_of_run(folder)} in it; take another folder", file=str(folder))
         about = {"name": plan.sweep.name, "created": created_now(), "versions": versions()}
         _write(folder, {**about, "columns": list(plan.columns), "units": plan.units, "pictures": pictures, **new})
         return []
@@ -57,6 +61,7 @@ def store_plan(folder: Path, plan: Plan) -> list[str]:
             file=str(folder),
         )
     if old.get("pictures") != pictures:
+        begin_run(folder, "sweep", kept=(PLAN,))
         _write(folder, {**old, "pictures": pictures})
     was, now = old.get("versions", {}), versions()
     other = [f"{name} {was.get(name)}, now {now[name]}" for name in now if was.get(name) != now[name]]
@@ -77,6 +82,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
         There is none, or it cannot be read.
     """
     path = folder / PLAN
+    refuse_what_is_no_file(path)
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -90,6 +96,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
 
 def lines_of(path: Path) -> Iterator[tuple[int, bytes, dict[str, Any]]]:
     """Place in the file, line and row of every whole line of a table; torn and damaged lines are left out."""
+    refuse_what_is_no_file(path)
     try:
         file = open(path, "rb")  # noqa: SIM115
     except FileNotFoundError:
@@ -116,6 +123,8 @@ class TableFile:
     """
 
     def __init__(self, path: Path) -> None:
+        self._path = path
+        refuse_what_is_no_file(path)
         self._handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0), 0o644)
         _cut_torn_end(self._handle)
         self._flushed = time.monotonic()
@@ -123,16 +132,20 @@ class TableFile:
     def append(self, lines: bytes) -> None:
         """Add whole lines."""
         view = memoryview(lines)
-        while view:
-            view = view[os.write(self._handle, view) :]
-        if time.monotonic() - self._flushed > _FLUSH_SECONDS:
-            os.fsync(self._handle)
-            self._flushed = time.monotonic()
+        with naming(self._path):
+            while view:
+                view = view[os.write(self._handle, view) :]
+            if time.monotonic() - self._flushed > _FLUSH_SECONDS:
+                os.fsync(self._handle)
+                self._flushed = time.monotonic()
 
     def close(self) -> None:
         """Have everything on the disk."""
-        os.fsync(self._handle)
-        os.close(self._handle)
+        try:
+            with naming(self._path):
+                os.fsync(self._handle)
+        finally:
+            os.close(self._handle)
 
 
 def run_path(folder: Path, index: int) -> Path:
@@ -146,12 +159,16 @@ def write_run_files(folder: Path, index: int, files: Mapping[str, bytes]) -> Non
     temporary = target.with_name(f".tmp-{target.name}")
     if temporary.exists():
         shutil.rmtree(temporary)
-    temporary.mkdir(parents=True)
-    for name, data in files.items():
-        (temporary / name).write_bytes(data)
-    if target.exists():  # of a process that was killed before it wrote the row
-        shutil.rmtree(target)
-    os.replace(temporary, target)
+    try:
+        temporary.mkdir(parents=True)
+        for name, data in files.items():
+            with naming(target / name):
+                (temporary / name).write_bytes(data)
+        if target.exists():  # of a process that was killed before it wrote the row
+            shutil.rmtree(target)
+        os.replace(temporary, target)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 @contextmanager
@@ -164,6 +181,7 @@ def locked(folder: Path) -> Iterator[None]:
         Another process works in it.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    refuse_what_is_no_file(folder / _LOCK)
     with open(folder / _LOCK, "a+b") as file:
         if not _lock(file):
             raise InputError("another sweep is at work in this folder", file=str(folder))

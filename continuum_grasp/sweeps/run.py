@@ -11,12 +11,14 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted, SolverError
+from continuum_grasp.results import begin_run
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.overrides import Overrides
 from continuum_grasp.sweeps.crew import Crew, ExecutorCrew, LocalCrew, checked_count, cores
 from continuum_grasp.sweeps.export import write_csv
-from continuum_grasp.sweeps.folder import TABLE, TableFile, lines_of, locked, store_plan, write_run_files
+from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, lines_of, locked, store_plan, write_run_files
 from continuum_grasp.sweeps.plan import Plan, Point
 from continuum_grasp.sweeps.progress import Pace, Progress
 from continuum_grasp.sweeps.read import plan_of
@@ -31,6 +33,7 @@ _REPORT_SECONDS = 0.2
 _TRIES = 2
 
 
+@interrupt.listening()
 def sweep(
     config: str | os.PathLike[str] | Mapping[str, Any],
     *,
@@ -54,7 +57,7 @@ def sweep(
     config : path-like or mapping
         A sweep's YAML file, or the same as a mapping; paths in a mapping are relative to the working directory.
     folder : path-like, optional
-        Where the table and the runs go; ``runs/`` and the name of the file where not given.
+        Where the table and the runs go; ``runs/sweep/`` and the name of the file where not given.
     workers : int, optional
         Processes on this machine; all cores where not given. With an executor: how many of its workers to count on.
     executor : concurrent.futures.Executor, optional
@@ -96,6 +99,7 @@ def sweep(
         job = Job(plan.variation.base, plan.keys, plan.paths, plan.sweep.record, keep, evaluate or solve)
         run = _Run(plan, job, target, progress)
         if run.done < len(plan):
+            begin_run(target, "sweep", kept=(PLAN,))
             with _crew(executor, scheduler, count) as crew:
                 run.go(crew)
         write_csv(target)
@@ -234,7 +238,7 @@ def _folder(config: str | os.PathLike[str] | Mapping[str, Any], folder: str | os
     if folder is None:
         if isinstance(config, Mapping):
             raise InputError("a sweep that is given as a mapping needs a folder", key="folder")
-        return Path("runs") / Path(config).stem
+        return Path("runs") / "sweep" / Path(config).stem
     if Path(folder).exists() and not Path(folder).is_dir():
         raise InputError("expected a folder, got a file", file=os.fspath(folder))
     return Path(folder)

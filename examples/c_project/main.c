@@ -3,17 +3,15 @@
  * sees the tip with noise, and for a moment does not see it. Writes CSV.
  *
  * Made for packages of controller.yaml and plant.yaml; see README.md. */
-#include <math.h>
 #include <stdint.h>
 #include <stdio.h>
 
 #include "finger.h"
 #include "plant.h"
 
-#define PERIOD 0.010 /* s, of the controller */
+#define PERIOD ((double)FINGER_PERIOD)
 #define STEPS 20 /* of the plant in a period */
 #define CALLS 300
-#define NODES (int)(sizeof(((finger_reference *)0)->tip_x) / sizeof(finger_real))
 #define NOISE 0.0003 /* m */
 #define BLIND_FROM 40 /* calls between which nothing is seen */
 #define BLIND_TO 45
@@ -32,7 +30,7 @@ static double noise(uint32_t *seed)
 static void look_ahead(int call, finger_reference *reference)
 {
   int node;
-  for (node = 0; node < NODES; ++node) {
+  for (node = 0; node < FINGER_NODES; ++node) {
     const int second = (call + node) / 100 < 2 ? (call + node) / 100 : 2;
     reference->tip_x[node] = (finger_real)targets[second][0];
     reference->tip_y[node] = (finger_real)targets[second][1];
@@ -61,9 +59,10 @@ int main(void)
     finger_estimate estimate;
     finger_diagnosis diagnosis;
     if ((code = plant_tip(&plant, &state, &input, &tip)) < 0) break;
+    finger_measurement_init(&measurement);
     measurement.tip_x = (finger_real)(tip.x + NOISE * noise(&seed));
     measurement.tip_y = (finger_real)(tip.y + NOISE * noise(&seed));
-    if (call >= BLIND_FROM && call < BLIND_TO) measurement.tip_x = measurement.tip_y = (finger_real)NAN;
+    if (call >= BLIND_FROM && call < BLIND_TO) finger_measurement_init(&measurement);
     look_ahead(call, &reference);
     code = finger_mpc(&controller, &work, &measurement, &reference, &command);
     if (code < 0) {

@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.replay import replayed
+from continuum_grasp.export.fields import Struct
 from continuum_grasp.export.header import abi_of, header, kept_of
 from continuum_grasp.export.layer import internal_header, kernels_source, layer_source
 from continuum_grasp.export.part import Kept, Part
@@ -30,24 +32,27 @@ def kept_vectors(
     wide: Sequence[Part],
     files: Mapping[str, str],
     words: dict[str, str],
-) -> tuple[list[Vectors], dict[str, float]]:
+) -> tuple[list[Vectors], dict[str, tuple[OutputError, ...]]]:
     """Vectors of all such functions by a build on this machine, and their rounding errors; writes the sizes to words.
 
     The error is the greatest difference of the first outputs (command, estimate) in usual rows from a build in double
-    that is given the same rows, per the greatest value of each.
+    that is given the same rows. It is no bound: where a measurement is left out by one build alone, or another active
+    set ends the iterations, outputs jump.
     """
     functions = kept_of(parts)
     host = _host(subject, functions, files)
     words |= {f"{name}_bytes": str(size) for name, size in host.sizes.items()}
     vectors = [function.vectors(host, function.runner) for function in functions]
-    errors = dict.fromkeys((v.name for v in vectors), 0.0)
+    errors: dict[str, tuple[OutputError, ...]] = {}
     if subject.real.name == "float" and subject.loop is not None:
         double = replace(subject, real=REALS["double"])
         written = {**words, "real": "double", **dict.fromkeys(SIZES, UNKNOWN)}
-        written["abi"] = abi_of(double, wide)
+        written["abi"] = abi_of(double, wide, written)
         other = _host(double, functions, _files(double, wide, written, files["tests/check.h"]))
-        for v in vectors:
-            errors[v.name] = _difference(v, *replayed(subject.loop, v, other, double.real))
+        structs = {struct.name: struct for part in parts for struct in part.structs}
+        for v, function in zip(vectors, functions, strict=True):
+            output = structs[function.output]
+            errors[v.name] = _differences(v, output, *replayed(subject.loop, v, other, double.real))
     return vectors, errors
 
 
@@ -58,8 +63,16 @@ def kept_usage(prefix: str, function: Kept) -> str:
     lines = [f"static {prefix}_{name} {name};" for name in (*function.types, *structs)]
     passed = ", ".join(f"&{name}" for name in (*function.types, *structs))
     lines.append(f"int code = {prefix}_{owner}_init(&{owner});")
-    lines.append(f"code = {prefix}_{function.name}({passed});")
-    lines.append(f"if (code < 0) report({prefix}_strerror(code));")
+    notes = {
+        "measurement": " /* nothing measured: NaN */",
+        "reference": " /* the set-points of the scene, at all nodes */",
+        "command": " /* what was applied before */",
+    }
+    for name in function.inputs:
+        lines.append(f"if (code >= 0) code = {prefix}_{name}_init(&{name});{notes[name]}")
+    lines.append("/* every period: write what was measured into the measurement, leave the rest NaN; then */")
+    lines.append(f"if (code >= 0) code = {prefix}_{function.name}({passed});")
+    lines.append(f"if (code < 0) report({prefix}_strerror(code)); /* above zero: a warning, see the table of codes */")
     return "\n".join(lines)
 
 
@@ -81,11 +94,14 @@ def _files(subject: Subject, parts: Sequence[Part], words: dict[str, str], check
     }
 
 
-def _difference(vectors: Vectors, codes: np.ndarray, other: np.ndarray) -> float:
-    """Infinite where only one of them gives an output."""
+def _differences(vectors: Vectors, output: Struct, codes: np.ndarray, other: np.ndarray) -> tuple[OutputError, ...]:
+    """Greatest of each output; infinite where only one of them gives an output."""
     usual = vectors.inputs[:, 3] == 0.0
-    if ((codes < 0) != (vectors.codes < 0))[usual].any():
-        return float("inf")
     found, true = vectors.outputs[usual, : vectors.close].astype(float), other[usual, : vectors.close]
-    scale = np.abs(true).max(axis=0)
-    return float((np.abs(found - true).max(axis=0) / np.where(scale > 0.0, scale, 1.0)).max())
+    off = np.abs(found - true).max(axis=0)
+    if ((codes < 0) != (vectors.codes < 0))[usual].any():
+        off[:] = np.inf
+    return tuple(
+        OutputError(field.name, field.unit, float(f"{difference:.2g}"), float(f"{size:.2g}"))
+        for field, difference, size in zip(output.fields, off, np.abs(true).max(axis=0), strict=True)
+    )

@@ -22,16 +22,32 @@ from continuum_grasp.mpc.first_state import first_state, rest_input
 from continuum_grasp.mpc.noise import Ranges, ranges_of
 from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.mpc.problem import stages_of
+from continuum_grasp.mpc.setpoints import set_points
 from continuum_grasp.mpc.stages import Stages
 from continuum_grasp.mpc.status import CALL_RATE
 from continuum_grasp.scene.control import ControlScene
 
-__all__ = ["CHANGEABLE", "Loop"]
+__all__ = ["CHANGEABLE", "DIAGNOSIS", "Loop"]
 
 Array = NDArray[np.float64]
 
 CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
 """Members of ``rti_settings`` that the public settings have, in their order."""
+DIAGNOSIS = (
+    ("uint32_t", "anomalies", "what was noticed, bits of ..._ANOMALY_..."),
+    ("int", "iterations", "factorisations beyond the first"),
+    ("real", "violation", "largest share by which a soft bound is left in the plan"),
+    ("real", "residual", "of the optimality conditions, relative"),
+    ("real", "cost", "of the plan"),
+    ("int", "health", "..._HEALTH_..."),
+    ("int", "sensor", "..._SENSOR_... that contradicts the model most"),
+    ("int", "frozen", "number of a reading that does not move, in the order of the measurement; -1: none"),
+    ("int", "trip", "..._TRIP_..."),
+    ("int", "rung", "how often the weight of the command's rate is raised fourfold"),
+    ("real", "mismatch", "mean squared normalized innovation of that sensor; about 1 where all is well"),
+    ("real", "activity", "mean squared change of the command, per that at its rate limit"),
+)
+"""C type, name and meaning of what is known of the last call of a controller."""
 _WEIGHTS, _LIMITS, _ROWS = CHANGEABLE[:2], CHANGEABLE[2:4], CHANGEABLE[4:]
 _NAMES = {
     "weights": ("weight_{}", "of half the squared error of {0}, per second"),
@@ -150,6 +166,17 @@ class Loop:
         return Struct(
             "command", "What the drives are to do until the next one.", named_fields(self.stages.u_names, ranges)
         )
+
+    @cached_property
+    def applied(self) -> Struct:
+        """The same that was applied, which may be off or beyond what can be commanded."""
+        return Struct("command", "", named_fields(self.stages.u_names, self.ranges.applied))
+
+    @cached_property
+    def wanted(self) -> Array:
+        """Set-points (nr) with which the scene begins."""
+        found: Array = set_points(self.scene, self.stages, self.prediction).rows(0.0)[0]
+        return found
 
     @cached_property
     def known(self) -> Struct | None:

@@ -139,6 +139,8 @@ def controller_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vecto
                 finger.kick(1.0 + episode)
             wanted = np.where(np.arange(len(now)) == k % len(now), np.nan, now) if k % 29 == 21 else now
             given = rng.uniform(loop.stages.u_min, loop.stages.u_max) if k % 27 == 5 else u
+            if episode and k % 27 == 5:  # off, or beyond what can be commanded
+                given = np.array([pair[k % 2] for pair in loop.applied.bounded]) * (k % 4 > 1)
             flags = [float(k == 0), float(k % 37 == 8), float(k % 27 in (5, 6)), float(_kind(episode, planned))]
             settings = _settings(loop, episode, k)
             y = _spoilt(loop, finger.measured(u), episode, k, rng)
@@ -146,7 +148,7 @@ def controller_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vecto
             parts = [flags, settings, _known(loop, k), y, wanted, later, [switch], given]
             row = np.concatenate([np.asarray(part, dtype=float) for part in parts]).astype(real.dtype)
             code, out = host.run("mpc", row, outputs)
-            planned = code in (Code.OK, Code.WARN_ITERATION_LIMIT, Code.WARN_BOUND_LEFT, Code.WARN_PREVIOUS_PLAN)
+            planned = code not in (Code.WARN_SAFE_RAMP, *(c for c in Code if c < 0))
             rows.append(row)
             outs.append(out)
             codes.append(code)
@@ -184,7 +186,7 @@ def estimator_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vector
     known = loop.known.fields if loop.known is not None else ()
     bad = bad_entries(real, known, 0, _FLAGS, Code.ERR_RANGE)
     at = _FLAGS + loop.stages.np + loop.measurement.size
-    bad += bad_entries(real, loop.command.fields, 0, at, Code.ERR_RANGE)
+    bad += bad_entries(real, loop.applied.fields, 0, at, Code.ERR_RANGE)
     return Vectors(
         "estimator_step",
         runner,

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp import __version__
-from continuum_grasp.export.control.loop import CHANGEABLE, Loop
+from continuum_grasp.export.control.loop import CHANGEABLE, DIAGNOSIS, Loop
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
 from continuum_grasp.export.fields import Struct
 from continuum_grasp.export.kernel import Kernel
@@ -18,11 +18,11 @@ from continuum_grasp.export.template import fill
 from continuum_grasp.mpc.controller_source import Field as Member
 from continuum_grasp.mpc.source import dimensions, iteration_bodies, template
 
-__all__ = ["control_sources"]
+__all__ = ["ANOMALIES", "control_sources"]
 
 _STUBS = ("stage_step", "stage_cost", "terminal_cost")
 _OF_ESTIMATOR = ("estimator_step", "estimator_outputs", "estimator_flow", "estimated_parameters")
-_ANOMALIES = {
+ANOMALIES = {
     "MISSING": "an entry of the measurement is not there",
     "ABSURD": "one is infinite or out of its range",
     "OUTLIER": "one is too far from what was expected: its sensor was rejected",
@@ -60,9 +60,10 @@ class _Writer:
     def array(self, name: str, values: Iterable[float]) -> str:
         return f"static const {self.prefix}_real {name}[] = {{{self.literals(values)}}};"
 
-    def bounds(self, struct: Struct) -> str:
+    def bounds(self, struct: Struct, name: str = "") -> str:
         low, high = zip(*struct.bounded, strict=True)
-        return "\n".join([self.array(f"{struct.name}_low", low), self.array(f"{struct.name}_high", high)])
+        name = name or struct.name
+        return "\n".join([self.array(f"{name}_low", low), self.array(f"{name}_high", high)])
 
     # -- what is kept -------------------------------------------------------------------------------------------------
 
@@ -146,13 +147,14 @@ class _Writer:
     def numbers(self) -> str:
         loop, p = self.loop, self.prefix
         nominal = loop.stages.p_nominal
-        texts = [self.bounds(loop.command), self.bounds(loop.start)]
+        texts = [self.bounds(loop.applied, "applied"), self.bounds(loop.start)]
         texts += [self.array("first_state", loop.first), self.array("first_command", loop.before)]
         if loop.known is not None:
             texts.append(self.array("known_nominal", nominal))
             texts += [self.bounds(loop.known)] if "estimator" in loop.parts else []
         if self.mpc:
             texts += [self.array("settings_nominal", loop.nominal_settings), self.bounds(loop.settings)]
+            texts.append(self.array("first_set_points", loop.wanted))
             texts.append(f"static const {p}_loop_settings loop_settings = {self.initialiser(loop.members)};")
         else:
             own = [
@@ -211,6 +213,15 @@ class _Writer:
             "np_size": str(max(loop.stages.np, 1)),
             "take": "\n".join(lines),
             "read_reference": "\n".join(reading),
+            "first_reference": "\n".join(
+                f"    reference->{f.name}[k] = first_set_points[{j}];" for j, f in enumerate(loop.reference.fields)
+            ),
+            "diagnosis": "\n".join(
+                f"  {f'{p}_real' if kind == 'real' else kind} {name}; /* {text} */" for kind, name, text in DIAGNOSIS
+            ),
+            "applied_range": ", ".join(f"{f.name} {f.low:.6g} to {f.high:.6g} {f.unit}" for f in loop.applied.fields),
+            "width": str(self.real.width),
+            "missing": hex(self.real.exponent_mask | 1 << (self.real.mantissa_bits - 1)) + "u" + self.real.bits_suffix,
             "estimated": "\n".join(estimated),
             "what_is_measured": "a measurement" if self.filter else "the state",
             "safe": loop.safe,
@@ -236,7 +247,7 @@ class _Writer:
                 for name in ("estimator", "estimator_work", "controller", "controller_work")
             },
             "anomalies": ",\n".join(
-                f"  {big}_ANOMALY_{name} = {2**k} /* {text} */" for k, (name, text) in enumerate(_ANOMALIES.items())
+                f"  {big}_ANOMALY_{name} = {2**k} /* {text} */" for k, (name, text) in enumerate(ANOMALIES.items())
             ),
         }
         found["anomalies"] = _commas_before_comments(found["anomalies"])
@@ -246,11 +257,12 @@ class _Writer:
         loop, p = self.loop, self.prefix
         inputs = [loop.command, loop.measurement, loop.start]
         inputs += [loop.known] if loop.known else []
-        outputs = [loop.start, *([loop.known] if loop.known else [])]
+        outputs = [loop.start, loop.measurement, loop.command, *([loop.known] if loop.known else [])]
         if self.mpc:
             inputs.append(loop.settings)
-            outputs += [loop.settings, loop.command]
-        public = [fill(f"control/{name}.c", words) for name in ("estimator", "controller") if self.has(name)]
+            outputs.append(loop.settings)
+        public = [fill("control/given.c", words)]
+        public += [fill(f"control/{name}.c", words) for name in ("estimator", "controller") if self.has(name)]
         more = {
             "sqrt": c_source({"sqrt"}, self.real, p),
             "prototypes": self.prototypes(),
@@ -280,7 +292,7 @@ def control_sources(loop: Loop, prefix: str, real: Real) -> tuple[dict[str, str]
         "estimator": fill("control/estimator.h", words),
         "mpc": fill("control/controller.h", words),
     }
-    first = f'#include "{prefix}_memory.h"\n\n' + fill("control/anomalies.h", words)
+    first = f'#include "{prefix}_memory.h"\n\n' + fill("control/anomalies.h", words) + fill("control/given.h", words)
     declared[loop.parts[0]] = f"{first}\n{declared[loop.parts[0]]}"
     return files, {name: declared[name] for name in loop.parts}
 

@@ -12,7 +12,7 @@ from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.replay import controller_vectors, estimator_vectors
 from continuum_grasp.export.control.source import control_sources
 from continuum_grasp.export.fields import Struct
-from continuum_grasp.export.part import Kept, Part
+from continuum_grasp.export.part import SECONDS, Kept, Method, Part
 from continuum_grasp.export.reals import Real
 from continuum_grasp.export.runner import runner_head
 from continuum_grasp.export.subject import Subject
@@ -43,6 +43,13 @@ def estimator(subject: Subject) -> Part:
         partial(estimator_vectors, loop, subject.real),
         ("measurement", "command"),
         "estimate",
+        (
+            Method(
+                "start", "Begin anew at a state, with the command that was applied before.", ("estimate", "command")
+            ),
+            Method("variance", "Variance of each entry at the time of the last measurement.", (), "estimate"),
+            Method("anomalies", "What was noticed in the last call, bits of ANOMALIES.", counts=True),
+        ),
     )
     return _part(subject, loop, "estimator", structs, (Code.WARN_ESTIMATE_RESTARTED,), function)
 
@@ -57,7 +64,13 @@ def mpc(subject: Subject) -> Part:
     """
     loop = _loop(subject, "mpc")
     structs = [loop.measurement, loop.reference, loop.command, loop.start, loop.settings]
-    codes = (Code.WARN_ITERATION_LIMIT, Code.WARN_BOUND_LEFT, Code.WARN_PREVIOUS_PLAN, Code.WARN_SAFE_RAMP)
+    codes = (
+        Code.WARN_ITERATION_LIMIT,
+        Code.WARN_BOUND_LEFT,
+        Code.WARN_PREVIOUS_PLAN,
+        Code.WARN_SAFE_RAMP,
+        Code.WARN_BEYOND_LIMIT,
+    )
     measured = "a measurement" if loop.estimation is not None else "the state"
     function = Kept(
         "mpc",
@@ -67,6 +80,19 @@ def mpc(subject: Subject) -> Part:
         partial(controller_vectors, loop, subject.real),
         ("measurement", "reference"),
         "command",
+        (
+            Method(
+                "start",
+                "Begin anew at a state, with the command that was applied before.",
+                (loop.start.name, "command"),
+            ),
+            Method("applied", "Before the next call: what was really applied since the last one.", ("command",)),
+            Method("late", "Before the next call: that the last command came late."),
+            Method("elapsed", "Before the next call: time since the last one [s].", (SECONDS,)),
+            Method("rearm", "Leave a trip: 1, or 0 where that is not allowed yet.", counts=True),
+            Method("estimate", "State and disturbances from which the last plan starts.", (), loop.start.name),
+            Method("diagnosis", "What is known of the last call.", (), "diagnosis"),
+        ),
     )
     return _part(subject, loop, "mpc", structs, codes, function)
 
@@ -84,11 +110,17 @@ def _part(
     if loop.known is not None:
         structs.append(loop.known)
     kernels = loop.estimator_kernels if name == "estimator" else (*loop.problem_kernels, *loop.estimator_kernels)
+    constants = {"PERIOD": f"{subject.real.literal(loop.period)} /* s, from one call to the next */"}
+    if name == "mpc":
+        constants["NODES"] = (
+            f"{loop.stages.stages + 1} /* of a reference: from now on, one each {loop.stages.stage:g} s */"
+        )
     return Part(
         name,
         {"estimator": "state and disturbances from measurements", "mpc": "predictive control"}[name],
         kernels,
         (),
+        constants,
         declarations=declared[name],
         sources=files,
         further=tuple(structs),
@@ -139,6 +171,7 @@ def _controller_runner(prefix: str, loop: Loop) -> str:
         at += loop.known.size
     wanted = at + loop.measurement.size
     applied = wanted + 2 * nr + 1
+    low = 4 + 2 * nr
     end = nu + loop.start.size
     return f"""\
 {runner_head("mpc", p)}
@@ -168,6 +201,8 @@ def _controller_runner(prefix: str, loop: Loop) -> str:
   memory->controller.abi ^= other_abi;
   memcpy(out, &command, sizeof command);
   if (code < 0 || repeat == 0) return code;
+  for (j = 0; j < {nu}; ++j) /* beyond its settings only by its own warning; no code is -128 */
+    if (code < {p.upper()}_WARN_PREVIOUS_PLAN && (out[j] < row[{low} + j] || out[j] > row[{low + nu} + j])) return -128;
   {p}_controller_estimate(&memory->controller, &estimate);
   {p}_controller_diagnosis(&memory->controller, &diagnosis);
   memcpy(out + {nu}, &estimate, sizeof estimate);

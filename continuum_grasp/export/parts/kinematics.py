@@ -7,10 +7,10 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.export.fields import Field, Struct
+from continuum_grasp.export.codes import Code
+from continuum_grasp.export.fields import Field, Struct, outside
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Array, Call, Part, Rows
-from continuum_grasp.export.parts.dynamics import codes_of
 from continuum_grasp.export.subject import Subject
 
 __all__ = ["kinematics"]
@@ -35,26 +35,29 @@ def kinematics(subject: Subject) -> Part:
     at_tip = ca.substitute(at_s, eq.s, ca.SX(sum(eq.lengths)))
     tip_kernel = Kernel("tip", subject.function("tip", "x u p", at=at_tip), "Section at the tip.")
     section_kernel = Kernel("section", subject.function("section", "x u s p", at=at_s), "Section at a position s.")
-    acting, output = subject.acting(forces=False), Argument("section", section, "result")
-    prefix = subject.prefix
+    acting, output = subject.acting(forces=False, drawn=True), Argument("section", section, "result")
+    prefix, codes = subject.prefix, (Code.WARN_LEFT_RANGE,)
+    beyond = f"check(u, input_low, input_high, {prefix.upper()}_NU) < 0 || {subject.left_range('x')}"
+    warning = f"  if ({beyond}) code = {prefix.upper()}_WARN_LEFT_RANGE;\n"
+    drawn = " A state that no step takes is drawn all the same, less accurately, with a warning."
     calls = (
         Call(
             "tip",
-            "The tip: position, angle, and derivatives by the bending coordinates.",
+            f"The tip: position, angle, and derivatives by the bending coordinates.{drawn}",
             acting,
             output,
-            f"  {tip_kernel.call(prefix, x='x', u='u', p='p', at='result')}\n",
+            f"  {tip_kernel.call(prefix, x='x', u='u', p='p', at='result')}\n{warning}",
             _twin(subject, tip_kernel),
-            subject.guard_source,
+            codes=codes,
         ),
         Call(
             "section_at",
-            "The section at a position s along the finger, from the base.",
+            f"The section at a position s along the finger, from the base.{drawn}",
             (*acting, Argument("s", _position(subject), "s")),
             output,
-            f"  {section_kernel.call(prefix, x='x', u='u', s='&s', p='p', at='result')}\n",
+            f"  {section_kernel.call(prefix, x='x', u='u', s='&s', p='p', at='result')}\n{warning}",
             _twin(subject, section_kernel),
-            subject.guard_source,
+            codes=codes,
         ),
     )
     kernels = (tip_kernel, section_kernel, *subject.kernels)
@@ -71,6 +74,8 @@ def _position(subject: Subject) -> Field:
 def _twin(subject: Subject, kernel: Kernel) -> Callable[[Rows], tuple[Array, Array]]:
     def twin(rows: Rows) -> tuple[Array, Array]:
         result = kernel.evaluate(subject.real, **rows)["at"]
-        return result, np.asarray(codes_of(subject, rows, result))
+        codes = np.where(np.isfinite(result).all(axis=1), Code.OK, Code.ERR_RESULT)
+        beyond = subject.out_of_range(rows) | outside(subject.input, rows["u"])
+        return result, np.where((codes == Code.OK) & beyond, Code.WARN_LEFT_RANGE, codes)
 
     return twin

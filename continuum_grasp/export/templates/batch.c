@@ -58,9 +58,9 @@ long <<p>>_step_batch(const <<p>>_model *model, const <<p>>_state *states, const
       if (*code < 0) {
         ++refused;
         continue;
-      }
+      }<<again>>
       if (h > <<accurate>>) *code = <<P>>_WARN_COARSE_STEP;
-      if (check(result, state_low, state_high, <<P>>_NX) == <<P>>_ERR_RANGE) *code = <<P>>_WARN_LEFT_RANGE;
+      if (<<left_range>>) *code = <<P>>_WARN_LEFT_RANGE;
       write_state(result, &next[first + k]);
     }
   }

@@ -25,7 +25,7 @@ extern "C" {
 #endif
 
 #define <<P>>_VERSION "<<version>>"
-#define <<P>>_ABI <<abi>>                 /* of structs and functions; another one where any of them differs */
+#define <<P>>_ABI <<abi>>                 /* of all in this header; another one where any of it differs */
 #define <<P>>_CONFIGURATION "<<hash>>" /* of all that is compiled: equations, constants, nominal values, ranges, sub-steps */
 
 typedef <<real>> <<p>>_real;
@@ -45,6 +45,10 @@ typedef enum {
 <<P>>_API const char *<<p>>_version(void);
 <<P>>_API uint32_t <<p>>_abi(void);
 <<P>>_API const char *<<p>>_configuration(void);
+/* Whether the library is the one that the caller was compiled for, to be asked once: zero, <<P>>_ERR_ABI where structs or
+   functions differ, <<P>>_ERR_CONFIGURATION where it computes something else. */
+#define <<p>>_check() <<p>>_check_built(<<P>>_ABI, <<P>>_CONFIGURATION)
+<<P>>_API int <<p>>_check_built(uint32_t abi, const char *configuration);
 
 #ifdef __cplusplus
 }

@@ -24,3 +24,12 @@
 <<P>>_API uint32_t <<p>>_abi(void) { return <<P>>_ABI; }
 
 <<P>>_API const char *<<p>>_configuration(void) { return <<P>>_CONFIGURATION; }
+
+<<P>>_API int <<p>>_check_built(uint32_t abi, const char *configuration)
+{
+  const char *own = <<P>>_CONFIGURATION;
+  if (!configuration) return <<P>>_ERR_NULL;
+  if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  while (*own && *own == *configuration) ++own, ++configuration;
+  return *own == *configuration ? <<P>>_OK : <<P>>_ERR_CONFIGURATION;
+}

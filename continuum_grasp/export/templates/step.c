@@ -16,4 +16,4 @@
     for (i = 0; i < <<P>>_NX; ++i) result[i] = result[i] + sixth * total[i];
   }
   if (h > <<accurate>>) code = <<P>>_WARN_COARSE_STEP;
-  if (check(result, state_low, state_high, <<P>>_NX) == <<P>>_ERR_RANGE) code = <<P>>_WARN_LEFT_RANGE;
+  if (<<left_range>>) code = <<P>>_WARN_LEFT_RANGE;

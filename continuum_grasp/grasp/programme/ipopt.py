@@ -1,12 +1,9 @@
-"""IPOPT on a grasp problem: one solver for all scenes of a make, many starts, a common deadline."""
+"""IPOPT on a grasp problem: one solver for all scenes of a make, many starts, a common budget."""
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -15,6 +12,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
+from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.programme.blocks import Violation
 from continuum_grasp.grasp.programme.make import ProblemMake
 from continuum_grasp.grasp.programme.points import PointReader, starting_point
@@ -39,8 +38,6 @@ ROUNDS = 8
 DEEP = 2e-5
 """Penetration above which that is done again (problem's units)."""
 
-
-UNLIMITED = 1_000_000
 _DONE = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 _PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
 
@@ -97,7 +94,7 @@ class Attempt:
 
 
 class _Stop(ca.Callback):
-    """Stops the solver once its iterations or the time are used up, or Ctrl-C was pressed."""
+    """Stops the solver once its iterations are used up, Ctrl-C was pressed, or the clock says so."""
 
     def __init__(self, unknowns: int, constraints: int, numbers: int) -> None:
         ca.Callback.__init__(self)
@@ -108,9 +105,8 @@ class _Stop(ca.Callback):
             "lam_g": constraints,
             "lam_p": numbers,
         }
-        self.until = float("inf")
+        self.budget = Budget(0, float("inf"))
         self.left = 0
-        self.interrupted = False
         self.construct("stop", {})
 
     def get_n_in(self) -> int:
@@ -127,29 +123,7 @@ class _Stop(ca.Callback):
 
     def eval(self, _: Any) -> list[int]:
         self.left -= 1
-        return [int(self.interrupted or self.left < 0 or time.monotonic() > self.until)]
-
-    @contextmanager
-    def on_interrupt(self) -> Iterator[None]:
-        """Keep Ctrl-C until the end of the block, and act on it then: an exception is lost in the solver."""
-        usual = signal.getsignal(signal.SIGINT)
-        if not callable(usual) or threading.current_thread() is not threading.main_thread():
-            yield
-            return
-        caught: list[Any] = []
-
-        def stop(number: int, frame: Any) -> None:
-            self.interrupted = True
-            caught[:] = [number, frame]
-
-        self.interrupted = False
-        signal.signal(signal.SIGINT, stop)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, usual)
-            if caught:
-                usual(*caught)
+        return [int(interrupt.pressed() or self.left < 0 or self.budget.late)]
 
 
 class GraspSolverRun:
@@ -222,7 +196,7 @@ class GraspSolverRun:
         self,
         scene: GraspScene,
         start: Start,
-        until: float,
+        budget: Budget,
         *,
         iterations: int | None = None,
         relaxed: Mapping[str, float] | None = None,
@@ -236,10 +210,10 @@ class GraspSolverRun:
         ----------
         scene : GraspScene
         start : Start
-        until : float
-            ``time.monotonic()`` at which to stop.
+        budget : Budget
+            What this takes is taken from it.
         iterations : int, optional
-            Most iterations of all solver runs together; not limited together by default.
+            Most iterations of all solver runs together; all that the budget has by default.
         relaxed : mapping, optional
             Names of limits that may give way and by how much at most (SI); the amount they give is minimised
             then.
@@ -265,7 +239,8 @@ class GraspSolverRun:
             self._relax(values, low, high, x, relaxed, given or {}, units)
         x = np.clip(x, low, high)
         cold, again, stop = self._solver(scene)
-        stop.until, stop.left = until, iterations or UNLIMITED
+        granted = min(iterations or budget.left, budget.left)
+        stop.budget, stop.left = budget, granted
         g_low, g_high = problem.parts.g_bounds
         bounds = {"lbx": low, "ubx": high, "lbg": g_low, "ubg": g_high}
         began, taken, outcome = time.perf_counter(), 0, ""
@@ -276,7 +251,7 @@ class GraspSolverRun:
             numbers = problem.numbers.pack({**values, **sight.numbers})
             self._face(x, sight)
             for solver, duals in ((again, multipliers), (cold, {})) if multipliers else ((cold, {}),):
-                with stop.on_interrupt():
+                with interrupt.held():
                     found = solver(x0=x, p=numbers, **bounds, **duals)
                 stats = solver.stats()
                 outcome, taken = str(stats["return_status"]), taken + int(stats["iter_count"])
@@ -291,6 +266,7 @@ class GraspSolverRun:
             acceptable = outcome != "Solve_Succeeded"
             if sight.deepest < DEEP and settled:
                 break
+        budget.left -= granted - max(stop.left, 0)
         return Attempt(
             start,
             features,

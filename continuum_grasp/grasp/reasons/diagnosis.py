@@ -87,7 +87,7 @@ def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
     repairs = Repairs(scene, search)
     starts: dict[str, list[Start]] = {}
     for relaxation in _sensible(scene):
-        if search.late:
+        if search.budget.over:
             break
         starts[relaxation.name] = repairs.starts(relaxation)
         repairs.try_starts(relaxation, starts[relaxation.name][:FIRST])

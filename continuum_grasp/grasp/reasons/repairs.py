@@ -93,7 +93,7 @@ class Repairs:
             known = _spread([t.attempt.start for t in sorted(self._search.tried, key=lambda t: t.attempt.badness)])
         if eased is self.scene:
             return known
-        search = Search(eased, self._search.until)
+        search = Search(eased, self._search.budget)
         made = [_spread(search.starts_of(mode)) for mode in contact_modes(eased)]
         self._search.start_seconds += search.start_seconds
         return [start for rank in zip_longest(*made, known) for start in rank if start is not None]
@@ -101,7 +101,7 @@ class Repairs:
     def try_starts(self, relaxation: Relaxation, starts: Iterable[Start]) -> None:
         """Let one limit give way as little as can be, from every start."""
         for start in starts:
-            if self._search.late:
+            if self._search.budget.over:
                 return
             self._try(relaxation, start, amount=relaxation.start(self.scene), iterations=HASTY)
 
@@ -110,7 +110,7 @@ class Repairs:
         done: list[float] = []
         for attempt in self._open.pop(relaxation.name, []):
             amount = self._search.solver(attempt.start).given(self.scene, attempt.x, relaxation)
-            if self._search.late:
+            if self._search.budget.over:
                 return
             if not any(math.isclose(amount, other, rel_tol=SAME) for other in done):
                 done.append(amount)
@@ -123,7 +123,7 @@ class Repairs:
         attempt = solver.run(
             self.scene,
             start,
-            search.until,
+            search.budget,
             relaxed={name: relaxation.most},
             given={name: amount},
             **options,

@@ -94,7 +94,6 @@ def save_result(result: GraspResult, folder: str | os.PathLike[str], *, quality:
 
     target = Path(folder)
     text = result_yaml(result, quality=quality)
-    (target / "result.yaml").unlink(missing_ok=True)  # never that of another run
     write_run(target, dict(result.arrays), result_meta(result, quality=quality))
     with replacing(target / "result.yaml") as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -10,7 +10,7 @@ void controller_start(controller_state *state, const controller_settings *settin
 #else
   (void)p;
 #endif
-  for (int j = 0; j < RTI_NU; ++j) cg_limit(&state->u[j], settings->rti.u_min[j], settings->rti.u_max[j]);
+  for (int j = 0; j < RTI_NU; ++j) cg_limit(&state->u[j], settings->applied_min[j], settings->applied_max[j]);
 #if CONTROLLER_ESTIMATES
   ekf_start(&state->ekf, &settings->ekf, z0, state->u);
 #else
@@ -48,12 +48,7 @@ static uint32_t controller_check(controller_state *state, const controller_setti
     if (!cg_within(in->set_points + k * RTI_NR, o->r_min, o->r_max, RTI_NR)) anomalies |= CONTROLLER_BAD_SET_POINTS;
 #endif
   if (in->applied) {
-    real least[RTI_NU], most[RTI_NU];  /* the last command is always believable: limits may have moved past it */
-    for (int j = 0; j < RTI_NU; ++j) {
-      least[j] = state->u[j] < o->rti.u_min[j] ? state->u[j] : o->rti.u_min[j];
-      most[j] = state->u[j] > o->rti.u_max[j] ? state->u[j] : o->rti.u_max[j];
-    }
-    if (cg_within(in->applied, least, most, RTI_NU)) memcpy(state->u, in->applied, sizeof state->u);
+    if (cg_within(in->applied, o->applied_min, o->applied_max, RTI_NU)) memcpy(state->u, in->applied, sizeof state->u);
     else anomalies |= CONTROLLER_BAD_APPLIED;
   }
   return anomalies;
@@ -264,7 +259,7 @@ int controller_step(controller_state *state, controller_work *work, const contro
       rate[j] = settings->safe_rate[j] < settings->u_rate[j] ? settings->safe_rate[j] : settings->u_rate[j];
     output->anomalies |= controller_command(state, settings, settings->u_safe, rate, output) & CONTROLLER_BEYOND_LIMIT;
   } else {
-    const int stage = (int)(state->age + (real)1e-3);
+    const int stage = rti_lesser((int)(state->age + (real)1e-3), RTI_N - 1);    /* the sum may round up to RTI_N */
     output->anomalies |= controller_command(state, settings, state->plan.u[stage], settings->u_rate, output);
   }
   return output->status;

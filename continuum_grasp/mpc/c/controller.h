@@ -97,6 +97,7 @@ typedef struct {
   real period;                /* time from one command to the next, a stage at most [s] */
   real u_rate[RTI_NU];        /* greatest change of the input per time; 1e30: none */
   real u_safe[RTI_NU], safe_rate[RTI_NU];       /* where the ramp goes, as far as limits allow; how fast */
+  real applied_min[RTI_NU], applied_max[RTI_NU];        /* of an input that was applied: slack drives, overshoot */
   real r_min[RTI_SIZE(RTI_NR)], r_max[RTI_SIZE(RTI_NR)];
   real p_min[RTI_SIZE(RTI_NP)], p_max[RTI_SIZE(RTI_NP)];
   real x_min[CONTROLLER_ND], x_max[CONTROLLER_ND];      /* of a measured state */

@@ -220,7 +220,6 @@ int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, con
              const real *p, ekf_report *report)
 {
   const real h = settings->period / (real)settings->substeps;
-  const real *now = u;
   memset(report, 0, sizeof *report);
   if (!cg_finite(u, EKF_NU) || !cg_finite(p, EKF_NP)) return EKF_BAD_INPUT;
   if (state->started) {
@@ -229,12 +228,14 @@ int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, con
 #if EKF_DELAY > 0
     memcpy(applied, state->queue[state->oldest], sizeof applied);
     memcpy(state->queue[state->oldest], u, sizeof applied);
-    state->oldest = (state->oldest + 1) % EKF_DELAY;
+    state->oldest = state->oldest + 1 < EKF_DELAY ? state->oldest + 1 : 0;
 #endif
     for (int k = 0; k < settings->substeps; ++k) ekf_substep(state, work, settings, applied, p, h);
   }
 #if EKF_DELAY > 0
-  now = state->queue[state->oldest];
+  const real *now = state->queue[state->oldest];
+#else
+  const real *now = u;
 #endif
   for (int j = 0; j < EKF_NM; ++j) report->verdict[j] = cg_verdict(y[j], settings->y_min[j], settings->y_max[j]);
   state->started = 1;
@@ -252,8 +253,8 @@ int ekf_now(const ekf_state *state, ekf_work *work, const ekf_settings *settings
   memcpy(z, state->z, sizeof state->z);
 #if EKF_DELAY > 0
   const real h = settings->period / (real)settings->substeps;
-  for (int k = 0; k < EKF_DELAY; ++k) {
-    const real *u = state->queue[(state->oldest + k) % EKF_DELAY];
+  for (int k = 0, at = state->oldest; k < EKF_DELAY; ++k, at = at + 1 < EKF_DELAY ? at + 1 : 0) {
+    const real *u = state->queue[at];
     for (int i = 0; i < settings->substeps; ++i) {
       const real *arg[] = {z, u, p, &h};
       real *res[] = {work->next};

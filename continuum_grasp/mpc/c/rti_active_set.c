@@ -84,7 +84,7 @@ static int rti_choose(rti_work *o, const rti_settings *s, int how, real *gap)
     int wrong = 0;
     real worst = 0;
     for (int k = 0; k < RTI_N; ++k) {
-      const real y = o->y[row][k], c = o->stiffness[row][k], residual = input ? o->residual[k][input ? row : 0] : 0;
+      const real y = o->y[row][k], c = o->stiffness[row][k], residual = input ? o->residual[k][rti_lesser(row, RTI_NU - 1)] : 0;
       const real a = input ? -residual : o->a[row][k];
       const int first = !wrong;
       wrong = !input && how == RTI_EXCHANGED && rti_wrong(o, row, k);
@@ -163,7 +163,7 @@ static int rti_planned(rti_work *o, const rti_settings *s)
     const real margin = rti_scale(s, row) * (input ? RTI_R(1e-6) : RTI_R(1e-2));
     const int priced = rti_priced(s, row), over = input ? RTI_AT_HIGH : RTI_OVER_HIGH;
     for (int k = 0; k < RTI_N; ++k) {
-      const real y = input ? o->u[k][input ? row : 0] : o->c[k + later][i];
+      const real y = input ? o->u[k][rti_lesser(row, RTI_NU - 1)] : o->c[k + later][i];
       int at = RTI_FREE;
       if (priced && high < RTI_ABSENT && y > high - margin) at = y > high + margin ? over : RTI_AT_HIGH;
       else if (priced && low > -RTI_ABSENT && y < low + margin) at = y < low - margin ? -over : RTI_AT_LOW;

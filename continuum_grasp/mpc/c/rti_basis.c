@@ -22,6 +22,7 @@ typedef uint64_t rti_bits;
 #endif
 #define RTI_R(a) ((real)(a))
 #define RTI_ABSENT RTI_R(1e30)
+#define RTI_LEAST RTI_R(2e-38)                /* divisors that may underflow, in float, are this at least */
 
 static inline real rti_abs(real a) { return a < 0 ? -a : a; }
 static inline real rti_max(real a, real b) { return a > b ? a : b; }

@@ -80,7 +80,7 @@ static void rti_centre(rti_work *o, real product)
     const rti_side side = o->side[i];
     for (int k = 0; k < RTI_LENGTH; ++k) {
       const real room = side.bound - side.sign * o->y[side.row][k], over = rti_max(0, -room);
-      real t = room, m = product / t, v = 0, n = 1;
+      real t = room, m, v = 0, n = 1;
       if (side.soft) {
         const real price = side.linear + side.quadratic * over;
         const real most = side.quadratic > 0 ? RTI_SQRT(product / side.quadratic) : product / price;
@@ -100,6 +100,8 @@ static void rti_centre(rti_work *o, real product)
         t = room > 0 ? (room + root) / 2 : 2 * product * side.yield / (root - room);
         m = product / t;
         v = m * side.yield;
+      } else {
+        m = product / t;
       }
       o->t[i][k] = t;
       o->m[i][k] = m;
@@ -179,7 +181,7 @@ static rti_change rti_changes(rti_work *o, real target, real second)
     real *restrict dt = o->dt[i], *restrict dm = o->dm[i], *restrict ds = o->ds[i], *restrict dn = o->dn[i];
     if (side.soft)
       for (int k = 0; k < RTI_LENGTH; ++k) {
-        const real violation = V[k] * (W[k] * side.sign * dy[k] + e[k]) + f[k], inverse = 1 / (s[k] * n[k]);
+        const real violation = V[k] * (W[k] * side.sign * dy[k] + e[k]) + f[k], inverse = 1 / rti_max(s[k] * n[k], RTI_LEAST);
         const real pull = (target - second * ds[k] * dn[k] - n[k] * violation) * n[k] * inverse - n[k];
         dn[k] = pull;
         ratio[k] = rti_max(ratio[k], -inverse * rti_min(n[k] * violation, s[k] * pull));
@@ -192,7 +194,7 @@ static rti_change rti_changes(rti_work *o, real target, real second)
       dm[k] = multiplier;
       ds[k] = violation;
       dt[k] = slack;
-      ratio[k] = rti_max(ratio[k], -rti_min(m[k] * slack, t[k] * multiplier) / (t[k] * m[k]));
+      ratio[k] = rti_max(ratio[k], -rti_min(m[k] * slack, t[k] * multiplier) / rti_max(t[k] * m[k], RTI_LEAST));
       first[k] += t[k] * multiplier + m[k] * slack;
       square[k] += slack * multiplier;
     }

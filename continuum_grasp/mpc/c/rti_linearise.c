@@ -125,7 +125,7 @@ static void rti_linearise(rti_work *o, const rti_settings *settings, const real 
 /* The last node; rows that it does not have are zero. */
 static void rti_linearise_end(rti_work *o, const rti_settings *settings, const real *p, const real *refs)
 {
-  real g[RTI_NX], H[RTI_NX][RTI_NX], c[RTI_SIZE(RTI_NS)], C[RTI_NX][RTI_SIZE(RTI_NS)];
+  real g[RTI_NX] = {0}, H[RTI_NX][RTI_NX], c[RTI_SIZE(RTI_NS)] = {0}, C[RTI_NX][RTI_SIZE(RTI_NS)];
   const real *in[] = {o->x[RTI_N], p, refs, settings->terminal_weights};
   real *out[] = {&o->l[RTI_N], g, H[0], c, C[0]};
   terminal_cost(in, out);

@@ -4,6 +4,8 @@
                                    tip late without a swing, has 2.8 */
 #define SUPERVISOR_DOUBT 3.0    /* mismatch: of one row the mean is chi-square with 39 degrees of freedom per 39, beyond
                                    3 once in 1e9 steps; greatest of nominal trials 2.3 */
+#define SUPERVISOR_SEVERE 10.0  /* mismatch that needs no waiting: a move with half the stiffness stays below 9, a loop
+                                   that swings passes it within a period of its swing */
 #define SUPERVISOR_TRUST 1.5    /* mismatch below which sensors and model agree */
 #define SUPERVISOR_WRONG 20.0   /* mismatch that no tuning holds; a camera rotated by 5 degrees, which still can be
                                    held, has 10 to 14 */
@@ -84,16 +86,18 @@ static void supervisor_average(supervisor_state *state, const supervisor_setting
   }
 }
 
-/* The ladder: up where a mismatch lasts (that of a knock, or of a move with half the stiffness, is over in 0.4 s, and a
- * calmer command would only hold on to the error), one rung down after a calm time that doubles with every raise. */
+/* The ladder: up where a mismatch lasts or is severe (that of a knock, or of a move with half the stiffness, is over in
+ * 0.4 s, and a calmer command would only hold on to the error), one rung down after a calm time that doubles with every
+ * raise. */
 static void supervisor_climb(supervisor_state *state, const supervisor_settings *o, real mismatch)
 {
   const int doubled = state->raises > 8 ? 7 : state->raises > 0 ? state->raises - 1 : 0;
   const int calm = mismatch < (real)SUPERVISOR_TRUST && state->activity < (real)SUPERVISOR_ACTIVE;
   const int settled = supervisor_passed(&state->calm, calm, (5 * o->window) << doubled);
-  const int lasting = supervisor_passed(&state->doubted, mismatch > (real)SUPERVISOR_DOUBT, 2 * o->window + o->window / 2);
+  const int doubt = mismatch > (real)SUPERVISOR_DOUBT;
+  const int lasting = supervisor_passed(&state->doubted, doubt, 2 * o->window + o->window / 2);
   if (state->since < 5 * o->window) ++state->since;
-  if (lasting && state->activity > (real)SUPERVISOR_ACTIVE && state->rung < o->rungs
+  if ((lasting || mismatch > (real)SUPERVISOR_SEVERE) && state->activity > (real)SUPERVISOR_ACTIVE && state->rung < o->rungs
       && state->since >= o->window / 2) {
     ++state->rung;
     if (state->raises < 9) ++state->raises;

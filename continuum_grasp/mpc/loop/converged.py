@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.model.remade import Remade
 from continuum_grasp.mpc.controller import Estimate, Plan
 from continuum_grasp.mpc.loop.programme import Programme
 from continuum_grasp.mpc.prediction import Prediction
@@ -44,7 +45,7 @@ class _Command:
     anomalies: tuple[str, ...] = ()
 
 
-class Converged:
+class Converged(Remade):
     """Nonlinear model predictive control without a time limit.
 
     Parameters
@@ -87,6 +88,12 @@ class Converged:
         self._last: tuple[Array, Array] | None = None
         self.failures = 0
         self.times: list[float] = []
+
+    def __getstate__(self) -> tuple[Any, ...]:
+        return self._held, self._last, self.failures, self.times.copy()
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        self._held, self._last, self.failures, self.times = state
 
     @property
     def statistics(self) -> dict[str, Any]:

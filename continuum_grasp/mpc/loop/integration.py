@@ -15,6 +15,7 @@ from continuum_grasp.core.integrators import partly_implicit_step, step_function
 from continuum_grasp.core.rollouts import Rollouts, Signal
 from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import NumericalError
+from continuum_grasp.model.remade import Remade
 from continuum_grasp.mpc.loop.plant_model import PlantModel
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes
 
@@ -69,7 +70,7 @@ def choose_method(model: PlantModel, period: float) -> Method:
     return Method("implicit", max(least, 1), radius)
 
 
-class Integration:
+class Integration(Remade):
     """Integrates a plant over stretches of constant input.
 
     Parameters

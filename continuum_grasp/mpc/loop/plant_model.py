@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import System
+from continuum_grasp.model.remade import Remade
 from continuum_grasp.mpc.loop.plant_scene import plant_scene
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.simulate import Scene
@@ -22,7 +23,7 @@ __all__ = ["PlantModel", "plant_scene"]
 Array = NDArray[np.float64]
 
 
-class PlantModel:
+class PlantModel(Remade):
     """The plant as functions of its state x, the command u and forces w.
 
     Parameters
@@ -112,6 +113,12 @@ class PlantModel:
         self.p: Array = np.array(self.system.p_nominal)
         self.outside: dict[str, Callable[[Array], Array]] = {}
         self._signals = Signals(self.scene, self.system.finger_model)
+
+    def __getstate__(self) -> tuple[Array, dict[str, Callable[[Array], Array]]]:
+        return self.p.copy(), dict(self.outside)
+
+    def __setstate__(self, state: tuple[Array, dict[str, Callable[[Array], Array]]]) -> None:
+        self.p, self.outside = state
 
     # -- the drive ----------------------------------------------------------------------------------------------------
 

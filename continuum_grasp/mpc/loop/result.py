@@ -280,6 +280,7 @@ class ControlRun:
         if self.object_pose is not None:
             stored["object_pose"] = self.object_pose
         told = {
+            "kind": "mpc",
             "config": self.scene.model_dump(mode="json"),
             "status": self.ended,
             "seed": self.scene.plant.seed,

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.mpc.loop.plant import Plant
 from continuum_grasp.mpc.loop.record import Record
@@ -49,6 +50,7 @@ class Controls(Protocol):
         """Begin anew, from a state (nx) and an input (nu)."""
 
 
+@interrupt.listening()
 def closed_loop(
     scene: ControlScene | str | PathLike[str],
     *,
@@ -106,7 +108,10 @@ def closed_loop(
     record.made_s = perf_counter() - began
     error = _loop(control, tried, plan, record, round(duration / control.period), progress or (lambda share: None))
     ended = "finished" if error is None else "stopped"
-    run = record.run(ended, getattr(control, "statistics", {}), tuple(getattr(control, "estimated_names", ())))
+    with interrupt.held(quietly=True) as pressed:
+        run = record.run(ended, getattr(control, "statistics", {}), tuple(getattr(control, "estimated_names", ())))
+    if pressed() and error is None:
+        error = Interrupted("interrupted after the end of the run")
     if isinstance(error, Interrupted):
         raise Interrupted(str(error), result=run) from error
     if error is not None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.result import FingerPosture, GraspResult
 from continuum_grasp.model import System
@@ -96,6 +96,8 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
         If the grasp is not one that a mission can carry out.
     """
     found = optimize_grasp(mission.grasp) if grasp is None else grasp
+    if grasp is None and found.statistics["interrupted"]:
+        raise Interrupted("interrupted while the grasp was optimised")
     if not found.solved:
         raise SolverError("no grasp to carry out", status=found.status.value, advice=found.advice, result=found)
     (name, posture), *_ = found.fingers.items()

@@ -141,7 +141,7 @@ class MissionRun:
         pathlib.Path
             The folder.
         """
-        from continuum_grasp.results import replacing
+        from continuum_grasp.results import note_part, replacing
 
         target = self.run.save(
             folder,
@@ -158,6 +158,7 @@ class MissionRun:
                 "phases": [asdict(span) for span in self.spans],
             },
         )
+        note_part(target, "grasp")
         self.assignment.grasp.save(target / "grasp")
         with replacing(target / "report.txt") as temporary:
             temporary.write_text(self.report(), encoding="utf-8")

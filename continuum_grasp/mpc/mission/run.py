@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from os import PathLike
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mpc.controller import Controller
@@ -25,6 +26,7 @@ __all__ = ["Crew", "mission_of", "run_mission"]
 Progress = Callable[[float], None]
 
 
+@interrupt.listening()
 def run_mission(
     scene: MissionScene | str | PathLike[str],
     *,
@@ -88,7 +90,11 @@ class Crew:
             if isinstance(error.result, ControlRun):
                 error.result = self._judged(asked, error.result)
             raise
-        return self._judged(asked, found)
+        with interrupt.held(quietly=True) as pressed:
+            judged = self._judged(asked, found)
+        if pressed():
+            raise Interrupted("interrupted after the end of the mission", result=judged)
+        return judged
 
     def _judged(self, variation: Variation, run: ControlRun) -> MissionRun:
         of = self.assignment

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -119,24 +120,21 @@ class Timetable:
     def outside(self) -> dict[str, Callable[[Array], Array]]:
         """Height of the table, and what pulls at the object, as functions of instants."""
         pulling: dict[str, Callable[[Array], Array]] = {
-            name: self._pull_along(axis) for axis, name in enumerate(_WRENCH)
+            name: partial(self._pull, axis) for axis, name in enumerate(_WRENCH)
         }
         return {"table_height [m]": self._table, **pulling}
 
     def _table(self, t: Array) -> Array:
         return -_SUNK * (self._risen(t, "lift") - self._risen(t, "lower"))
 
-    def _pull_along(self, axis: int) -> Callable[[Array], Array]:
-        def pull(t: Array) -> Array:
-            total = np.zeros_like(t)
-            for k, wrench in enumerate(self._of.pulls):
-                span = self.span(f"pull {k + 1}")
-                quarter = 0.25 * (span.end - span.start)
-                total += wrench[axis] * _smooth((t - span.start) / quarter)
-                total -= wrench[axis] * _smooth((t - span.end + quarter) / quarter)
-            return total
-
-        return pull
+    def _pull(self, axis: int, t: Array) -> Array:
+        total = np.zeros_like(t)
+        for k, wrench in enumerate(self._of.pulls):
+            span = self.span(f"pull {k + 1}")
+            quarter = 0.25 * (span.end - span.start)
+            total += wrench[axis] * _smooth((t - span.start) / quarter)
+            total -= wrench[axis] * _smooth((t - span.end + quarter) / quarter)
+        return total
 
 
 def _smooth(share: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from os import PathLike
@@ -12,8 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
 from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.interrupt import kept_from_children
 from continuum_grasp.mpc.mission.assignment import Assignment, assign
 from continuum_grasp.mpc.mission.outcomes import Outcome
 from continuum_grasp.mpc.mission.plant import Variation
@@ -41,6 +44,7 @@ def variations(trials: Trials) -> list[Variation]:
     return found
 
 
+@interrupt.listening()
 def run_trials(
     scene: MissionScene | str | PathLike[str],
     *,
@@ -102,7 +106,8 @@ def _outcomes(assignment: Assignment, drawn: list[Variation], jobs: int) -> Iter
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
     with ProcessPoolExecutor(jobs, context, _start, (assignment, stop)) as pool:
-        asked = {pool.submit(_run, variation): k for k, variation in enumerate(drawn)}
+        with kept_from_children():
+            asked = {pool.submit(_run, variation): k for k, variation in enumerate(drawn)}
         try:
             for future in as_completed(asked):
                 yield asked[future], future.result()
@@ -133,7 +138,15 @@ class _Worker:
 
 def _start(assignment: Assignment, stop: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     _Worker.current = _Worker(assignment, stop)
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _run(variation: Variation) -> Outcome:

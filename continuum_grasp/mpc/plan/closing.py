@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.mpc.plan.guess import Hint
 from continuum_grasp.scene.finger import BasePose
 from continuum_grasp.scene.plan import PlanScene, RowAim
@@ -82,12 +82,14 @@ def _numbers(scene: PlanScene, given: Any) -> Mapping[str, Any]:
         from continuum_grasp.results import read_run
 
         run = read_run(given)
-        if run.meta.get("status") not in ("optimal", "feasible"):
+        if run.meta.get("kind") != "grasp" or run.meta.get("status") not in ("optimal", "feasible"):
             raise InputError("there is no verified grasp in this folder", file=os.fspath(given))
         return run.arrays
     if scene.grasp is None:
         return {}
     result = optimize_grasp(scene.grasp, raise_on_failure=False) if given is None else given
+    if given is None and result.statistics["interrupted"]:
+        raise Interrupted("interrupted while the grasp was optimised")
     if not result.solved:
         raise SolverError("no grasp to close to", status=str(result.status), advice=result.advice, result=result)
     arrays: Mapping[str, Any] = result.arrays

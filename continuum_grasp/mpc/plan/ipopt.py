@@ -1,12 +1,8 @@
-"""IPOPT on the programme of a plan, with a deadline and Ctrl-C."""
+"""IPOPT on the programme of a plan, with a budget and Ctrl-C."""
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
+from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.mpc.plan.programme import Programme
 from continuum_grasp.scene.plan import PlanSolver
 
@@ -72,12 +70,12 @@ class Attempt:
 
 
 class _Watch(ca.Callback):
-    """Stops the solver at a deadline or on Ctrl-C, which an exception cannot."""
+    """Stops the solver at the end of the budget or on Ctrl-C, which an exception cannot."""
 
-    def __init__(self, unknowns: int, constraints: int, until: float) -> None:
+    def __init__(self, unknowns: int, constraints: int, budget: Budget) -> None:
         ca.Callback.__init__(self)
         self._sizes = {"x": unknowns, "lam_x": unknowns, "g": constraints, "lam_g": constraints, "f": 1, "lam_p": 0}
-        self.until = until
+        self.budget = budget
         self.interrupted = False
         self.construct("watch", {})
 
@@ -94,32 +92,16 @@ class _Watch(ca.Callback):
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
 
     def eval(self, _: Any) -> list[int]:
-        return [int(self.interrupted or time.monotonic() > self.until)]
-
-    @contextmanager
-    def on_interrupt(self) -> Iterator[None]:
-        """Note Ctrl-C within the block."""
-        if threading.current_thread() is not threading.main_thread():
-            yield
-            return
-        usual = signal.getsignal(signal.SIGINT)
-
-        def note(number: int, frame: Any) -> None:
-            self.interrupted = True
-
-        signal.signal(signal.SIGINT, note)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, usual)
+        self.budget.left -= 1
+        return [int(interrupt.pressed() or self.budget.over)]
 
 
 class ProgrammeSolver:
     """IPOPT for one programme."""
 
-    def __init__(self, programme: Programme, options: PlanSolver, until: float) -> None:
+    def __init__(self, programme: Programme, options: PlanSolver, budget: Budget) -> None:
         self._programme = programme
-        self.watch = _Watch(programme.size, programme.count, until)
+        self.watch = _Watch(programme.size, programme.count, budget)
         self._options: dict[str, Any] = {
             "print_time": False,
             "error_on_fail": False,
@@ -162,8 +144,9 @@ class ProgrammeSolver:
             options |= {f"ipopt.{name}": _CLOSE for name in _PUSHES[:4]}
         began = time.perf_counter()
         solver = ca.nlpsol("plan", "ipopt", self._programme.nlp, options)
-        with self.watch.on_interrupt():
+        with interrupt.held(quietly=True) as pressed:
             found = solver(x0=np.clip(w, bounds["lbx"], bounds["ubx"]), **bounds, **given)
+        self.watch.interrupted |= pressed()
         stats = solver.stats()
         x, g = (np.array(found[name]).ravel() for name in ("x", "g"))
         off = [bounds["lbx"] - x, x - bounds["ubx"], bounds["lbg"] - g, g - bounds["ubg"]]

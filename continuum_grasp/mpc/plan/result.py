@@ -35,11 +35,13 @@ class PlanStatus(StrEnum):
     OPTIMAL = "optimal"
     """A local optimum."""
     FEASIBLE = "feasible"
-    """All constraints are kept, but the solver stopped before the optimum."""
+    """All constraints are kept, but the solver stopped before the optimum, or the search before its end."""
     INFEASIBLE = "infeasible"
     """No plan was found that keeps all constraints; this one comes as near to the goal as was found."""
     NOT_SOLVED = "not_solved"
     """The solver stopped without a plan, and without showing that there is none."""
+    TIMED_OUT = "timed_out"
+    """The clock stopped the search before there was a plan: an emergency, which another machine may not meet."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.mpc.plan.diagnosis import Diagnosis, diagnose
 from continuum_grasp.mpc.plan.fine import simulated
 from continuum_grasp.mpc.plan.guess import Hint, Path, Posture, detours, final_posture, smooth_path
@@ -71,8 +71,8 @@ class Search:
         self.motion = Motion(scene)
         self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
         self.problem = PlanProblem(self.motion, self.x0)
-        self.until = time.monotonic() + scene.solver.time_limit
-        self._solver = ProgrammeSolver(self.problem.programme, scene.solver, self.until)
+        self.budget = Budget.of(scene.solver)
+        self._solver = ProgrammeSolver(self.problem.programme, scene.solver, self.budget)
         self._near: tuple[PlanProblem, ProgrammeSolver] | None = None
 
     def run(self) -> None:
@@ -116,8 +116,8 @@ class Search:
 
     @property
     def over(self) -> bool:
-        """Whether there is no time left, or Ctrl-C was pressed."""
-        return self.interrupted or time.monotonic() > self.until
+        """Whether there is nothing left to spend, or Ctrl-C was pressed."""
+        return self.interrupted or self.budget.over
 
     def _paths(self) -> Iterator[tuple[str, Path]]:
         count = self.scene.solver.starts or (_STARTS_WITH_ZONES if self.scene.bounds.keep_out else 1)
@@ -163,7 +163,7 @@ class Search:
         """How near the goal can be reached; if it can, the search goes on from there."""
         if self._near is None:
             problem = PlanProblem(self.motion, self.x0, relaxed=True)
-            self._near = problem, ProgrammeSolver(problem.programme, self.scene.solver, self.until)
+            self._near = problem, ProgrammeSolver(problem.programme, self.scene.solver, self.budget)
         problem, solver = self._near
         attempt = solver.run(problem.start(path))
         self.interrupted |= solver.watch.interrupted

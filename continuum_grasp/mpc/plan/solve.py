@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.mpc.plan.closing import closing
 from continuum_grasp.mpc.plan.files import load_plan
@@ -26,7 +28,10 @@ if TYPE_CHECKING:
 
 __all__ = ["plan"]
 
+Array = NDArray[np.float64]
 
+
+@interrupt.listening()
 def plan(
     scene: PlanScene | str | os.PathLike[str],
     *,
@@ -70,11 +75,17 @@ def plan(
     earlier = load_plan(warm) if isinstance(warm, (str, os.PathLike)) else warm
     search = Search(asked, earlier, near)
     built = time.perf_counter()
-    search.run()
-    searched = time.perf_counter()
-    result = _result(search)
-    if result.solved and not search.interrupted:
-        result = checked(result, search.motion)
+    try:
+        search.run()
+        searched = time.perf_counter()
+        result = _result(search)
+        if result.solved and not search.interrupted:
+            result = checked(result, search.motion)
+    except KeyboardInterrupt:  # outside the solver, which keeps it until it has ended
+        search.interrupted, searched = True, time.perf_counter()
+        if not search.attempts:
+            raise Interrupted("interrupted before anything was found") from None
+        result = _result(search)
     ended = time.perf_counter()
     times = {"build": built - began, "search": searched - built, "check": ended - searched, "total": ended - began}
     result = replace(result, times=times)
@@ -110,12 +121,19 @@ def _result(search: Search) -> Plan:
             problem, attempt = search.nearest
     elif not attempt.converged:
         status = PlanStatus.FEASIBLE
-        message = f"all constraints are kept, but {_stopped(attempt)} before the optimum was reached"
+        message = f"all constraints are kept, but {_stopped(search, attempt)} before the optimum was reached"
+    elif search.budget.cut:
+        status = PlanStatus.FEASIBLE
+        message = f"all constraints are kept at the nodes, but {_cut(search)} before the search was complete"
     path = problem.path(attempt.w)
+    lead = "" if violated else _lead(scene, path.u, path.duration)
+    warnings = [lead] if lead else []
+    if search.interrupted:
+        warnings.append("the search was interrupted")
     return Plan(
         scene=scene,
         status=status,
-        message=message,
+        message=f"{message}; on a drive without jumps up to one interval longer" if lead else message,
         t=np.linspace(0.0, path.duration, scene.intervals + 1),
         x=path.x,
         u=path.u,
@@ -124,7 +142,7 @@ def _result(search: Search) -> Plan:
         iterations=attempt.iterations,
         violated=violated,
         advice=advice,
-        warnings=("the search was interrupted",) if search.interrupted else (),
+        warnings=tuple(warnings),
         statistics=_statistics(search),
         solver_state={
             "w": attempt.w,
@@ -135,20 +153,39 @@ def _result(search: Search) -> Plan:
     )
 
 
+def _lead(scene: PlanScene, u: Array, duration: float) -> str:
+    """By how much held inputs shorten the least time of a drive whose rate is limited; empty where they do not.
+
+    The input may jump at the nodes by what the rate limit allows in an interval, at the first node (from
+    ``input.initial``) and at the last one too: a drive that takes an interval for each jump ends up to one later.
+    """
+    most = scene.input.rate_max
+    if scene.objective != "least_time" or scene.input.form == "linear" or most is None:
+        return ""
+    first, last = (float(np.abs(jump).max()) for jump in (u[0] - np.array(scene.initial_input), u[-1] - u[-2]))
+    unit = "N m" if u.shape[1] == 1 else "N"
+    return (
+        f"held inputs jump ({first:.3g} {unit} at the start, {last:.3g} {unit} at the end): a drive that keeps "
+        f"input.rate_max = {most:g} {unit}/s needs up to one interval ({1e3 * duration / scene.intervals:.3g} ms) more "
+        f"than these {duration:.4g} s; take input.form: linear, which has no jumps, or more intervals"
+    )
+
+
 def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
     """Status, message, advice and what is violated."""
     found = search.diagnosis
-    if found is not None and not found.met:
+    if found is not None and not found.met and not search.budget.stopped:
         return PlanStatus.INFEASIBLE, found.message, found.advice, found.violated
     last = search.attempts[-1][1]
     broken = [c for c in constraints_of(search.problem, last).values() if c.excess > KEPT]
     violated = tuple(str(c) for c in sorted(broken, key=lambda c: -c.excess))
-    advice = "give the solver more iterations or time, more intervals, another initial duration, or a warm start"
+    advice = "give the solver more iterations, more intervals, another initial duration, or a warm start"
     if search.scene.object is not None:
         advice += (
             "; plan with a softer contact first (contact_law: stiffness, rounding, slip_speed), and start from that"
         )
-    return PlanStatus.NOT_SOLVED, f"no plan was found: {_stopped(last)}", advice, violated
+    status = PlanStatus.TIMED_OUT if search.budget.stopped else PlanStatus.NOT_SOLVED
+    return status, f"no plan was found: {_stopped(search, last)}", advice, violated
 
 
 def _statistics(search: Search) -> dict[str, Any]:
@@ -160,13 +197,23 @@ def _statistics(search: Search) -> dict[str, Any]:
         "constraints": programme.count,
         "substeps": search.problem.substeps,
         "tightened": search.tightened,
+        "cut_short": search.budget.cut,
     }
 
 
-def _stopped(attempt: Attempt) -> str:
+def _cut(search: Search) -> str:
+    """What cut the search short."""
+    options = search.scene.solver
+    if search.budget.stopped:
+        return f"the clock stopped the search after {options.time_limit:g} s (solver.time_limit)"
+    return f"all {options.max_total_iterations} iterations were used up (solver.max_total_iterations)"
+
+
+def _stopped(search: Search, attempt: Attempt) -> str:
     """Why the solver stopped."""
+    if search.budget.cut:
+        return _cut(search)
     return {
-        "User_Requested_Stop": "the time was up",
         "Maximum_Iterations_Exceeded": "the iterations were used up",
         "Infeasible_Problem_Detected": "the solver ended where constraints cannot be met nearby",
     }.get(attempt.outcome, f"the solver ended with {attempt.outcome}")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from continuum_grasp.errors import NumericalError
@@ -47,7 +45,7 @@ def kept_between_nodes(problem: PlanProblem, solver: ProgrammeSolver, found: Att
         attempt = solver.run(found.w, found.multipliers)
         if not attempt.converged:
             attempt = solver.run(found.w)
-        if not attempt.converged or time.monotonic() > solver.watch.until or solver.watch.interrupted:
+        if not attempt.converged or solver.watch.budget.over or solver.watch.interrupted:
             return found, k
         found = attempt
     return found, _ROUNDS

@@ -25,6 +25,8 @@ class Node {
   explicit Node(const std::string &name);
   Logger get_logger();
   double declare_parameter(const std::string &name, double value);
+  template <class Value>
+  bool get_parameter(const std::string &name, Value &value);
   template <class Message>
   std::shared_ptr<Publisher<Message>> create_publisher(const std::string &topic, int depth);
   template <class Message>

@@ -13,6 +13,17 @@ int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi)
   return <<P>>_OK;
 }
 
+int <<p>>_reference_init_abi(<<p>>_reference *reference, uint32_t abi)
+{
+  int k;
+  if (!reference) return <<P>>_ERR_NULL;
+  if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  for (k = 0; k < <<P>>_NODES; ++k) {
+<<first_reference>>
+  }
+  return <<P>>_OK;
+}
+
 int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<start>> *state, const <<p>>_command *before)
 {
   <<p>>_real z[<<nz>>], u[<<nu>>];
@@ -22,7 +33,7 @@ int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<start>> *
   read_<<start>>(state, z);
   read_command(before, u);
   if ((code = check(z, <<start>>_low, <<start>>_high, <<nz>>)) < 0) return code;
-  if ((code = check(u, command_low, command_high, <<nu>>)) < 0) return code;
+  if ((code = check(u, applied_low, applied_high, <<nu>>)) < 0) return code;
   memset(&controller->memory, 0, sizeof controller->memory);
   controller->memory.elapsed = -1;
   <<p>>_loop_start(&controller->memory.state, &loop_settings, z, u, <<known_nominal>>);
@@ -36,7 +47,7 @@ int <<p>>_controller_applied(<<p>>_controller *controller, const <<p>>_command *
   if (!controller || !applied) return <<P>>_ERR_NULL;
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   read_command(applied, u);
-  if ((code = check(u, command_low, command_high, <<nu>>)) < 0) return code;
+  if ((code = check(u, applied_low, applied_high, <<nu>>)) < 0) return code;
   memcpy(controller->memory.state.u, u, sizeof u);
   return <<P>>_OK;
 }
@@ -101,8 +112,11 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
   code = <<p>>_loop_step(&controller->memory.state, &work->loop, &work->settings, &input, &controller->memory.last);
   controller->memory.late = 0;
   controller->memory.elapsed = -1;
-  if (code < 0 || check(controller->memory.last.u, command_low, command_high, <<nu>>) < 0) return <<P>>_ERR_RESULT;
+  if (code < 0 || check(controller->memory.last.u, applied_low, applied_high, <<nu>>) < 0) return <<P>>_ERR_RESULT;
   write_command(controller->memory.last.u, command);
+  if (code < <<P>>_LOOP_PREVIOUS_PLAN
+      && check(controller->memory.last.u, work->settings.rti.u_min, work->settings.rti.u_max, <<nu>>) < 0)
+    return <<P>>_WARN_BEYOND_LIMIT; /* the last command, from which the rate counts, was beyond them too */
   return codes[code];
 }
 

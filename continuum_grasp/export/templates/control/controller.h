@@ -41,36 +41,29 @@ enum {
 
 /* What is known of the last call. */
 typedef struct {
-  uint32_t anomalies; /* what was noticed, bits of <<P>>_ANOMALY_... */
-  int iterations; /* factorisations beyond the first */
-  <<p>>_real violation; /* largest share by which a soft bound is left in the plan */
-  <<p>>_real residual; /* of the optimality conditions, relative */
-  <<p>>_real cost; /* of the plan */
-  int health; /* <<P>>_HEALTH_... */
-  int sensor; /* <<P>>_SENSOR_... that contradicts most */
-  int frozen; /* number of a reading that does not move, in the order of <<p>>_measurement; -1: none */
-  int trip; /* <<P>>_TRIP_... */
-  int rung; /* how often the weight of the command's rate is raised fourfold */
-  <<p>>_real mismatch; /* mean squared normalized innovation of that sensor; about 1 where all is well */
-  <<p>>_real activity; /* mean squared change of the command, per that at its rate limit */
+<<diagnosis>>
 } <<p>>_diagnosis;
 
 /* Make a controller ready, with the settings and the first state of the scene that it was made from. */
 #define <<p>>_controller_init(controller) <<p>>_controller_init_abi((controller), <<P>>_ABI)
 int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi);
-/* Begin anew at a state, with the command of before; settings stay. */
+/* Set-points to begin with: those with which the scene begins, at every node. */
+#define <<p>>_reference_init(reference) <<p>>_reference_init_abi((reference), <<P>>_ABI)
+int <<p>>_reference_init_abi(<<p>>_reference *reference, uint32_t abi);
+/* Begin anew at a state, with the command that was applied before; settings stay. */
 int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<start>> *state, const <<p>>_command *before);
 /* The command for <<what_is_measured>> and set-points.
    Zero: of a new plan. <<P>>_WARN_ITERATION_LIMIT, <<P>>_WARN_BOUND_LEFT: of a new plan all the same.
    <<P>>_WARN_PREVIOUS_PLAN, <<P>>_WARN_SAFE_RAMP: there is none; of the last plan as long as it lasts, then on the way to
    <<safe>>, at a bounded rate; <<p>>_controller_diagnosis tells why.
-   A command that is written is finite and within the limits of the scene. A limit of the settings that was moved past
-   the last command is approached as fast as the rate limit allows; until then the command is beyond it, and
-   <<p>>_controller_diagnosis has <<P>>_ANOMALY_BEYOND_LIMIT. Below zero (null pointer, interface, settings) the command
-   is left alone, and the controller is as it was. */
+   A command that is written is finite, and changes at its rate at most. It is within the limits, but where these were
+   moved faster than its rate allows, or what was applied is beyond them: then it is on its way to them, by
+   <<P>>_WARN_BEYOND_LIMIT where it is of a new plan. Below zero (null pointer, interface, settings) the command is left
+   alone, and the controller is as it was. */
 int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <<p>>_measurement *measurement,
 <<indent_mpc>>const <<p>>_reference *reference, <<p>>_command *command);
-/* Before the next call: what was really applied since the last one; the last command where nothing is said. */
+/* Before the next call: what was really applied since the last one; the last command where nothing is said. Drives that
+   are off or overshoot are no error: <<applied_range>>. */
 int <<p>>_controller_applied(<<p>>_controller *controller, const <<p>>_command *applied);
 /* Before the next call: that the last command came late, so that the next is of the previous plan. */
 int <<p>>_controller_late(<<p>>_controller *controller);

@@ -20,7 +20,7 @@ int <<p>>_estimator_start(<<p>>_estimator *estimator, const <<p>>_estimate *stat
   read_estimate(state, z);
   read_command(before, u);
   if ((code = check(z, estimate_low, estimate_high, <<nz>>)) < 0) return code;
-  if ((code = check(u, command_low, command_high, <<nu>>)) < 0) return code;
+  if ((code = check(u, applied_low, applied_high, <<nu>>)) < 0) return code;
   memset(&estimator->memory, 0, sizeof estimator->memory);
   <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, z, u);
   return <<P>>_OK;
@@ -36,7 +36,7 @@ int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work,
   if (estimator->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   read_measurement(measurement, y);
   read_command(applied, u);
-  if ((code = check(u, command_low, command_high, <<nu>>)) < 0) return code;<<known_read_estimator>>
+  if ((code = check(u, applied_low, applied_high, <<nu>>)) < 0) return code;<<known_read_estimator>>
   if (<<p>>_ekf_step(&estimator->memory.state, work, &<<estimator_settings>>, y, u, p, &report) != <<P>>_EKF_OK)
     code = <<P>>_WARN_ESTIMATE_RESTARTED;
   else if (!<<p>>_ekf_now(&estimator->memory.state, work, &<<estimator_settings>>, p, z)) {

@@ -16,10 +16,11 @@ typedef <<p>>_ekf_work <<p>>_estimator_work;
 /* Make an estimator ready, with the numbers and the first state of the scene that it was made from. */
 #define <<p>>_estimator_init(estimator) <<p>>_estimator_init_abi((estimator), <<P>>_ABI)
 int <<p>>_estimator_init_abi(<<p>>_estimator *estimator, uint32_t abi);
-/* Begin anew at a state, with the command of before. */
+/* Begin anew at a state, with the command that was applied before. */
 int <<p>>_estimator_start(<<p>>_estimator *estimator, const <<p>>_estimate *state, const <<p>>_command *before);
 /* Take a measurement, NaN where there was none, and the command that was applied since the last call: state and
-   disturbances now. Beyond the codes of every function: <<P>>_WARN_ESTIMATE_RESTARTED. */
+   disturbances now. Drives that are off or overshoot are no error: <<applied_range>>.
+   Beyond the codes of every function: <<P>>_WARN_ESTIMATE_RESTARTED. */
 int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work, const <<p>>_measurement *measurement,
 <<indent_step>>const <<p>>_command *applied, <<p>>_estimate *estimate);
 /* Variance of each entry at the time of the last measurement. */

@@ -1,4 +1,4 @@
-/* One second of the finger under a constant input that sets in smoothly; writes time, state and code as CSV. */
+/* One second of the finger under <<what_input>>; writes time, state and code as CSV. */
 #include <stdio.h>
 #include <string.h>
 
@@ -18,7 +18,7 @@ int main(void)
   for (k = 0; k <= steps && code >= 0; ++k) {
     const <<p>>_real t = (<<p>>_real)k * h;
     printf("%.6g<<csv_format>>,%d\n", (double)t<<csv_values>>, code);
-    input.<<first_input>> = <<level>> * (t < <<tenth>> ? t / <<tenth>> : 1);
+    input.<<first_input>> = <<level>><<onset>>;
     code = <<p>>_step(&model, &state, &input<<forces_passed>>, h, &state);
   }
   if (code < 0) fprintf(stderr, "%s\n", <<p>>_strerror(code));

@@ -57,7 +57,12 @@ static int race(long count, long steps)
   <<p>>_model model;
   long k, step;
   double start, single, many;
-  if (!states || !inputs || !codes || <<p>>_init(&model) < 0) return 1;
+  if (!states || !inputs<<forces_none>> || !codes || <<p>>_init(&model) < 0) { /* the process ends then */
+    free(states);
+    free(inputs);<<forces_free_more>>
+    free(codes);
+    return 1;
+  }
   fill(states, inputs, count);
   start = seconds();
   for (step = 0; step < steps; ++step)

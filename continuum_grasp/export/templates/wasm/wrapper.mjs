@@ -4,8 +4,11 @@
 //   const finger = await load(await (await fetch("<<p>>.wasm")).arrayBuffer());
 //   <<example>>
 //
-// Structs are plain objects with the fields of <<p>>.h; fields that are left out are zero. Each function returns its
-// output by name, with the code; a negative code throws FingerError. Change finger.parameters at any time.
+// Structs are plain objects with the fields of <<p>>.h. One that is left out or empty is as finger.begin(name) gives it:
+// zeros, a measurement of which nothing was measured (NaN), the reference of the scene, the command before the first one.
+// Of a measurement and of a reference a part may be given, the rest is as they begin; of all others every field. Each
+// function returns its output by name, with the code; a negative code throws FingerError. Change finger.parameters at any
+// time.
 
 const INTERFACE = <<interface>>;
 
@@ -21,7 +24,8 @@ export async function load(bytes) {
   return new Finger(instance.exports);
 }
 
-const sizeOf = (fields) => fields.reduce((sum, [, shape]) => sum + shape.reduce((a, b) => a * b, 1), 0);
+const countOf = (shape) => shape.reduce((a, b) => a * b, 1);
+const sizeOf = (fields) => fields.reduce((sum, [, shape]) => sum + countOf(shape), 0);
 
 class Finger {
   #c;
@@ -34,6 +38,9 @@ class Finger {
     this.#start = (exports.__heap_base.value + 15) & ~15;
     for (const [owner, kept] of Object.entries(INTERFACE.kept)) {
       this[`new_${owner}`] = () => this.#keep(owner, kept);
+    }
+    if (this.#text(exports.<<p>>_configuration()) !== INTERFACE.configuration || exports.<<p>>_abi() >>> 0 !== INTERFACE.abi) {
+      throw new FingerError(-6, "the library is not of the package that this file is from");
     }
     if (!exports.<<p>>_init_abi) return;
     for (const [name, call] of Object.entries(INTERFACE.functions)) {
@@ -48,27 +55,53 @@ class Finger {
     return this.#real.BYTES_PER_ELEMENT;
   }
 
+  // A struct as it begins, with all of its fields.
+  begin(struct) {
+    const fields = INTERFACE.structs[struct];
+    if (!fields) throw new TypeError(`there is no struct ${struct}`);
+    const place = this.#start + this.#offset;
+    this.#reserve(place + 8 * sizeOf(fields));
+    new Uint8Array(this.#c.memory.buffer, place, 8 * sizeOf(fields)).fill(0);
+    if (INTERFACE.begun.includes(struct)) this.#check(this.#c[`<<p>>_${struct}_init_abi`](place, INTERFACE.abi));
+    return this.#read(place, fields);
+  }
+
+  // The numbers that are given for a struct, completed.
+  #complete(struct, given) {
+    const names = INTERFACE.structs[struct].map(([name]) => name);
+    for (const name of Object.keys(given ?? {})) {
+      if (!names.includes(name)) throw new TypeError(`${struct}: there is no ${name}`);
+    }
+    const missing = names.filter((name) => given?.[name] === undefined);
+    if (missing.length === 0) return given;
+    const part = missing.length < names.length;
+    if (part && !INTERFACE.open.includes(struct)) throw new TypeError(`${struct}: ${missing.join(", ")} missing`);
+    const known = Object.fromEntries(Object.entries(given ?? {}).filter(([, value]) => value !== undefined));
+    return { ...this.begin(struct), ...known };
+  }
+
   get version() {
     return this.#text(this.#c.<<p>>_version());
   }
 
   #call(name, { inputs, output }, given) {
     const c = this.#c;
+    const whole = inputs.map(([, struct], k) => (struct === null ? given[k] : this.#complete(struct, given[k])));
     this.#write(this.#start + this.#offset, INTERFACE.structs.parameters ?? [], this.parameters);
     let at = this.#start + this.#offset + 8 * sizeOf(INTERFACE.structs.parameters ?? []) + 8;
-    const passed = inputs.map(([argument, struct], k) => {
-      if (struct === null) return given[k];
+    const passed = inputs.map(([, struct], k) => {
+      if (struct === null) return whole[k];
       const place = at;
       at += 8 * sizeOf(INTERFACE.structs[struct]);
-      this.#write(place, INTERFACE.structs[struct], given[k] ?? {});
+      this.#write(place, INTERFACE.structs[struct], whole[k]);
       return place;
     });
     const code = this.#check(c[`<<p>>_${name}`](this.#start, ...passed, at));
     return { code, [output[0]]: this.#read(at, INTERFACE.structs[output[1]]) };
   }
 
-  // What a function keeps and works in lies before what calls need; step makes a call of it.
-  #keep(owner, { function: name, bytes, members, inputs, output }) {
+  // What a function keeps and works in lies before what calls need; step and the other functions of it are called on it.
+  #keep(owner, { function: name, bytes, members, inputs, output, methods }) {
     const size = bytes.map((count) => (count + 15) & ~15);
     const [place, work] = [this.#start, this.#start + size[0]];
     this.#start += size[0] + size[1];
@@ -82,20 +115,31 @@ class Finger {
       found[member] = this.#read(at, INTERFACE.structs[member]);
       at += this.#real.BYTES_PER_ELEMENT * sizeOf(INTERFACE.structs[member]);
     }
-    found.step = (...given) => {
+    const call = (full, first, structs, result, given) => {
+      const whole = structs.map((struct, k) => (struct === "seconds" ? given[k] : this.#complete(struct, given[k])));
       for (const member of members) this.#write(places[member], INTERFACE.structs[member], found[member]);
       let next = this.#start;
-      const passed = inputs.map((struct, k) => {
+      const passed = structs.map((struct, k) => {
+        if (struct === "seconds") return whole[k];
         const to = next;
         next += 8 * sizeOf(INTERFACE.structs[struct]);
         this.#reserve(next);
-        this.#write(to, INTERFACE.structs[struct], given[k] ?? {});
+        this.#write(to, INTERFACE.structs[struct], whole[k]);
         return to;
       });
-      this.#reserve(next + 8 * sizeOf(INTERFACE.structs[output]));
-      const code = this.#check(this.#c[`<<p>>_${name}`](place, work, ...passed, next));
-      return { code, [output]: this.#read(next, INTERFACE.structs[output]) };
+      if (result === null) return this.#c[`<<p>>_${full}`](...first, ...passed);
+      this.#reserve(next + 8 * sizeOf(INTERFACE.structs[result]));
+      const code = this.#check(this.#c[`<<p>>_${full}`](...first, ...passed, next));
+      return { code, [result]: this.#read(next, INTERFACE.structs[result]) };
     };
+    found.step = (...given) => call(name, [place, work], inputs, output, given);
+    for (const [method, { inputs: taken, output: result, counts }] of Object.entries(methods)) {
+      found[method] = (...given) => {
+        const answer = call(`${owner}_${method}`, [place], taken, result, given);
+        if (result !== null) return answer[result];
+        return counts ? answer >>> 0 : void this.#check(answer);
+      };
+    }
     return found;
   }
 
@@ -114,19 +158,27 @@ class Finger {
       if (!fields.some(([field]) => field === name)) throw new TypeError(`there is no ${name}`);
     }
     const flat = fields.flatMap(([name, shape]) => {
-      const count = shape.reduce((a, b) => a * b, 1);
-      const value = [values[name] ?? new Array(count).fill(0)].flat(Infinity);
-      if (value.length !== count) throw new TypeError(`${name}: expected ${count} numbers`);
+      const value = [values[name]].flat(Infinity);
+      if (value.length !== countOf(shape) || !value.every((one) => typeof one === "number")) {
+        throw new TypeError(`${name}: expected ${countOf(shape)} numbers`);
+      }
       return value;
     });
     new this.#real(this.#c.memory.buffer, place, flat.length).set(flat);
   }
 
   #read(place, fields) {
-    const flat = [...new this.#real(this.#c.memory.buffer, place, sizeOf(fields))];
-    const shaped = (shape) =>
-      shape.length === 0 ? flat.shift() : Array.from({ length: shape[0] }, () => shaped(shape.slice(1)));
-    return Object.fromEntries(fields.map(([name, shape]) => [name, shaped(shape)]));
+    const memory = this.#c.memory.buffer;
+    let at = place;
+    const one = (kind) => {
+      const array = { uint32_t: Uint32Array, int: Int32Array, real: this.#real }[kind];
+      const size = array.BYTES_PER_ELEMENT;
+      at = Math.ceil(at / size) * size + size;
+      return new array(memory, at - size, 1)[0];
+    };
+    const shaped = (shape, kind) =>
+      shape.length === 0 ? one(kind) : Array.from({ length: shape[0] }, () => shaped(shape.slice(1), kind));
+    return Object.fromEntries(fields.map(([name, shape, kind]) => [name, shaped(shape, kind)]));
   }
 
   #text(place) {

@@ -1,11 +1,14 @@
 // The controller as a ROS 2 node: takes ~/measurement (<<nm>> numbers, NaN: not measured) and ~/reference (<<nr>> numbers, which
 // hold for the whole horizon), publishes ~/command (<<nu>> numbers) every <<period>> s. The order of the numbers is that of the
 // structs in <<p>>.h. A measurement counts once: where none comes the controller is told so, and falls back in the end.
+// Weights, limits and prices, and what is known of the finger, are parameters of the node, which may be set while it runs.
+// Drives say on ~/applied (<<nu>> numbers) what they did, where that is not the last command.
 #include <array>
 #include <chrono>
 #include <cmath>
 #include <cstring>
 #include <memory>
+#include <stdexcept>
 
 #include <rclcpp/rclcpp.hpp>
 #include <std_msgs/msg/float64_multi_array.hpp>
@@ -18,8 +21,9 @@ class Node : public rclcpp::Node {
 
   Node() : rclcpp::Node("<<p>>_control")
   {
-    <<p>>_controller_init(&controller_);
-    measured_.fill(NAN);
+    must(<<p>>_check());
+    must(<<p>>_controller_init(&controller_));
+    measured_.fill(NAN);<<node_declares>>
     published_ = create_publisher<Numbers>("~/command", 10);
     measurements_ = create_subscription<Numbers>("~/measurement", 10, [this](const Numbers &message) {
       take(message, measured_, "measurement");
@@ -27,18 +31,32 @@ class Node : public rclcpp::Node {
     references_ = create_subscription<Numbers>("~/reference", 10, [this](const Numbers &message) {
       take(message, wanted_, "reference");
     });
+    applied_ = create_subscription<Numbers>("~/applied", 10, [this](const Numbers &message) {
+      std::array<<<p>>_real, <<nu>>> numbers{};
+      if (!take(message, numbers, "applied")) return;
+      <<p>>_command applied;
+      std::memcpy(&applied, numbers.data(), sizeof applied);
+      const int code = <<p>>_controller_applied(&controller_, &applied);
+      if (code < 0) RCLCPP_ERROR(get_logger(), "applied: %s", <<p>>_strerror(code));
+    });
     timer_ = create_wall_timer(std::chrono::duration<double>(<<period>>), [this] { step(); });
   }
 
  private:
+  static void must(int code)
+  {
+    if (code < 0) throw std::runtime_error(<<p>>_strerror(code));
+  }
+
   template <class Array>
-  void take(const Numbers &message, Array &to, const char *name)
+  bool take(const Numbers &message, Array &to, const char *name)
   {
     if (message.data.size() != to.size()) {
       RCLCPP_ERROR(get_logger(), "%s: expected %zu numbers, got %zu", name, to.size(), message.data.size());
-      return;
+      return false;
     }
     for (std::size_t k = 0; k < to.size(); ++k) to[k] = static_cast<<<p>>_real>(message.data[k]);
+    return true;
   }
 
   void step()
@@ -52,7 +70,7 @@ class Node : public rclcpp::Node {
     std::memcpy(&reference, rows, sizeof reference);
     std::memcpy(&measurement, measured_.data(), sizeof measurement);
     measured_.fill(NAN);
-    const int code = <<p>>_mpc(&controller_, &work_, &measurement, &reference, &command);
+<<node_reads>>    const int code = <<p>>_mpc(&controller_, &work_, &measurement, &reference, &command);
     if (code != said_) {
       if (code < 0) RCLCPP_ERROR(get_logger(), "%s", <<p>>_strerror(code));
       if (code > 0) RCLCPP_WARN(get_logger(), "%s", <<p>>_strerror(code));
@@ -72,7 +90,7 @@ class Node : public rclcpp::Node {
   std::array<<<p>>_real, <<nr>>> wanted_{<<wanted>>};
   int said_ = 0;
   rclcpp::Publisher<Numbers>::SharedPtr published_;
-  rclcpp::Subscription<Numbers>::SharedPtr measurements_, references_;
+  rclcpp::Subscription<Numbers>::SharedPtr measurements_, references_, applied_;
   rclcpp::TimerBase::SharedPtr timer_;
 };
 

@@ -3,7 +3,9 @@
  *   mex -I../../include sfun_<<p>>_control.c<<mex_sources>>
  *
  * Input ports: measurement (<<nm>>, NaN: not measured), reference (<<nr>>, which holds for the whole horizon). Output ports:
- * command (<<nu>>), code (1). A negative code stops the simulation with its sentence. */
+ * command (<<nu>>), code (1). A negative code stops the simulation with its sentence; positive ones warn.
+ * Block parameters: settings (<<ns>> numbers in the order of <<p>>_settings, [] for those of the scene)<<known_parameter>>. They may be
+ * tuned while it runs. */
 #define S_FUNCTION_NAME sfun_<<p>>_control
 #define S_FUNCTION_LEVEL 2
 
@@ -19,9 +21,20 @@
 #define COMMANDED <<nu>>
 #define DOUBLES(type) ((int_T)((sizeof(type) + sizeof(real_T) - 1) / sizeof(real_T)))
 
+/* Numbers of a block parameter, where there are any; whether their count is right. */
+static int read_parameter(SimStruct *S, int_T which, size_t count, <<p>>_real *to)
+{
+  const mxArray *given = ssGetSFcnParam(S, which);
+  size_t k;
+  if (mxGetNumberOfElements(given) == 0) return 1;
+  if (mxGetNumberOfElements(given) != count) return 0;
+  for (k = 0; k < count; ++k) to[k] = (<<p>>_real)mxGetPr(given)[k];
+  return 1;
+}
+
 static void mdlInitializeSizes(SimStruct *S)
 {
-  ssSetNumSFcnParams(S, 0);
+  ssSetNumSFcnParams(S, <<block_parameters>>);
   if (ssGetNumSFcnParams(S) != ssGetSFcnParamsCount(S)) return;
   if (!ssSetNumInputPorts(S, 2)) return;
   ssSetInputPortWidth(S, 0, MEASURED);
@@ -46,7 +59,8 @@ static void mdlInitializeSampleTimes(SimStruct *S)
 #define MDL_START
 static void mdlStart(SimStruct *S)
 {
-  const int code = <<p>>_controller_init((<<p>>_controller *)ssGetDWork(S, 0));
+  int code = <<p>>_check();
+  if (code >= 0) code = <<p>>_controller_init((<<p>>_controller *)ssGetDWork(S, 0));
   if (code < 0) ssSetErrorStatus(S, <<p>>_strerror(code));
 }
 
@@ -58,15 +72,16 @@ static void mdlOutputs(SimStruct *S, int_T tid)
   <<p>>_reference reference;
   <<p>>_command command;
   <<p>>_real numbers[MEASURED], rows[WANTED][NODES], found[COMMANDED];
+  <<p>>_controller *controller = (<<p>>_controller *)ssGetDWork(S, 0);
   int_T j, k;
   int code;
   (void)tid;
-  for (k = 0; k < MEASURED; ++k) numbers[k] = (<<p>>_real)*measured[k];
+<<sfun_reads>>  for (k = 0; k < MEASURED; ++k) numbers[k] = (<<p>>_real)*measured[k];
   for (j = 0; j < WANTED; ++j)
     for (k = 0; k < NODES; ++k) rows[j][k] = (<<p>>_real)*wanted[j];
   memcpy(&measurement, numbers, sizeof measurement);
   memcpy(&reference, rows, sizeof reference);
-  code = <<p>>_mpc((<<p>>_controller *)ssGetDWork(S, 0), (<<p>>_controller_work *)ssGetDWork(S, 1), &measurement,
+  code = <<p>>_mpc(controller, (<<p>>_controller_work *)ssGetDWork(S, 1), &measurement,
                    &reference, &command);
   if (code < 0) {
     ssSetErrorStatus(S, <<p>>_strerror(code));

@@ -2,7 +2,8 @@
  *
  *   mex -I../../include sfun_<<p>>.c ../../src/<<p>>.c ../../src/<<p>>_kernels.c
  *
- * Block parameters: sample time [s], initial state (<<nx>> numbers). Input ports: input (<<nu>>)<<forces_port>>. Output: state.
+ * Block parameters: sample time [s], initial state (<<nx>> numbers), run-time parameters (<<np>> numbers in the order of
+ * <<p>>_parameters, [] for those that the package was made with). Input ports: input (<<nu>>)<<forces_port>>. Output: state.
  * An error of the library stops the simulation with its sentence. */
 #define S_FUNCTION_NAME sfun_<<p>>
 #define S_FUNCTION_LEVEL 2
@@ -15,13 +16,23 @@
 
 #define PERIOD(S) (*mxGetPr(ssGetSFcnParam(S, 0)))
 #define START(S) ssGetSFcnParam(S, 1)
+#define PARAMETERS(S) ssGetSFcnParam(S, 2)
+#define PARAMETER_COUNT <<np>>
 
 static void mdlInitializeSizes(SimStruct *S)
 {
-  ssSetNumSFcnParams(S, 2);
+  ssSetNumSFcnParams(S, 3);
   if (ssGetNumSFcnParams(S) != ssGetSFcnParamsCount(S)) return;
   if (mxGetNumberOfElements(START(S)) != <<P>>_NX) {
     ssSetErrorStatus(S, "the initial state has <<nx>> entries");
+    return;
+  }
+  if (mxGetNumberOfElements(PARAMETERS(S)) != 0 && mxGetNumberOfElements(PARAMETERS(S)) != PARAMETER_COUNT) {
+    ssSetErrorStatus(S, "there are <<np>> run-time parameters, or [] for the nominal ones");
+    return;
+  }
+  if (<<p>>_check() < 0) {
+    ssSetErrorStatus(S, <<p>>_strerror(<<p>>_check()));
     return;
   }
   ssSetNumDiscStates(S, <<P>>_NX);
@@ -58,6 +69,14 @@ static void read_port(SimStruct *S, int_T port, int_T count, <<p>>_real *to)
   for (k = 0; k < count; ++k) to[k] = (<<p>>_real)*from[k];
 }
 
+/* The model with the block's parameters. */
+static int make_model(SimStruct *S, <<p>>_model *model)
+{
+  const int code = <<p>>_init(model);
+  (void)S;<<sfun_reads>>
+  return code;
+}
+
 #define MDL_UPDATE
 static void mdlUpdate(SimStruct *S, int_T tid)
 {
@@ -66,7 +85,7 @@ static void mdlUpdate(SimStruct *S, int_T tid)
   <<p>>_input input;<<forces_declared>>
   <<p>>_real numbers[<<most_port>>];
   real_T *x = ssGetRealDiscStates(S);
-  int k, code = <<p>>_init(&model);
+  int k, code = make_model(S, &model);
   (void)tid;
   for (k = 0; k < <<P>>_NX; ++k) numbers[k] = (<<p>>_real)x[k];
   memcpy(&state, numbers, sizeof state);

@@ -1,8 +1,10 @@
 // A simulated finger as a ROS 2 node: takes ~/input (<<nu>> numbers), publishes ~/state (<<nx>> numbers) at every step. The
-// order of the numbers is that of the structs in <<p>>.h. After an error of the library it says so and stops stepping.
+// order of the numbers is that of the structs in <<p>>.h. Run-time parameters of the finger are parameters of the node,
+// which may be set while it runs. After an error of the library it says so and stops stepping; warnings are said once.
 #include <chrono>
 #include <cstring>
 #include <memory>
+#include <stdexcept>
 
 #include <rclcpp/rclcpp.hpp>
 #include <std_msgs/msg/float64_multi_array.hpp>
@@ -15,13 +17,19 @@ class Node : public rclcpp::Node {
 
   Node() : rclcpp::Node("<<p>>"), h_(static_cast<<<p>>_real>(declare_parameter("step", <<h_plain>>)))
   {
-    <<p>>_init(&model_);
+    must(<<p>>_check());
+    must(<<p>>_init(&model_));<<node_declares>>
     published_ = create_publisher<Numbers>("~/state", 10);
     taken_ = create_subscription<Numbers>("~/input", 10, [this](const Numbers &message) { take(message); });
     timer_ = create_wall_timer(std::chrono::duration<double>(h_), [this] { step(); });
   }
 
  private:
+  static void must(int code)
+  {
+    if (code < 0) throw std::runtime_error(<<p>>_strerror(code));
+  }
+
   void take(const Numbers &message)
   {
     if (message.data.size() != <<P>>_NU) {
@@ -35,12 +43,14 @@ class Node : public rclcpp::Node {
 
   void step()
   {
-    const int code = <<p>>_step(&model_, &state_, &input_<<forces_member>>, h_, &state_);
+<<node_reads>>    const int code = <<p>>_step(&model_, &state_, &input_<<forces_member>>, h_, &state_);
     if (code < 0) {
       RCLCPP_ERROR(get_logger(), "%s", <<p>>_strerror(code));
       timer_->cancel();
       return;
     }
+    if (code > 0 && code != said_) RCLCPP_WARN(get_logger(), "%s", <<p>>_strerror(code));
+    said_ = code;
     <<p>>_real numbers[<<P>>_NX];
     std::memcpy(numbers, &state_, sizeof state_);
     Numbers message;
@@ -52,6 +62,7 @@ class Node : public rclcpp::Node {
   <<p>>_state state_{};
   <<p>>_input input_{};<<forces_kept>>
   <<p>>_real h_;
+  int said_ = 0;
   rclcpp::Publisher<Numbers>::SharedPtr published_;
   rclcpp::Subscription<Numbers>::SharedPtr taken_;
   rclcpp::TimerBase::SharedPtr timer_;

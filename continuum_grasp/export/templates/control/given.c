@@ -1,0 +1,20 @@
+int <<p>>_measurement_init_abi(<<p>>_measurement *measurement, uint32_t abi)
+{
+  union { <<p>>_real value; uint<<width>>_t bits; } missing;
+  <<p>>_real numbers[<<nm>>];
+  int k;
+  if (!measurement) return <<P>>_ERR_NULL;
+  if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  missing.bits = <<missing>>; /* NaN */
+  for (k = 0; k < <<nm>>; ++k) numbers[k] = missing.value;
+  write_measurement(numbers, measurement);
+  return <<P>>_OK;
+}
+
+int <<p>>_command_init_abi(<<p>>_command *command, uint32_t abi)
+{
+  if (!command) return <<P>>_ERR_NULL;
+  if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  write_command(first_command, command);
+  return <<P>>_OK;
+}

@@ -1,0 +1,250 @@
+"""Ctrl-C that is neither lost nor comes where it leaves half of something.
+
+Python raises `KeyboardInterrupt` in whatever runs. Where C++ of CasADi asks a Python object for its type, the exception
+is dropped and the work goes on; in an import it leaves half a module; at the end of a ``with`` block, a temporary file.
+The handler here notes Ctrl-C and raises it in the innermost frame that no such code lies above, as soon as that frame
+goes on; computations that look at `pressed` now and then end early for it.
+"""
+
+from __future__ import annotations
+
+import _thread
+import atexit
+import os
+import select
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+__all__ = ["held", "kept_from_children", "leave", "listening", "pressed", "was_pressed"]
+
+STATUS = 130
+"""Exit status of a command that Ctrl-C ended: 128 and the signal's number, as in shells."""
+_LONGEST_WAIT = 10.0
+"""How long a command waits for one call into C++ that cannot be stopped [s]; building a controller has some of 5 s."""
+_PATIENCE = 1.5
+"""After which it says that it waits [s]."""
+_SAME_PRESS = 0.5
+"""Signals within this time are one press [s]; a terminal and a parent process may send one each."""
+_PARTS = {
+    "casadi.casadi": None,
+    "_frozen_importlib": None,  # named importlib._bootstrap once importlib itself is imported
+    "_frozen_importlib_external": None,
+    "importlib._bootstrap": None,
+    "importlib._bootstrap_external": None,
+    "contextlib": ("__enter__", "__exit__"),
+    "tempfile": None,
+    "shutil": None,
+    "weakref": None,
+    "_weakrefset": None,
+    "continuum_grasp.results.atomic": None,
+    "continuum_grasp.results.record": None,
+    "continuum_grasp.sweeps.folder": ("append", "write_run_files"),
+}
+"""Modules, and functions of them, in and under which an exception would be lost or leave half of something."""
+
+_noted: float | None = None
+"""When Ctrl-C was pressed, as long as it has not been raised [s of the monotonic clock]."""
+_blocks = 0
+"""How many blocks hold it back."""
+_seen = False
+_ending = threading.Lock()
+_watched = False
+"""Whether the process ends with the block that listens."""
+_answered = False
+"""Whether the main thread has run Python code since it was asked to."""
+
+
+def pressed() -> bool:
+    """Whether Ctrl-C was pressed and has not been raised yet."""
+    return _noted is not None
+
+
+def was_pressed() -> bool:
+    """Whether Ctrl-C was pressed since the outermost `listening` began."""
+    return _seen
+
+
+@contextmanager
+def listening(command: bool = False) -> Iterator[None]:
+    """Take Ctrl-C within the block; without effect outside the main thread, and where somebody else handles it.
+
+    It serves as a decorator too, which every long computation has: in Python, Ctrl-C is as sure as on the command line.
+
+    Parameters
+    ----------
+    command : bool, optional
+        The block is the whole process: it ends with status 130 at a second press before the first could be raised, or
+        if that takes long, and what comes after the block ignores Ctrl-C.
+    """
+    global _noted, _seen
+    usual = signal.getsignal(signal.SIGINT)
+    ours = usual is signal.default_int_handler or (command and callable(usual) and usual is not _press)
+    if threading.current_thread() is not threading.main_thread() or not ours:
+        yield
+        return
+    _noted, _seen = None, False
+    signal.signal(signal.SIGINT, _press)
+    if command:
+        _start_watch()
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN if command else usual)
+        if not command and pressed():  # nothing that could raise it came after
+            _raise()
+
+
+@contextmanager
+def held(*, quietly: bool = False) -> Iterator[Callable[[], bool]]:
+    """Keep Ctrl-C until the end of the block, for solvers that would lose an exception; raise it then.
+
+    Parameters
+    ----------
+    quietly : bool, optional
+        Raise nothing: whoever opened the block asks whether Ctrl-C was pressed.
+
+    Yields
+    ------
+    callable
+        Whether Ctrl-C was pressed; also after the block.
+    """
+    global _blocks, _noted
+    usual = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(usual):
+        yield lambda: False
+        return
+    found = False
+    if usual is not _press:
+        signal.signal(signal.SIGINT, _press)
+    _blocks += 1
+    try:
+        yield lambda: found or pressed()
+    finally:
+        _blocks -= 1
+        found = pressed()
+        if usual is not _press:
+            signal.signal(signal.SIGINT, usual)
+        if found and (quietly or not _blocks):
+            _noted = None
+            if not quietly:
+                usual(signal.SIGINT, None) if usual is not _press else _raise()
+
+
+@contextmanager
+def kept_from_children() -> Iterator[None]:
+    """Processes that are started within the block never see Ctrl-C, which a terminal sends to all of them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # unblocks the signal where it is started
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _press(number: int, frame: FrameType | None) -> None:
+    """Handle the signal: raise now, or have the nearest frame raise that can."""
+    global _noted, _seen
+    now = time.monotonic()
+    if _noted is not None:
+        if now - _noted > _SAME_PRESS:
+            _end() if _watched else _raise()
+        return
+    _noted, _seen = now, True
+    if _blocks:
+        return
+    carrier = _carrier(frame)
+    if carrier is frame:
+        _raise()
+    if carrier is not None:
+        carrier.f_trace = _deliver
+        sys.settrace(_deliver)
+
+
+def _carrier(frame: FrameType | None) -> FrameType | None:
+    """The innermost frame with nothing above it that would lose an exception."""
+    found = frame
+    while frame is not None:
+        names = _PARTS.get(frame.f_globals.get("__name__", ""), ())
+        if names is None or frame.f_code.co_name in names or frame.f_code.co_name == "__del__":
+            found = frame.f_back
+        frame = frame.f_back
+    return found
+
+
+def _deliver(frame: FrameType, event: str, argument: Any) -> Any:
+    """Raise in the frame that was chosen, as its trace function; frames that are called meanwhile go on."""
+    if event == "call":
+        return None
+    frame.f_trace = None
+    sys.settrace(None)
+    if _noted is not None and not _blocks:
+        _raise()
+    return None
+
+
+def _raise() -> None:
+    global _noted
+    _noted = None
+    raise KeyboardInterrupt
+
+
+def leave() -> None:
+    """End the process with status 130; after an exception in an ``eval`` Python would have the signal kill it."""
+    atexit._run_exitfuncs()
+    os._exit(STATUS)
+
+
+def _end() -> None:
+    """End the process at once; files are whole, since they get their names when they are complete."""
+    _ending.acquire()  # whoever comes second waits for the end
+    os.write(2, b"interrupted\n")
+    os._exit(STATUS)
+
+
+def _start_watch() -> None:
+    """Have a thread told of every press, also while the main thread is within a call into C++."""
+    global _watched
+    _watched = True
+    if not hasattr(signal, "SIGURG"):
+        return
+    heard, told = os.pipe()
+    os.set_blocking(told, False)
+    signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+    signal.signal(signal.SIGURG, _answer)  # nobody uses it, and it is ignored elsewhere
+    threading.Thread(target=_watch, args=(heard,), daemon=True).start()
+
+
+def _answer(number: int, frame: FrameType | None) -> None:
+    global _answered
+    _answered = True
+
+
+def _watch(heard: int) -> None:
+    """End the process where a press is not raised in time, or is repeated."""
+    global _answered
+    while True:
+        if signal.SIGINT not in os.read(heard, 64):
+            continue
+        _answered = False
+        _thread.interrupt_main(signal.SIGURG)
+        began, said = time.monotonic(), False
+        while not _answered or _noted is not None:
+            waited = time.monotonic() - began
+            if select.select([heard], [], [], 0.1)[0] and signal.SIGINT in os.read(heard, 64) and waited > _SAME_PRESS:
+                _end()
+            if waited > _LONGEST_WAIT and not _blocks:
+                _end()
+            if waited > _PATIENCE and not said:
+                os.write(2, b"interrupted; this step cannot be stopped (Ctrl-C again ends at once)\n")
+                said = True

@@ -1,0 +1,144 @@
+"""What a run wrote into its folder, so that the next one there removes that and nothing else."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import re
+import secrets
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+__all__ = ["RECORD", "begin_run", "kind_of_run", "note_file", "note_part"]
+
+RECORD = ".run.json"
+_TEMPORARY = re.compile(r"\.tmp-(\d+)-[0-9a-f]{12}-.")
+
+
+def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, kept: Collection[str] | None = ()) -> Path:
+    """Make a folder that of a new run: what an earlier run wrote and nobody changed since is removed.
+
+    A file is recorded with its content's SHA-256 before it gets its name, so a process killed at any instant leaves
+    no file of its own unrecorded. Files that no run wrote, and files changed since, stay.
+
+    Parameters
+    ----------
+    folder : path-like
+        Made where missing.
+    kind : str, optional
+        What the run is: the name of a command.
+    kept : collection of str, optional
+        Files that stay: the caller replaces them next, or they are of this run already; None for all.
+
+    Returns
+    -------
+    pathlib.Path
+        The folder.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be written.
+    """
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    old = _read(target)
+    kept = old["files"].keys() if kept is None else kept
+    _remove(target, old, kept)
+    for path in target.glob(".tmp-*"):
+        found = _TEMPORARY.match(path.name)
+        if found and not _alive(int(found[1])):  # of a process that was killed
+            path.unlink(missing_ok=True)
+    files = {name: digests for name, digests in old["files"].items() if name in kept}
+    _write(target, {"kind": kind, "files": files, "parts": []})
+    return target
+
+
+def kind_of_run(folder: str | os.PathLike[str]) -> str | None:
+    """The command whose run or C package is in a folder; None where there is none, or it does not say."""
+    kind = _read(Path(folder))["kind"]
+    if isinstance(kind, str):
+        return kind
+    manifest = Path(folder) / "MANIFEST.json"
+    try:
+        return "export-c" if manifest.is_file() and "configuration_hash" in json.loads(manifest.read_bytes()) else None
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def note_file(target: Path, content: Path) -> None:
+    """Record a file that is about to get its name, if its folder is that of a run."""
+    record = _read(target.parent)
+    if record["known"]:
+        known = record["files"].get(target.name, [])  # also of the file it replaces, should that never happen
+        digests = sorted({*known, _digest(content)})
+        _write(target.parent, {**record, "files": {**record["files"], target.name: digests}})
+
+
+def note_part(folder: Path, name: str) -> None:
+    """Record that the run in a folder below belongs to this one."""
+    record = _read(folder)
+    if record["known"]:
+        _write(folder, {**record, "parts": sorted({*record["parts"], name})})
+
+
+def _remove(folder: Path, record: dict[str, Any], but: Collection[str] = ()) -> None:
+    for name, digests in record["files"].items():
+        path = folder / name
+        if name not in but and _is_plain(name) and not path.is_symlink() and _digest(path) in digests:
+            path.unlink()
+    for name in record["parts"]:
+        part = folder / name
+        if _is_plain(name) and part.is_dir() and not part.is_symlink():
+            _remove(part, _read(part))
+            (part / RECORD).unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # something else is in it
+                part.rmdir()
+
+
+def _read(folder: Path) -> dict[str, Any]:
+    """The record of a folder, empty where there is none or it is damaged."""
+    path = folder / RECORD
+    try:
+        found = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        files = {str(name): [str(digest) for digest in digests] for name, digests in found["files"].items()}
+        return {"known": True, "kind": found["kind"], "files": files, "parts": [str(name) for name in found["parts"]]}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return {"known": False, "kind": None, "files": {}, "parts": []}
+
+
+def _write(folder: Path, record: dict[str, Any]) -> None:
+    text = json.dumps({key: record[key] for key in ("kind", "files", "parts")}, indent=1) + "\n"
+    temporary = folder / f".tmp-{os.getpid()}-{secrets.token_hex(6)}-{RECORD}"
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        os.replace(temporary, folder / RECORD)
+    except OSError as error:
+        error.filename, error.filename2 = str(folder / RECORD), None
+        raise
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _is_plain(name: str) -> bool:
+    return bool(name) and name not in (".", "..") and not set(name) & set("/\\:\0")
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else "none"
+
+
+def _alive(process: int) -> bool:
+    """Whether a process of that number runs on this machine, or may."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True

@@ -1,0 +1,303 @@
+"""Steps in time, checked against longer steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.core import Core
+from continuum_grasp.core.rollouts import signal
+from continuum_grasp.errors import Interrupted, NumericalError
+from continuum_grasp.model import FingerModel, System
+from continuum_grasp.scene.simulate import Timing
+from continuum_grasp.simulation.reference import integrate_reference
+from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.trajectory import acting_input
+
+__all__ = ["Motion", "Plan", "Stepper", "Stop"]
+
+Array = NDArray[np.float64]
+Stop = NumericalError | Interrupted
+
+_ORDER = 4
+"""Order of both fixed-step methods on smooth motions."""
+_LEAST_SHRINK, _KNOWN_SHRINK = 1.0 / 8.0, 0.6
+"""Factor on the error by half the step length: the least that is believed (order 4 has 1/16), and what is assumed
+where none is observed: order 1, which contacts and kinks can have, with a margin for steps so long that twice their
+length is unstable (4 and 6 clothoids let go: the true error was up to 1.33 times that of order 1)."""
+_CHUNK = 200_000
+"""Sub-steps between two calls of ``progress``, and between two looks at the error [1]."""
+_LEAST_CHUNK, _LOOKS = 1_000, 16
+"""Sub-steps of the shortest chunk, and looks at the error over a motion that is to keep a tolerance: a look takes about
+0.2 ms, as long as 500 sub-steps of two clothoids."""
+_COMPARED = 100
+"""Instants of a chunk that are compared: positions cost as much as a sub-step."""
+_LOOSER = 100.0
+"""Factor on the tolerances of the variable-step integrator with which its error is measured."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How to integrate.
+
+    Attributes
+    ----------
+    method : {"rk4", "implicit", "reference"}
+    substeps : int
+        Steps of the method per output step.
+    radius : float
+        Spectral radius [1/s].
+    halvings : int
+        Binary logarithm of the length of the steps that are compared with, per that of the steps.
+    observed : bool
+        Whether steps of twice that length are taken too, to observe how the error shrinks.
+    tolerance : float
+        Error per length of the finger at which the motion is given up [1].
+    corrected : bool
+        Whether to remove the leading errors from the states (Richardson's extrapolation).
+    """
+
+    method: str
+    substeps: int
+    radius: float
+    halvings: int = 1
+    observed: bool = False
+    tolerance: float = math.inf
+    corrected: bool = False
+
+    @property
+    def ratios(self) -> tuple[int, ...]:
+        """Lengths of the longer steps, per that of the steps."""
+        return tuple(2 ** (self.halvings + k) for k in range(2 if self.observed else 1))
+
+    @property
+    def every(self) -> int:
+        """Output steps from one instant to the next that long and short steps share."""
+        return 1 if self.method == "reference" else self.ratios[-1] // math.gcd(self.substeps, self.ratios[-1])
+
+    @property
+    def weights(self) -> Array:
+        """Weights of the longer steps in the sum that is free of the leading powers of the step in the error."""
+        ratios = np.array([1, *self.ratios], dtype=float)
+        powers = np.array([0, *range(_ORDER, _ORDER + len(self.ratios))])
+        return np.asarray(np.linalg.solve(ratios ** powers[:, None], powers == 0)[1:])
+
+    def estimate(self, differences: list[float]) -> float:
+        """Error of the steps from the differences to longer ones and, where observed, of these to yet longer ones.
+
+        With a factor r on the error by half the step length, and k halvings, these are as r (1 - r^k) / (1 - r).
+        """
+        if self.method == "reference":
+            return differences[0]
+        shrink = _KNOWN_SHRINK
+        if self.observed and differences[0] < differences[1]:
+            quotient = differences[0] / differences[1]
+            shrink = quotient if self.halvings == 1 else math.sqrt(0.25 + quotient) - 0.5
+        elif self.observed:
+            return differences[0]
+        shrink = max(shrink, _LEAST_SHRINK) ** self.halvings
+        return differences[0] * shrink / (1.0 - shrink)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """States (T, nx), whole or until they were given up, what stopped them, and the estimate of their error.
+
+    ``time_error`` is the greatest error of position so far per length of the finger [1]; nan where no instant was
+    compared.
+    """
+
+    states: Array
+    error: Stop | None
+    time_error: float
+
+
+class Stepper:
+    """Integrates a scene from a state.
+
+    Parameters
+    ----------
+    model : FingerModel
+    system : System or None
+        The finger with its object.
+    core : Core
+        Of the system, or of the finger without an object.
+    signals : Signals
+        Inputs and forces.
+    time : Timing
+    progress : callable
+        Called with the share that is done.
+
+    Attributes
+    ----------
+    steps : int
+        Output steps.
+    taken : int
+        Steps of fixed-step methods so far, with longer ones and those of plans that were given up.
+    """
+
+    def __init__(
+        self,
+        model: FingerModel,
+        system: System | None,
+        core: Core,
+        signals: Signals,
+        time: Timing,
+        progress: Callable[[float], None],
+    ) -> None:
+        self._model, self._system, self._core, self._signals = model, system, core, signals
+        self._positions = core if system is None else Core(model)
+        self._time, self._progress = time, progress
+        self._failure: NumericalError | None = None
+        self.steps = round(time.duration / time.step)
+        self.taken = 0
+
+    def prepare(self, plan: Plan) -> None:
+        """Compile what a plan needs."""
+        self._ends(np.zeros((1, self._model.nx)), np.zeros((1, self._model.nu)))
+        if plan.method != "reference":
+            self._core.prepare_rollout(plan.method)
+
+    def run(self, x0: Array, plan: Plan) -> Motion:
+        """Integrate until the end, an error, Ctrl-C, or a time error beyond the plan's tolerance."""
+        parts, found = [x0[None]], _Differences(plan)
+        error: Stop | None
+        try:
+            error = self._advance(parts, found, plan)
+        except KeyboardInterrupt as interrupt:
+            if isinstance(interrupt, Interrupted):
+                parts.append(interrupt.result[1:])
+            end = (sum(map(len, parts)) - 1) * self._time.step
+            error = Interrupted(f"interrupted after t = {end:g} s of {self._time.duration:g} s")
+            error.__cause__ = interrupt
+        return Motion(np.concatenate(parts), error, found.estimate)
+
+    def _advance(self, parts: list[Array], found: _Differences, plan: Plan) -> NumericalError | None:
+        """Add the states after the last one and their differences, and say what stopped them."""
+        substeps, h, start = plan.substeps, self._time.step, 0
+        wanted = _CHUNK if math.isinf(plan.tolerance) else max(_LEAST_CHUNK, self.steps * substeps // _LOOKS)
+        chunk = plan.every * max(1, min(wanted, _CHUNK) // (substeps * plan.every))
+        ends, looked = [parts[0][0]] * (1 + len(plan.ratios)), _COMPARED * (_LOOKS if math.isinf(plan.tolerance) else 1)
+        while start < self.steps:
+            count = min(chunk, self.steps - start)
+            levels = self._levels(ends if found.finite else ends[:1], start, count, plan)
+            part = corrected = levels[0]
+            if len(part) <= count:
+                parts.append(part[1:])
+                return self._stopped(plan, start + len(part) - 1, part[-1])
+            shared = part[:: plan.every]
+            found.finite = found.finite and all(len(level) == len(shared) for level in levels[1:])
+            if found.finite and len(shared) > 1:
+                levels[0] = shared
+                found.add(self._distances(levels, start * h, plan.every, looked))
+                ends = [level[-1] for level in levels]
+                if plan.corrected:
+                    longer = zip(plan.weights, levels[1:], strict=True)
+                    missed = sum((k * (level - shared) for k, level in longer), np.zeros_like(shared))
+                    corrected = part + _between(missed, plan.every, len(part))
+            ends[0] = part[-1]
+            parts.append(corrected[1:])
+            start += count
+            self._progress(start / self.steps)
+            if found.estimate > plan.tolerance:
+                return None
+        return None
+
+    def _levels(self, ends: list[Array], start: int, count: int, plan: Plan) -> list[Array]:
+        """States at every output step by the steps, and at the shared ones by longer ones; the finite ones of them."""
+        u, w = self._inputs(start * self._time.step, count, plan)
+        if plan.method == "reference":
+            return [self._by_variable_steps(x, u, w, looser) for x, looser in zip(ends, (1.0, _LOOSER), strict=False)]
+        rows = 2 * count * plan.substeps + 1
+        inputs = signal("u", u, self._core.model.nu, rows, None), signal("w", w, self._core.model.nw, rows, None)
+        ratios, h = (1, *plan.ratios)[: len(ends)], self._time.step / plan.substeps
+        run = self._core.prepare_rollout(plan.method)
+        p = np.array(self._core.model.p_nominal, dtype=float)
+        states, kept = run.levels(np.array(ends), ratios, plan.every, count, plan.substeps, h, *inputs, p)
+        self.taken += sum(count * plan.substeps // ratio for ratio in ratios)
+        return [x[: last + 1] for x, last in zip(states, kept, strict=True)]
+
+    def _by_variable_steps(self, x: Array, u: Array, w: Array, looser: float) -> Array:
+        try:
+            return integrate_reference(self._core.model, x, self._time.step, u, w, looser=looser)
+        except NumericalError as error:
+            self._failure = error
+            return np.asarray(error.result)
+
+    def _stopped(self, plan: Plan, index: int, state: Array) -> NumericalError:
+        """What to say of a motion that is not finite after an output step."""
+        time = index * self._time.step
+        reason = (
+            str(self._failure)
+            if plan.method == "reference"
+            else (
+                f"the motion is not finite after t = {time:g} s (last state {state.tolist()}; {plan.method}, "
+                f"{plan.substeps} sub-steps of {self._time.step / plan.substeps:g} s): take a smaller time.step or "
+                "time.method: implicit; if the finger bends beyond its range, raise fidelity.bending_range or lower "
+                "the loads"
+            )
+        )
+        error = NumericalError(reason, time=time, state=state)
+        error.__cause__ = self._failure
+        return error
+
+    def _inputs(self, start: float, count: int, plan: Plan) -> tuple[Array, Array]:
+        """Inputs and forces at half sub-steps, or one row where nothing varies."""
+        if self._signals.constant and plan.method != "reference":
+            return self._signals.u(start)[0], self._signals.w(start)[0]
+        t = start + np.arange(2 * count * plan.substeps + 1) * (0.5 * self._time.step / plan.substeps)
+        return self._signals.u(t), self._signals.w(t)
+
+    def _distances(self, levels: list[Array], start: float, every: int, looked: int) -> list[float]:
+        """Greatest distance of the elements' ends, and of the object's points, per length, from level to level [1]."""
+        some = np.arange(len(levels[0]))[:: -max(1, len(levels[0]) // looked)]
+        u = self._signals.u(start + some * (self._time.step * every))
+        levels = [level[some] for level in levels]
+        ends = [self._ends(x, u) for x in levels]
+        found = [np.hypot(*(a - b).transpose(1, 0, 2)).max() for a, b in pairwise(ends)]
+        around = None if self._system is None else self._system.surroundings
+        if self._system is not None and around is not None and around.object is not None and around.object_moves:
+            columns, size = self._system.object_states, around.object.size
+            for k, (a, b) in enumerate(pairwise(levels)):
+                moved = (a - b)[:, columns]
+                shifted = np.sqrt(np.sum(np.delete(moved, 2, axis=1) ** 2, axis=1))
+                found[k] = max(found[k], (shifted + np.abs(moved[:, 2]) * size).max())
+        return [float(one) / self._model.finger.rod.length for one in found]
+
+    def _ends(self, x: Array, u: Array) -> Array:
+        """Ends of the elements (T, 2, N) [m]."""
+        q = x[:, : self._model.n]
+        return np.asarray(self._positions.batch("joints", q, acting_input(self._model, x, u), None)[0])
+
+
+class _Differences:
+    """Greatest differences so far between steps of several lengths, per length of the finger [1]."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._greatest: list[float] = []
+        self.finite = True
+
+    def add(self, found: list[float]) -> None:
+        """Note those of some more instants."""
+        self._greatest = [max(pair) for pair in zip(self._greatest or found, found, strict=True)]
+
+    @property
+    def estimate(self) -> float:
+        """The error; nan where nothing was compared."""
+        if not self.finite:
+            return math.inf
+        return self._plan.estimate(self._greatest) if self._greatest else math.nan
+
+
+def _between(rows: Array, every: int, count: int) -> Array:
+    """Rows at every so many instants as ``count`` rows, linear in between, the last one held."""
+    if every == 1:
+        return rows
+    at, known = np.arange(count), np.arange(len(rows)) * every
+    return np.stack([np.interp(at, known, column) for column in rows.T], axis=1)

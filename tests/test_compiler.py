@@ -1,0 +1,125 @@
+"""Translation units: long functions apart from the rest, and the same numbers from all of them."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import shutil
+import subprocess
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from continuum_grasp.core import compiler
+from continuum_grasp.core.cache import library_for
+from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler
+from continuum_grasp.core.source import batch_source, function_source, rollout_source
+from continuum_grasp.core.units import longest_function, translation_units
+
+needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+
+
+def chain(length: int, name: str = "chain") -> ca.Function:
+    """A straight-line function: repeated products and sums of two numbers, which a sine keeps bounded."""
+    x = ca.SX.sym("x", 2)
+    a, b = x[0], x[1]
+    for _ in range(length):
+        a, b = ca.sin(a * b + x[0]), b - 0.3 * a
+    return ca.Function(name, [x], [ca.vertcat(a, b), a * b], ["x"], ["y", "z"])
+
+
+def reference(x: np.ndarray, length: int) -> np.ndarray:
+    a, b = x
+    for _ in range(length):
+        a, b = np.sin(a * b + x[0]), b - 0.3 * a
+    return np.array([a, b, a * b])
+
+
+def called(library, name: str, x: np.ndarray) -> np.ndarray:
+    y, z = np.zeros(2), np.zeros(1)
+    arg = (ctypes.c_void_p * 1)(x.ctypes.data)
+    res = (ctypes.c_void_p * 2)(y.ctypes.data, z.ctypes.data)
+    work = np.zeros(10_000)
+    getattr(library, name)(arg, res, None, ctypes.c_void_p(work.ctypes.data), 0)
+    return np.concatenate([y, z])
+
+
+@pytest.fixture
+def levels(monkeypatch) -> list[tuple[int, str]]:
+    """Lines of the longest function and level of every translation unit that is compiled."""
+    seen: list[tuple[int, str]] = []
+    plain = Compiler._run
+
+    def run(self, arguments):
+        for name in (one for one in arguments if one.endswith(".c")):
+            level = next(flag for flag in arguments if re.fullmatch("-O.", flag))
+            with open(name) as file:
+                seen.append((longest_function(file.read()), level))
+        plain(self, arguments)
+
+    monkeypatch.setattr(Compiler, "_run", run)
+    monkeypatch.setattr(compiler, "_LONG", 300)
+    return seen
+
+
+@needs_compiler
+@pytest.mark.parametrize("command", ["gcc", "clang"])
+def test_each_function_has_the_level_of_its_own_length(command, levels, monkeypatch, tmp_path):
+    """A long function beside short ones: only it is compiled at the lower level, and nothing without optimization."""
+    if shutil.which(command) is None:
+        pytest.skip(f"no {command}")
+    monkeypatch.setenv("CC", command)
+    monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
+    generator = ca.CodeGenerator("both.c", {"with_header": False, "static_aux": True})
+    generator.add(chain(20, "brief"))
+    generator.add(chain(400, "long_one"))
+    generator.add(chain(30, "after"))
+    library = ctypes.CDLL(str(library_for(generator.dump(), find_compiler())))
+    assert sorted(level for _, level in levels) == ["-O1", "-O3"]
+    assert all((level == "-O3") == (lines <= 300) for lines, level in levels)
+    x = np.array([0.4, -0.7])
+    for name, length in (("brief", 20), ("long_one", 400), ("after", 30)):
+        assert called(library, name, x) == pytest.approx(reference(x, length), rel=1e-12)
+
+
+@needs_compiler
+def test_units_export_what_the_source_exports(levels, tmp_path):
+    """By the system's linker: the same names, and those of single precision and of vector lanes work too."""
+    if shutil.which("nm") is None:
+        pytest.skip("no nm")
+    x, p, h = (ca.SX.sym(n, k) for n, k in (("x", 2), ("p", 1), ("h", 1)))
+    three = [ca.SX.sym(f"{n}{k}") for n in "uw" for k in range(3)]
+    step = ca.Function("step", [x, *three, p, h], [x + h * chain(400)(x)[0]])
+    for source in (function_source(chain(400), "float"), batch_source(chain(400)), rollout_source(step)):
+        assert len(translation_units(source, 300)) == 2
+        names = []
+        for limit in (300, 10**9):
+            compiler._LONG = limit
+            code, library = tmp_path / f"code{limit}.c", tmp_path / f"code{limit}.so"
+            code.write_text(source)
+            find_compiler().build(code, library)
+            listed = subprocess.run(["nm", "-D", "--defined-only", library], capture_output=True, text=True, check=True)
+            names.append([line.split()[2] for line in listed.stdout.splitlines()])
+        assert names[0] == names[1]
+        assert len(names[0]) > 0
+
+
+def test_source_without_long_functions_stays_one_unit():
+    source = function_source(chain(20))
+    assert translation_units(source, 300) == [source]
+
+
+def test_units_have_a_variable_per_assignment():
+    """Variables that are used again and again take clang's SROA a time in the square of the length."""
+    _, unit = translation_units(function_source(chain(400)), 300)
+    assigned = re.findall(r"^  (?:const casadi_real )?(\w+)=", unit, re.MULTILINE)
+    assert len(assigned) > 1000
+    assert len(set(assigned)) == len(assigned)
+
+
+@needs_compiler
+def test_refused_unit_is_reported_with_what_the_compiler_said(levels, tmp_path):
+    source = function_source(chain(400)).replace("sin(", "no_such_header[", 1)
+    with pytest.raises(CompileError, match="error"):
+        library_for(source, find_compiler())
