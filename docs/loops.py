@@ -1,4 +1,4 @@
-"""Figures and picture of mpc.md: ``python docs/loops.py`` in the root of the repository; ``--compare`` converges too."""
+"""Figures and picture of mpc.md: ``python docs/loops.py`` in the root of the repository; slower with ``--compare``."""
 
 from __future__ import annotations
 
@@ -6,16 +6,13 @@ import argparse
 import math
 from pathlib import Path
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 
 import continuum_grasp as cg
 from continuum_grasp.mpc.loop.compare import compared
 from continuum_grasp.mpc.loop.result import ControlRun
 from continuum_grasp.mpc.loop.run import closed_loop
+from continuum_grasp.plotting.axes import new_figure, quiet
 from continuum_grasp.plotting.control import plot_control_path, plot_inputs
 from continuum_grasp.plotting.pictures import save_picture
 
@@ -60,11 +57,10 @@ def main() -> None:
             exact = compared(cg.load(FOLDER / f"{name}.yaml"))
             print(name, {key: run.metrics().cost for key, run in exact.items()}, flush=True)
     if set(DRAWN) <= set(runs):
-        figure, axes = plt.subplots(2, len(DRAWN), figsize=(12, 8.4))
-        for (above, below), name in zip(axes.T, DRAWN, strict=True):
-            plot_control_path(runs[name], ax=above)
-            plot_inputs(runs[name], ax=below)
-        figure.tight_layout()
+        figure = new_figure(12.0, 8.4)
+        for k, name in enumerate(DRAWN):
+            plot_control_path(runs[name], ax=quiet(figure.add_subplot(2, len(DRAWN), k + 1)))
+            plot_inputs(runs[name], ax=quiet(figure.add_subplot(2, len(DRAWN), len(DRAWN) + k + 1)))
         save_picture(figure, Path("docs/pictures/mpc_loops.png"))
 
 

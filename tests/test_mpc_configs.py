@@ -68,8 +68,11 @@ def test_the_tip_settles_at_set_points():
 
 @pytest.mark.parametrize("stiffness", [0.9, 1.1])
 def test_no_offset_stays(stiffness):
-    found = checked(run("steady_tip", 1.5, f"plant.stiffness={stiffness}"))
-    assert found.metrics().tracking[0].final < 1e-3 * found.length
+    found = checked(run("steady_tip", 1.5, f"plant.stiffness={stiffness}", "plant.noise=0.0"))
+    assert found.metrics().tracking[0].final < 2e-4 * found.length
+    noisy = checked(run("steady_tip", 1.5, f"plant.stiffness={stiffness}"))
+    wander = np.linalg.norm(noisy.tip - noisy.tip_reference, axis=1)[75:]
+    assert np.sqrt(np.mean(wander**2)) < 2e-3
 
 
 def test_the_tip_follows_its_arc():
@@ -89,7 +92,7 @@ def test_a_knock_is_recovered_from():
     found = checked(run("pulse", 1.3, ARCS))
     error = np.linalg.norm(found.tip - found.tip_reference, axis=1)
     struck = (found.t > 0.8) & (found.t < 1.0)
-    assert error[found.t < 0.8].max() < 2e-3
+    assert error[found.t < 0.8].max() < 3e-3
     assert error[struck].max() > 0.02
     assert error[-5:].max() < 4e-3
 
