@@ -35,7 +35,7 @@ enum {
   <<P>>_TRIP_NONE = 0,
   <<P>>_TRIP_SWINGING = 1, /* mismatch and an active command, though the weight of its rate is raised 16-fold */
   <<P>>_TRIP_CONTRADICTED = 2, /* a sensor contradicts the model by many standard deviations */
-  <<P>>_TRIP_AWAY = 3, /* mismatch, and the tip stays far from its set-point */
+  <<P>>_TRIP_AWAY = 3, /* mismatch, and the tip stays far from its setpoint */
   <<P>>_TRIP_UNSEEN = 4 /* no sensor that shows the shape moves */
 };
 
