@@ -318,7 +318,8 @@ def command(monkeypatch, found, *arguments, error=None):
             raise error
         return found
 
-    monkeypatch.setattr("continuum_grasp.grasp.optimize_grasp", lambda scene: None)
+    grasp = SimpleNamespace(statistics={"interrupted": False})
+    monkeypatch.setattr("continuum_grasp.grasp.optimize_grasp", lambda scene: grasp)
     monkeypatch.setattr("continuum_grasp.mpc.mission.run.run_mission", instead)
     monkeypatch.setattr(trials, "run_trials", instead)
     return CliRunner().invoke(app, ["mpc", str(MUG), *map(str, arguments)])

@@ -112,9 +112,9 @@ def shown(made):
     return found
 
 
-def start(short, levels):
+def start(short, long):
     """A worker that finds compiled code, but must not compile any."""
-    compiler._SHORT, compiler._LEVELS = short, levels
+    compiler._SHORT, compiler._LONG = short, long
 
     def build(*_):
         raise AssertionError("compiled anew")
@@ -129,7 +129,7 @@ def unpickled(data):
 @pytest.fixture(scope="module")
 def worker():
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, context, start, (compiler._SHORT, compiler._LEVELS)) as pool:
+    with ProcessPoolExecutor(1, context, start, (compiler._SHORT, compiler._LONG)) as pool:
         yield pool
 
 

@@ -406,7 +406,7 @@ def test_plan_presses_on_an_object():
         goal={"contact_force": {"value": (0.3,), "weight": 1e3}, "end": "held"},
         method="collocation",
         duration=0.4,
-        intervals=40,
+        intervals=50,
     )
     found = plan(scene)
     assert found.contact_forces[-1] == pytest.approx([0.3], rel=0.05)

@@ -350,7 +350,7 @@ def test_a_loaded_preshape_with_jumps_converges_like_one_without(family):
 def test_forces_are_gradients_also_where_the_rest_curvature_jumps(family):
     scene = rod_scene(UNIT, family, None, finger={"rest_curvature": REST, "masses": [{"at": 0.9, "mass": 0.3}]})
     model = FingerModel(scene, parameters=(), accuracy=1e-13)
-    q, h = np.array([0.7, -1.2, 0.9, 0.4][: model.n]), 1e-5
+    q, h = np.array([0.7, -1.2, 0.9, 0.4, -0.5][: model.n]), 1e-5
     rest = np.zeros(model.n)
     slope, columns = [], []
     for unit in np.eye(model.n):
