@@ -5,7 +5,8 @@ crash is seen; references, disturbances, pushes and what is injected are drawn a
 is finite and within the limits of input and rate, the status is one of the documented ones, and each thing injected
 shows among the anomalies. A controller that trips is left to its ramp for a while and then begins anew.
 
-With ``--nominal`` nothing is injected; references jump, and the stiffness is wrong by up to a fifth: nothing may trip.
+With ``--nominal`` nothing is injected; references jump, and fingers are stiffer or softer by up to a fifth: nothing may
+trip.
 """
 
 from __future__ import annotations
@@ -63,6 +64,10 @@ DRIVE = 0.005
 """How often the drive applies another input than the command, and says so."""
 RAMP = 100
 """Steps after which a controller that tripped begins anew; its ramp takes half a second."""
+FINGER = 2000
+"""Steps after which another finger is tried where nothing is injected."""
+STILL = 10
+"""Steps for which it rests before."""
 WRONG = 0.2
 """Greatest share by which the stiffness is wrong without injected faults."""
 SAVED = 5000
@@ -206,9 +211,8 @@ class Soak:
             some = self.far if rng.random() < 0.05 and not self.nominal else self.references
             self.reference = some[rng.integers(len(some))]
         if self.nominal:
-            for k, name in enumerate(self.stages.p_names):
-                if name.startswith("bending_stiffness") and rng.random() < 0.001:
-                    self.plant_p[k] = self.p[k] * (1.0 + rng.uniform(-WRONG, WRONG))
+            if self.counts.steps % FINGER == 0:
+                self._next_finger()
             return
         if rng.random() < 0.005 and len(world.z) > world.nx:
             world.z[world.nx :] = 0.02 * rng.uniform(*world.ranges.disturbances.T)
@@ -217,6 +221,17 @@ class Soak:
         if not world.sound():
             world.reset()
             self.counts.plant_resets += 1
+
+    def _next_finger(self) -> None:
+        """Another plant at rest, and a controller that begins anew."""
+        for k, name in enumerate(self.stages.p_names):
+            if name.startswith("bending_stiffness"):
+                self.plant_p[k] = self.p[k] * (1.0 + self.rng.uniform(-WRONG, WRONG))
+        self.before = self.safe
+        for _ in range(STILL):  # until measurements that are late show nothing of the last one
+            self.world.z[:] = self.world.first
+            self.measurement = self.world.step(self.before, self.plant_p)
+        self.control.reset(u=self.before)
 
     # -- a step -------------------------------------------------------------------------------------------------------
 
