@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.core.compiler import find_compiler
+from continuum_grasp.errors import InputError
 from continuum_grasp.mpc.controller import Controller
 from continuum_grasp.mpc.loop.plant import Plant
 from continuum_grasp.mpc.loop.run import closed_loop
@@ -254,6 +255,18 @@ def test_half_the_call_rate_is_noticed_by_the_clock():
     assert 2 * reported * control.period < 0.3
     assert any(c.suspect == "call rate" for c in seen[: reported + 10])
     assert 2 * control.period * next(k for k, c in enumerate(seen) if c.health == Health.TRIPPED) < 2.0
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf, 10**400, -5.0])
+def test_a_clock_that_means_nothing_is_no_matter(time):
+    control = controller()
+    control.reset()
+    for _ in range(30):
+        command = control.step(None, time=time)
+    assert command.health == Health.OK
+    for wrong in ("noon", [0.0, 1.0], 1j):
+        with pytest.raises(InputError, match="time"):
+            control.step(None, time=wrong)
 
 
 def test_clocks_of_ordinary_systems_are_no_matter():

@@ -226,11 +226,11 @@ class Controller(Remade):
             if applied is not None:
                 _put(self._applied, applied)
                 flags |= _APPLIED
-            now = math.nan if time is None else float(time)
+            now = math.nan if time is None else float(numbers(time))
             self._elapsed[0] = now - self._time if now > self._time else -1.0
-            self._time = now
+            self._time = now if math.isfinite(now) else math.nan
         except (ValueError, TypeError) as error:
-            raise self._shape_error(measurement, reference, p, applied) from error
+            raise self._shape_error(measurement, reference, p, applied, time) from error
         c = self._c
         status = self._call(c.address, c.input_address, flags, c.output_address)
         if status < 0:
@@ -354,8 +354,9 @@ class Controller(Remade):
             ((s.nr,), rows),
             ((s.np,),),
             ((s.nu,),),
+            ((),),
         )
-        said = zip(("measurement", "reference", "p", "applied"), given, shapes, strict=True)
+        said = zip(("measurement", "reference", "p", "applied", "time"), given, shapes, strict=True)
         asked = [(name, v, expected) for name, v, expected in said if v is not None]
         wrong = [one for one in asked if _shape(one[1]) not in one[2]] or asked
         told = [
