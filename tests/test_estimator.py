@@ -325,6 +325,30 @@ def test_a_gate_that_stays_closed_opens():
     assert found.z[:2] == pytest.approx(plant.x[:2], abs=0.01)
 
 
+def test_a_row_that_is_used_though_far_off_moves_the_estimate_by_five_deviations():
+    """However far it is: P h 5 / sqrt(h P h' + R), by the covariance of the prediction."""
+    estimator = rod()
+    estimator.reset()
+    for _ in range(20):
+        estimator.step([0.0, 0.6, 0.0, 0.0], [0.0])
+    for _ in range(4):  # the gate of the tip opens
+        estimator.step([0.4, np.nan, 0.0, 0.0], [0.0])
+    state = estimator.save_state()
+    before = estimator.step(None, [0.0])
+    moves = []
+    for far in (0.3, 0.8):
+        estimator.restore(state)
+        found = estimator.step([far, np.nan, np.nan, np.nan], [0.0])
+        assert found.verdict[0] == Verdict.REOPENED
+        moves.append(found.z - before.z)
+    h = slope(rod_truth()[1], before.z)[0]
+    spread = before.covariance @ h
+    expected = 5.0 * spread / math.sqrt(h @ spread + estimator.settings["variance"][0])
+    scale = np.sqrt(np.diag(before.covariance))
+    for move in moves:
+        assert (move - expected) / scale == pytest.approx(0.0, abs=1e-6)
+
+
 def test_single_precision_is_close_and_stays_positive():
     _, measured, inputs = motion()
     single, double = run(rod("float"), measured, inputs), run(rod(), measured, inputs)
