@@ -141,7 +141,7 @@ class ControlScene(Surroundings):
         follows_force = self.controller.cost.contact_force is not None
         if rate is not None and not follows_force and tolerated > _CALM * rate * (1 + 1e-9):
             doubt(
-                f"controller.cost.input_rate tolerates {tolerated:.3g} {unit}, more than a tenth of input.rate_max: a "
+                f"controller.cost.input_rate tolerates {f'{tolerated:.3g} {unit}' if weight else 'any rate'}, more than a tenth of input.rate_max: a "
                 f"drive or camera that is slower than the model can make the loop swing; expected a weight of "
                 f"{1.0 / (_CALM * rate) ** 2:.2g} or more"
             )
