@@ -140,9 +140,10 @@ class ControlScene(Surroundings):
         tolerated = 1.0 / math.sqrt(weight) if weight else math.inf
         follows_force = self.controller.cost.contact_force is not None
         if rate is not None and not follows_force and tolerated > _CALM * rate * (1 + 1e-9):
+            amount = f"{tolerated:.3g} {unit}" if weight else "any rate"
             doubt(
-                f"controller.cost.input_rate tolerates {f'{tolerated:.3g} {unit}' if weight else 'any rate'}, more than a tenth of input.rate_max: a "
-                f"drive or camera that is slower than the model can make the loop swing; expected a weight of "
+                f"controller.cost.input_rate tolerates {amount}, more than a tenth of input.rate_max: a drive or camera "
+                "that is slower than the model can make the loop swing; expected a weight of "
                 f"{1.0 / (_CALM * rate) ** 2:.2g} or more"
             )
         estimator = self.estimator
