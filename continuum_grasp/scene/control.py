@@ -142,8 +142,8 @@ class ControlScene(Surroundings):
         if rate is not None and not follows_force and tolerated > _CALM * rate * (1 + 1e-9):
             amount = f"{tolerated:.3g} {unit}" if weight else "any rate"
             doubt(
-                f"controller.cost.input_rate tolerates {amount}, more than a tenth of input.rate_max: a drive or camera "
-                "that is slower than the model can make the loop swing; expected a weight of "
+                f"controller.cost.input_rate tolerates {amount}, more than a tenth of input.rate_max: a drive or "
+                "camera that is slower than the model can make the loop swing; expected a weight of "
                 f"{1.0 / (_CALM * rate) ** 2:.2g} or more"
             )
         estimator = self.estimator
