@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import Report, Table
-from continuum_grasp.fidelity.choice import Choice
-from continuum_grasp.fidelity.clock import evaluation_ns
-from continuum_grasp.fidelity.measure import errors_of
-from continuum_grasp.fidelity.motion import Motion, pace, reference_motion, rms
-from continuum_grasp.fidelity.truth import find_truth
+from continuum_grasp.accuracy.choice import Choice
+from continuum_grasp.accuracy.measure import errors_of
+from continuum_grasp.accuracy.motion import Motion, pace, reference_motion, rms
+from continuum_grasp.accuracy.timing import evaluation_ns
+from continuum_grasp.accuracy.truth import find_truth
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
 

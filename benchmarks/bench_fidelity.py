@@ -14,11 +14,11 @@ import numpy as np
 
 from benchmarks.random_scenes import random_scene
 from benchmarks.report import Report, Table
+from continuum_grasp.accuracy.choice import COUNTS, choices
+from continuum_grasp.accuracy.choose import Chosen, allowed_accuracies, allowed_families, choose_fidelity
+from continuum_grasp.accuracy.measure import measure
 from continuum_grasp.errors import SolverError
-from continuum_grasp.fidelity.choice import COUNTS, choices
-from continuum_grasp.fidelity.choose import Chosen, allowed_accuracies, allowed_families, choose_fidelity
-from continuum_grasp.fidelity.elastica import solve_elastica
-from continuum_grasp.fidelity.measure import measure
+from continuum_grasp.rod.elastica import solve_elastica
 from continuum_grasp.simulation import equilibrium
 
 TOLERANCES = (2e-2, 5e-3, 1e-3, 1e-4)

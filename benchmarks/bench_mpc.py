@@ -29,8 +29,8 @@ from benchmarks.mpc_ours import rti_loop
 from benchmarks.mpc_peers import FORMS, converged, sqp_loop
 from benchmarks.mpc_world import World
 from benchmarks.report import RESULTS, Report, Table
-from continuum_grasp.mpc.controller import Controller
-from continuum_grasp.mpc.rti import RealTimeIteration
+from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.rti import RealTimeIteration
 
 Array = NDArray[np.float64]
 

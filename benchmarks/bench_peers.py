@@ -23,8 +23,8 @@ from benchmarks.baselines.release_picture import Point, draw
 from benchmarks.harness import Timing, race, ratios
 from benchmarks.machine import one_core
 from benchmarks.report import RESULTS, Report, Table
-from continuum_grasp.fidelity.motion import Motion, reference_motion
-from continuum_grasp.fidelity.truth import Truth, find_truth
+from continuum_grasp.accuracy.motion import Motion, reference_motion
+from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Initial, Scene
 

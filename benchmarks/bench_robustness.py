@@ -24,12 +24,12 @@ import continuum_grasp as cg
 from benchmarks.mpc_cases import CONFIGS
 from benchmarks.report import RESULTS, Report, Table
 from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
+from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.closed_loop.run import closed_loop
+from continuum_grasp.closed_loop.schedule import Phase
+from continuum_grasp.control.controller import Command, Controller
+from continuum_grasp.control.setpoints import set_points
 from continuum_grasp.errors import NumericalError
-from continuum_grasp.mpc.controller import Command, Controller
-from continuum_grasp.mpc.loop.result import ControlRun
-from continuum_grasp.mpc.loop.run import closed_loop
-from continuum_grasp.mpc.loop.schedule import Phase
-from continuum_grasp.mpc.setpoints import set_points
 
 Array = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from benchmarks.machine import CFLAGS, compiler
 from benchmarks.mpc_cases import state_step
 from benchmarks.mpc_loop import generated
-from continuum_grasp.mpc.controller import Controller
-from continuum_grasp.mpc.estimation import estimation_of
-from continuum_grasp.mpc.noise import ranges_of
+from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.estimation import estimation_of
+from continuum_grasp.control.noise import ranges_of
 
 Array = NDArray[np.float64]
 

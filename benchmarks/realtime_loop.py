@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 import continuum_grasp as cg
-from continuum_grasp.mpc.controller import Controller
-from continuum_grasp.mpc.loop.plant import Plant
-from continuum_grasp.mpc.realtime import run_periodic
+from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.realtime import run_periodic
 
 ROOT = Path(__file__).parents[1]
 

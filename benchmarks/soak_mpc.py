@@ -30,9 +30,9 @@ from benchmarks import mpc_cases
 from benchmarks.machine import CFLAGS
 from benchmarks.mpc_world import World
 from benchmarks.report import RESULTS, Report, Table
+from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.status import Anomaly, Health, Status
 from continuum_grasp.errors import InputError
-from continuum_grasp.mpc.controller import Controller
-from continuum_grasp.mpc.status import Anomaly, Health, Status
 
 Array = NDArray[np.float64]
 

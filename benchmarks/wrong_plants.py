@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.mpc.controller import Controller
-from continuum_grasp.mpc.loop.plant import Plant
-from continuum_grasp.mpc.loop.plant_model import PlantModel
+from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.controller import Controller
 from continuum_grasp.scene.control import ControlScene
 
 __all__ = ["FAULT", "Bench", "Wrong", "wrongs"]

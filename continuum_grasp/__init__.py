@@ -16,12 +16,12 @@ _ROOMS = {
     "continuum_grasp.identification.fitting": ("identify",),
     "continuum_grasp.model": ("FingerModel", "System"),
     "continuum_grasp.export": ("export_c",),
-    "continuum_grasp.mpc.controller": ("Controller",),
-    "continuum_grasp.mpc.estimator": ("Estimator",),
-    "continuum_grasp.mpc.loop.run": ("closed_loop",),
-    "continuum_grasp.mpc.mission.run": ("run_mission",),
-    "continuum_grasp.mpc.mission.trials": ("run_trials",),
-    "continuum_grasp.mpc.plan": ("plan",),
+    "continuum_grasp.control.controller": ("Controller",),
+    "continuum_grasp.control.estimator": ("Estimator",),
+    "continuum_grasp.closed_loop.run": ("closed_loop",),
+    "continuum_grasp.mission.run": ("run_mission",),
+    "continuum_grasp.mission.trials": ("run_trials",),
+    "continuum_grasp.planning": ("plan",),
     "continuum_grasp.scene": (
         "Actuation",
         "BasePose",
@@ -45,14 +45,19 @@ _ROOMS = {
         "VectorSamples",
     ),
     "continuum_grasp.scene.load": ("load",),
-    "continuum_grasp.fidelity.choose": ("choose_fidelity",),
-    "continuum_grasp.fidelity.report": ("accuracy",),
+    "continuum_grasp.accuracy.choose": ("choose_fidelity",),
+    "continuum_grasp.accuracy.report": ("accuracy",),
     "continuum_grasp.sweeps": ("sweep", "sweep_table"),
     "continuum_grasp.verbs": ("equilibrium", "modes", "simulate"),
 }
 __all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)]
 
 if TYPE_CHECKING:
+    from continuum_grasp.accuracy.choose import choose_fidelity as choose_fidelity
+    from continuum_grasp.accuracy.report import accuracy as accuracy
+    from continuum_grasp.closed_loop.run import closed_loop as closed_loop
+    from continuum_grasp.control.controller import Controller as Controller
+    from continuum_grasp.control.estimator import Estimator as Estimator
     from continuum_grasp.core import compile as compile
     from continuum_grasp.errors import ContinuumGraspError as ContinuumGraspError
     from continuum_grasp.errors import InputError as InputError
@@ -60,18 +65,13 @@ if TYPE_CHECKING:
     from continuum_grasp.errors import NumericalError as NumericalError
     from continuum_grasp.errors import SolverError as SolverError
     from continuum_grasp.export import export_c as export_c
-    from continuum_grasp.fidelity.choose import choose_fidelity as choose_fidelity
-    from continuum_grasp.fidelity.report import accuracy as accuracy
     from continuum_grasp.grasp import optimize_grasp as optimize_grasp
     from continuum_grasp.identification.fitting import identify as identify
+    from continuum_grasp.mission.run import run_mission as run_mission
+    from continuum_grasp.mission.trials import run_trials as run_trials
     from continuum_grasp.model import FingerModel as FingerModel
     from continuum_grasp.model import System as System
-    from continuum_grasp.mpc.controller import Controller as Controller
-    from continuum_grasp.mpc.estimator import Estimator as Estimator
-    from continuum_grasp.mpc.loop.run import closed_loop as closed_loop
-    from continuum_grasp.mpc.mission.run import run_mission as run_mission
-    from continuum_grasp.mpc.mission.trials import run_trials as run_trials
-    from continuum_grasp.mpc.plan import plan as plan
+    from continuum_grasp.planning import plan as plan
     from continuum_grasp.scene import Actuation as Actuation
     from continuum_grasp.scene import BasePose as BasePose
     from continuum_grasp.scene import ControlScene as ControlScene

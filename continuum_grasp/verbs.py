@@ -48,7 +48,7 @@ def _resolved(scene: Given, *, vibrates: bool = False) -> tuple[Scene, str]:
     given = scene_of(scene)
     if given.fidelity.tolerance is None:
         return given, ""
-    from continuum_grasp.fidelity.resolve import resolve_fidelity
+    from continuum_grasp.accuracy.resolve import resolve_fidelity
 
     return resolve_fidelity(given, vibrates=vibrates)
 

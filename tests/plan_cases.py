@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import expm
 
 import continuum_grasp as cg
-from continuum_grasp.mpc.plan.motion import Motion
+from continuum_grasp.planning.motion import Motion
 from continuum_grasp.scene.plan import PlanScene
 
 ROD = {"length": 0.3, "diameter": 0.002, "density": 6450.0, "youngs_modulus": 60e9}

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.mpc.rti import RealTimeIteration
-from continuum_grasp.mpc.stages import ABSENT, Stages
-from continuum_grasp.mpc.transcription import cost_function, terminal_function
+from continuum_grasp.control.rti import RealTimeIteration
+from continuum_grasp.control.stages import ABSENT, Stages
+from continuum_grasp.control.transcription import cost_function, terminal_function
 
 LOOSE = (
     "-fassociative-math",

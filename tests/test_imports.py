@@ -16,30 +16,76 @@ ALLOWED = {
     "_lazy": set(),
     "interrupt": set(),
     "scene": {"scene"},
+    "rod": {"rod", "scene"},
     "model": {"model", "scene"},
     "core": {"core", "model", "scene", "results"},
     "simulation": {"simulation", "core", "model", "scene", "results", "plotting"},
-    "grasp": {"grasp", "core", "model", "scene", "results", "plotting"},
-    "fidelity": {"fidelity", "simulation", "core", "model", "scene", "results", "plotting"},
-    "verbs": {"fidelity", "simulation", "model", "scene"},
-    "identification": {"identification", "fidelity", "simulation", "core", "model", "scene", "results", "plotting"},
-    "mpc": {"mpc", "grasp", "simulation", "core", "model", "scene", "results", "plotting"},
-    "export": {"export", "mpc", "fidelity", "simulation", "core", "model", "scene", "results"},
+    "accuracy": {"accuracy", "rod", "simulation", "core", "model", "scene", "results", "plotting"},
+    "verbs": {"accuracy", "simulation", "model", "scene"},
+    "grasp": {"grasp", "rod", "core", "model", "scene", "results", "plotting"},
+    "control": {"control", "simulation", "core", "model", "scene"},
+    "planning": {"planning", "grasp", "control", "simulation", "core", "model", "scene", "results", "plotting"},
+    "closed_loop": {
+        "closed_loop",
+        "planning",
+        "control",
+        "simulation",
+        "core",
+        "model",
+        "scene",
+        "results",
+        "plotting",
+    },
+    "mission": {
+        "mission",
+        "closed_loop",
+        "control",
+        "grasp",
+        "simulation",
+        "core",
+        "model",
+        "scene",
+        "results",
+        "plotting",
+    },
+    "identification": {
+        "identification",
+        "accuracy",
+        "rod",
+        "simulation",
+        "core",
+        "model",
+        "scene",
+        "results",
+        "plotting",
+    },
+    "export": {"export", "control", "accuracy", "simulation", "core", "model", "scene", "results"},
     "sweeps": {"sweeps", "grasp", "scene", "results", "plotting"},
     "results": {"results", "scene"},
     "plotting": {"plotting", "results", "scene"},
 }
 """Rooms by who imports them; ``cli`` and the package itself may import everything."""
+DRAWING = {"matplotlib", "typer", "rich"}
 OUTSIDE = {
-    "scene": {"casadi", "numpy", "scipy", "matplotlib", "typer", "rich"},
-    "model": {"matplotlib", "typer", "rich", "yaml"},
-    "core": {"matplotlib", "typer", "rich", "yaml"},
-    "simulation": {"matplotlib", "typer", "rich", "yaml"},
-    "grasp": {"matplotlib", "typer", "rich", "yaml"},
-    "mpc": {"matplotlib", "typer", "rich", "yaml"},
-    "export": {"matplotlib", "typer", "rich"},
-    "sweeps": {"casadi", "matplotlib", "typer", "rich", "yaml"},
-    "results": {"casadi", "matplotlib", "typer", "rich"},
+    "scene": {"casadi", "numpy", "scipy", *DRAWING},
+    "rod": {"casadi", "yaml", *DRAWING},
+    **{
+        module: {"yaml", *DRAWING}
+        for module in (
+            "model",
+            "core",
+            "simulation",
+            "accuracy",
+            "grasp",
+            "control",
+            "planning",
+            "closed_loop",
+            "mission",
+        )
+    },
+    "export": DRAWING,
+    "sweeps": {"casadi", "yaml", *DRAWING},
+    "results": {"casadi", *DRAWING},
     "plotting": {"casadi", "typer", "rich", "yaml"},
 }
 """Packages that a room does without."""
@@ -108,7 +154,7 @@ def test_a_room_does_without(room):
     assert not wrong
 
 
-@pytest.mark.parametrize("room", ["core", "simulation", "grasp", "fidelity", "identification"])
+@pytest.mark.parametrize("room", ["core", "simulation", "grasp", "accuracy", "identification"])
 def test_saving_and_drawing_are_imported_when_needed(room):
     wrong = [
         f"{file.relative_to(PACKAGE)}:{line}: {module}"

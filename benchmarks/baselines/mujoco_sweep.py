@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmarks.baselines.release_ours import rms_error, worst
 from benchmarks.baselines.release_peers import ReleasePeers
-from continuum_grasp.fidelity.motion import Motion
+from continuum_grasp.accuracy.motion import Motion
 
 HINGES = (5, 10, 20, 40)
 STEPS = (100, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1400, 1600, 2000, 2800, 4000, 5600, 10000)

@@ -8,7 +8,7 @@ import casadi as ca
 
 from benchmarks.baselines.two_arcs import TwoArcs, arcs
 from benchmarks.baselines.two_arcs import forward_dynamics as assemble
-from continuum_grasp.fidelity.paper import Terms, appendix
+from benchmarks.paper import Terms, appendix
 
 
 def terms(finger: TwoArcs, theta: ca.SX, rate: ca.SX, *, printed: bool = False) -> Terms:

@@ -13,9 +13,9 @@ import numpy as np
 
 from benchmarks.baselines.two_arcs import TwoArcs, arcs
 from benchmarks.baselines.two_arcs import forward_dynamics as assemble
-from continuum_grasp.fidelity.paper import Terms, closed_forms
-from continuum_grasp.fidelity.paper.closed_forms import GUARD
-from continuum_grasp.fidelity.paper.kinematics import Bent
+from benchmarks.paper import Terms, closed_forms
+from benchmarks.paper.closed_forms import GUARD
+from benchmarks.paper.kinematics import Bent
 
 
 def kinetic_energy_by_quadrature(finger: TwoArcs, theta: ca.SX, rate: ca.SX, nodes: int = 5) -> ca.SX:

@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.baselines.release_ours import rms_error
 from benchmarks.baselines.release_peers import PeerRun, ReleasePeers
 from benchmarks.report import Table
-from continuum_grasp.fidelity.motion import Motion
+from continuum_grasp.accuracy.motion import Motion
 
 ELEMENTS = (20, 40, 80)
 THICKNESS = 5.0

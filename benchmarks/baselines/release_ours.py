@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from continuum_grasp.accuracy.choice import Choice, choices
+from continuum_grasp.accuracy.motion import Motion
+from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.core import Core
 from continuum_grasp.errors import NumericalError
-from continuum_grasp.fidelity.choice import Choice, choices
-from continuum_grasp.fidelity.motion import Motion
-from continuum_grasp.fidelity.truth import Truth
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 

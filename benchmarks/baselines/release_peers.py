@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.baselines.peers import VARIABLE
-from continuum_grasp.fidelity.truth import Truth
+from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.scene.simulate import Scene
 
 _SERVER = Path(__file__).with_name("release_server.py")

@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.fidelity import paper
+from benchmarks import paper
 
 Number = Any
 """A float, or a CasADi SX where it is a run-time parameter."""

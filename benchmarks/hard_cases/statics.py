@@ -23,10 +23,10 @@ from benchmarks.hard_cases.scenes import (
     push,
 )
 from continuum_grasp.core import Core
-from continuum_grasp.fidelity.closed_forms import bent_by_moment, bent_by_tip_force, buckled_column, euler_load
-from continuum_grasp.fidelity.elastica import Elastica, solve_elastica
+from continuum_grasp.rod.elastica import Elastica, solve_elastica
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import Equilibrium, equilibrium
+from tests.closed_forms.rods import bent_by_moment, bent_by_tip_force, buckled_column, euler_load
 
 Array = NDArray[np.float64]
 ELEMENTS = {"arc": 16, "clothoid": 4, "matched_clothoid": 4}

@@ -29,8 +29,8 @@ def accuracy(
     scene = plain_scene(config, changes)
     folder = run_folder(out, config, "accuracy")
 
-    from continuum_grasp.fidelity.report import COUNTS
-    from continuum_grasp.fidelity.report import accuracy as measure
+    from continuum_grasp.accuracy.report import COUNTS
+    from continuum_grasp.accuracy.report import accuracy as measure
 
     with output.busy("measuring") as report:
         found = measure(scene, counts=[count for count in COUNTS if count <= most], progress=report)

@@ -43,8 +43,8 @@ def grasp(
     with output.busy("searching"):
         result = optimize_grasp(scene, raise_on_failure=False, fine=fine)
     with output.saving(folder):  # the grasp is safe before what can be computed again
+        from continuum_grasp.grasp.report.files import save_pictures
         from continuum_grasp.grasp.report.report import save_result
-        from continuum_grasp.grasp.report.report_files import save_pictures
 
         save_result(result, folder, quality=False)
     with output.drawing(folder):

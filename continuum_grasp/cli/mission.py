@@ -12,8 +12,8 @@ from continuum_grasp.cli.output import Output
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
-    from continuum_grasp.mpc.mission.outcomes import Outcome
-    from continuum_grasp.mpc.mission.result import MissionRun
+    from continuum_grasp.mission.outcomes import Outcome
+    from continuum_grasp.mission.result import MissionRun
     from continuum_grasp.scene.mission import MissionScene
 
 __all__ = ["carry_out", "try_out"]
@@ -26,7 +26,7 @@ _SHOWN = 10
 def carry_out(scene: MissionScene, folder: Path, animation: str | None, pictures: bool, output: Output) -> None:
     """Carry a mission out once: saves it, prints the verdict, draws it; exit status 1 if the object was dropped."""
     from continuum_grasp.errors import Interrupted, NumericalError
-    from continuum_grasp.mpc.mission.run import run_mission
+    from continuum_grasp.mission.run import run_mission
 
     grasp = _grasp(scene, output)
     try:
@@ -52,7 +52,7 @@ def carry_out(scene: MissionScene, folder: Path, animation: str | None, pictures
 def try_out(scene: MissionScene, folder: Path, jobs: int | None, pictures: bool, output: Output) -> None:
     """Carry a mission out on many plants: saves and prints how it went; exit status 1 if it failed on any."""
     from continuum_grasp.errors import Interrupted
-    from continuum_grasp.mpc.mission.trials import run_trials
+    from continuum_grasp.mission.trials import run_trials
 
     grasp = _grasp(scene, output)
     stopped: Interrupted | None = None
@@ -109,14 +109,14 @@ def _tell(run: MissionRun, folder: Path, files: list[Path], output: Output) -> N
 
 
 def _tell_outcomes(scene: MissionScene, outcomes: list[Outcome], folder: Path, pictures: bool, output: Output) -> None:
-    from continuum_grasp.mpc.mission.outcomes import save_trials, summarize
+    from continuum_grasp.mission.outcomes import save_trials, summarize
 
     found = summarize(outcomes)
     with output.saving(folder):
         files = [save_trials(outcomes, folder)]
     if pictures:
-        from continuum_grasp.plotting.mission_trials import plot_trials
-        from continuum_grasp.plotting.pictures import save_picture
+        from continuum_grasp.plotting.drawing.pictures import save_picture
+        from continuum_grasp.plotting.mission.trials import plot_trials
 
         with output.drawing(folder):
             files.append(save_picture(plot_trials(outcomes), folder / "trials.png"))

@@ -15,7 +15,7 @@ from continuum_grasp.cli.output import Output, run_folder
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from continuum_grasp.mpc.loop.result import ControlRun
+    from continuum_grasp.closed_loop.result import ControlRun
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.mission import MissionScene
 
@@ -82,7 +82,7 @@ def mpc(
     if trials is not None:
         raise InputError("is for missions", key="--trials")
 
-    from continuum_grasp.mpc.loop.run import closed_loop
+    from continuum_grasp.closed_loop.run import closed_loop
 
     try:
         with output.busy("controlling") as report:
@@ -135,7 +135,7 @@ def _scene(config: Path, changes: Iterable[str]) -> ControlScene | MissionScene:
 
 
 def _others(scene: ControlScene, output: Output) -> dict[str, ControlRun]:
-    from continuum_grasp.mpc.loop.compare import compared
+    from continuum_grasp.closed_loop.compare import compared
 
     with output.busy("comparing") as report:
         return compared(scene, progress=report)

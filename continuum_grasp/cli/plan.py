@@ -12,7 +12,7 @@ from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set, Verbose, 
 from continuum_grasp.cli.output import Output, run_folder
 
 if TYPE_CHECKING:
-    from continuum_grasp.mpc.plan import Plan
+    from continuum_grasp.planning import Plan
     from continuum_grasp.scene.plan import PlanScene
 
 __all__ = ["plan"]
@@ -53,7 +53,7 @@ def plan(
     scene = _scene(config, changes)
     folder = run_folder(out, config, "plan")
 
-    from continuum_grasp.mpc.plan import plan as run
+    from continuum_grasp.planning import plan as run
 
     try:
         with output.busy("planning"):

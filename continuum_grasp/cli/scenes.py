@@ -31,7 +31,7 @@ def simulation_scene(
     scene = plain_scene(config, changes)
     if scene.fidelity.tolerance is None:
         return scene, ""
-    from continuum_grasp.fidelity.resolve import resolve_fidelity
+    from continuum_grasp.accuracy.resolve import resolve_fidelity
 
     with output.busy("choosing the model"):
         scene, note = resolve_fidelity(scene, vibrates=vibrates)

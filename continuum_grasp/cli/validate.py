@@ -52,9 +52,9 @@ def _checked(file: Path, changes: Iterable[str]) -> Loaded:
     InputError
         At the place of what is wrong.
     """
+    from continuum_grasp.control.prediction import Prediction
     from continuum_grasp.errors import InputError
     from continuum_grasp.model import FingerModel
-    from continuum_grasp.mpc.prediction import Prediction
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.document import undotted
     from continuum_grasp.scene.finger import Finger

@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.estimator import Estimator
+from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.reals import Real
 from continuum_grasp.model import FingerModel
-from continuum_grasp.mpc.controller import Controller
-from continuum_grasp.mpc.estimator import Estimator
-from continuum_grasp.mpc.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene
@@ -74,7 +74,7 @@ def source_of(given: Given, real: Real) -> Source:
         raise InputError(f"expected a FingerModel, a Scene, a closed loop or the path of its file, got {given!r:.80}")
     scene = given
     if scene.fidelity.tolerance is not None:
-        from continuum_grasp.fidelity.resolve import resolve_fidelity
+        from continuum_grasp.accuracy.resolve import resolve_fidelity
 
         scene, _ = resolve_fidelity(scene)
     model = _of_precision(FingerModel(scene), real)

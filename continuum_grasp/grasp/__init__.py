@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 _ROOMS = {
-    "verification.certificate": ("Certificate", "Check", "certify"),
+    "certificate.certificate": ("Certificate", "Check", "certify"),
     "result": ("Contact", "FingerPosture", "GraspResult", "Reason", "Status"),
     "solve": ("optimize_grasp",),
 }
@@ -24,9 +24,9 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from continuum_grasp.grasp.certificate.certificate import Certificate, Check, certify
     from continuum_grasp.grasp.result import Contact, FingerPosture, GraspResult, Reason, Status
     from continuum_grasp.grasp.solve import optimize_grasp
-    from continuum_grasp.grasp.verification.certificate import Certificate, Check, certify
 
 
 def __getattr__(name: str) -> Any:

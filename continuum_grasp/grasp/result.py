@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.verification.certificate import Certificate
+from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.scene.grasp import GraspScene
 
 if TYPE_CHECKING:
@@ -327,7 +327,7 @@ class GraspResult:
         matplotlib.axes.Axes
         """
         from continuum_grasp.grasp.report.shown import resisted_forces
-        from continuum_grasp.plotting.grasp import plot_grasp, save_grasp_plot
+        from continuum_grasp.plotting.grasp.grasp import plot_grasp, save_grasp_plot
 
         resisted = resisted_forces(self)
         if isinstance(target, (str, PathLike)):

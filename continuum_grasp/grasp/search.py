@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.budget import Budget
+from continuum_grasp.grasp.certificate.certificate import Certificate, certify
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.programme.ipopt import Attempt, GraspSolverRun, solver_for
-from continuum_grasp.grasp.programme.make import ProblemMake
-from continuum_grasp.grasp.programme.surface import Feature, features
+from continuum_grasp.grasp.problem.ipopt import Attempt, GraspSolverRun, solver_for
+from continuum_grasp.grasp.problem.structure import ProblemMake
+from continuum_grasp.grasp.problem.surface import Feature, features
+from continuum_grasp.grasp.starts.found import start_from
 from continuum_grasp.grasp.starts.starts import Start, make_starts
-from continuum_grasp.grasp.starts.starts_found import start_from
-from continuum_grasp.grasp.verification.certificate import Certificate, certify
 from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["Search", "Tried", "branch_of"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.programme.values import problem_values, tension_weight
+from continuum_grasp.grasp.problem.values import problem_values, tension_weight
 from continuum_grasp.grasp.search import Tried
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger

@@ -11,7 +11,7 @@ from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.fine import ELEMENTS, asked_tolerance, resolve_elements, with_elements, with_fine
-from continuum_grasp.grasp.programme.ipopt import Attempt
+from continuum_grasp.grasp.problem.ipopt import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.grasp.search import Search, Tried

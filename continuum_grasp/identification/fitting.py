@@ -118,7 +118,7 @@ def _resolved(scene: Scene) -> tuple[Scene, str]:
     """The scene with a model in place of a tolerance, and what was chosen and why."""
     if scene.fidelity.tolerance is None:
         return scene, ""
-    from continuum_grasp.fidelity.resolve import resolve_fidelity
+    from continuum_grasp.accuracy.resolve import resolve_fidelity
 
     plain = Scene(**{name: getattr(scene, name) for name in Scene.model_fields})
     resolved, note = resolve_fidelity(plain)

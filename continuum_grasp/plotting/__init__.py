@@ -8,9 +8,7 @@ touched. matplotlib is imported when the first picture is drawn.
 from __future__ import annotations
 
 from continuum_grasp.plotting.accuracy import plot_accuracy
-from continuum_grasp.plotting.animation import animate
-from continuum_grasp.plotting.contact import plot_contact_forces
-from continuum_grasp.plotting.control import (
+from continuum_grasp.plotting.control.control import (
     plot_bounds,
     plot_control_path,
     plot_controller_times,
@@ -20,13 +18,15 @@ from continuum_grasp.plotting.control import (
     plot_tracking_error,
     save_control_pictures,
 )
-from continuum_grasp.plotting.control_frames import animate_control
-from continuum_grasp.plotting.coordinates import plot_coordinates
-from continuum_grasp.plotting.energy import plot_energy
-from continuum_grasp.plotting.modes import plot_modes
-from continuum_grasp.plotting.pictures import save_picture, save_simulation_pictures
-from continuum_grasp.plotting.snapshots import plot_snapshots
-from continuum_grasp.plotting.tip_path import plot_tip_path
+from continuum_grasp.plotting.control.frames import animate_control
+from continuum_grasp.plotting.drawing.pictures import save_picture, save_simulation_pictures
+from continuum_grasp.plotting.motion.animation import animate
+from continuum_grasp.plotting.motion.contact import plot_contact_forces
+from continuum_grasp.plotting.motion.coordinates import plot_coordinates
+from continuum_grasp.plotting.motion.energy import plot_energy
+from continuum_grasp.plotting.motion.modes import plot_modes
+from continuum_grasp.plotting.motion.snapshots import plot_snapshots
+from continuum_grasp.plotting.motion.tip_path import plot_tip_path
 
 __all__ = [
     "animate",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
-from continuum_grasp.plotting.axes import BLUE, GREEN, GREY, INK, ORANGE, new_figure, quiet
+from continuum_grasp.plotting.drawing.axes import BLUE, GREEN, GREY, INK, ORANGE, new_figure, quiet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.axes import BLUE, GREY, INK, ORANGE, head, new_axes, new_figure, quiet
-from continuum_grasp.plotting.pictures import save_picture
+from continuum_grasp.plotting.drawing.axes import BLUE, GREY, INK, ORANGE, head, new_axes, new_figure, quiet
+from continuum_grasp.plotting.drawing.pictures import save_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.axes import BLUE, GREY, INK, ORANGE, head, new_figure, quiet, time_map
+from continuum_grasp.plotting.drawing.axes import BLUE, GREY, INK, ORANGE, head, new_figure, quiet, time_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

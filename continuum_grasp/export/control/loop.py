@@ -10,21 +10,21 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.control.controller_source import Field as Member
+from continuum_grasp.control.estimation import Estimation, estimation_of
+from continuum_grasp.control.estimator_settings import controller_fields, delay_periods
+from continuum_grasp.control.first_state import first_state, rest_input
+from continuum_grasp.control.noise import Ranges, ranges_of
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.problem import stages_of
+from continuum_grasp.control.setpoints import set_points
+from continuum_grasp.control.stages import Stages
+from continuum_grasp.control.status import CALL_RATE
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.control.names import identifiers, named_fields, unit_of
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.reals import Real
-from continuum_grasp.mpc.controller_source import Field as Member
-from continuum_grasp.mpc.estimation import Estimation, estimation_of
-from continuum_grasp.mpc.estimator_settings import controller_fields, delay_periods
-from continuum_grasp.mpc.first_state import first_state, rest_input
-from continuum_grasp.mpc.noise import Ranges, ranges_of
-from continuum_grasp.mpc.prediction import Prediction
-from continuum_grasp.mpc.problem import stages_of
-from continuum_grasp.mpc.setpoints import set_points
-from continuum_grasp.mpc.stages import Stages
-from continuum_grasp.mpc.status import CALL_RATE
 from continuum_grasp.scene.control import ControlScene
 
 __all__ = ["CHANGEABLE", "DIAGNOSIS", "Loop"]

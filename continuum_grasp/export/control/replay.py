@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.control.setpoints import set_points
 from continuum_grasp.export.codes import Code
 from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.reals import Real
 from continuum_grasp.export.vectors import Vectors, bad_entries
-from continuum_grasp.mpc.setpoints import set_points
 
 __all__ = ["controller_vectors", "estimator_vectors", "replayed"]
 

@@ -1,4 +1,4 @@
-"""C of estimator and controller: the templates of ``mpc/c`` around strict kernels, and the public functions."""
+"""C of estimator and controller: the templates of ``control/c`` around strict kernels, and the public functions."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp import __version__
+from continuum_grasp.control.controller_source import Field as Member
+from continuum_grasp.control.source import dimensions, iteration_bodies, template
 from continuum_grasp.export.control.loop import CHANGEABLE, DIAGNOSIS, Loop
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
 from continuum_grasp.export.fields import Struct
@@ -15,8 +17,6 @@ from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.reals import Real
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
-from continuum_grasp.mpc.controller_source import Field as Member
-from continuum_grasp.mpc.source import dimensions, iteration_bodies, template
 
 __all__ = ["ANOMALIES", "control_sources"]
 

@@ -1,4 +1,4 @@
-"""The C of ``mpc/c`` with the names, the type and the literals of a package."""
+"""The C of ``control/c`` with the names, the type and the literals of a package."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _TOKEN = re.compile(
     re.DOTALL,
 )
 _ROOMS = {"rti": "rti", "ekf": "ekf", "controller": "loop", "supervisor": "supervisor", "cg": "checks"}
-"""What names begin with in ``mpc/c``, and behind the prefix of a package."""
+"""What names begin with in ``control/c``, and behind the prefix of a package."""
 _NAME = re.compile(rf"\b(?:{'|'.join(_ROOMS)})_\w+|\b(?:{'|'.join(room.upper() for room in _ROOMS)})_\w+")
 _HEADER = re.compile(r"\b(?:rti|ekf|supervisor|controller|checks)\.h\b")
 _INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)
@@ -31,7 +31,7 @@ def renamed(source: str, prefix: str, real: str, functions: Collection[str] = ()
     Parameters
     ----------
     source : str
-        C of ``mpc/c``.
+        C of ``control/c``.
     prefix : str
         Of the package.
     real : {"double", "float"}

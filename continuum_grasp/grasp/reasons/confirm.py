@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.programme.relaxations import RELAXATIONS
+from continuum_grasp.grasp.certificate.check import EQUILIBRIUM
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.quality.conic_program import Cones, solve_conic
 from continuum_grasp.grasp.quality.linear_program import LinearOutcome
 from continuum_grasp.grasp.reasons.posture_statics import PostureStatics
-from continuum_grasp.grasp.verification.check import EQUILIBRIUM
 from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["Confirmed", "confirm", "least_amount"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from continuum_grasp.grasp.programme.relaxations import RELAXATIONS, Relaxation
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.reasons.repairs import Repair, Repairs
 from continuum_grasp.grasp.result import Reason
 from continuum_grasp.grasp.search import Search

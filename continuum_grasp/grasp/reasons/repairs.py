@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.programme.ipopt import Attempt
-from continuum_grasp.grasp.programme.relaxations import RELAXATIONS, Relaxation
+from continuum_grasp.grasp.problem.ipopt import Attempt
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.reasons.confirm import least_amount
 from continuum_grasp.grasp.search import Search, branch_of
 from continuum_grasp.grasp.starts.starts import Start
-from continuum_grasp.grasp.verification.certificate import certify
 from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["Repair", "Repairs"]

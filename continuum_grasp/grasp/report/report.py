@@ -21,9 +21,9 @@ from continuum_grasp.grasp.report.yaml_text import yaml_text
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
+    from continuum_grasp.grasp.certificate.certificate import Certificate, Check
+    from continuum_grasp.grasp.certificate.model_error import ModelError
     from continuum_grasp.grasp.result import GraspResult
-    from continuum_grasp.grasp.verification.certificate import Certificate, Check
-    from continuum_grasp.grasp.verification.model_error import ModelError
 
 __all__ = ["result_meta", "result_text", "result_yaml", "save_result"]
 

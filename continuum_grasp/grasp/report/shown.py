@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from continuum_grasp.grasp.certificate.certificate import Certificate
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.result import GraspResult
-    from continuum_grasp.grasp.verification.certificate import Certificate
 
 __all__ = [
     "certificate_data",

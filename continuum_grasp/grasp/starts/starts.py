@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.starts_force import contact_forces
-from continuum_grasp.grasp.starts.starts_order import spread_order
-from continuum_grasp.grasp.starts.starts_poses import object_poses
-from continuum_grasp.grasp.starts.starts_random import fallback, shaken
-from continuum_grasp.grasp.starts.starts_reach import Reach, reach_report
-from continuum_grasp.grasp.starts.starts_supports import support_contacts, touching_supports
-from continuum_grasp.grasp.starts.starts_values import ContactStart, FingerStart, Start
-from continuum_grasp.grasp.starts.starts_weighing import Weighed, Weighing
+from continuum_grasp.grasp.starts.force import contact_forces
+from continuum_grasp.grasp.starts.order import spread_order
+from continuum_grasp.grasp.starts.poses import object_poses
+from continuum_grasp.grasp.starts.random import fallback, shaken
+from continuum_grasp.grasp.starts.reach import Reach, reach_report
+from continuum_grasp.grasp.starts.supports import support_contacts, touching_supports
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
+from continuum_grasp.grasp.starts.weighing import Weighed, Weighing
 from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = [

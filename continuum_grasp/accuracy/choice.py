@@ -1,0 +1,153 @@
+"""The choices of fidelity that are open to a scene, and what each costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from continuum_grasp.accuracy.truth import Truth
+from continuum_grasp.model import FingerModel
+from continuum_grasp.model.layout import element_lengths
+from continuum_grasp.scene.finger import PiecewiseCurvature
+from continuum_grasp.scene.simulate import Family, Fidelity, Scene
+
+__all__ = ["ACCURACIES", "COUNTS", "Choice", "choices"]
+
+FAMILIES: tuple[Family, ...] = ("matched_clothoid", "clothoid", "arc")
+COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
+"""Numbers of elements that are tried."""
+ACCURACIES = (1e-2, 2e-3, 1e-4, 1e-6, 1e-9, 1e-13)
+"""Accuracies of evaluation that are tried, coarse first; each stands for Horner terms and quadrature nodes."""
+_RANGES = (0.3, 0.6, 1.0, 1.5, 2.1, 3.15, 4.5, 6.3)
+"""Declared bending ranges [rad]; those for which the nodes of clothoids are tabulated."""
+_MARGIN = 1.1
+_MOST_ELEMENTS = 64
+_SHORTEST = 0.02
+"""Shortest element that is made for a load's sake, per length."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One way to model the finger of a scene.
+
+    Attributes
+    ----------
+    scene : Scene
+    family : {"arc", "clothoid", "matched_clothoid"}
+    lengths : tuple of float
+        Element lengths [m].
+    aligned : bool
+        Whether elements end at loads, masses and jumps of the rest curvature, beside the contacts.
+    accuracy : float or None
+        Relative accuracy of the evaluation; None: the family's own.
+    bending_range : float
+        [rad]
+    """
+
+    scene: Scene
+    family: Family
+    lengths: tuple[float, ...]
+    aligned: bool
+    accuracy: float | None
+    bending_range: float
+
+    @property
+    def elements(self) -> int:
+        """Number of elements."""
+        return len(self.lengths)
+
+    @property
+    def fidelity(self) -> Fidelity:
+        """The choice as a scene says it."""
+        return Fidelity(
+            family=self.family, elements=self.lengths, accuracy=self.accuracy, bending_range=self.bending_range
+        )
+
+    @cached_property
+    def model(self) -> FingerModel:
+        """The scene's model with this choice."""
+        return FingerModel(self.scene.model_copy(update={"fidelity": self.fidelity}))
+
+    @cached_property
+    def instructions(self) -> int:
+        """Instructions of the forward dynamics."""
+        return int(self.model.forward_dynamics.n_instructions())
+
+    def with_accuracy(self, accuracy: float) -> Choice:
+        """The same with another accuracy of evaluation."""
+        return self if accuracy == self.accuracy else replace(self, accuracy=accuracy)
+
+    def __str__(self) -> str:
+        even = "" if max(self.lengths) - min(self.lengths) < 1e-9 * sum(self.lengths) else ", uneven"
+        terms = "" if self.accuracy is None else f", accuracy {self.accuracy:g}"
+        return f"{self.elements} {self.family}{even}{terms}, range {self.bending_range:g} rad"
+
+
+def choices(
+    scene: Scene, truth: Truth, family: Family, accuracy: float | None, *, counts: Sequence[int] = COUNTS
+) -> Iterator[Choice]:
+    """All numbers and placements of elements of one family, few elements first.
+
+    Parameters
+    ----------
+    scene : Scene
+    truth : Truth
+        Of that scene: how far elements bend.
+    family : {"arc", "clothoid", "matched_clothoid"}
+    accuracy : float or None
+        Relative accuracy of the evaluation; None: the family's own.
+    counts : sequence of int
+        Numbers of elements, where the scene fixes none.
+    """
+    for lengths, aligned in _placements(scene, counts):
+        reach = _bending_range(scene, truth, lengths)
+        if reach is not None:
+            yield Choice(scene, family, lengths, aligned, accuracy, reach)
+
+
+def _placements(scene: Scene, counts: Sequence[int]) -> Iterator[tuple[tuple[float, ...], bool]]:
+    """Element lengths, and whether they are aligned; those that the scene fixes alone."""
+    length, contacts, fixed = scene.finger.rod.length, scene.contacts, scene.fidelity.elements
+    if isinstance(fixed, tuple):
+        yield element_lengths(length, contacts, fixed), False
+        return
+    marks, least = _marks(scene), len(contacts) + 1
+    if fixed is not None:
+        counts = (fixed,)
+    elif least > max(counts):
+        counts = tuple(count for count in (least, 2 * least) if count <= _MOST_ELEMENTS)
+    for count in counts:
+        if count > len(contacts):
+            yield element_lengths(length, contacts, count), False
+        if count > len(marks) > len(contacts):
+            yield element_lengths(length, marks, count), True
+
+
+def _marks(scene: Scene) -> tuple[float, ...]:
+    """Contacts, and places inside the finger at which the curvature has a kink or jumps."""
+    length, finger = scene.finger.rod.length, scene.finger
+    places = [load.at for load in (*scene.loads, *scene.initial.held_by)]
+    places += [mass.at for mass in finger.masses if mass.mass > 0.0]
+    if isinstance(finger.rest_curvature, PiecewiseCurvature):
+        places += finger.rest_curvature.breaks
+    kept = list(scene.contacts)
+    for at in sorted(places):
+        if all(abs(at - other) >= _SHORTEST * length for other in (0.0, *kept, length)):
+            kept.append(at)
+    return tuple(sorted(kept))
+
+
+def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> float | None:
+    """Declared range that covers what the elements do with a margin; None where none does."""
+    given = scene.fidelity.bending_range
+    if given is not None:
+        return given
+    moving, start, reach = scene.time is not None, 0.0, 0.0
+    for h in lengths:
+        reach = max(reach, h * truth.curvature_reach(start, start + h, moving))
+        start += h
+    most = scene.finger.curvature_limit * max(lengths)
+    wanted = min(_MARGIN * reach, most if math.isfinite(most) else math.inf)
+    return next((r for r in _RANGES if r >= wanted), None)

@@ -1,0 +1,189 @@
+"""How well a closed loop did."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from continuum_grasp.closed_loop.result import ControlRun
+
+__all__ = ["Metrics", "Times", "Tracking", "Violation", "metrics_of"]
+
+Array = NDArray[np.float64]
+
+_FINAL = 0.1
+"""Last share of the run over which the final error is averaged."""
+_GROUPS = {
+    "tip": re.compile(r"tip_[xy]"),
+    "bending": re.compile(r"bending_\d+"),
+    "section": re.compile(r"section_\d+_[xy]"),
+    "contact_force": re.compile(r"contact_force_.+"),
+}
+"""What is followed, and the names of its entries."""
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Distance from the set-points: root of the mean square, greatest, and that of the mean over the last tenth."""
+
+    name: str
+    unit: str
+    rms: float
+    max: float
+    final: float
+
+
+@dataclass(frozen=True)
+class Violation:
+    """Greatest amount by which a bound was exceeded (negative: the least distance from it), and for how long."""
+
+    name: str
+    unit: str
+    worst: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Times:
+    """Time that a phase of the controller took [s]."""
+
+    name: str
+    median: float
+    p99: float
+    max: float
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """A closed loop in numbers.
+
+    Attributes
+    ----------
+    tracking : tuple of Tracking
+        Per thing that is followed; distances of points are Euclidean, over all of them for sections.
+    cost : float
+        Sum over the run of the controller's own running cost, on the plant.
+    effort_rms : float
+        Root of the mean square of the input's deviation from the set-point of effort, or from its least where there is
+        none [N or N m].
+    rate_rms : float
+        Root of the mean square of the input's rate [N/s or N m/s].
+    violations : tuple of Violation
+    times : tuple of Times
+    late : int
+        Steps that took longer than the deadline.
+    statuses, anomalies, health : dict of str to int
+        How often each occurred.
+    mismatch : float
+        Greatest mean squared normalized innovation of a sensor; about 1 where sensors and model agree.
+    """
+
+    tracking: tuple[Tracking, ...]
+    cost: float
+    effort_rms: float
+    rate_rms: float
+    input_unit: str
+    violations: tuple[Violation, ...]
+    times: tuple[Times, ...]
+    late: int
+    statuses: dict[str, int]
+    anomalies: dict[str, int]
+    health: dict[str, int]
+    mismatch: float
+
+    def rows(self) -> list[tuple[str, str, str, str]]:
+        """Table of four columns: what, and three values with their units."""
+        found = [("tracking error", "r.m.s.", "max", "final")]
+        for one in self.tracking:
+            values = (f"{_amount(v, one.unit)}" for v in (one.rms, one.max, one.final))
+            found.append((one.name, *values))  # type: ignore[arg-type]
+        found.append(("bound", "worst", "exceeded", ""))
+        for bound in self.violations:
+            found.append((bound.name, _amount(bound.worst, bound.unit), f"{100 * bound.share:.1f} %", ""))
+        found.append(("time", "median", "99 %", "max"))
+        for time in self.times:
+            found.append((time.name, *(_amount(v, "s") for v in (time.median, time.p99, time.max))))  # type: ignore[arg-type]
+        return found
+
+    def pairs(self) -> dict[str, str]:
+        """Single values by name."""
+        counts = {"status": self.statuses, "anomalies": self.anomalies, "health": self.health}
+        words = {k: ", ".join(f"{n} {name}" for name, n in v.items()) or "none" for k, v in counts.items()}
+        return {
+            "closed-loop cost": f"{self.cost:.6g}",
+            "effort": f"{_amount(self.effort_rms, self.input_unit)} r.m.s.",
+            "input rate": f"{_amount(self.rate_rms, self.input_unit + '/s')} r.m.s.",
+            "late": f"{self.late}",
+            **words,
+            "mismatch": f"{self.mismatch:.2g} at most",
+        }
+
+
+def metrics_of(run: ControlRun) -> Metrics:
+    """Numbers of a run."""
+    u, error = run.u, run.tracked - run.r
+    unit = run.u_names[0].split("[")[1][:-1]
+    names = [name.split(" ")[0] for name in run.r_names]
+    inputs = [names.index(name.split(" ")[0]) for name in run.u_names if name.split(" ")[0] in names]
+    away = error[:-1, inputs] if inputs else u - np.maximum(run.u_min, 0.0)
+    held = np.vstack([u[:1], u[:-1]])
+    return Metrics(
+        tracking=tuple(_tracking(group, names, run.r_names, error) for group in _present(names)),
+        cost=float(0.5 * run.period * np.sum(run.weights * error[:-1] ** 2)),
+        effort_rms=_rms(np.linalg.norm(away, axis=1)),
+        rate_rms=_rms(np.linalg.norm(u - held, axis=1) / run.period),
+        input_unit=unit,
+        violations=tuple(
+            Violation(b.name, b.unit, float(b.excess.max()), float(np.mean(b.excess > _tolerance(b.excess))))
+            for b in run.bounds
+        ),
+        times=tuple(_times(name, column) for name, column in zip(run.phase_names, run.phase_times.T, strict=False)),
+        late=int(np.sum(run.phase_times.sum(axis=1) > run.deadline)),
+        statuses=dict(Counter(run.status)),
+        anomalies=dict(Counter(word for words in run.anomalies for word in words)),
+        health=dict(Counter(run.health)),
+        mismatch=float(run.mismatch.max(initial=0.0)),
+    )
+
+
+def _present(names: Sequence[str]) -> list[str]:
+    return [group for group, pattern in _GROUPS.items() if any(map(pattern.fullmatch, names))]
+
+
+def _tracking(group: str, names: Sequence[str], labels: Sequence[str], error: Array) -> Tracking:
+    columns = [k for k, name in enumerate(names) if _GROUPS[group].fullmatch(name)]
+    own, unit = error[:, columns], labels[columns[0]].split("[")[1][:-1]
+    last = own[-max(1, round(_FINAL * len(own))) :].mean(axis=0)
+    if group in ("tip", "section"):
+        parts = own.reshape(len(own), -1, 2)
+        sizes, final = np.linalg.norm(parts, axis=2), np.linalg.norm(last.reshape(-1, 2), axis=1).max()
+    else:
+        sizes, final = np.abs(own), np.abs(last).max()
+    return Tracking(group.replace("_", " "), unit, _rms(sizes), float(sizes.max()), float(final))
+
+
+def _times(name: str, column: Array) -> Times:
+    return Times(name, float(np.median(column)), float(np.quantile(column, 0.99)), float(column.max()))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def _tolerance(excess: Array) -> float:
+    """Rounding."""
+    return 1e-9 * max(1.0, float(np.abs(excess).max(initial=0.0)))
+
+
+def _amount(value: float, unit: str) -> str:
+    """A value with a unit that people read."""
+    scaled: dict[str, Any] = {"m": (1e3, "mm"), "s": (1e6, "us"), "rad": (1.0, "rad")}
+    factor, word = scaled.get(unit, (1.0, unit))
+    return f"{value * factor:.3g} {word}".strip()

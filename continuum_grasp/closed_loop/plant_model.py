@@ -1,0 +1,316 @@
+"""The equations of motion of a plant: those of a finer finger, with the drive between command and tendon."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.closed_loop.plant_scene import plant_scene
+from continuum_grasp.errors import InputError
+from continuum_grasp.model import System
+from continuum_grasp.model.remade import Remade
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.initial import initial_state
+from continuum_grasp.simulation.signals import Signals
+
+__all__ = ["PlantModel", "plant_scene"]
+
+Array = NDArray[np.float64]
+
+
+class PlantModel(Remade):
+    """The plant as functions of its state x, the command u and forces w.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene.
+    given : Scene, optional
+        The plant's finger in its surroundings, where it is not that of ``plant_scene``.
+    parameters, object_parameters : sequence of str
+        What of finger and object may be changed without compiling anew; see ``p``.
+
+    Attributes
+    ----------
+    scene : Scene
+        The plant's finger in its surroundings.
+    p : (np,) ndarray
+        Values of ``parameters``, then of ``object_parameters``; may be assigned to.
+    outside : dict of str to callable
+        Entries of w, by name, as functions of instants [s], on top of the scene's loads.
+    system : System
+        Its equations of motion.
+    nx, nu, nw : int
+        Numbers of states, inputs and forces.
+    x_names, u_names, w_names : tuple of str
+        Name and unit of each entry.
+    dynamics : casadi.Function
+        (x, u, w, p) -> xd.
+    linearization : casadi.Function
+        (x, u, w, p) -> A, B.
+
+    Notes
+    -----
+    x is that of the system, then the state of the drive: for tendons that lag, the mean tension and its rate (their
+    difference is in the system's x); for a tip moment that lags, the moment and its rate. A drive of first order has
+    both tensions, or the moment.
+
+    Raises
+    ------
+    InputError
+        If a matched tip's moment jumps, having no lag, or its rate does, having one of first order: the tip would jump
+        with it; if a drive without lag is to be of first order.
+    """
+
+    def __init__(
+        self,
+        scene: ControlScene,
+        given: Scene | None = None,
+        parameters: Sequence[str] = (),
+        object_parameters: Sequence[str] = (),
+    ) -> None:
+        self.control, self.scene = scene, plant_scene(scene) if given is None else given
+        finger = self.scene.finger
+        tendons = finger.tendons
+        moment_lag = scene.plant.time_constant or scene.controller.input.time_constant
+        self._lag = moment_lag if tendons is None else tendons.time_constant
+        self._order = scene.plant.drive_order
+        family = scene.plant.fidelity.family
+        if family == "matched_clothoid" and (self._lag is None or self._order == 1):
+            raise InputError(
+                "a matched tip is thrown by inputs that jump: give the drive a lag of second order, or take clothoid",
+                key="plant.fidelity.family",
+            )
+        if self._order == 1 and self._lag is None:
+            raise InputError("a drive of first order needs plant.time_constant", key="plant.drive_order")
+        own_lag = tendons is None and self._lag is not None
+        rates = family == "matched_clothoid" and own_lag
+        self.system = System(
+            self.scene if self._order == 2 else _without_lag(self.scene),
+            family=family,
+            input_rates=rates or None,
+            parameters=parameters,
+            object_parameters=object_parameters,
+        )
+        self.u_names = ("tip_moment [N m]",) if tendons is None else ("tension_1 [N]", "tension_2 [N]")
+        names: tuple[str, ...] = ()
+        if self._order == 1:
+            names = self.u_names
+        elif own_lag:
+            names = ("tip_moment [N m]", "tip_moment_rate [N m/s]")
+        elif self._lag is not None:
+            names = ("mean_tension [N]", "mean_tension_rate [N/s]")
+        self.x_names = (*self.system.x_names, *names)
+        self.w_names = tuple(self.system.w_names)
+        self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
+        self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
+        self._w, self._p = ca.SX.sym("w", self.nw), ca.SX.sym("p", self.system.np)
+        self.p: Array = np.array(self.system.p_nominal)
+        self.outside: dict[str, Callable[[Array], Array]] = {}
+        self._signals = Signals(self.scene, self.system.finger_model)
+
+    def __getstate__(self) -> tuple[Array, dict[str, Callable[[Array], Array]]]:
+        return self.p.copy(), dict(self.outside)
+
+    def __setstate__(self, state: tuple[Array, dict[str, Callable[[Array], Array]]]) -> None:
+        self.p, self.outside = state
+
+    # -- the drive ----------------------------------------------------------------------------------------------------
+
+    @property
+    def lags(self) -> bool:
+        """Whether the input acts late."""
+        return self._lag is not None
+
+    @cached_property
+    def _drive(self) -> ca.SX:
+        """Rates of the drive's own states."""
+        if self._lag is None:
+            return ca.SX(0, 1)
+        if self._order == 1:
+            return (self._u - self._x[-self.nu :]) / self._lag
+        value, rate = self._x[-2], self._x[-1]
+        asked = self._u[0] if self.nu == 1 else 0.5 * (self._u[0] + self._u[1])
+        return ca.vertcat(rate, (asked - value) / self._lag**2 - 2.0 * rate / self._lag)
+
+    @cached_property
+    def _acting(self) -> ca.SX:
+        """Input of the system."""
+        if self._order == 1:
+            return self._x[-self.nu :]
+        if self._lag is None or self.nu == 2:
+            return self._u
+        value = ca.vertcat(self._x[-2], self._drive)
+        return value[: self.system.nu]
+
+    @property
+    def named_states(self) -> dict[str, ca.SX]:
+        """Entries of x by name; of a drive of first order also the tip moment that acts and its rate."""
+        found = dict(zip(self.x_names, ca.vertsplit(self._x), strict=True))
+        if self._order == 1:
+            tendons = self.scene.finger.tendons
+            moment = ca.DM([[1.0]] if tendons is None else [[tendons.offset, -tendons.offset]])
+            found["tip_moment [N m]"] = ca.mtimes(moment, self._acting)
+            found["tip_moment_rate [N m/s]"] = ca.mtimes(moment, self._drive)
+        return found
+
+    # -- functions ----------------------------------------------------------------------------------------------------
+
+    def function(self, name: str, **outputs: ca.SX) -> ca.Function:
+        """A function (x, u, w) of expressions in ``arguments``."""
+        values = ca.substitute([ca.densify(ca.SX(v)) for v in outputs.values()], [self._p], [ca.SX(ca.DM(self.p))])
+        return ca.Function(name, [self._x, self._u, self._w], ca.cse(values), ["x", "u", "w"], list(outputs))
+
+    @property
+    def arguments(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Symbols x, u and w."""
+        return self._x, self._u, self._w
+
+    @property
+    def _of_system(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        return self._x[: self.system.nx], self._acting, self._p
+
+    @cached_property
+    def _rate(self) -> ca.SX:
+        x, u, p = self._of_system
+        return ca.vertcat(self.system.forward_dynamics(x, u, self._w, p), self._drive)
+
+    @cached_property
+    def dynamics(self) -> ca.Function:
+        """State derivative."""
+        value = ca.cse([ca.densify(self._rate)])
+        return ca.Function("dynamics", [self._x, self._u, self._w, self._p], value, ["x", "u", "w", "p"], ["xd"])
+
+    @cached_property
+    def linearization(self) -> ca.Function:
+        """Jacobians of the state derivative with respect to state and input."""
+        given = [self._x, self._u, self._w, self._p]
+        values = [ca.densify(e) for e in ca.cse([ca.jacobian(self._rate, v) for v in given[:2]])]
+        return ca.Function("linearization", given, values, ["x", "u", "w", "p"], ["A", "B"])
+
+    @cached_property
+    def internal(self) -> ca.Function:
+        """(x, u, p) -> mass matrix of the finger, its stiffness and its damping."""
+        values = [ca.densify(e) for e in self.system.internal(*self._of_system)]
+        return ca.Function("internal", [self._x, self._u, self._p], values, ["x", "u", "p"], ["M", "K", "D"])
+
+    @cached_property
+    def tip(self) -> ca.SX:
+        """World position of the tip (2) [m]."""
+        return self.system.tip(*self._of_system)
+
+    def sections(self, at: Sequence[float]) -> tuple[ca.SX, ca.SX]:
+        """World positions (2, K) [m] and angles (K) [rad] of sections at positions along the finger [m]."""
+        r, angle = self.system.sections(tuple(at))(*self._of_system)
+        return r, angle
+
+    def angle_rates(self, at: Sequence[float]) -> ca.SX:
+        """Rates of the angles of sections [rad/s]."""
+        return ca.jtimes(self.sections(at)[1], self._x, self._rate)
+
+    @cached_property
+    def curvature(self) -> ca.SX:
+        """Curvature at the nodes of clothoids, or of each arc [1/m]."""
+        return self.system.curvature(*self._of_system)
+
+    @cached_property
+    def range_use(self) -> ca.SX:
+        """Share of the declared bending range that each element uses."""
+        return self.system.range_use(*self._of_system)
+
+    @cached_property
+    def touch(self) -> dict[str, ca.SX]:
+        """All contacts, by the names of the outputs of ``System.touch``."""
+        x, u, p = self._of_system
+        return dict(zip(self.system.touch.name_out(), self.system.touch(x, u, self._w, p), strict=True))
+
+    @property
+    def contact_force(self) -> ca.SX:
+        """Normal forces [N] at the contacts that the controller follows, in its order."""
+        rows = [self.system.touch_names.index(self._own_name(name)) for name in self.control.followed_contacts]
+        return self.touch["normal_force"][rows]
+
+    def _own_name(self, name: str) -> str:
+        """The name that a contact of the controller has here, where the finger may have more of them."""
+        if name == "finger.tip":
+            return name
+        at = self.control.contacts[int(name.rpartition(".")[2]) - 1]
+        nearest = int(np.argmin(np.abs(np.array(self.scene.contacts) - at)))
+        return f"finger.{nearest + 1}"
+
+    @property
+    def object_pose(self) -> ca.SX:
+        """Pose of an object that moves: x, y [m], angle [rad], and height [m] where it can slide out of the plane."""
+        return self._x[self.system.object_states]
+
+    @cached_property
+    def drive(self) -> ca.SX:
+        """What the drive exerts: both tensions [N], or the tip moment [N m]."""
+        if self._lag is None:
+            return self._u
+        if self._order == 1:
+            return self._x[-self.nu :]
+        tendons = self.scene.finger.tendons
+        if tendons is None:
+            return self._x[-2]
+        half = 0.5 * self._x[2 * self.system.n] / tendons.offset
+        return ca.vertcat(self._x[-2] + half, self._x[-2] - half)
+
+    # -- values -------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def rest_input(self) -> Array:
+        """Input at time zero: least tensions, or no moment."""
+        found: Array = self._signals.u(0.0)[0][: self.nu]
+        return found
+
+    @cached_property
+    def start(self) -> Array:
+        """State at time zero (nx)."""
+        model = self.system.finger_model
+        x = initial_state(self.scene, model)
+        n = model.n
+        given = np.zeros(self.system.nu)
+        given[: self.nu] = self.rest_input
+        own = [] if self._lag is None else [float(np.mean(self.rest_input)), 0.0]
+        if self._order == 1:
+            own = self.rest_input.tolist()
+        return np.array([*self.system.state(q=x[:n], qd=x[n : 2 * n], u=given, pose=self._start_pose), *own])
+
+    @property
+    def _start_pose(self) -> list[float] | None:
+        """Where a moving object stands; it has sunk into the table under it by its weight."""
+        around = self.system.surroundings
+        if around is None or around.object is None or around.contact_law is None or around.table is None:
+            return None
+        sunk = around.object.mass * around.out_of_plane_gravity / around.contact_law.stiffness
+        return [*around.object.pose, -sunk]
+
+    def forces(self, t: ArrayLike) -> Array:
+        """Forces w (T, nw) at instants (T,) [s]."""
+        known = self._signals.w(t)
+        rows: Array = np.zeros((len(known), self.nw))
+        rows[:, : known.shape[1]] = known
+        instants = np.atleast_1d(np.asarray(t, dtype=float))
+        for name, function in self.outside.items():
+            rows[:, self.w_names.index(name)] += function(instants)
+        return rows
+
+    @property
+    def steady(self) -> bool:
+        """Whether no load varies."""
+        return self._signals.constant and not self.outside
+
+
+def _without_lag(scene: Scene) -> Scene:
+    """The scene with tendons that follow at once: their drive is the plant's own."""
+    tendons = scene.finger.tendons
+    if tendons is None:
+        return scene
+    finger = scene.finger.model_copy(update={"tendons": tendons.model_copy(update={"time_constant": None})})
+    return scene.model_copy(update={"finger": finger})

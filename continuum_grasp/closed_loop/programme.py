@@ -1,0 +1,180 @@
+"""The problem of ``Stages`` as a nonlinear programme, with the derivatives that the stage functions give."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.control.stages import ABSENT, Stages
+from continuum_grasp.core.cache import library_for
+from continuum_grasp.core.compiler import find_compiler
+from continuum_grasp.core.source import function_source
+
+__all__ = ["Programme", "Solution"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """States (N + 1, nx), inputs (N, nu), and how the solver came to them."""
+
+    x: Array
+    u: Array
+    success: bool
+    iterations: int
+    violation: float
+    cost: float
+
+
+class Programme:
+    """Multiple shooting on the grid of the stages; the Hessian is the Gauss-Newton one.
+
+    Variables: x_0, u_0, ..., x_N, then a slack for every row of every node. Parameters: the initial state, p, and the
+    set-points node by node. Constraints: initial state, gaps, rows from above, rows from below.
+    """
+
+    def __init__(self, stages: Stages) -> None:
+        self.stages = s = stages
+        self._step, self._cost, self._terminal = (compiled(f) for f in (s.step, s.cost, s.terminal))
+        self._nz = s.nx + s.nu
+        self._count = s.stages * self._nz + s.nx
+        self._row_count = s.stages * s.nc
+        self._z = ca.MX.sym("z", self._count + self._row_count)
+        self._p = ca.MX.sym("p", s.nx + s.np + (s.stages + 1) * s.nr)
+        self._make()
+
+    def _make(self) -> None:
+        s, n = self.stages, self.stages.stages
+        p = self._p[s.nx : s.nx + s.np]
+        refs = ca.reshape(self._p[s.nx + s.np :], s.nr, n + 1)
+        nodes = [self._z[k * self._nz : min((k + 1) * self._nz, self._count)] for k in range(n + 1)]
+        slack = self._z[self._count :]
+        weights, end_weights = ca.DM(s.weights), ca.DM(s.terminal_weights)
+        early, gaps, gap_slopes = [nodes[0][: s.nx] - self._p[: s.nx]], [], []
+        cost = ca.MX(0)
+        gradient: list[ca.MX] = []
+        hessian: list[ca.MX] = []
+        rows: list[ca.MX] = []
+        row_slopes: list[tuple[int, ca.MX]] = []
+        for k in range(n):
+            x, u = nodes[k][: s.nx], nodes[k][s.nx :]
+            following, a, b = self._shoot(x, u, p)
+            gaps.append(following - nodes[k + 1][: s.nx])
+            gap_slopes.append(ca.horzcat(a, b))
+            value, g, h, c, slope = self._cost(x, u, p, refs[:, k], weights)
+            cost, gradient, hessian = cost + value, [*gradient, g], [*hessian, h]
+            if k:
+                rows.append(c[: s.ns])
+                row_slopes.append((k, slope[: s.ns, :]))
+            rows.append(c[s.ns :])
+            row_slopes.append((k, slope[s.ns :, :]))
+        value, g, h, c, slope = self._terminal(nodes[n], p, refs[:, n], end_weights)
+        rows.append(c)
+        row_slopes.append((n, slope))
+        linear, quadratic = self._prices
+        penalty = ca.dot(linear, slack) + 0.5 * ca.dot(quadratic, slack * slack)
+        self._f = cost + value + penalty
+        self._gradient = ca.vertcat(*gradient, g, linear + quadratic * slack)
+        self._hessian = ca.diagcat(*hessian, h, ca.diag(quadratic))
+        row = ca.vertcat(*rows)
+        self._g = ca.vertcat(*early, *gaps, row - slack, row + slack)
+        self._jacobian = self._assembled(gap_slopes, row_slopes)
+
+    def _shoot(self, x: ca.MX, u: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """A stage, and its derivatives by the chain rule over its sub-steps."""
+        s = self.stages
+        following, a, b = self._step(x, u, p, s.stage / s.substeps)
+        for _ in range(s.substeps - 1):
+            following, by_x, by_u = self._step(following, u, p, s.stage / s.substeps)
+            a, b = ca.mtimes(by_x, a), ca.mtimes(by_x, b) + by_u
+        return following, a, b
+
+    def _assembled(self, gaps: list[ca.MX], rows: list[tuple[int, ca.MX]]) -> ca.MX:
+        s, total = self.stages, self._count + self._row_count
+
+        def placed(block: ca.MX, column: int) -> ca.MX:
+            height, width = block.shape
+            return ca.horzcat(ca.MX(height, column), block, ca.MX(height, total - column - width))
+
+        eye = ca.MX(ca.DM.eye(s.nx))
+        lines = [placed(eye, 0)]
+        for k, slope in enumerate(gaps):
+            lines.append(placed(ca.horzcat(slope, -eye), k * self._nz))
+        row = ca.vertcat(*[placed(slope, k * self._nz) for k, slope in rows])
+        own = placed(ca.MX(ca.DM.eye(self._row_count)), self._count)
+        return ca.vertcat(*lines, row - own, row + own)
+
+    @cached_property
+    def _order(self) -> list[int]:
+        """Which row of a node stands where."""
+        s = self.stages
+        state, both = list(range(s.ns)), list(range(s.ns, s.nc))
+        return [*both, *(state + both) * (s.stages - 1), *state]
+
+    @property
+    def _prices(self) -> tuple[ca.DM, ca.DM]:
+        return ca.DM(self.stages.linear[self._order]), ca.DM(self.stages.quadratic[self._order])
+
+    # -- what CasADi asks for -----------------------------------------------------------------------------------------
+
+    @property
+    def problem(self) -> dict[str, ca.MX]:
+        """Variables, parameters, cost and constraints."""
+        return {"x": self._z, "p": self._p, "f": self._f, "g": self._g}
+
+    @property
+    def gradient(self) -> ca.Function:
+        """(x, p) -> cost and its gradient."""
+        return ca.Function("nlp_grad_f", [self._z, self._p], [self._f, self._gradient], ["x", "p"], ["f", "grad:f:x"])
+
+    @property
+    def jacobian(self) -> ca.Function:
+        """(x, p) -> constraints and their Jacobian."""
+        return ca.Function("nlp_jac_g", [self._z, self._p], [self._g, self._jacobian], ["x", "p"], ["g", "jac:g:x"])
+
+    @property
+    def hessian(self) -> ca.Function:
+        """(x, p, lam_f, lam_g) -> upper half of the Hessian."""
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self._g.numel())
+        value = ca.triu(lam_f * self._hessian)
+        names = ["x", "p", "lam:f", "lam:g"]
+        given = [self._z, self._p, lam_f, lam_g]
+        return ca.Function("nlp_hess_l", given, [value], names, ["triu:hess:gamma:x:x"])
+
+    def solve(self, solver: ca.Function, x: Array, u: Array, x0: Array, p: Array, refs: Array) -> Solution:
+        """Solve from a guess of states (N + 1, nx) and inputs (N, nu)."""
+        s = self.stages
+        guess = np.concatenate([np.hstack([x[:-1], u]).ravel(), x[-1], np.zeros(self._row_count)])
+        free = np.full(s.nx, np.inf)
+        low = [*np.tile(np.concatenate([-free, s.u_min]), s.stages), *-free, *np.zeros(self._row_count)]
+        high = [*np.tile(np.concatenate([free, s.u_max]), s.stages), *free, *np.full(self._row_count, np.inf)]
+        least = np.where(s.c_min <= -ABSENT, -np.inf, s.c_min)
+        most = np.where(s.c_max >= ABSENT, np.inf, s.c_max)
+        equal, none = np.zeros(s.nx * (s.stages + 1)), np.full(self._row_count, np.inf)
+        bounds = {"lbx": low, "ubx": high}
+        bounds["lbg"] = [*equal, *-none, *least[self._order]]
+        bounds["ubg"] = [*equal, *most[self._order], *none]
+        found = solver(x0=guess, p=np.concatenate([x0, p, refs.ravel()]), **bounds)
+        z, stats = np.array(found["x"]).ravel(), solver.stats()
+        body = z[: self._count - s.nx].reshape(s.stages, self._nz)
+        return Solution(
+            x=np.vstack([body[:, : s.nx], z[self._count - s.nx : self._count]]),
+            u=body[:, s.nx :].copy(),
+            success=bool(stats["success"]),
+            iterations=int(stats["iter_count"]),
+            violation=float(z[self._count :].max(initial=0.0)),
+            cost=float(found["f"]),
+        )
+
+
+def compiled(function: ca.Function) -> ca.Function:
+    """The function in C, where there is a compiler."""
+    compiler = find_compiler()
+    if compiler is None:
+        return function
+    return ca.external(function.name(), str(library_for(function_source(function), compiler)))

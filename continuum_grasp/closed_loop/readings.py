@@ -1,0 +1,166 @@
+"""What the cost tracks and what the bounds bound, read off the plant itself."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.stages import Stages
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.controller import HalfPlaneZone, Zone
+from continuum_grasp.simulation.contacts import ContactForces
+
+__all__ = ["Bound", "Readings"]
+
+Array = NDArray[np.float64]
+
+_FINE = 64
+"""Sections along the backbone at which zones are checked."""
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Amount by which a bound is exceeded (K,), negative within it, in its unit; ``scale`` is a large amount."""
+
+    name: str
+    unit: str
+    excess: Array
+    scale: float
+
+
+class Readings:
+    """Values over time of everything that the controller's problem names.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene.
+    plant : PlantModel
+        The plant.
+    stages : Stages
+        The controller's problem; its ``r_names`` give the order of what is tracked.
+    prediction : Prediction
+        The controller's model; its elements are those whose bending is read.
+    """
+
+    def __init__(self, scene: ControlScene, plant: PlantModel, stages: Stages, prediction: Prediction) -> None:
+        self._scene, self._plant, self._stages = scene, plant, stages
+        self._length = plant.scene.finger.rod.length
+        self._edges = np.minimum(np.cumsum(prediction.system.finger_model.lengths), self._length)
+
+    def _map(self, function: ca.Function, x: Array, u: Array, w: Array) -> Array:
+        """Rows (K, size) of a function of states, inputs and forces."""
+        mapped = function.map(len(x))(x.T, u.T, w.T)
+        return np.array(mapped).reshape(-1, len(x), order="F").T
+
+    def tip(self, x: Array, u: Array, w: Array) -> Array:
+        """Tip positions (K, 2) [m]."""
+        return self._map(self._plant.function("tip", r=self._plant.tip), x, u, w)
+
+    def backbone(self, x: Array, u: Array, w: Array, points: int) -> Array:
+        """Backbones (K, points, 2) [m], evenly spaced from base to tip."""
+        return self._sections(np.linspace(0.0, self._length, points), x, u, w)
+
+    def _sections(self, at: Array, x: Array, u: Array, w: Array) -> Array:
+        where = self._plant.sections([float(s) for s in at])[0]
+        rows = self._map(self._plant.function("sections", r=ca.vec(where)), x, u, w)
+        return rows.reshape(len(x), len(at), 2)
+
+    def range_use(self, x: Array, u: Array, w: Array) -> Array:
+        """Share of the plant's declared bending range that each element uses (K, elements)."""
+        return self._map(self._plant.function("use", use=self._plant.range_use), x, u, w)
+
+    def object_pose(self, x: Array) -> Array | None:
+        """Pose (K, 3 or 4) of an object that moves: x, y [m], angle [rad], height [m]; None without one."""
+        found = x[:, self._plant.system.object_states]
+        return found if found.shape[1] else None
+
+    def contacts(self, x: Array, u: Array, w: Array) -> ContactForces | None:
+        """Gaps and forces of all contacts; None without an object."""
+        names = tuple(self._plant.system.touch_names)
+        if not names:
+            return None
+        wanted = {one.name for one in fields(ContactForces)} - {"names"}
+        touch = {key: value for key, value in self._plant.touch.items() if key in wanted}
+        found = {}
+        for key, value in touch.items():
+            rows = self._map(self._plant.function(key, value=ca.vec(value)), x, u, w)
+            found[key] = rows.reshape(len(x), len(names), 2).transpose(0, 2, 1) if value.size1() == 2 else rows
+        return ContactForces(names, **found)
+
+    # -- what is tracked ----------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _tracked(self) -> ca.Function:
+        plant, cost = self._plant, self._scene.controller.cost
+        values: list[ca.SX] = []
+        if cost.tip is not None:
+            values.append(plant.tip)
+        angles = ca.vertcat(0.0, plant.sections(self._edges.tolist())[1] - self._base_angle)
+        rates = ca.vertcat(0.0, plant.angle_rates(self._edges.tolist()))
+        if cost.bending is not None:
+            values.append(angles[1:] - angles[:-1])
+        if cost.shape is not None:
+            values.append(ca.vec(plant.sections(cost.shape.at)[0]))
+        if cost.contact_force is not None:
+            values.append(plant.contact_force)
+        if cost.speed is not None:
+            values.append(rates[1:] - rates[:-1])
+        return plant.function("tracked", y=ca.vertcat(*values))
+
+    @property
+    def _base_angle(self) -> float:
+        return self._plant.scene.finger.base.angle
+
+    def tracked(self, x: Array, u: Array, w: Array, held: Array) -> Array:
+        """Outputs (K, nr) in the order of the set-points; ``held`` (K, nu) are the inputs before."""
+        columns = [self._map(self._tracked, x, u, w)]
+        if self._scene.controller.cost.effort:
+            columns.append(u)
+        if self._scene.controller.cost.input_rate:
+            columns.append((u - held) / self._stages.stage)
+        return np.hstack(columns)
+
+    # -- what is bounded ----------------------------------------------------------------------------------------------
+
+    def bounds(self, x: Array, u: Array, w: Array, held: Array, period: float) -> list[Bound]:
+        """By how much each bound is exceeded at K instants; zones themselves, without the clearance asked for."""
+        scene, bounds = self._scene, self._scene.controller.bounds
+        unit = self._stages.u_names[0].split("[")[1][:-1]
+        beyond = np.maximum(u - self._stages.u_max, self._stages.u_min - u).max(axis=1)
+        span = float(np.max(self._stages.u_max - self._stages.u_min))
+        found = [Bound("input", unit, beyond, span)]
+        most = scene.controller.input.rate_max
+        if most is not None:
+            change = np.abs(u - held).max(axis=1) / period
+            found.append(Bound("input rate", f"{unit}/s", change - most, most))
+        if bounds.curvature is not None and math.isfinite(scene.curvature_limit):
+            most = scene.curvature_limit
+            kappa = self._map(self._plant.function("kappa", k=self._plant.curvature), x, u, w)
+            found.append(Bound("curvature", "1/m", np.abs(kappa).max(axis=1) - most, most))
+        if bounds.speed is not None:
+            rates = ca.vertcat(0.0, self._plant.angle_rates(self._edges.tolist()))
+            function = self._plant.function("speed", r=rates[1:] - rates[:-1])
+            most = bounds.speed
+            found.append(Bound("speed", "rad/s", np.abs(self._map(function, x, u, w)).max(axis=1) - most, most))
+        if bounds.keep_out:
+            fine = self._sections(np.linspace(0.0, self._length, _FINE + 1)[1:], x, u, w)
+            for name, zone in bounds.keep_out.items():
+                points = fine if zone.of == "backbone" else fine[:, -1:]
+                found.append(Bound(name, "m", self._depth(zone, points).max(axis=1), self._length))
+        return found
+
+    def _depth(self, zone: Zone, points: Array) -> Array:
+        """How far the surface at points (K, P, 2) of the backbone is within a zone, its clearance left out [m]."""
+        away = self._plant.scene.finger.thickness_radius
+        if isinstance(zone, HalfPlaneZone):
+            normal = np.array([math.cos(zone.normal_angle), math.sin(zone.normal_angle)])
+            return np.asarray(away - (points - np.array(zone.point)) @ normal)
+        return np.asarray(away + zone.radius - np.linalg.norm(points - np.array(zone.center), axis=2))

@@ -1,0 +1,84 @@
+"""What is measured of a plant: noisy, late, and only that."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.closed_loop.nearest import nearest_state
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.scene.control import ControlScene
+
+__all__ = ["Sensors"]
+
+Array = NDArray[np.float64]
+
+
+class Sensors:
+    """Measurements of a plant.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        Its ``estimator.measured`` says what is measured and how well, ``plant`` how noisy and how late. Without an
+        estimator the controller is given its state, exactly: the one whose section angles and their rates are nearest
+        to the plant's, four sections to an element.
+    plant : PlantModel
+    prediction : Prediction
+        The controller's model.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Name and unit of each measured number.
+    delay : float
+        Age of measurements when they arrive [s].
+    std : (ny,) ndarray
+        Standard deviation of each one's noise.
+    """
+
+    def __init__(self, scene: ControlScene, plant: PlantModel, prediction: Prediction) -> None:
+        self._rng = np.random.default_rng(scene.plant.seed)
+        self.delay, self.std = 0.0, np.zeros(0)
+        if scene.estimator is None:
+            self.names: tuple[str, ...] = prediction.x_names
+            self.std = np.zeros(len(self.names))
+            self._value = plant.function("state", y=nearest_state(plant, prediction))
+            return
+        estimator = scene.estimator
+        self.delay = estimator.delay if scene.plant.delay is None else scene.plant.delay
+        self.names, values, std = _measured(scene, plant)
+        self.std = scene.plant.noise * np.array(std)
+        self._value = plant.function("measured", y=ca.vertcat(*values))
+
+    def exact(self, x: Array, u: Array, w: Array) -> Array:
+        """What sensors without noise show in a state (ny)."""
+        return np.array(self._value(x, u, w)).ravel()
+
+    def read(self, x: Array, u: Array, w: Array) -> Array:
+        """A measurement (ny) of a state, with noise."""
+        return self.exact(x, u, w) + self.std * self._rng.standard_normal(len(self.std))
+
+
+def _measured(scene: ControlScene, plant: PlantModel) -> tuple[tuple[str, ...], list[ca.SX], list[float]]:
+    """Names, expressions and standard deviations."""
+    names: list[str] = []
+    values: list[ca.SX] = []
+    std: list[float] = []
+    measured = scene.estimator.measured if scene.estimator is not None else None
+    if measured is not None and measured.tip is not None:
+        names += ["tip_x [m]", "tip_y [m]"]
+        values.append(plant.tip)
+        std += [measured.tip] * 2
+    if measured is not None and measured.tension is not None:
+        names += list(plant.u_names)
+        values.append(plant.drive)
+        std += [measured.tension] * plant.nu
+    if measured is not None and measured.bending is not None:
+        at = measured.bending.at
+        names += [f"angle_{k + 1} [rad]" for k in range(len(at))]
+        values.append(plant.sections(at)[1])
+        std += [measured.bending.std] * len(at)
+    return tuple(names), values, std

@@ -1,0 +1,390 @@
+"""A nonlinear model predictive controller with its estimator, in C."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+from os import PathLike
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.control.arrays import control_scene, numbers, shown, slices, vector
+from continuum_grasp.control.command import Command, Estimate, Plan
+from continuum_grasp.control.compiled import Compiled
+from continuum_grasp.control.controller_source import Field, controller_source
+from continuum_grasp.control.estimation import estimation_of
+from continuum_grasp.control.estimator_settings import controller_fields, delay_periods
+from continuum_grasp.control.first_state import first_state, rest_input
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.problem import stages_of
+from continuum_grasp.control.setpoints import SetPoints, set_points
+from continuum_grasp.control.statistics import Statistics
+from continuum_grasp.control.status import Status
+from continuum_grasp.core.precision import precision_of
+from continuum_grasp.errors import InputError
+from continuum_grasp.model.remade import Remade
+from continuum_grasp.scene.control import ControlScene
+
+__all__ = ["Command", "Controller", "Estimate", "Plan"]
+
+Array = NDArray[np.float64]
+
+_STATUS = tuple(Status)
+_CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
+_CHUNK = 128
+"""Periods for which set-points are evaluated at once."""
+_LATE, _APPLIED = 1, 2
+
+
+class Controller(Remade):
+    """Real-time iterations with an estimator and a fallback; all of a step runs in one C function.
+
+    Parameters
+    ----------
+    scene : ControlScene or path-like
+        The scene, or its YAML file.
+    precision : {"double", "float"}
+        What the C computes in.
+    deadline : float, optional
+        Duration of ``step`` after which its command counts as late [s], so that the next one is of the previous plan;
+        that of the scene (its period, where it says nothing) where not given, ``math.inf`` never.
+
+    Attributes
+    ----------
+    scene : ControlScene
+    prediction : Prediction
+        Its model.
+    stages : Stages
+        Its problem.
+    period : float
+        Time from one command to the next [s].
+    first : (nx,) ndarray
+        State of the scene's initial pose.
+    measurement_names : tuple of str
+        Name and unit of each entry of a measurement: tip, tensions (or tip moment), angles of sections; the model's
+        state where the scene has no estimator.
+    sensor_names : tuple of str
+        Devices that are supervised: tip, tension, bending.
+    estimated_names : tuple of str
+        Name and unit of each entry of ``Estimate.std``: states, then disturbances.
+
+    Raises
+    ------
+    InputError
+        If the pieces of the scene do not fit together, or there is no C compiler.
+
+    Notes
+    -----
+    If something that is given cannot be used, an iteration fails, or the last command came late, the last plan goes on
+    as long as it lasts (N stages); after that, and whenever nothing was measured for as long, tensions go to the least
+    ones (the moment to zero) at a bounded rate: the whole range in half a second, or less by ``input.rate_max``. A
+    command is never non-finite, beyond the scene's limits of the input, or beyond its rate. Narrower limits that
+    ``change`` moves past the last command are reached at that rate.
+
+    A supervisor watches whether sensors, model and call rate agree (``Command.health``). Where they do not and the
+    command is active, it raises the weight of the command's rate; where that does not help, or a sensor contradicts the
+    model by far, it trips: the command goes to the safe input until ``rearm``.
+
+    A copy, or one that is sent to another process, goes on with the same commands; its ``statistics`` begin anew.
+    Objects of their own may run in threads of their own; one object is for one thread at a time.
+    """
+
+    def __init__(
+        self,
+        scene: ControlScene | str | PathLike[str],
+        *,
+        precision: str = "double",
+        deadline: float | None = None,
+    ) -> None:
+        self.scene = control_scene(scene)
+        self._arguments = (
+            (self.scene,),
+            {"precision": precision, "deadline": deadline},
+        )  # no path, whose file may change
+        self.prediction = Prediction(self.scene)
+        self.stages = stages_of(self.scene, self.prediction)
+        self.precision = precision_of(precision)
+        estimation = (
+            None if self.scene.estimator is None else estimation_of(self.scene, self.prediction, self.stages.method)
+        )
+        self.period = self.scene.controller.step
+        if self.period > self.stages.stage * (1.0 + 1e-9):
+            raise InputError(
+                f"{self.period:g} s is longer than a stage of {self.stages.stage:g} s, for which alone an input of the "
+                "plan is held: expected a stage as long as the period, or longer",
+                key="controller.period",
+            )
+        self.measurement_names = self.prediction.x_names if estimation is None else estimation.measurement_names
+        self.sensor_names = () if estimation is None else estimation.sensor_names
+        self.estimated_names = self.prediction.x_names if estimation is None else estimation.z_names
+        self._deadline = 1e9 * _deadline(self.scene, deadline)
+        fields = controller_fields(self.scene, self.prediction, self.stages, estimation, self.precision)
+        self._fields = {field.member: field for field in fields}
+        source = controller_source(self.stages, estimation, delay_periods(self.scene), fields, self.precision)
+        n, s = self.stages.stages, self.stages
+        nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
+        given = {
+            "measurement": len(self.measurement_names),
+            "p": s.np,
+            "applied": s.nu,
+            "set_points": (n + 1) * s.nr,
+            "elapsed": 1,
+        }
+        parts = {
+            "numbers": 5,
+            "health": 7,
+            "ticks": 3,
+            "u": s.nu,
+            "x": s.nx,
+            "p": s.np,
+            "verdict": len(self.measurement_names),
+        }
+        parts |= {"variance": nz, "innovation": ny, "innovation_variance": ny}
+        parts |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
+        self._parts, inputs = slices(parts), slices(given)
+        self._c = Compiled(source, fields, sum(given.values()), sum(parts.values()))
+        self._measurement, self._p, self._applied, rows, self._elapsed = (
+            self._c.input[part] for part in inputs.values()
+        )
+        self._set_points = rows.reshape(n + 1, s.nr)
+        self._call = self._c.function("cg_controller_step")
+        self.first = first_state(self.scene, self.prediction)
+        self._nz = max(nz, s.nd)
+        self.reset()
+
+    def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
+        """Begin anew, at time zero of the scene's reference.
+
+        Parameters
+        ----------
+        state : (nx,) array_like, optional
+            State of the prediction from which the estimator starts; the scene's initial pose where not given.
+        u : (nu,) array_like, optional
+            Input that was applied before; least tensions or no moment where not given.
+
+        Raises
+        ------
+        InputError
+            If something has another size or is not finite.
+        """
+        z = np.zeros(self._nz)
+        z[: self.prediction.nx] = vector("state", self.first if state is None else state, self.prediction.nx)
+        before = vector("u", rest_input(self.scene) if u is None else u, self.stages.nu)
+        self._c.start(np.concatenate([z, before, self.stages.p_nominal]))
+        self._step, self._late, self._time = 0, False, math.nan
+        self._counts = Statistics()
+
+    def step(
+        self,
+        measurement: ArrayLike | None,
+        reference: ArrayLike | None = None,
+        *,
+        p: ArrayLike | None = None,
+        applied: ArrayLike | None = None,
+        late: bool | None = None,
+        time: float | None = None,
+    ) -> Command:
+        """The command for a measurement; to be called once per period.
+
+        Parameters
+        ----------
+        measurement : (ny,) array_like or None
+            What was measured, in the order of ``measurement_names``; NaN marks what was not, None stands for nothing.
+        reference : (nr,) or (N + 1, nr) array_like, optional
+            Set-points in the order of ``stages.r_names``, constant or of every node from now on; those of the scene at
+            its own clock (number of steps times the period) where not given.
+        p : (np,) array_like, optional
+            Parameters; nominal where not given.
+        applied : (nu,) array_like, optional
+            Input that was really applied since the last step; the last command where not given.
+        late : bool, optional
+            Whether the last command came too late, so that this one is of the previous plan; found by the deadline
+            where not given.
+        time : float, optional
+            When the measurement arrived, on any clock that goes forward [s]; from it a wrong call rate is noticed.
+
+        Returns
+        -------
+        Command
+
+        Raises
+        ------
+        InputError
+            If something has the wrong shape. Numbers that mean nothing raise nothing; see ``Command.anomalies``.
+        """
+        began = perf_counter_ns()
+        try:
+            _put(self._measurement, np.nan if measurement is None else measurement, measurement is None)
+            _put(self._p, self.stages.p_nominal if p is None else p)
+            rows = self._scheduled() if reference is None else reference
+            _put(self._set_points, rows, np.ndim(rows) == 1 and np.size(rows) == self.stages.nr)
+            flags = _LATE if (self._late if late is None else late) else 0
+            if applied is not None:
+                _put(self._applied, applied)
+                flags |= _APPLIED
+            now = math.nan if time is None else float(numbers(time))
+            self._elapsed[0] = now - self._time if now > self._time else -1.0
+            self._time = now if math.isfinite(now) else math.nan
+        except (ValueError, TypeError) as error:
+            raise self._shape_error(measurement, reference, p, applied, time) from error
+        c = self._c
+        status = self._call(c.address, c.input_address, flags, c.output_address)
+        if status < 0:
+            raise InputError("the settings of the controller are not valid")
+        self._step += 1
+        out = c.output.copy()
+        command = Command(self, _STATUS[status], out)
+        elapsed = perf_counter_ns() - began
+        self._late = elapsed > self._deadline
+        self._counts.add(status, out[0], out[12:15], elapsed, self._late, command.health)
+        return command
+
+    def rearm(self) -> bool:
+        """Leave a trip.
+
+        Returns
+        -------
+        bool
+            Whether it was left: only where the command rests, sensors and model agree again, and it is not the second
+            trip within 30 s (which only ``reset`` ends). The weight of the command's rate starts 16-fold.
+        """
+        return bool(self._c.function("cg_rearm")(self._c.address))
+
+    def change(self, **settings: ArrayLike) -> None:
+        """Change weights, bounds or prices from the next step on; all of what is given, or nothing.
+
+        Parameters
+        ----------
+        **settings : array_like
+            By the names and in the sizes that they have in ``stages``: ``weights``, ``terminal_weights`` (nr);
+            ``u_min``, ``u_max`` (nu), within those of the scene; ``c_min``, ``c_max``, ``linear``, ``quadratic`` (nc).
+
+        Raises
+        ------
+        InputError
+            If a name is unknown; a value has another size, is not finite, or is not allowed; a lower limit would be
+            above its upper one; or no weight would be left on the inputs or their rates, so that inputs would not be
+            unique.
+
+        Notes
+        -----
+        A limit that is moved past the last command is approached at ``controller.input.rate_max``: until a command is
+        within it, steps report ``Anomaly.BEYOND_LIMIT``.
+        """
+        fields = dict(self._fields)
+        for name, given in settings.items():
+            if name not in _CHANGEABLE:
+                raise InputError(f"expected some of {', '.join(_CHANGEABLE)}, got {name!r:.60}", key=name)
+            nominal = getattr(self.stages, name)
+            value = vector(name, given, nominal.size)
+            if name[:2] not in ("u_", "c_") and np.any(value < 0.0):
+                raise InputError(f"expected no negative entry, got {value.tolist()}", key=name)
+            if name.startswith("u_") and (np.any(value < self.stages.u_min) or np.any(value > self.stages.u_max)):
+                raise InputError("expected entries within the limits of the scene", key=name)
+            fields[f"rti.{name}"] = Field(f"rti.{name}", value)
+        self._check_settings(fields, tuple(settings))
+        self._fields = fields
+        self._c.configure(tuple(fields.values()))
+
+    def _check_settings(self, fields: Mapping[str, Field], given: tuple[str, ...]) -> None:
+        """Refuse settings that do not go together: C would not step with them, or not have one solution."""
+        for kind, names in (("u", self.stages.u_names), ("c", self.stages.c_names)):
+            low, high = (np.asarray(fields[f"rti.{kind}_{end}"].values) for end in ("min", "max"))
+            crossed = [f"{n}: {a:g} > {b:g}" for n, a, b in zip(names, low, high, strict=True) if a > b]
+            if crossed:
+                key = next(name for name in given if name.startswith(f"{kind}_"))
+                raise InputError(f"a lower limit is above its upper one ({'; '.join(crossed)})", key=key)
+        of_inputs = slice(self.stages.nt, None)
+        if not np.any(np.asarray(fields["rti.weights"].values)[of_inputs] > 0.0):
+            asked = ", ".join(self.stages.r_names[of_inputs])
+            raise InputError(f"one of {asked} needs a weight above 0: without, inputs are not unique", key="weights")
+
+    @property
+    def statistics(self) -> dict[str, Any]:
+        """Counts of statuses, anomalies, fallbacks and late steps since the last reset; durations of phases [s]."""
+        return self._counts.as_dict()
+
+    def save_state(self) -> bytes:
+        """All that the next command depends on."""
+        return self._c.save(self._step, int(self._late))
+
+    def restore(self, saved: bytes) -> None:
+        """Go on from a saved state.
+
+        Raises
+        ------
+        InputError
+            If it is none of this very problem.
+        """
+        self._step, late = self._c.restore(saved)
+        self._late, self._time = bool(late), math.nan
+
+    def __getstate__(self) -> tuple[dict[str, Field], bytes]:
+        return self._fields, self.save_state()
+
+    def __setstate__(self, state: tuple[dict[str, Field], bytes]) -> None:
+        self._fields, saved = state
+        self._c.configure(tuple(self._fields.values()))
+        self.restore(saved)
+
+    # -- set-points ---------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _reference(self) -> SetPoints:
+        return set_points(self.scene, self.stages, self.prediction)
+
+    def _scheduled(self) -> Array:
+        chunk, at = divmod(self._step, _CHUNK)
+        if getattr(self, "_chunk", None) != chunk:
+            ahead = self.stages.stage * np.arange(self.stages.stages + 1)
+            times = self.period * (chunk * _CHUNK + np.arange(_CHUNK))[:, None] + ahead
+            self._rows: Array = self._reference.rows(times.ravel()).reshape(_CHUNK, len(ahead), self.stages.nr)
+            self._chunk = chunk
+        rows: Array = self._rows[at]
+        return rows
+
+    def _shape_error(self, *given: Any) -> InputError:
+        s, rows = self.stages, self._set_points.shape
+        shapes: tuple[tuple[tuple[int, ...], ...], ...] = (
+            ((len(self._measurement),),),
+            ((s.nr,), rows),
+            ((s.np,),),
+            ((s.nu,),),
+            ((),),
+        )
+        said = zip(("measurement", "reference", "p", "applied", "time"), given, shapes, strict=True)
+        asked = [(name, v, expected) for name, v, expected in said if v is not None]
+        wrong = [one for one in asked if _shape(one[1]) not in one[2]] or asked
+        told = [
+            f"{name}: expected {' or '.join(map(str, e))}, got "
+            + (shown(v, 80) if _shape(v) in (None, (), *e) else str(_shape(v)))
+            for name, v, e in wrong
+        ]
+        return InputError("a step takes arrays of numbers; " + "; ".join(told))
+
+
+def _shape(value: Any) -> tuple[int, ...] | None:
+    """Shape of an argument; None where it is ragged."""
+    try:
+        return tuple(np.shape(value))
+    except ValueError:
+        return None
+
+
+def _put(to: Array, value: ArrayLike, spread: bool = False) -> None:
+    """Copy what has the same shape, or ``spread`` what has not."""
+    array = value if type(value) is np.ndarray and value.dtype == float else numbers(value)
+    if array.shape != to.shape and not spread:
+        raise ValueError
+    to[:] = array
+
+
+def _deadline(scene: ControlScene, given: float | None) -> float:
+    value = scene.controller.deadline or scene.controller.step if given is None else given
+    if not value > 0.0:
+        raise InputError(f"expected a time above 0 [s], got {value!r:.60}", key="deadline")
+    return float(value)

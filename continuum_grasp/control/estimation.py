@@ -1,0 +1,240 @@
+"""What an estimator is made of: the motion of states and disturbances, and what is measured of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.control.implicit import implicit_step
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.control import ControlScene
+
+__all__ = ["Estimation", "estimation_of"]
+
+Array = NDArray[np.float64]
+
+_SLOPES = ((1.0 / 6.0, 5.0 / 24.0, 0.5), (2.0 / 6.0, 4.0 / 24.0, 0.5), (2.0 / 6.0, 4.0 / 24.0, 1.0))
+_LAST_SLOPE = (1.0 / 6.0, -1.0 / 24.0, 0.0)
+"""Of the Runge-Kutta method: weight at the end of the step and half-way (its continuous extension of order 3), and how
+far ahead the next slope is taken; Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6."""
+
+
+@dataclass(frozen=True)
+class Estimation:
+    """The model of an estimator.
+
+    Its state z = [x, d] has the continuous states of the prediction and the disturbances d: world forces [N] and tip
+    moment [N m] beside those that p has, and the relative error of the bending stiffness [1].
+
+    Attributes
+    ----------
+    step : casadi.Function
+        (z, u, p, h) -> zn, F, G (nz, nz): one Runge-Kutta step of length h, its derivative by z, and that of half the
+        step, all by the variational equations; a straight-line function.
+    flow : casadi.Function
+        (z, u, p, h) -> zn: the step alone.
+    outputs : casadi.Function
+        (z, u, p) -> y (ny), H (ny, nz): what the filter compares, and its derivative.
+    parameters : casadi.Function
+        (z, p) -> p (np): parameters with the disturbances.
+    nx : int
+        Number of continuous states.
+    z_names, y_names, measurement_names : tuple of str
+        Name and unit of each state, of each compared quantity, and of each entry of a measurement.
+    mixing : (ny, nm) ndarray
+        Compared quantities as sums of measurements: of two tensions, their difference.
+    sensors : tuple of str
+        Device of each compared quantity, by its key in ``estimator.measured``: tip, tension or bending. The rows of one
+        device fail together, so they are judged together.
+    """
+
+    step: ca.Function
+    flow: ca.Function
+    outputs: ca.Function
+    parameters: ca.Function
+    nx: int
+    z_names: tuple[str, ...]
+    y_names: tuple[str, ...]
+    measurement_names: tuple[str, ...]
+    mixing: Array
+    sensors: tuple[str, ...]
+
+    @property
+    def nz(self) -> int:
+        """Number of states with disturbances."""
+        return len(self.z_names)
+
+    @property
+    def ny(self) -> int:
+        """Number of compared quantities."""
+        return len(self.y_names)
+
+    @property
+    def nm(self) -> int:
+        """Number of measurements."""
+        return len(self.measurement_names)
+
+    @property
+    def sensor_names(self) -> tuple[str, ...]:
+        """The devices, in the order of their first rows."""
+        return tuple(dict.fromkeys(self.sensors))
+
+    def device(self, measurement: str) -> str:
+        """Device of a measurement, by its name."""
+        row = int(np.flatnonzero(self.mixing[:, self.measurement_names.index(measurement)])[0])
+        return self.sensors[row]
+
+
+def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -> Estimation:
+    """The model of a scene's estimator.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene, with an estimator.
+    model : Prediction
+        Its prediction model.
+    method : {"rk4", "implicit"}
+        How it is integrated; that of the stages.
+
+    Returns
+    -------
+    Estimation
+
+    Raises
+    ------
+    InputError
+        If the scene has no estimator.
+    """
+    if scene.estimator is None:
+        raise InputError("an estimator is needed: say what is measured", key="estimator")
+    names, where, relative = _disturbances(scene, model)
+    d, h = ca.SX.sym("d", len(names)), ca.SX.sym("h")
+    z, u, p = ca.vertcat(model.x, d), model.u, model.p
+    full = ca.SX(p)
+    for k, index in enumerate(where):
+        full[index] += p[index] * d[k] if relative[k] else d[k]
+    rate = model.dynamics(model.x, u, full)
+    y_names, outputs, measurement_names, mixing, sensors = _measured(scene, model, full)
+
+    def function(name: str, inputs: list[ca.SX], labels: list[str], **found: ca.SX) -> ca.Function:
+        return ca.Function(name, inputs, [ca.densify(e) for e in ca.cse(list(found.values()))], labels, list(found))
+
+    zn, f, g = (_implicit_step if method == "implicit" else _step)(z, u, p, h, rate, model.nx)
+    given, labels = [z, u, p, h], ["z", "u", "p", "h"]
+    return Estimation(
+        step=function("estimator_step", given, labels, zn=zn, F=f, G=g),
+        flow=function("estimator_flow", given, labels, zn=zn),
+        outputs=function("estimator_outputs", given[:3], labels[:3], y=outputs, H=ca.jacobian(outputs, z)),
+        parameters=function("estimated_parameters", [z, p], ["z", "p"], full=full),
+        nx=model.nx,
+        z_names=(*model.x_names, *names),
+        y_names=y_names,
+        measurement_names=measurement_names,
+        mixing=mixing,
+        sensors=sensors,
+    )
+
+
+def _step(z: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX, rate: ca.SX, nx: int) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Next z, and the derivatives over the step and over half of it."""
+    x, d = z[:nx], z[nx:]
+    slope = ca.Function("slope", [z, u, p], ca.cse([rate, ca.jacobian(rate, x), ca.jacobian(rate, d)]))
+    state, by_x, by_d = x, ca.SX.eye(nx), ca.SX(nx, d.numel())
+    ends = [[x, ca.SX.eye(nx), ca.SX(nx, d.numel())] for _ in range(2)]
+    for weight, half, ahead in (*_SLOPES, _LAST_SLOPE):
+        k, f_x, f_d = slope(ca.vertcat(state, d), u, p)
+        slopes = [k, ca.mtimes(f_x, by_x), ca.mtimes(f_x, by_d) + f_d]
+        for end, share in zip(ends, (weight, half), strict=True):
+            for i, part in enumerate(slopes):
+                end[i] = end[i] + share * h * part
+        state, by_x, by_d = x + ahead * h * k, ca.SX.eye(nx) + ahead * h * slopes[1], ahead * h * slopes[2]
+    below = ca.horzcat(ca.SX(d.numel(), nx), ca.SX.eye(d.numel()))
+    whole, half_way = (ca.vertcat(ca.horzcat(end[1], end[2]), below) for end in ends)
+    return ca.vertcat(ends[0][0], d), whole, half_way
+
+
+def _implicit_step(z: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX, rate: ca.SX, nx: int) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The same by an L-stable method."""
+    x, d = z[:nx], z[nx:]
+    slope = ca.Function("slope", [z, u, p], ca.cse([rate, ca.jacobian(rate, x), ca.jacobian(rate, d)]))
+    below = ca.horzcat(ca.SX(d.numel(), nx), ca.SX.eye(d.numel()))
+    following, *whole = implicit_step(slope, x, (u, p), h, d)
+    half_way = implicit_step(slope, x, (u, p), 0.5 * h, d)[1:]
+    ends = [ca.vertcat(ca.horzcat(*part), below) for part in (whole, half_way)]
+    return ca.vertcat(following, d), ends[0], ends[1]
+
+
+def _disturbances(scene: ControlScene, model: Prediction) -> tuple[list[str], list[int], list[bool]]:
+    """Names of the disturbances, the parameters that they add to, and whether they do so by a share."""
+    asked = scene.estimator.disturbances if scene.estimator is not None else None
+    names: list[str] = []
+    where: list[int] = []
+    relative: list[bool] = []
+
+    def add(parameter: str, name: str, share: bool = False) -> None:
+        names.append(name)
+        where.append(model.p_names.index(parameter))
+        relative.append(share)
+
+    if asked is None:
+        return names, where, relative
+    if asked.contact_force is not None:
+        for label in [n for n in model.p_names if n.startswith("contact_")]:
+            add(label, f"unknown_{label}")
+    if asked.tip_force is not None:
+        for axis in "xy":
+            add(f"tip_{axis} [N]", f"unknown_tip_{axis} [N]")
+    if asked.object_position is not None:
+        for axis in "xy":
+            add(f"object_{axis} [m]", f"object_{axis}_error [m]")
+    if asked.tip_moment is not None:
+        add("missing_tip_moment [N m]", "missing_tip_moment [N m]")
+    if asked.bending_stiffness is not None:
+        add("bending_stiffness [N m2]", "bending_stiffness_error [1]", share=True)
+    return names, where, relative
+
+
+def _measured(
+    scene: ControlScene, model: Prediction, p: ca.SX
+) -> tuple[tuple[str, ...], ca.SX, tuple[str, ...], Array, tuple[str, ...]]:
+    """Names and expressions of what is compared, names of the measurements, how they are mixed, and their devices."""
+    if scene.estimator is None:
+        raise InputError("an estimator is needed: say what is measured", key="estimator")
+    asked, tendons = scene.estimator.measured, scene.finger.tendons
+    names: list[str] = []
+    measured: list[str] = []
+    values: list[ca.SX] = []
+    rows: list[dict[str, float]] = []
+    sensors: list[str] = []
+
+    def add(sensor: str, name: str, value: ca.SX, parts: dict[str, float]) -> None:
+        sensors.append(sensor)
+        names.append(name)
+        values.append(value)
+        measured.extend(parts)
+        rows.append(parts)
+
+    if asked.tip is not None:
+        tip = model.tip(model.x, model.u, p)
+        for k, axis in enumerate("xy"):
+            add("tip", f"tip_{axis} [m]", tip[k], {f"tip_{axis} [m]": 1.0})
+    if asked.tension is not None:
+        moment = model.x[model.x_names.index("tip_moment [N m]")]
+        if tendons is None:
+            add("tension", "tip_moment [N m]", moment, {"tip_moment [N m]": 1.0})
+        else:
+            runtime = "tendon_offset [m]" in model.p_names
+            offset = p[model.p_names.index("tendon_offset [m]")] if runtime else tendons.offset
+            difference = {"tension_1 [N]": 1.0, "tension_2 [N]": -1.0}
+            add("tension", "tension_difference [N]", moment / offset, difference)
+    if asked.bending is not None:
+        angles = model.sections(asked.bending.at)(model.x, model.u, p)[1]
+        for k in range(len(asked.bending.at)):
+            add("bending", f"angle_{k + 1} [rad]", angles[k], {f"angle_{k + 1} [rad]": 1.0})
+    mixing = np.array([[parts.get(name, 0.0) for name in measured] for parts in rows])
+    return tuple(names), ca.vertcat(*values), tuple(measured), mixing, tuple(sensors)

@@ -1,0 +1,211 @@
+"""An extended Kalman filter of a finger and what disturbs it, in C."""
+
+from __future__ import annotations
+
+from os import PathLike
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.control.arrays import control_scene, slices, vector
+from continuum_grasp.control.compiled import Compiled
+from continuum_grasp.control.controller_source import estimator_source
+from continuum_grasp.control.estimation import estimation_of
+from continuum_grasp.control.estimator_settings import delay_periods, estimator_fields
+from continuum_grasp.control.first_state import first_state, rest_input
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.problem import stages_of
+from continuum_grasp.control.status import Anomaly, Verdict, texts
+from continuum_grasp.core.precision import precision_of
+from continuum_grasp.errors import InputError
+from continuum_grasp.model.remade import Remade
+from continuum_grasp.scene.control import ControlScene
+
+__all__ = ["Estimator", "Filtered"]
+
+Array = NDArray[np.float64]
+
+_RESTARTED = 1
+_OF_VERDICTS = {
+    Verdict.MISSING: Anomaly.MISSING,
+    Verdict.ABSURD: Anomaly.ABSURD,
+    Verdict.OUTLIER: Anomaly.OUTLIER,
+    Verdict.REOPENED: Anomaly.REOPENED,
+}
+
+
+class Filtered:
+    """What an estimator knows after a measurement.
+
+    Attributes
+    ----------
+    z : (nz,) ndarray
+        State and disturbances now.
+    p : (np,) ndarray
+        Parameters with the disturbances.
+    then : (nz,) ndarray
+        State and disturbances at the time of the measurement; those of now where it has no delay.
+    covariance : (nz, nz) ndarray
+        Of ``then``.
+    innovation, innovation_variance : (ny,) ndarray
+        Measured minus expected of each compared quantity, taken one by one, and its variance (0: not compared).
+    verdict : tuple of Verdict
+        What became of each measurement.
+    anomaly : Anomaly
+    """
+
+    def __init__(self, estimator: Estimator, restarted: bool, out: Array) -> None:
+        parts = {name: out[part] for name, part in estimator._parts.items()}
+        self.z, self.p, self.then = parts["z"], parts["p"], parts["then"]
+        self.covariance = parts["covariance"].reshape(self.z.size, -1)
+        self.innovation, self.innovation_variance = parts["innovation"], parts["innovation_variance"]
+        self.verdict = tuple(Verdict(int(v)) for v in parts["verdict"])
+        self.anomaly = Anomaly.ESTIMATE_RESTARTED if restarted else Anomaly(0)
+        self.anomaly |= Anomaly.ESTIMATE_LIMITED if out[0] else Anomaly(0)
+        for verdict in self.verdict:
+            self.anomaly |= _OF_VERDICTS.get(verdict, Anomaly(0))
+        self._names = estimator.measurement_names
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations of ``then`` (nz)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def anomalies(self) -> tuple[str, ...]:
+        """What was noticed, in words."""
+        return texts(self.anomaly, [float(v) for v in self.verdict], self._names)
+
+
+class Estimator(Remade):
+    """The estimator of a control scene by itself; the same C as in ``Controller``.
+
+    Parameters
+    ----------
+    scene : ControlScene or path-like
+        The scene, with an estimator, or its YAML file.
+    precision : {"double", "float"}
+        What the C computes in.
+
+    Attributes
+    ----------
+    scene : ControlScene
+    prediction : Prediction
+        Its model.
+    period : float
+        Time from one measurement to the next [s].
+    delay : int
+        Age of a measurement when it arrives, in periods.
+    names : tuple of str
+        Name and unit of each entry of ``Filtered.z``: the states of the prediction, then the disturbances.
+    measurement_names : tuple of str
+        Name and unit of each entry of a measurement.
+    estimation : Estimation
+        Functions of the filter.
+    settings : dict
+        Numbers of the filter, by the names in ``c/ekf.h``.
+    first : (nx,) ndarray
+        State of the scene's initial pose.
+
+    Raises
+    ------
+    InputError
+        If the scene has no estimator, its pieces do not fit together, or there is no C compiler.
+
+    Notes
+    -----
+    Forces and moments that are unknown add to those of ``p``; a bending stiffness is multiplied by one plus its error.
+    """
+
+    def __init__(self, scene: ControlScene | str | PathLike[str], *, precision: str = "double") -> None:
+        self.scene = control_scene(scene)
+        self._arguments = (self.scene,), {"precision": precision}  # no path, whose file may change
+        self.prediction = Prediction(self.scene)
+        stages = stages_of(self.scene, self.prediction)
+        self.estimation = estimation_of(self.scene, self.prediction, stages.method)
+        self.precision = precision_of(precision)
+        self.period, self.delay = self.scene.controller.step, delay_periods(self.scene)
+        self.names, self.measurement_names = self.estimation.z_names, self.estimation.measurement_names
+        fields = estimator_fields(self.scene, self.prediction, stages, self.estimation)
+        self.settings = {field.member: field.values for field in fields}
+        nu, np_, nz, ny, nm = stages.nu, stages.np, self.estimation.nz, self.estimation.ny, self.estimation.nm
+        source = estimator_source(self.estimation, self.delay, nu, np_, fields, self.precision)
+        parts = {"limited": 1, "z": nz, "p": np_, "verdict": nm, "innovation": ny, "innovation_variance": ny}
+        parts |= {"then": nz, "covariance": nz * nz}
+        given = {"measurement": nm, "u": nu, "p": np_}
+        self._parts = slices(parts)
+        self._c = Compiled(source, fields, sum(given.values()), sum(parts.values()))
+        self._measurement, self._u, self._p = (self._c.input[part] for part in slices(given).values())
+        self._call = self._c.function("cg_step")
+        self._nominal = np.array(self.prediction.p_nominal, dtype=float)
+        self.first = first_state(self.scene, self.prediction)
+        self.reset()
+
+    def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
+        """Begin anew.
+
+        Parameters
+        ----------
+        state : (nx,) array_like, optional
+            State of the prediction to start from; the scene's initial pose where not given.
+        u : (nu,) array_like, optional
+            Input that was applied before; least tensions or no moment where not given.
+
+        Raises
+        ------
+        InputError
+            If something has another size or is not finite.
+        """
+        z = np.zeros(len(self.names))
+        z[: self.prediction.nx] = vector("state", self.first if state is None else state, self.prediction.nx)
+        before = vector("u", rest_input(self.scene) if u is None else u, self.prediction.nu)
+        self._c.start(np.concatenate([z, before]))
+
+    def step(self, measurement: ArrayLike | None, u: ArrayLike, *, p: ArrayLike | None = None) -> Filtered:
+        """Take a measurement; to be called once per period.
+
+        Parameters
+        ----------
+        measurement : (ny,) array_like or None
+            What was measured, in the order of ``measurement_names``; NaN marks what was not, None stands for nothing.
+        u : (nu,) array_like
+            Input that was applied since the last step; of no effect in the first.
+        p : (np,) array_like, optional
+            Parameters; nominal where not given.
+
+        Returns
+        -------
+        Filtered
+
+        Raises
+        ------
+        InputError
+            If something has the wrong shape, or u or p is not finite.
+        """
+        if measurement is None:
+            self._measurement[:] = np.nan
+        else:
+            self._measurement[:] = vector("measurement", measurement, self._measurement.size, check=False)
+        self._u[:] = vector("u", u, self._u.size)
+        self._p[:] = self._nominal if p is None else vector("p", p, self._p.size)
+        status = self._call(self._c.address, self._c.input_address, self._c.output_address)
+        if status < 0:
+            raise InputError("u or p is beyond what the precision can hold")
+        return Filtered(self, status == _RESTARTED, self._c.output.copy())
+
+    def save_state(self) -> bytes:
+        """All that the next estimate depends on."""
+        return self._c.save(0)
+
+    def restore(self, saved: bytes) -> None:
+        """Go on from a saved state.
+
+        Raises
+        ------
+        InputError
+            If it is none of this very problem.
+        """
+        self._c.restore(saved)
+
+    __getstate__ = save_state
+    __setstate__ = restore

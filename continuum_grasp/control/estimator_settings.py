@@ -1,0 +1,134 @@
+"""Numbers with which the C of estimators and controllers is set up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from continuum_grasp.control.controller_source import Field
+from continuum_grasp.control.estimation import Estimation
+from continuum_grasp.control.noise import Ranges, noise_of, ranges_of
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.settings import Settings
+from continuum_grasp.control.stages import ABSENT, Stages
+from continuum_grasp.control.supervision import supervisor_fields
+from continuum_grasp.scene.control import ControlScene
+
+__all__ = ["controller_fields", "delay_periods", "estimator_fields"]
+
+_RAMP = 0.5
+"""Time in which the safe ramp crosses the whole range of an input [s]."""
+
+
+def delay_periods(scene: ControlScene) -> int:
+    """Age of measurements in control periods."""
+    return 0 if scene.estimator is None else round(scene.estimator.delay / scene.controller.step)
+
+
+def estimator_fields(
+    scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation, ranges: Ranges | None = None
+) -> list[Field]:
+    """Members of ``ekf_settings``.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene, with an estimator.
+    model : Prediction
+        Its prediction model.
+    stages : Stages
+        Its problem.
+    estimation : Estimation
+        Model of its estimator.
+    ranges : Ranges, optional
+        Limits, where they are made already.
+
+    Returns
+    -------
+    list of Field
+    """
+    noise = noise_of(scene, model, estimation)
+    limits = ranges_of(scene, model, stages, estimation) if ranges is None else ranges
+    states = np.vstack([limits.x, limits.disturbances])
+    period = scene.controller.step
+    return [
+        Field("noise", noise.process),
+        Field("initial", noise.initial),
+        Field("z_min", states[:, 0]),
+        Field("z_max", states[:, 1]),
+        Field("mixing", estimation.mixing),
+        Field("variance", noise.measured),
+        Field("y_min", limits.measurement[:, 0]),
+        Field("y_max", limits.measurement[:, 1]),
+        Field("period", period),
+        Field("substeps", max(1, math.ceil(stages.substeps * period / stages.stage - 1e-9)), whole=True),
+        Field("gate", scene.estimator.outlier if scene.estimator is not None else math.inf),
+        Field("sensor", [estimation.sensor_names.index(name) for name in estimation.sensors], whole=True),
+    ]
+
+
+def controller_fields(
+    scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None, precision: str
+) -> list[Field]:
+    """Members of ``controller_settings``.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene.
+    model : Prediction
+        Its prediction model.
+    stages : Stages
+        Its problem.
+    estimation : Estimation or None
+        Model of its estimator.
+    precision : {"double", "float"}
+        What the C computes in.
+
+    Returns
+    -------
+    list of Field
+    """
+    ranges, asked = ranges_of(scene, model, stages, estimation), scene.controller
+    rate = asked.input.rate_max or ABSENT
+    safe = np.clip(np.zeros(stages.nu), stages.u_min, stages.u_max)
+    fields = [
+        *_nested("rti", iteration_fields(scene, stages, precision)),
+        Field("period", asked.step),
+        Field("u_rate", np.full(stages.nu, rate)),
+        Field("u_safe", safe),
+        Field("safe_rate", np.maximum((stages.u_max - stages.u_min) / _RAMP, 1e-9)),
+        Field("applied_min", ranges.applied[:, 0]),
+        Field("applied_max", ranges.applied[:, 1]),
+        Field("r_min", ranges.r[:, 0]),
+        Field("r_max", ranges.r[:, 1]),
+        Field("p_min", ranges.p[:, 0]),
+        Field("p_max", ranges.p[:, 1]),
+        Field("x_min", ranges.x[:, 0]),
+        Field("x_max", ranges.x[:, 1]),
+        Field("sqp_iterations", asked.sqp_iterations, whole=True),
+        Field("start_iterations", asked.start_iterations, whole=True),
+        *_nested("supervisor", supervisor_fields(scene, stages, estimation, delay_periods(scene))),
+    ]
+    if estimation is not None:
+        fields += _nested("ekf", estimator_fields(scene, model, stages, estimation, ranges))
+    return fields
+
+
+def iteration_fields(scene: ControlScene, stages: Stages, precision: str) -> list[Field]:
+    """Members of ``rti_settings``."""
+    nominal = Settings(stages, np.float64 if precision == "double" else np.float32)
+    arrays = ("u_min", "u_max", "c_min", "c_max", "linear", "quadratic", "weights", "terminal_weights")
+    return [
+        *[Field(name, getattr(stages, name)) for name in arrays],
+        Field("stage", stages.stage),
+        Field("substeps", stages.substeps, whole=True),
+        Field("iterations", scene.controller.iterations, whole=True),
+        Field("tolerance", nominal.tolerance),
+        Field("regularisation", nominal.regularisation),
+    ]
+
+
+def _nested(name: str, fields: list[Field]) -> list[Field]:
+    return [Field(f"{name}.{f.member}", f.values, f.whole) for f in fields]

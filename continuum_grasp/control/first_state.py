@@ -1,0 +1,70 @@
+"""The state from which a controller starts, as its model has it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.statics import equilibrium
+
+__all__ = ["first_state", "rest_input"]
+
+Array = NDArray[np.float64]
+
+
+def rest_input(scene: ControlScene) -> Array:
+    """Least tensions, or no moment (nu)."""
+    tendons = scene.finger.tendons
+    return np.zeros(1) if tendons is None else np.full(2, tendons.min_tension)
+
+
+def first_state(scene: ControlScene, model: Prediction) -> Array:
+    """State (nx) of the scene's initial pose at rest, under ``rest_input``.
+
+    An ``initial.q`` is of the plant's model; it counts here where it has as many entries as the controller's model,
+    and is the unloaded shape otherwise.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene.
+    model : Prediction
+        Its prediction model.
+
+    Returns
+    -------
+    (nx,) ndarray
+
+    Raises
+    ------
+    SolverError
+        If an initial equilibrium is not found.
+    """
+    finger, initial = model.system.finger_model, scene.initial
+    x = model.at_rest(_shape(scene, model), rest_input(scene))
+    if initial.q is not None and initial.qd is not None and len(initial.q) == len(initial.qd) == finger.n:
+        x[finger.n : 2 * finger.n] = initial.qd
+    return x
+
+
+def _shape(scene: ControlScene, model: Prediction) -> Array:
+    finger, initial = model.system.finger_model, scene.initial
+    if initial.q is not None and len(initial.q) == finger.n:
+        return np.array(initial.q)
+    held = initial.pose == "equilibrium"
+    if initial.pose == "straight" or not (held or scene.finger.rest_curvature != 0.0):
+        return np.zeros(finger.n)
+    fidelity = scene.fidelity.model_copy(
+        update={"family": finger.family, "elements": finger.lengths, "accuracy": finger.structure.accuracy}
+    )
+    alone = Scene(
+        schema_version=1,
+        finger=scene.finger,
+        gravity=scene.gravity if held else (0.0, 0.0),
+        contacts=scene.contacts,
+        fidelity=fidelity,
+    )
+    return np.array(equilibrium(alone, extra_loads=initial.held_by if held else ()).q)

@@ -1,0 +1,253 @@
+"""How uncertain states and measurements are, and within which limits they mean something."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.control.estimation import Estimation
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.stages import Stages
+from continuum_grasp.control.stiffness import fastest_rate
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.control import ControlScene
+
+__all__ = ["Noise", "Ranges", "measurement_std", "noise_of", "ranges_of"]
+
+Array = NDArray[np.float64]
+
+_DRIVE = 0.01
+"""Share of the greatest tip moment by which a drive at rest differs from its lag."""
+_DRIVE_AT_START = 0.1
+_MARGIN = 1.5
+"""Limits of estimates and measurements beyond those of the model."""
+_ABSURD = 1e6
+"""Limit of what has no other."""
+_FORCES = 100.0
+"""Greatest unknown force in multiples of EI/L2."""
+_MOMENT = 2.0
+"""Greatest missing tip moment in multiples of the greatest one that can be commanded."""
+_KNOWN = 10.0
+"""Greatest known force or moment in multiples of the greatest unknown one."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Uncertainty of an estimator's states and measurements.
+
+    Attributes
+    ----------
+    process : (nz,) ndarray
+        Intensity of the white noise that drives each state, variance per second.
+    initial : (nz,) ndarray
+        Variance of each state at the start.
+    measured : (ny,) ndarray
+        Variance of each compared quantity.
+    """
+
+    process: Array
+    initial: Array
+    measured: Array
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Limits beyond which numbers are absurd: least and most of each entry, (size, 2).
+
+    ``applied`` are those of an input that was applied, which may be off (0 N) or beyond what can be commanded.
+    """
+
+    x: Array
+    disturbances: Array
+    measurement: Array
+    applied: Array
+    r: Array
+    p: Array
+
+
+def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> Noise:
+    """The noise of a scene's estimator.
+
+    The rate of each coordinate is driven so that the bending angles (root of the sum of squares over the elements) have
+    the acceleration of ``acceleration_std``; a drive with a lag differs from it by a hundredth of the greatest tip
+    moment; disturbances drift, and start as uncertain as after one second of their drift.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene, with an estimator.
+    model : Prediction
+        Its prediction model.
+    estimation : Estimation
+        Model of its estimator.
+
+    Returns
+    -------
+    Noise
+
+    Raises
+    ------
+    InputError
+        If the scene has no estimator.
+    """
+    if scene.estimator is None:
+        raise InputError("an estimator is needed: say what is measured", key="estimator")
+    asked = scene.estimator
+    process, initial = np.zeros(estimation.nz), np.zeros(estimation.nz)
+    n = model.system.finger_model.n
+    per_angle = 1.0 / _bending_slopes(model)
+    process[n : 2 * n] = (asked.acceleration_std * per_angle) ** 2
+    initial[:n] = (asked.initial_std * per_angle) ** 2
+    initial[n : 2 * n] = (10.0 * asked.initial_std * per_angle) ** 2
+    if scene.lag is not None:
+        at, most = model.x_names.index("tip_moment [N m]"), _greatest_moment(scene)
+        # A critically damped lag of time T under white noise s has the variance s^2 T^3 / 4.
+        process[at + 1] = 4.0 * (_DRIVE * most) ** 2 / scene.lag**3
+        initial[at], initial[at + 1] = (_DRIVE_AT_START * most) ** 2, (_DRIVE_AT_START * most / scene.lag) ** 2
+    drift = _drifts(scene, estimation)
+    process[model.nx :] = initial[model.nx :] = drift**2
+    variances = np.array([measurement_std(scene, name) ** 2 for name in estimation.measurement_names])
+    return Noise(process, initial, estimation.mixing**2 @ variances)
+
+
+def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None) -> Ranges:
+    """Limits of states, disturbances, measurements, set-points and parameters of a scene.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene.
+    model : Prediction
+        Its prediction model.
+    stages : Stages
+        Its problem.
+    estimation : Estimation or None
+        Model of its estimator.
+
+    Returns
+    -------
+    Ranges
+    """
+    x = _state_range(scene, model, stages)
+    unknown = estimation.z_names[estimation.nx :] if estimation is not None else ()
+    applied = np.array([_measurable(scene, model, name) for name in stages.u_names])
+    measured = (
+        x if estimation is None else np.array([_measurable(scene, model, n) for n in estimation.measurement_names])
+    )
+    return Ranges(
+        x=x,
+        disturbances=np.array([_disturbance_range(scene, name) for name in unknown]).reshape(-1, 2),
+        measurement=measured,
+        applied=np.stack([np.minimum(applied[:, 0], stages.u_min), np.maximum(applied[:, 1], stages.u_max)], axis=1),
+        r=np.array([_set_point_range(scene, name) for name in stages.r_names]).reshape(-1, 2),
+        p=np.array([_parameter_range(scene, *v) for v in zip(model.p_names, model.p_nominal, strict=True)]).reshape(
+            -1, 2
+        ),
+    )
+
+
+def _bending_slopes(model: Prediction) -> Array:
+    """Root of the sum of squares of what the elements bend per unit of each coordinate."""
+    n = model.system.finger_model.n
+    slope = ca.Function(
+        "slope", [model.x, model.u, model.p], [ca.jacobian(model.bending(model.x, model.u, model.p), model.x)]
+    )
+    j = np.array(slope(np.zeros(model.nx), np.zeros(model.nu), model.p_nominal))[:, :n]
+    norms: Array = np.sqrt((j**2).sum(axis=0))
+    return norms
+
+
+def _greatest_moment(scene: ControlScene) -> float:
+    tendons = scene.finger.tendons
+    if tendons is None:
+        return scene.controller.input.moment_max or 0.0
+    return (tendons.max_tension - tendons.min_tension) * tendons.offset
+
+
+def _drifts(scene: ControlScene, estimation: Estimation) -> Array:
+    """Drift of each disturbance per square root of a second."""
+    asked = scene.estimator.disturbances if scene.estimator is not None else None
+    by_start = {
+        "unknown_contact": "contact_force",
+        "unknown_tip": "tip_force",
+        "object_": "object_position",
+        "missing_tip_moment": "tip_moment",
+        "bending_stiffness_error": "bending_stiffness",
+    }
+    unknown = estimation.z_names[estimation.nx :]
+    return np.array(
+        [getattr(asked, field) for n in unknown for start, field in by_start.items() if n.startswith(start)]
+    )
+
+
+def measurement_std(scene: ControlScene, name: str) -> float:
+    """Standard deviation of a measurement, by its name."""
+    if scene.estimator is None:
+        return math.inf
+    asked = scene.estimator.measured
+    if name.startswith("angle_"):
+        return asked.bending.std if asked.bending is not None else math.inf
+    return (asked.tip if name in ("tip_x [m]", "tip_y [m]") else asked.tension) or math.inf
+
+
+def _state_range(scene: ControlScene, model: Prediction, stages: Stages) -> Array:
+    """Coordinates well beyond the bending range, and rates at which the fastest mode swings that far."""
+    finger, n = model.system.finger_model, model.system.finger_model.n
+    arcs = finger.family == "arc"
+    bend = max(finger.ranges) if arcs else max(r / h for r, h in zip(finger.ranges, finger.lengths, strict=True))
+    most = np.full(model.nx, _ABSURD)
+    moment = _greatest_moment(scene)
+    most[:n] = _MARGIN * bend
+    most[n : 2 * n] = _MARGIN * bend * fastest_rate(model, stages.u_min, stages.u_max)
+    if scene.lag is not None:
+        at = model.x_names.index("tip_moment [N m]")
+        most[at], most[at + 1] = 2.0 * moment, 10.0 * moment / scene.lag
+    return np.stack([-most, most], axis=1)
+
+
+def _disturbance_range(scene: ControlScene, name: str) -> tuple[float, float]:
+    rod = scene.finger.rod
+    if name.startswith("bending_stiffness"):
+        return (-0.9, 9.0)
+    if name.startswith("object_"):
+        return (-rod.length, rod.length)
+    moment = name.endswith("[N m]")
+    most = _MOMENT * _greatest_moment(scene) if moment else _FORCES * rod.stiffness / rod.length**2
+    return (-most, most)
+
+
+def _measurable(scene: ControlScene, model: Prediction, name: str) -> tuple[float, float]:
+    finger = scene.finger
+    if name in ("tip_x [m]", "tip_y [m]"):
+        base = finger.base.position["xy".index(name[4])]
+        return (base - _MARGIN * finger.rod.length, base + _MARGIN * finger.rod.length)
+    if name.startswith("tension_") and finger.tendons is not None:
+        most = finger.tendons.max_tension
+        return (-0.5 * most, 2.0 * most)
+    if name.startswith("angle_"):
+        most = math.pi + _MARGIN * sum(model.system.finger_model.ranges)
+        return (finger.base.angle - most, finger.base.angle + most)
+    most = 2.0 * _greatest_moment(scene)
+    return (-most, most)
+
+
+def _set_point_range(scene: ControlScene, name: str) -> tuple[float, float]:
+    if name.endswith("[m]"):
+        axis = 0 if "_x " in name else 1
+        centre, reach = scene.finger.base.position[axis], 10.0 * scene.finger.rod.length
+        return (centre - reach, centre + reach)
+    return (-_ABSURD, _ABSURD)
+
+
+def _parameter_range(scene: ControlScene, name: str, nominal: float) -> tuple[float, float]:
+    unit = name[name.index("[") + 1 : -1]
+    if unit in ("N", "N m"):
+        most = _KNOWN * _disturbance_range(scene, name)[1]
+        return (-most, most)
+    if name.startswith(("gravity", "base_angle", "rest_curvature", "object_")):
+        return (-_ABSURD, _ABSURD)
+    return (1e-3 * nominal, 1e3 * nominal) if nominal > 0.0 else (0.0, _ABSURD)

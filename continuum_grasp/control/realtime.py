@@ -1,0 +1,163 @@
+"""A controller against the clock: a loop of fixed period, with its jitter and overruns."""
+
+from __future__ import annotations
+
+import gc
+import math
+import time
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.control.status import Status
+from continuum_grasp.core.checks import positive
+from continuum_grasp.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from continuum_grasp.control.controller import Controller
+
+__all__ = ["PeriodicRun", "run_periodic"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PeriodicRun:
+    """What happened in a periodic loop of K cycles.
+
+    Attributes
+    ----------
+    period : float
+        [s]
+    jitter : (K,) ndarray
+        How much later than asked for each cycle began [s].
+    latency : (K,) ndarray
+        From the beginning of a cycle until its command was written [s].
+    overruns : int
+        Cycles that ended after the next one should have begun.
+    skipped : int
+        Cycles that were left out for that reason.
+    status : dict
+        Commands by their status.
+    """
+
+    period: float
+    jitter: Array
+    latency: Array
+    overruns: int
+    skipped: int
+    status: dict[str, int]
+
+    def summary(self) -> dict[str, Any]:
+        """Counts, and median, 99th percentile and maximum of jitter and latency [s]."""
+        spread = {
+            name: {
+                "median": float(np.median(values)),
+                "p99": float(np.percentile(values, 99)),
+                "max": float(values.max()),
+            }
+            for name, values in (("jitter", self.jitter), ("latency", self.latency))
+        }
+        counts = {"cycles": len(self.jitter), "overruns": self.overruns, "skipped": self.skipped}
+        return {"period": self.period, **counts, **spread, "status": self.status}
+
+
+def run_periodic(
+    controller: Controller,
+    read: Callable[[], ArrayLike | None],
+    write: Callable[[Array], object],
+    *,
+    duration: float,
+    spin: float = 0.0,
+    idle: Callable[[], object] | None = None,
+) -> PeriodicRun:
+    """Read, compute and write once per period of a controller.
+
+    Cycles begin at fixed instants of the monotonic clock, whatever the cycles before them took. A cycle that ends after
+    the next one should have begun is an overrun; the next begins at once. Was its command written that late, the
+    controller is told so. Cycles that are missed altogether are made up for in the controller with the input that was
+    applied, without a measurement and without a new plan. Python's garbage collection waits until the loop is over.
+
+    Parameters
+    ----------
+    controller : Controller
+        The controller, ready to start; made with ``deadline=math.inf``, it leaves the watching to this loop.
+    read : callable
+        Gives a measurement in the order of ``measurement_names``, or None; should not wait.
+    write : callable
+        Takes the command, (nu,).
+    duration : float
+        How long [s].
+    spin : float
+        The last part of the waiting that is spent asking the clock instead of sleeping [s]; less jitter, more load.
+    idle : callable, optional
+        Called after ``write``, for what may take the rest of a period.
+
+    Returns
+    -------
+    PeriodicRun
+
+    Raises
+    ------
+    InputError
+        If a time is not positive, or spinning takes longer than a period.
+    """
+    period = controller.period
+    cycles = max(1, math.floor(positive("duration", duration) / period + 1e-9))
+    if not 0.0 <= spin < period:
+        raise InputError(f"expected a time from 0 to the period of {period:g} s, got {spin!r:.60}", key="spin")
+    jitter, latency = np.zeros(cycles), np.zeros(cycles)
+    counts = [0] * len(Status)
+    overruns = skipped = count = cycle = 0
+    late = False
+    with _no_collection():
+        start = time.perf_counter() + period
+        while cycle < cycles:
+            release = start + cycle * period
+            began = _wait_until(release, spin)
+            command = controller.step(read(), late=late or None)
+            write(command.u)
+            written = time.perf_counter()
+            jitter[count], latency[count] = began - release, written - began
+            counts[command.status] += 1
+            count += 1
+            if idle is not None:
+                idle()
+            passed = int((time.perf_counter() - start) / period)
+            late = written - release > period
+            overruns += passed > cycle
+            missed = max(0, min(passed, cycles) - cycle - 1)
+            for _ in range(missed):
+                controller.step(None, applied=command.u, late=True)
+            skipped += missed
+            cycle += 1 + missed
+    status = {kind.name.lower(): counts[kind] for kind in Status}
+    return PeriodicRun(period, jitter[:count], latency[:count], overruns, skipped, status)
+
+
+def _wait_until(instant: float, spin: float) -> float:
+    """Sleep, then ask the clock; the time at which the waiting ended."""
+    rest = instant - spin - time.perf_counter()
+    if rest > 0.0:
+        time.sleep(rest)
+    now = time.perf_counter()
+    while now < instant:
+        now = time.perf_counter()
+    return now
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()

@@ -1,0 +1,286 @@
+"""Real-time iterations: one linearisation and one quadratic programme per control period, in C."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.control.settings import Settings
+from continuum_grasp.control.source import PROBLEM, library_source
+from continuum_grasp.control.stages import Stages
+from continuum_grasp.core.cache import library_for
+from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
+from continuum_grasp.core.precision import precision_of
+from continuum_grasp.errors import InputError, SolverError
+
+__all__ = ["STATUS", "RealTimeIteration", "Report"]
+
+Array = NDArray[Any]
+
+STATUS = {
+    0: "solved",
+    1: "iteration limit",
+    2: "row violated",
+    -1: "bad input",
+    -2: "bad linearisation",
+    -3: "bad solution",
+    -4: "not prepared",
+}
+"""Names of the statuses; those from 0 on come with a usable plan, the others leave the plan as it was."""
+
+_ADVICE = {
+    -1: "state, parameters, set-points, plan and settings must be finite, and no lower bound above its upper one",
+    -2: "model or cost is not finite at the plan: reset it, or take more substeps",
+    -3: "the quadratic programme has no finite solution: raise the regularisation, or bound the inputs",
+    -4: "prepare first",
+}
+
+
+class Report(NamedTuple):
+    """What an iteration did.
+
+    Attributes
+    ----------
+    status : int
+        Key of ``STATUS``.
+    iterations : int
+        Factorisations beyond that of the preparation; 0 where no bound is active.
+    kkt : float
+        Largest residual of the optimality conditions of the quadratic programme, relative.
+    violation : float
+        Largest violation of a row, in the row's unit.
+    cost : float
+        Cost of the quadratic programme at its solution, penalties included.
+    """
+
+    status: int
+    iterations: int
+    kkt: float
+    violation: float
+    cost: float
+
+
+class RealTimeIteration:
+    """Real-time iterations of an optimal control problem (M. Diehl et al., doi:10.1016/S0959-1524(02)00023-1).
+
+    An iteration linearises the problem at the plan and replaces the plan by the solution of the quadratic programme
+    that results (full step). The states of the plan are variables (multiple shooting), so each iteration closes the
+    gaps that the one before has left. All of it runs in C on memory of this object; other threads need other objects.
+
+    Parameters
+    ----------
+    stages : Stages
+        The problem.
+    precision : {"double", "float"}
+        What the C computes in; arrays given may be of doubles all the same.
+    lanes : bool
+        Whether stages are linearised side by side in vector lanes.
+
+    Attributes
+    ----------
+    stages : Stages
+    settings : Settings
+        Those of the problem at first.
+
+    Raises
+    ------
+    InputError
+        If there is no C compiler (nothing slower takes its place), or single precision cannot hold a constant of the
+        problem.
+    """
+
+    def __init__(self, stages: Stages, *, precision: str = "double", lanes: bool = True) -> None:
+        self.stages = stages
+        self.precision = precision_of(precision)
+        self._library = library = _library(library_source(stages, real=self.precision, lanes=lanes))
+        real: Any = np.float64 if self.precision == "double" else np.float32
+        self._number = ctypes.c_double if self.precision == "double" else ctypes.c_float
+        n, nx, nu = stages.stages, stages.nx, stages.nu
+        self.settings = Settings(stages, real)
+        self._x0, self._p = np.zeros(nx, real), np.array(stages.p_nominal, real)
+        self._refs = np.zeros((n + 1, stages.nr), real)
+        plan = np.zeros(-(-library.rti_sizeof(1) // np.dtype(real).itemsize), real)
+        states, inputs = (n + 1) * nx, n * nu
+        self._x, self._u = plan[:states].reshape(n + 1, nx), plan[states : states + inputs].reshape(n, nu)
+        self._told = plan[states + inputs :]
+        self._work = np.zeros(library.rti_sizeof(2), np.uint8)
+        self._record = _record(self._number)
+        sizes = self.settings.size, plan.nbytes, self._work.nbytes, ctypes.sizeof(self._record)
+        if sizes != tuple(library.rti_sizeof(k) for k in range(4)):
+            raise RuntimeError(f"the C compiler lays structures out in another way than expected: {sizes}")
+        self._work_at, self._plan_at = _address(self._work), _address(plan)
+        self._settings_at, self._x0_at, self._p_at = self.settings.address, _address(self._x0), _address(self._p)
+        head = self._work_at, self._plan_at, self._settings_at
+        self._preparation = *head, self._p_at, _address(self._refs)
+        self._answer = *head, self._x0_at, ctypes.byref(self._record)
+        self._prepare, self._feedback = library.rti_prepare, library.rti_feedback
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("RealTimeIteration works on memory of loaded C: send its stages, and make one of them there")
+
+    @property
+    def plan(self) -> tuple[Array, Array]:
+        """States (N + 1, nx) and inputs (N, nu) of the plan: views, which the next iteration overwrites."""
+        return self._x, self._u
+
+    def reset(self, x0: ArrayLike, u0: ArrayLike | None = None, *, rollout: bool = False) -> None:
+        """Make a plan that stays at a state, or that an input drives there from.
+
+        Parameters
+        ----------
+        x0 : (nx,) array_like
+            The state.
+        u0 : (nu,) array_like, optional
+            The input; zero, or the nearest bound, where not given.
+        rollout : bool
+            True: integrate the states.
+
+        Raises
+        ------
+        InputError
+            If shapes do not fit or numbers are not finite.
+        SolverError
+            If the integration leaves the finite numbers.
+        """
+        u = np.clip(np.zeros(self.stages.nu), self.settings.u_min, self.settings.u_max) if u0 is None else u0
+        self._take(self._x0, "x0", x0)
+        self._x[:] = self._x0
+        self._told[:] = 0
+        self._take(self._u, "u0", u)
+        if not (np.isfinite(self._x).all() and np.isfinite(self._u).all()):
+            raise InputError("reset: expected finite numbers")
+        if rollout:
+            self._must(self._library.rti_rollout(self._plan_at, self._work_at, *self._setting_state()))
+
+    def step(self, x0: ArrayLike, refs: ArrayLike | None = None, p: ArrayLike | None = None) -> Report:
+        """One iteration; ``plan[1][0]`` is the input to apply.
+
+        Parameters
+        ----------
+        x0 : (nx,) array_like
+            The state.
+        refs : (N + 1, nr) or (nr,) array_like, optional
+            Set-points of the nodes, or one for all; those given last (zero at first) where not given.
+        p : (np,) array_like, optional
+            Parameters; those given last (nominal at first) where not given.
+
+        Returns
+        -------
+        Report
+
+        Raises
+        ------
+        InputError
+            If shapes do not fit.
+        SolverError
+            If something is not finite; the plan is as before.
+        """
+        self.prepare(refs, p)
+        return self.feedback(x0)
+
+    def prepare(self, refs: ArrayLike | None = None, p: ArrayLike | None = None) -> None:
+        """Linearise at the plan, before the state is known; see ``step``."""
+        if refs is not None:
+            self._take(self._refs, "refs", refs)
+        if p is not None:
+            self._take(self._p, "p", p)
+        status = self._prepare(*self._preparation)
+        if status < 0:
+            self._must(status)
+
+    def feedback(self, x0: ArrayLike) -> Report:
+        """Solve for a state, and replace the plan; see ``step``."""
+        self._take(self._x0, "x0", x0)
+        if self._feedback(*self._answer) < 0:
+            self._must(self._record.status)
+        record = self._record
+        return Report(record.status, record.iterations, record.kkt, record.violation, record.cost)
+
+    def shift(self, stages: float = 1.0, *, rollout: bool = False) -> None:
+        """Move the plan on by a number of stages, whole or not.
+
+        States are interpolated between the nodes and inputs averaged over the new stages; beyond the horizon the last
+        ones stay.
+
+        Parameters
+        ----------
+        stages : float
+            How far.
+        rollout : bool
+            True: integrate the states that lie beyond the horizon, with the last input and the parameters given last.
+
+        Raises
+        ------
+        InputError
+            If the number is negative or not finite.
+        SolverError
+            If the integration leaves the finite numbers.
+        """
+        if not 0.0 <= stages < float("inf"):
+            raise InputError(f"stages: expected a finite number, 0 or more, got {stages!r:.60}", key="stages")
+        self._library.rti_shift(self._plan_at, self._settings_at, self._number(stages))
+        if rollout:
+            last = max(0, int(self.stages.stages - stages))
+            self._must(self._library.rti_extend(self._plan_at, self._settings_at, last, self._p_at))
+
+    def qp(self) -> dict[str, Array]:
+        """The quadratic programme of the last preparation, as copies; see ``control/c/rti.h`` for what it says.
+
+        Returns
+        -------
+        dict
+            x (N+1, nx) and u (N, nu), where it is made; A (N, nx, nx), B (N, nx, nu), defect (N, nx); l (N+1),
+            g (N+1, nz), H (N+1, nz, nz); c (N+1, nc), C (N+1, nc, nz). What a node does not have is zero.
+        """
+        s = self.stages
+        n, nx, nu, nz, nc = s.stages, s.nx, s.nu, s.nx + s.nu, s.nc
+        width = self._library.rti_width()
+        shapes = {"x": (n + 1, nx), "u": (n, nu), "M": (n, nx, width), "defect": (n, nx), "l": (n + 1,)}
+        shapes |= {"g": (n + 1, width), "H": (n + 1, nz, width), "c": (n + 1, max(nc, 1)), "C": (n + 1, max(nc, 1), nz)}
+        found = {}
+        for name, where in zip(PROBLEM, self._offsets(), strict=True):
+            count = int(np.prod(shapes[name])) * self._x.itemsize
+            found[name] = self._work[where : where + count].view(self._x.dtype).reshape(shapes[name]).copy()
+        m = found.pop("M")
+        found |= {"A": m[..., :nx], "B": m[..., nx:nz], "g": found["g"][:, :nz], "H": found["H"][..., :nz]}
+        return found | {"c": found["c"][:, :nc], "C": found["C"][:, :nc]}
+
+    def _offsets(self) -> list[int]:
+        return [self._library.rti_offset(k) for k in range(len(PROBLEM))]
+
+    def _setting_state(self) -> tuple[Any, ...]:
+        return self._settings_at, self._x0_at, self._p_at
+
+    def _take(self, to: Array, name: str, value: ArrayLike) -> None:
+        try:
+            to[...] = value
+        except (ValueError, TypeError) as error:
+            raise InputError(f"expected numbers of shape {to.shape}, got {value!r:.60}", key=name) from error
+
+    def _must(self, status: int) -> None:
+        if status < 0:
+            raise SolverError("real-time iteration", status=STATUS[status], advice=_ADVICE[status])
+
+
+def _address(array: Array) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def _record(number: Any) -> Any:
+    """Memory for a report of the C code."""
+    reals = [(name, number) for name in ("kkt", "violation", "cost")]
+    fields = [("status", ctypes.c_int), ("iterations", ctypes.c_int), *reals]
+    return type("_Record", (ctypes.Structure,), {"_fields_": fields})()
+
+
+def _library(source: str) -> ctypes.CDLL:
+    compiler = find_compiler()
+    if compiler is None:
+        raise InputError(f"real-time iterations need a C compiler: {why_no_compiler()}")
+    try:
+        return ctypes.CDLL(str(library_for(source, compiler)))
+    except (CompileError, OSError) as error:
+        raise InputError(f"real-time iterations need a C compiler, and compiling failed: {error}") from error

@@ -1,0 +1,85 @@
+"""Bounds, prices and weights of real-time iterations, as the C code reads them."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from continuum_grasp.control.stages import Stages
+from continuum_grasp.errors import InputError
+
+__all__ = ["Settings"]
+
+_TOLERANCE = {8: 1e-8, 4: 1e-4}
+_ITERATIONS = 40
+_REGULARISATION = 1e-9
+
+
+class Settings:
+    """Bounds, prices and weights, which may be changed between iterations.
+
+    Every attribute reads as an array or a number and can be assigned; entries of arrays can be assigned too.
+
+    Parameters
+    ----------
+    stages : Stages
+        Where nominal values come from.
+    real : type
+        numpy's double or single precision.
+
+    Attributes
+    ----------
+    u_min, u_max : (nu,) ndarray
+        Hard bounds of the inputs; +-1e30 is none.
+    c_min, c_max : (nc,) ndarray
+        Soft bounds of the rows.
+    linear, quadratic : (nc,) ndarray
+        A row that leaves its bounds by s costs ``linear s + quadratic s^2 / 2``; one with neither is not bounded.
+    weights, terminal_weights : (nr,) ndarray
+        Weights of the squared errors of the outputs.
+    stage : float
+        Length of a stage [s] in the integration; cost and rows keep the one that they were made with.
+    substeps : int
+        Runge-Kutta steps per stage.
+    iterations : int
+        Limit of the interior-point method.
+    tolerance : float
+        Of the solution, relative.
+    regularisation : float
+        Added to the Hessian's diagonal of the inputs.
+    """
+
+    def __init__(self, stages: Stages, real: Any) -> None:
+        nu, nc, nr = stages.nu, max(stages.nc, 1), max(stages.nr, 1)
+        arrays = {"u_min": nu, "u_max": nu, "c_min": nc, "c_max": nc, "linear": nc, "quadratic": nc}
+        arrays |= {"weights": nr, "terminal_weights": nr}
+        numbers = [("stage", real), ("substeps", np.intc), ("iterations", np.intc)]
+        numbers += [("tolerance", real), ("regularisation", real)]
+        layout = np.dtype([*[(name, real, (size,)) for name, size in arrays.items()], *numbers], align=True)
+        memory = np.zeros((), layout)
+        nominal = {name: getattr(stages, name) for name in arrays}
+        own = {"iterations": _ITERATIONS, "tolerance": _TOLERANCE[np.dtype(real).itemsize]}
+        own |= {"regularisation": _REGULARISATION, "stage": stages.stage, "substeps": stages.substeps}
+        fields = {name: memory[name] for name in layout.names or ()}
+        fields |= {name: fields[name][: len(value)] for name, value in nominal.items()}
+        self.__dict__.update(_memory=memory, _fields=fields, size=layout.itemsize)
+        self.__dict__["address"] = ctypes.c_void_p(memory.ctypes.data)
+        for name, value in {**nominal, **own}.items():
+            setattr(self, name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        fields = self.__dict__.get("_fields", {})
+        if name not in fields:
+            raise AttributeError(f"no setting {name!r}; there are {', '.join(fields)}")
+        return fields[name] if fields[name].ndim else fields[name].item()
+
+    def __setattr__(self, name: str, value: ArrayLike) -> None:
+        if name not in self._fields:
+            raise InputError(f"unknown setting {name!r}: expected one of {', '.join(self._fields)}", key=name)
+        try:
+            self._fields[name][...] = value
+        except (ValueError, TypeError) as error:
+            raise InputError(f"expected {self._fields[name].shape}, got {value!r:.60}", key=name) from error

@@ -1,0 +1,202 @@
+"""C of a real-time iteration: functions of the stages and the template around them, in one translation unit."""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+
+import casadi as ca
+
+from continuum_grasp.control.products import jacobian_products
+from continuum_grasp.control.stages import Stages
+from continuum_grasp.core.lanes import lane_function, lane_prelude
+from continuum_grasp.core.precision import single
+from continuum_grasp.errors import InputError
+
+__all__ = [
+    "PROBLEM",
+    "dimensions",
+    "iteration_bodies",
+    "iteration_source",
+    "library_source",
+    "stage_functions",
+    "template",
+]
+
+_BODY = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)
+"""Name and body of a function in what CasADi writes."""
+
+_ITERATION = ("rti_linearise.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c")
+"""Templates behind the basis and what is written for a problem, in their order."""
+
+PROBLEM = ("x", "u", "M", "defect", "l", "g", "H", "c", "C")
+"""Members of the workspace that say which quadratic programme is solved."""
+
+
+def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True) -> str:
+    """C of the real-time iterations of a problem.
+
+    Parameters
+    ----------
+    stages : Stages
+        The problem.
+    real : {"double", "float"}
+        What it computes in.
+    lanes : bool
+        Whether stages are linearised side by side in vector lanes (for gcc and clang), which gives the same to
+        rounding. Models with an operation that vector lanes do not have go one stage after the other all the same.
+
+    Returns
+    -------
+    str
+        One translation unit.
+
+    Raises
+    ------
+    InputError
+        If a stage function is not a straight-line SX function of the expected sizes, or has a constant that single
+        precision cannot hold.
+    """
+    _check(stages)
+    vector = _lanes(stages, real) if lanes else ""
+    functions = stage_functions(stages, real, vector=bool(vector))
+    width = f"#define RTI_W {-(-(stages.nx + stages.nu) // 4) * 4}" if lanes else ""
+    parts = [dimensions(stages, real), width, functions, vector, template("rti.h")]
+    return "\n".join([*parts, *iteration_bodies(stages, lanes=lanes)])
+
+
+def iteration_bodies(stages: Stages, *, lanes: bool) -> list[str]:
+    """C behind the header."""
+    own = [_row_functions(stages), "" if lanes else jacobian_products(stages)]
+    return [template("rti_basis.c"), *own, *(template(name) for name in _ITERATION)]
+
+
+def library_source(stages: Stages, *, real: str = "double", lanes: bool = True) -> str:
+    """The same, with the sizes and offsets that a caller from another language needs."""
+    offsets = ", ".join(f"offsetof(rti_work, {name})" for name in PROBLEM)
+    structures = ", ".join(f"sizeof(rti_{name})" for name in ("settings", "plan", "work", "report"))
+    return f"""{iteration_source(stages, real=real, lanes=lanes)}
+int rti_sizeof(int which)
+{{
+  const size_t sizes[] = {{{structures}}};
+  return (int)sizes[which];
+}}
+int rti_width(void) {{ return RTI_W; }}
+int rti_offset(int which)
+{{
+  const size_t offsets[] = {{{offsets}}};
+  return (int)offsets[which];
+}}
+"""
+
+
+def template(name: str) -> str:
+    """Text of a C template of this package."""
+    return (files("continuum_grasp.control") / "c" / name).read_text(encoding="utf-8")
+
+
+def dimensions(stages: Stages, real: str) -> str:
+    """Macros of the dimensions, and the type ``real``."""
+    sizes = {"N": stages.stages, "NX": stages.nx, "NU": stages.nu, "NC": stages.nc, "NS": stages.ns}
+    sizes |= {"NP": stages.np, "NR": stages.nr}
+    lines = [f"#define RTI_{name} {size}" for name, size in sizes.items()]
+    if real == "float":
+        lines.append("#define RTI_SINGLE")
+    return "\n".join([*lines, f"typedef {real} real;", ""])
+
+
+def stage_functions(stages: Stages, real: str, *, vector: bool = False) -> str:
+    """C of step and costs by CasADi; of the terminal cost alone where the others come as vector lanes."""
+    options = {"with_header": False, "with_export": False, "static_aux": True, "with_mem": False}
+    generator = ca.CodeGenerator("stages.c", options)
+    for function in (stages.terminal,) if vector else (stages.step, stages.cost, stages.terminal):
+        generator.add(function)
+    code = str(generator.dump())
+    begin, _, _ = code.partition("/* Configuration this file was compiled with */")
+    bodies = [
+        f"static int {name}(const casadi_real **arg, casadi_real **res)\n{{{body}}}\n"
+        for name, body in _BODY.findall(code)
+    ]
+    code = "\n".join([begin, *bodies])
+    return single(code) if real == "float" else code
+
+
+def _check(stages: Stages) -> None:
+    """Whether the functions are those that the template calls.
+
+    Raises
+    ------
+    InputError
+        If one is not a straight-line function, or an output is not dense and of its size.
+    """
+    nx, nu, nc, ns = stages.nx, stages.nu, stages.nc, stages.ns
+    nz = nx + nu
+    sizes = {
+        stages.step: [nx, nx * nx, nx * nu],
+        stages.cost: [1, nz, nz * nz, nc, nc * nz],
+        stages.terminal: [1, nx, nx * nx, ns, ns * nx],
+    }
+    for function, expected in sizes.items():
+        if not function.is_a("SXFunction"):
+            raise InputError(f"{function.name()}: expected a straight-line SX function, got {function.class_name()}")
+        found = [function.nnz_out(k) for k in range(function.n_out())]
+        if found != expected:
+            raise InputError(f"{function.name()}: expected dense outputs of {expected} entries, got {found}")
+
+
+def _lanes(stages: Stages, real: str) -> str:
+    """Step and cost as vector lanes; empty where an operation of theirs is not known there."""
+    try:
+        functions = [lane_function(f, real) for f in (stages.step, stages.cost)]
+    except InputError:
+        return ""
+    return "\n".join([lane_prelude(real), *functions, "#define RTI_VECTOR\n"])
+
+
+def _row_functions(stages: Stages) -> str:
+    """What the template needs of the rows' Jacobian, over the entries that can differ from zero."""
+    nc = stages.nc
+    entries = _pattern(stages)
+    values = [
+        f"  y[{i}] = c[{i}]" + "".join(f" + C[{i}][{j}] * z[{j}]" for j in row) + ";" for i, row in enumerate(entries)
+    ]
+    gradient = [f"  q[{j}] += C[{i}][{j}] * w[{i}];" for i, row in enumerate(entries) for j in row]
+    hessian = []
+    for i, row in enumerate(entries):
+        for j in row:
+            hessian.append(f"  {{ const real a = C[{i}][{j}] * w[{i}];")
+            hessian += [f"    G[{j}][{k}] += a * C[{i}][{k}];" for k in row]
+            hessian.append("  }")
+    rows = max(nc, 1)
+    void = "  (void)C; (void)w; "
+    return "\n".join(
+        [
+            f"static inline void rti_row_values(const real c[{rows}], real (*C)[RTI_NZ], const real z[RTI_W],"
+            f" real y[{rows}])",
+            "{",
+            "  (void)c; (void)C; (void)z; (void)y;",
+            *values,
+            "}",
+            f"static inline void rti_row_gradient(real (*C)[RTI_NZ], const real w[{rows}], real q[RTI_W])",
+            "{",
+            f"{void}(void)q;",
+            *gradient,
+            "}",
+            f"static inline void rti_row_hessian(real (*C)[RTI_NZ], const real w[{rows}], real (*G)[RTI_W])",
+            "{",
+            f"{void}(void)G;",
+            *hessian,
+            "}",
+            "",
+        ]
+    )
+
+
+def _pattern(stages: Stages) -> list[list[int]]:
+    """Entries of each row of C that can differ from zero, at a stage or at the last node."""
+    found: list[set[int]] = [set() for _ in range(stages.nc)]
+    for function in (stages.cost, stages.terminal):
+        rows, columns = ca.sparsify(function.call(function.sx_in())[4]).sparsity().get_triplet()
+        for i, j in zip(rows, columns, strict=True):
+            found[i].add(j)
+    return [sorted(row) for row in found]

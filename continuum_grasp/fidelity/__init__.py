@@ -1,1 +1,0 @@
-"""How accurate the finger model is: truth that shares nothing with it."""

@@ -1,0 +1,223 @@
+"""Verification of a grasp by numpy alone, from its stored numbers; nothing is shared with the optimiser.
+
+The backbones are integrated anew from their curvature profiles. The fingers' equilibrium is tested by virtual
+work: the potential of bending, weight, tendons and contact forces must be stationary in the bending
+coordinates, its gradient taken by complex steps. Normals, contact points and gaps are recomputed, never taken
+from the result on trust. Whether fingers overlap in the plane is no check, since they may lie at different
+heights; the certificate says by how much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.certificate.check import EQUILIBRIUM, GAP, LIMIT, Check, worst
+from continuum_grasp.grasp.certificate.clearance import clearance_checks, overlap
+from continuum_grasp.grasp.certificate.contact_checks import contact_checks, mode_check
+from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
+from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
+from continuum_grasp.grasp.certificate.recomputed_finger import RecomputedFinger, gravity_vector
+from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
+from continuum_grasp.grasp.certificate.stored import misfits, not_finite
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
+from continuum_grasp.scene.objects import Freedom
+
+__all__ = ["Certificate", "Check", "certify"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What an independent recomputation says about a grasp.
+
+    Attributes
+    ----------
+    checks : tuple of Check
+        Every property that must hold.
+    friction_margins : dict of str to float
+        1 - |friction force| / (friction coefficient * normal force) of each contact that has friction; positive:
+        it is not about to slip; 0 where nothing presses.
+    grasp : RecomputedGrasp or None
+        What was recomputed; None where the stored numbers do not make a grasp.
+    """
+
+    checks: tuple[Check, ...]
+    friction_margins: dict[str, float] = field(default_factory=dict)
+    grasp: RecomputedGrasp | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check passed."""
+        return all(check.passed for check in self.checks)
+
+    @property
+    def failed(self) -> tuple[Check, ...]:
+        """The checks that did not pass."""
+        return tuple(check for check in self.checks if not check.passed)
+
+    @property
+    def friction_margin(self) -> float:
+        """Least of the friction margins; NaN where nothing is known."""
+        if self.grasp is None:
+            return float("nan")
+        return min(self.friction_margins.values(), default=0.0)
+
+    @cached_property
+    def stability(self) -> Stability:
+        """Second-order test; computed when first asked for."""
+        return Stability(False, float("nan"), 0) if self.grasp is None else contact_stability(self.grasp)
+
+    @cached_property
+    def model_error(self) -> ModelError:
+        """What the curvature family leaves out; computed when first asked for.
+
+        Not an error of the solution, and no check: it falls with the number of elements.
+        """
+        return ModelError({}, float("nan"), float("nan")) if self.grasp is None else model_error(self.grasp)
+
+    @cached_property
+    def overlap(self) -> float:
+        """Greatest overlap of the bodies of two fingers in the plane [m]; zero where none touch."""
+        return float("nan") if self.grasp is None else overlap(self.grasp.fingers)
+
+    def __getitem__(self, name: str) -> Check:
+        for check in self.checks:
+            if check.name == name:
+                return check
+        raise KeyError(name)
+
+
+def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
+    """Verify a grasp from its stored numbers.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    arrays : mapping
+        As `continuum_grasp.grasp.GraspResult.arrays` gives and a run folder stores. For each finger F: ``F.family``,
+        ``F.q``, ``F.lengths``, ``F.tip_curvature``, ``F.tensions``, ``F.base``, ``F.backbone``; ``object.pose``; and
+        for the contacts ``contact_names``, ``contact_positions``, ``contact_normals``, ``contact_forces`` (normal,
+        friction, lift), ``contact_stations``, ``contact_parts``.
+
+    Returns
+    -------
+    Certificate
+    """
+    setups = scene.setups
+    with np.errstate(all="ignore"):
+        start = (
+            Check("numbers that are not finite", float(not_finite(setups, arrays)), 0.0),
+            Check("stored arrays that are missing or do not fit", float(len(misfits(scene, setups, arrays))), 0.0),
+        )
+        if not all(check.passed for check in start):
+            return Certificate(start)
+        lengths = tuple(_lengths(setup.name, setup.finger.rod.length, arrays) for setup in setups)
+        if not all(check.passed for check in lengths):
+            return Certificate((*start, *lengths))
+        grasp = RecomputedGrasp(scene, setups, arrays)
+        checks = [*start, mode_check(grasp), *lengths]
+        for finger in grasp.fingers:
+            checks += [*_equilibrium(finger), *_storage(finger), *_finger_limits(grasp, finger)]
+        checks += [*_object(grasp), *contact_checks(grasp), *clearance_checks(grasp)]
+        margins = {c.name: c.friction_margin for c in grasp.contacts if c.friction > 0.0}
+    return Certificate(tuple(checks), margins, grasp)
+
+
+def _lengths(name: str, total: float, arrays: Mapping[str, Any]) -> Check:
+    lengths = np.asarray(arrays[f"{name}.lengths"], dtype=float)
+    off = worst(abs(lengths.sum() / total - 1), *(1e-9 - lengths / total > 0.0))
+    return Check(f"element lengths, {name}", off, LIMIT, "1", f"{total:.4g} m")
+
+
+def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
+    force = float(np.max([0.0, *(np.hypot(*load.force) for load in finger.loads)]))
+    scale = finger.moment_scale(force)
+    reference = f"{scale:.4g} N m"
+    yield Check(f"finger equilibrium, {finger.name}", finger.imbalance() / scale, EQUILIBRIUM, "1", reference)
+    if finger.family == "matched_clothoid":
+        bent = finger.ends[-1, 1] - finger.rod.rest[-1]
+        gap = finger.stiffness * bent - finger.tip_moment - finger.tip_couple
+        yield Check(f"tip moment balance, {finger.name}", abs(gap) / scale, EQUILIBRIUM, "1", reference)
+
+
+def _storage(finger: RecomputedFinger) -> Iterator[Check]:
+    stored, length = finger.stored_backbone, finger.length
+    s = np.clip(stored[:, 0], 0.0, finger.rod.joints[-1])
+    points, angles = finger.rod.at(finger.ends, s)
+    off = worst(
+        float(np.abs(stored[:, 0] - s).max()) / length,
+        abs(stored[0, 0]) / length,
+        abs(stored[-1, 0] / length - 1.0),
+        -float(np.diff(stored[:, 0]).min()) / length,
+        float(np.abs(stored[:, 1:3] - points).max()) / length,
+        float(np.abs(stored[:, 3] - angles).max()),
+    )
+    yield Check(f"stored backbone, {finger.name}", off, GAP, "1", f"{length:.4g} m")
+    off = abs(finger.stored_tip_curvature - finger.ends[-1, 1]) * length
+    yield Check(f"stored tip curvature, {finger.name}", off, GAP, "1", f"{1 / length:.4g} 1/m")
+    base = finger.finger.base
+    off = _beyond((*base.position, base.angle), finger.finger.base_free, finger.base, length)
+    yield Check(f"base, {finger.name}", off, LIMIT, "1", f"{length:.4g} m")
+
+
+def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator[Check]:
+    tendons, setup, length = finger.finger.tendons, finger.setup, finger.length
+    if tendons is not None:
+        most, used = tendons.max_tension, finger.finger.tendons_used
+        over = [(t - most, tendons.min_tension - t) for t in finger.tensions]
+        if used != "both":
+            unused = 1 if used == "left" else 0
+            over[unused] = abs(finger.tensions[unused]), 0.0
+        value = worst(*(v for pair in over for v in pair)) / most
+        yield Check(f"tendon tension, {finger.name}", value, LIMIT, "1", f"{most:.4g} N")
+    low, high = setup.middle_bounds
+    for contact in grasp.of(finger):
+        if contact.kind == "middle":
+            at = finger.joint_position(contact.joint)
+            over_length = worst(low - at, at - high) / length
+            yield Check(f"position along the finger, {contact.name}", over_length, LIMIT, "1", f"{length:.4g} m")
+    if np.isfinite(most := finger.finger.curvature_limit):
+        kappa = float(np.abs(finger.ends).max())
+        yield Check(f"bending strain, {finger.name}", kappa / most - 1, LIMIT, "1", f"{most:.4g} 1/m")
+    bends = float(np.abs(finger.lengths[:, None] * finger.ends).max())
+    most = setup.bending_range
+    yield Check(f"bending range, {finger.name}", bends / most - 1, LIMIT, "1", f"{most:.4g} rad")
+
+
+def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
+    thing, gravity, size = grasp.scene.object, grasp.scene.gravity, grasp.size
+    yield Check("object pose", _beyond(thing.pose, thing.free, grasp.pose, size), LIMIT, "1", f"{size:.4g} m")
+    scale = grasp.force_scale
+    force, turn, lift, tilt = thing.mass * gravity_vector(gravity), 0.0, 0.0, np.zeros(2)
+    for contact in grasp.contacts:
+        arm, load = contact.point - grasp.object.com, contact.force
+        force = force - load
+        turn -= float(arm[0] * load[1] - arm[1] * load[0])
+        lift += contact.lift
+        tilt = tilt + contact.lift * arm
+    reference = f"{scale:.4g} N"
+    yield Check("object force balance", float(np.abs(force).max()) / scale, EQUILIBRIUM, "1", reference)
+    yield Check("object moment balance", abs(turn) / (scale * size), EQUILIBRIUM, "1", f"{scale * size:.4g} N m")
+    weight = thing.mass * gravity.magnitude if isinstance(gravity, OutOfPlaneGravity) else 0.0
+    yield Check("object lift balance", abs(lift - weight) / scale, EQUILIBRIUM, "1", reference)
+    if isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance":
+        value = float(np.abs(tilt).max()) / (scale * size)
+        yield Check("object tilt balance", value, EQUILIBRIUM, "1", f"{scale * size:.4g} N m")
+
+
+def _beyond(start: tuple[float, float, float], free: Freedom | None, pose: Array, length: float) -> float:
+    """How far a pose lies outside its bounds, or from where it is fixed, as a part of a length and in radians."""
+    bounds = (None,) * 3 if free is None else (free.x, free.y, free.angle)
+    over = []
+    for value, own, bound, unit in zip(pose, start, bounds, (length, length, 1.0), strict=True):
+        low, high = (own, own) if bound is None else bound
+        over += [(low - value) / unit, (value - high) / unit]
+    return worst(*over)

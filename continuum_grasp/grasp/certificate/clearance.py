@@ -1,0 +1,145 @@
+"""How deep fingers and object are in each other and in the supports, sampled densely."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.certificate.check import PENETRATION, Check, worst
+from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
+from continuum_grasp.grasp.certificate.recomputed_finger import RecomputedFinger
+from continuum_grasp.grasp.certificate.surfaces import PlacedObject, segment_distance
+from continuum_grasp.scene.supports import Wall
+
+__all__ = ["clearance_checks", "depth_in_line", "depth_in_object", "depth_in_wall", "overlap"]
+
+Array = NDArray[Any]
+
+_SHARP = 20.0
+"""Radius of curvature, in distances of two samples, below which a surface may reach between them."""
+_FINE = np.linspace(0.0, 1.0, 33)
+"""Places along a panel that passes a corner closely."""
+
+
+def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
+    """Fingers against object and supports, object against supports."""
+    for finger in grasp.fingers:
+        reference = f"{finger.length:.4g} m"
+
+        def check(what: str, depth: float, finger: RecomputedFinger = finger, reference: str = reference) -> Check:
+            name = f"penetration into {what}, {finger.name}"
+            return Check(name, depth / finger.length, PENETRATION, "1", reference)
+
+        yield check("the object", depth_in_object(finger.points, grasp.object, finger.thickness))
+        emerges = int(finger.joint_edges[finger.setup.before[0]])
+        for wall in grasp.walls:
+            yield check(wall.name, depth_in_wall(finger.points, wall, finger.thickness, emerges))
+        for peg in grasp.pegs:
+            centre = np.asarray(peg.position)
+            away = float(segment_distance(centre, finger.points[:-1], finger.points[1:]).min())
+            yield check(peg.name, finger.thickness + peg.radius - away)
+    length = min(finger.length for finger in grasp.fingers)
+    for wall in grasp.walls:
+        if np.isinf(wall.half_length):
+            heights = (grasp.object.farthest(-np.asarray(wall.normal)) - wall.point) @ np.asarray(wall.normal)
+            depth = -float(heights.min())
+        else:
+            depth = depth_in_line(grasp.object, wall)
+        yield Check(f"penetration of the object into {wall.name}", depth / length, PENETRATION, "1", f"{length:.4g} m")
+    for peg in grasp.pegs:
+        depth = peg.radius - float(grasp.object.distance(np.asarray(peg.position)[None])[0])
+        yield Check(f"penetration of the object into {peg.name}", depth / length, PENETRATION, "1", f"{length:.4g} m")
+
+
+def depth_in_object(points: Array, thing: PlacedObject, thickness: float) -> float:
+    """Greatest depth of a finger's body in an object [m]; negative where there is room.
+
+    Parameters
+    ----------
+    points : ndarray, shape (K, 2)
+        Its backbone, densely [m].
+    thing : PlacedObject
+    thickness : float
+        Half thickness of the finger [m].
+    """
+    depth = thickness - float(thing.distance(points).min())
+    start, end = points[:-1], points[1:]
+    step = float(np.hypot(*(end - start).T).max())
+    corners, radii = thing.sharp_places(_SHARP * step)
+    if not len(corners):
+        return depth
+    gaps = segment_distance(corners[:, None], start, end) - radii[:, None]
+    close = np.flatnonzero((gaps < thickness + step).any(axis=0))
+    if close.size:  # between two samples a corner may reach deeper
+        fine = start[close, None] + _FINE[:, None] * (end - start)[close, None]
+        depth = worst(depth, thickness - float(thing.distance(fine.reshape(-1, 2)).min()))
+    return depth
+
+
+def depth_in_wall(points: Array, wall: Wall, thickness: float, emerges: int) -> float:
+    """Greatest depth of a finger's body in a wall [m]; negative where there is room.
+
+    A finger whose base is closer to the wall than half its thickness comes out of it: it then needs room only
+    behind the point ``emerges``, and before that must not lie deeper than its base.
+    """
+    normal, middle = np.asarray(wall.normal), np.asarray(wall.point)
+    height = (points - middle) @ normal
+    room = height
+    crossing = -np.inf
+    if np.isfinite(wall.half_length):
+        along = np.array([-normal[1], normal[0]])
+        reach = wall.half_length * along
+        room = segment_distance(points, middle - reach, middle + reach)
+        for end in (middle - reach, middle + reach):  # may lie between two samples
+            nearer = segment_distance(end, points[:-1], points[1:])
+            room[1:] = np.minimum(room[1:], nearer)
+        beside = np.abs((points - middle) @ along) <= wall.half_length
+        passes = beside[:-1] & beside[1:] & (height[:-1] * height[1:] < 0.0)
+        if passes.any():
+            crossing = thickness + min(float(height[beside].max()), -float(height[beside].min()))
+    needed = np.full(len(points), thickness)
+    if not room[0] >= thickness * (1.0 - 1e-9):
+        needed[: emerges + 1] = min(0.0, float(room[0]))
+    return worst(float((needed - room).max()), crossing)
+
+
+def depth_in_line(thing: PlacedObject, wall: Wall) -> float:
+    """How deep a finite line lies in an object [m]; negative where there is room.
+
+    The distance along the line is searched closer and closer. A corner that pokes through it counts as deep as
+    it reaches.
+    """
+    normal, middle = np.asarray(wall.normal), np.asarray(wall.point)
+    along = np.array([-normal[1], normal[0]])
+    deepest = -np.inf
+    for part in range(len(thing.parts)):
+        low, high = -wall.half_length, wall.half_length
+        for _ in range(5):
+            places = np.linspace(low, high, 41)
+            away = thing.nearest(middle + places[:, None] * along, part).distance
+            k = int(away.argmin())
+            low, high = places[max(k - 1, 0)], places[min(k + 1, 40)]
+        depth = -float(away[k])
+        if depth > 0.0:
+            tip = thing.farthest(-normal)[part] - middle
+            if abs(float(along @ tip)) <= wall.half_length:
+                depth = worst(depth, -float(normal @ tip))
+        deepest = worst(deepest, depth)
+    return deepest
+
+
+def overlap(fingers: tuple[RecomputedFinger, ...]) -> float:
+    """Greatest overlap of the bodies of two fingers in the plane [m]; zero where none touch."""
+    most = 0.0
+    for one, other in combinations(fingers, 2):
+        a, b = one.points[::2], other.points[::2]
+        apart = np.hypot(a[:, None, 0] - b[None, :, 0], a[:, None, 1] - b[None, :, 1])
+        i, j = np.unravel_index(int(apart.argmin()), apart.shape)
+        near = b[max(int(j) - 1, 0) : int(j) + 2]
+        closest = float(segment_distance(a[i], near[:-1], near[1:]).min()) if len(near) > 1 else float(apart[i, j])
+        most = worst(most, one.thickness + other.thickness - closest)
+    return most

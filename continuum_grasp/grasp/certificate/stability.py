@@ -1,0 +1,212 @@
+"""Second-order test of a grasp: does every small motion that the contacts allow raise the energy?
+
+The Lagrangian is energy minus contact force times contact constraint, in the angles of the fingers' cells and
+the object's pose. Where bodies of radii h (tip or peg) and rho (object) roll on each other, the vector y from
+the object's centre of mass to the centre of the other body has, for turns phi of that body and psi of the
+object, with n the object's normal and a the arm from the centre of mass to the point of contact,
+
+    d2y = -a psi2 - n (h psi2 + 2 h psi (phi - psi) + h2 / (rho + h) (phi - psi)2)
+
+A wall is the limit of a large peg: d2y = -a psi2 + n rho psi2. A pin is the limit rho = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.certificate.dense_rod import DenseRod
+from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, RecomputedGrasp, across
+from continuum_grasp.grasp.certificate.recomputed_finger import RecomputedFinger
+
+__all__ = ["Stability", "contact_stability"]
+
+Array = NDArray[Any]
+
+CELLS = 120
+"""Rigid pieces per finger, about."""
+_IDLE = 1e-6
+"""Normal force, as a part of the greatest force in play, below which a contact holds nothing."""
+_CORNER = 1e-6
+"""How close to the end of a flat face, as a part of the length, a point counts as its corner."""
+
+ASSUMPTIONS = (
+    "constant tensions; contacts that press stick, those that do not are left out; middle contacts are pins, "
+    "rounded tips, pegs and walls roll without slip on the object's surface as it is curved there; a wall on which "
+    "a flat face lies keeps the object from turning; bases and supports are fixed; motion in the plane only"
+)
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Verdict of `contact_stability`.
+
+    Attributes
+    ----------
+    stable : bool
+        The least eigenvalue is positive, or the contacts leave no motion at all.
+    eigenvalue : float
+        Least eigenvalue of the reduced Hessian in units of E I / L of the first finger (infinite where no motion
+        is left).
+    freedom : int
+        Number of motions of the discretised rods and the object that the contacts leave.
+    assumptions : str
+        What the test takes for granted.
+    """
+
+    stable: bool
+    eigenvalue: float
+    freedom: int
+    assumptions: str = ASSUMPTIONS
+
+
+def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
+    """Least eigenvalue of the energy's Hessian on the motions that the contacts leave.
+
+    The rods are cut into about ``cells`` rigid pieces each with bending springs between them, so that shapes
+    which the optimiser's few elements cannot take, buckling between two contacts for instance, are tested too.
+
+    Parameters
+    ----------
+    grasp : RecomputedGrasp
+    cells : int, optional
+        Number of rigid pieces per finger.
+
+    Returns
+    -------
+    Stability
+    """
+    chains = [_Chain(finger, cells) for finger in grasp.fingers]
+    starts = np.cumsum([0, *(chain.ds.size for chain in chains)])
+    size = int(starts[-1]) + 3
+    hessian = np.zeros((size, size))
+    metric = np.concatenate([chain.ds / chain.length for chain in chains] + [[grasp.size**-2] * 2, [1.0]])
+    for chain, start in zip(chains, starts, strict=False):
+        own = slice(start, start + chain.ds.size)
+        hessian[own, own] = chain.hessian()
+    rows: list[Array] = []
+    pressing = [c for c in grasp.contacts if c.normal_force > _IDLE * grasp.force_scale]
+    for contact in pressing:
+        place = None
+        if contact.finger is not None:
+            k = grasp.fingers.index(contact.finger)
+            place = chains[k], int(starts[k])
+        rows.append(_add_contact(hessian, grasp, contact, place))
+    scale = 1.0 / np.sqrt(metric)
+    if not (np.isfinite(hessian).all() and all(np.isfinite(block).all() for block in rows)):
+        return Stability(False, float("nan"), size)
+    free = _null_space(np.concatenate(rows) * scale) if rows else np.eye(size)
+    if free.shape[1] == 0:
+        return Stability(True, float("inf"), 0)
+    reduced = free.T @ (hessian * np.outer(scale, scale)) @ free
+    unit = grasp.fingers[0].stiffness / grasp.fingers[0].length
+    least = float(np.linalg.eigvalsh(0.5 * (reduced + reduced.T))[0]) / unit
+    return Stability(least > 0.0, least, free.shape[1])
+
+
+class _Chain:
+    """A finger cut into rigid cells, with joints of the elements at cell ends."""
+
+    def __init__(self, finger: RecomputedFinger, cells: int) -> None:
+        self.finger, self.length = finger, finger.length
+        joints = [load.joint for load in finger.loads]
+        marks = finger.rod.joints[sorted({0, *joints, finger.lengths.size})]
+        self.edges = _cut(marks, cells)
+        self.ds = np.diff(self.edges)
+        rod: DenseRod = finger.rod
+        angle = rod.at(finger.ends, 0.5 * (self.edges[1:] + self.edges[:-1]))[1]
+        self.tangent = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
+        self.arm = -np.stack([np.cos(angle), np.sin(angle)], axis=-1) * self.ds[:, None]
+
+    def reach(self, joint: int) -> int:
+        """Number of cells before a joint of elements."""
+        return int(np.argmin(np.abs(self.edges - self.finger.rod.joints[joint])))
+
+    def hessian(self) -> Array:
+        """Of bending, weight and the contact forces that act on the cells."""
+        finger, ds = self.finger, self.ds
+        matrix = np.zeros((ds.size, ds.size))
+        springs = 2 * finger.stiffness / (ds[1:] + ds[:-1])
+        index = np.arange(ds.size - 1)
+        matrix[0, 0] += 2 * finger.stiffness / ds[0]
+        matrix[index, index] += springs
+        matrix[index + 1, index + 1] += springs
+        matrix[index, index + 1] -= springs
+        matrix[index + 1, index] -= springs
+        middle = 0.5 * (self.edges[1:] + self.edges[:-1])
+        beyond = finger.finger.rod.mass_per_length * (self.edges[-1] - middle)
+        for mass in finger.finger.masses:
+            beyond = beyond + np.where(middle < mass.at, mass.mass, 0.0)
+        matrix[np.diag_indices(ds.size)] += beyond * (self.tangent @ finger.gravity) * ds
+        for load in finger.loads:
+            reach = self.reach(load.joint)
+            matrix[range(reach), range(reach)] += (self.tangent[:reach] @ load.force) * ds[:reach]
+        return matrix
+
+
+def _add_contact(
+    hessian: Array, grasp: RecomputedGrasp, contact: RecomputedContact, place: tuple[_Chain, int] | None
+) -> Array:
+    """Rows of the contact's constraints; its curvature goes into the Hessian."""
+    size = len(hessian)
+    turn = np.eye(size)[size - 1]
+    arm = contact.point - grasp.object.com
+    pressure, force = contact.normal_force, contact.force
+    rho = _surface_radius(grasp, contact)
+    block = np.zeros((2, size))
+    block[:, size - 3 : size - 1] = -np.eye(2)
+    block -= np.outer(across(arm), turn)
+    hessian -= float(force @ arm) * np.outer(turn, turn)
+    if place is None:
+        if np.isfinite(rho):
+            h = contact.radius
+            both = rho if np.isinf(h) else 0.0 if h + rho == 0.0 else h * rho / (h + rho)
+            hessian += pressure * both * np.outer(turn, turn)
+        elif np.isfinite(contact.radius):
+            hessian += pressure * contact.radius * np.outer(turn, turn)
+        else:
+            block = np.concatenate([block, turn[None]])
+        return block
+    chain, start = place
+    h, reach = contact.radius, chain.reach(contact.joint)
+    block[:, start : start + reach] = chain.arm[:reach].T
+    section = np.zeros(size)
+    if contact.kind == "middle":
+        section[[start + reach - 1, start + reach]] = 0.5
+        hessian -= pressure * h * np.outer(section, section)
+    else:
+        section[start + reach - 1] = 1.0
+        roll = section - turn
+        mixed = np.outer(turn, roll)
+        hessian -= pressure * h * (np.outer(turn, turn) + mixed + mixed.T)
+        if np.isfinite(rho) and h > 0.0:
+            hessian -= pressure * h * h / (rho + h) * np.outer(roll, roll)
+    block -= np.outer(across(contact.normal), h * section)
+    return block
+
+
+def _surface_radius(grasp: RecomputedGrasp, contact: RecomputedContact) -> float:
+    """Radius of curvature where the object is touched; the end of a flat face counts as the corner [m]."""
+    if np.isfinite(contact.surface_radius):
+        return contact.surface_radius
+    beside = _CORNER * contact.length * across(contact.normal)
+    seen = contact.point + contact.length * contact.normal + np.stack([-beside, beside])
+    return float(np.min(grasp.object.nearest(seen, contact.part).radius))
+
+
+def _cut(marks: Array, cells: int) -> Array:
+    """Ends of about ``cells`` pieces between marks, at least two between neighbours [m]."""
+    share = np.diff(marks) / marks[-1]
+    counts = np.maximum(2, np.round(cells * share)).astype(int)
+    pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(marks, marks[1:], counts, strict=False)]
+    return np.concatenate([*pieces, marks[-1:]])
+
+
+def _null_space(jacobian: Array) -> Array:
+    """Orthonormal motions that the constraints leave (n, m)."""
+    _, singular, directions = np.linalg.svd(jacobian)
+    rank = int((singular > 1e-10 * singular[0]).sum())
+    return np.asarray(directions[rank:].T)

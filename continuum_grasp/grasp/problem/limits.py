@@ -1,0 +1,169 @@
+"""The inequalities of a grasp: friction cones, clearance, limits of fingers and models."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from continuum_grasp.grasp.problem.numbers import APEX
+from continuum_grasp.grasp.problem.obstacles import CORNERS, separation, smooth_support
+from continuum_grasp.grasp.problem.unit_finger import rotation
+
+if TYPE_CHECKING:
+    from continuum_grasp.grasp.problem.problem import FingerState, GraspProblem
+
+__all__ = ["add_limits", "guarded", "part_numbers"]
+
+
+def add_limits(problem: GraspProblem) -> None:
+    """Add the inequalities to a problem whose unknowns and contacts are there."""
+    _bound_contacts(problem)
+    for finger in problem.fingers:
+        _keep_clear(problem, finger)
+        _keep_limits(problem, finger)
+    if problem.make.free:
+        _keep_object_clear(problem)
+
+
+def guarded(finger: FingerState) -> tuple[ca.SX, list[int], list[bool]]:
+    """World positions (2, K) that are kept clear along a finger, the elements that they are in, and whether the finger
+    touches the object there.
+
+    These are waypoints, joints, and probes, which the search puts where a finger is deepest.
+    """
+    make, model = finger.make, finger.unit.model
+    touching = {n - 1 for n, on in zip(make.before, make.touching, strict=True) if on}
+    touching |= {make.elements - 1} if make.tip else set()
+    joints, count = range(make.elements), finger.unit.probes
+    at = ca.reshape(finger.unit.number("probes", count * make.elements), count, make.elements)
+    shares = finger.unit.waypoint_shares
+    every = model.waypoints(finger.q, finger.u, finger.p)
+    points = ca.horzcat(
+        finger.world(every[:, [k for k, _ in shares]]),
+        *(finger.ends[:, k] for k in joints),
+        finger.world(model.probes(count)(finger.q, finger.u, at, finger.p)),
+    )
+    inside = [element for _, element in shares]
+    elements = [*inside, *joints, *(k for k in range(make.elements) for _ in range(count))]
+    touches = [*(False for _ in inside), *(k in touching for k in joints)]
+    return points, elements, touches + [False] * (len(elements) - len(touches))
+
+
+def _bound_contacts(problem: GraspProblem) -> None:
+    require, number = problem.parts.require, problem.numbers
+    for contact in problem.contacts:
+        name, (n, f, lift) = contact.make.name, ca.vertsplit(contact.force)
+        friction = number(f"{name}.friction") + problem.give["friction"]
+        if "greatest_friction_margin" in problem.make.aims:
+            friction *= 1.0 - problem.parts.variables["friction margin"].symbol
+        if problem.make.gravity == "out_of_plane":
+            apex = APEX * problem.numbers("force reference")
+            cone = friction * n - ca.sqrt(f**2 + lift**2 + apex**2)
+        else:
+            cone = ca.vertcat(friction * n - f, friction * n + f)
+        key = f"contacts.friction ({name})"
+        require(f"friction cone, {name}", cone, "N", key, upper=ca.inf)
+        most = number(f"{name}.normal_force_max") + problem.give["normal force"]
+        require(f"normal force, {name}", most - n, "N", "contacts.normal_force_max", upper=ca.inf)
+
+
+def _keep_clear(problem: GraspProblem, finger: FingerState) -> None:
+    make, number, require = finger.make, finger.unit.number, problem.parts.require
+    points, _, touches = guarded(finger)
+    tolerance, half = problem.numbers("tolerance"), problem.thickness(finger)
+    back = rotation(-problem.pose[2])
+    free = [j for j, touching in enumerate(touches) if not touching]
+    for part in range(problem.make.parts):
+        slack = problem.give["room at the object"] + tolerance - half
+        beta = _directions(problem, f"{make.name}.separating_{part}", len(free), problem.make.corners[part] != 1)
+        room = []
+        for k, j in enumerate(free):
+            local = back @ (points[:, j] - problem.pose[:2])
+            near = number(f"corners_{part}_{j}", 2 * CORNERS) if problem.make.corners[part] > CORNERS else None
+            room.append(_room(problem, part, local, beta[k] if beta.numel() else None, near) + slack)
+        require(f"penetration into the object, {make.name}", ca.vertcat(*room), "m", "object", upper=ca.inf)
+    slack = problem.give["room at the supports"] + tolerance
+    room = []
+    for k in range(problem.make.planes):
+        normal, at = problem.numbers(f"plane_{k}.normal", 2), problem.numbers(f"plane_{k}.point", 2)
+        room += [ca.dot(normal, points[:, j] - at) - number(f"needed_{k}_{j}") + slack for j in range(points.shape[1])]
+    for k in range(problem.make.lines):
+        ends = ca.reshape(problem.numbers(f"line_{k}.ends", 4), 2, 2)
+        beta = _directions(problem, f"{make.name}.beside_{k}", points.shape[1], True)
+        room += [separation(points[:, j], beta[j], ends) - half + slack for j in range(points.shape[1])]
+    for k in range(problem.make.pegs):
+        at, radius = problem.numbers(f"peg_{k}.position", 2), problem.numbers(f"peg_{k}.radius")
+        room += [_reach(points[:, j] - at) - radius - half + slack for j in range(points.shape[1])]
+    require(f"penetration into a support, {make.name}", ca.vertcat(*room), "m", "supports", upper=ca.inf)
+
+
+def _directions(problem: GraspProblem, name: str, count: int, wanted: bool) -> ca.SX:
+    return problem.parts.unknown(name, count) if wanted else ca.SX(0, 1)
+
+
+def _reach(arm: ca.SX) -> ca.SX:
+    return ca.sqrt(ca.sumsqr(arm) + 1e-24)
+
+
+def _room(problem: GraspProblem, part: int, point: ca.SX, beta: ca.SX | None, near: ca.SX | None) -> ca.SX:
+    """Distances of a point from a part, all of which must be kept; both in the object's frame."""
+    shape, count = part_numbers(problem, part), problem.make.corners[part]
+    if beta is None:
+        return _reach(point - shape[:2]) - shape[2]
+    if problem.make.smooth_parts[part]:
+        return ca.cos(beta) * point[0] + ca.sin(beta) * point[1] - smooth_support(beta, shape)
+    corners = shape[: 2 * count] if near is None else near
+    return separation(point, beta, ca.reshape(corners, 2, corners.numel() // 2)) - shape[-1]
+
+
+def part_numbers(problem: GraspProblem, part: int) -> ca.SX:
+    """Numbers of a part: (A, B, p, centre, angle) of a superellipse, or corners of the core and radius."""
+    size = 6 if problem.make.smooth_parts[part] else 2 * problem.make.corners[part] + 1
+    return problem.numbers(f"part_{part}", size)
+
+
+def _keep_limits(problem: GraspProblem, finger: FingerState) -> None:
+    require, give, number = problem.parts.require, problem.give, finger.unit.number
+    name = finger.make.name
+    over = finger.pulls - number("pull_max") - give["tension"] * number("pull_per_force")
+    require(f"tendon tension, {name}", over, "1", f"{name}.tendons.max_tension", lower=-ca.inf)
+    bends = finger.unit.greatest_bends(finger.q, finger.u, finger.p)
+    most = number("bending_range") + give["bending range"]
+    room = ca.vertcat(most - bends, most + bends)
+    require(f"bending range, {name}", room, "rad", "fidelity.bending_range", upper=ca.inf)
+    if finger.make.strained:
+        curvature = finger.unit.curvatures(finger.q, finger.u, finger.p)
+        most = number("curvature_limit") * (1.0 + give["strain"])
+        room = ca.vertcat(most - curvature, most + curvature)
+        require(f"bending strain, {name}", room, "1", f"{name}.strain_limit", upper=ca.inf)
+    on = [joint for joint, touches in zip(finger.joints, finger.make.touching, strict=True) if touches]
+    if len(on) > 1:
+        gaps = ca.vertcat(*(b - a for a, b in pairwise(on))) - 0.02
+        require(f"order of the middle contacts, {name}", gaps, "1", "contacts.middle", upper=ca.inf)
+
+
+def _keep_object_clear(problem: GraspProblem) -> None:
+    number, make, tolerance = problem.numbers, problem.make, problem.numbers("tolerance")
+    turn, back = rotation(problem.pose[2]), rotation(-problem.pose[2])
+    room = []
+    for k in range(make.planes):
+        normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
+        for part in range(make.parts):
+            shape = part_numbers(problem, part)
+            if make.smooth_parts[part]:
+                beta = number(f"plane_{k}.angle") + ca.pi - problem.pose[2]
+                room.append(ca.dot(normal, problem.pose[:2] - at) - smooth_support(beta, shape))
+            for c in range(make.corners[part]):
+                corner = problem.pose[:2] + turn @ shape[2 * c : 2 * c + 2]
+                room.append(ca.dot(normal, corner - at) - shape[-1])
+    for k in range(make.pegs):
+        local = back @ (number(f"peg_{k}.position", 2) - problem.pose[:2])
+        for part in range(make.parts):
+            beta = _directions(problem, f"peg_{k}.separating_{part}", 1, make.corners[part] != 1)
+            near = number(f"peg_{k}.corners_{part}", 2 * CORNERS) if make.corners[part] > CORNERS else None
+            away = _room(problem, part, local, beta if beta.numel() else None, near)
+            room.append(away - number(f"peg_{k}.radius"))
+    if room:
+        problem.parts.require("object in a support", ca.vertcat(*room) + tolerance, "m", "supports", upper=ca.inf)

@@ -1,0 +1,151 @@
+"""Between the unknowns of a grasp problem and physical numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.problem.problem import FingerState, GraspProblem
+from continuum_grasp.grasp.problem.surface import Feature
+from continuum_grasp.grasp.problem.values import Units
+from continuum_grasp.grasp.starts.scan.curves import curvature_at, turning
+from continuum_grasp.grasp.starts.starts import Start
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+
+__all__ = ["PointReader", "starting_point"]
+
+Array = NDArray[Any]
+Values = dict[str, Any]
+
+BACKBONE_POINTS = 201
+PRESSED = 1e-2
+"""Least normal force of a contact to start with, as a part of the weight."""
+
+
+def starting_point(problem: GraspProblem, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Array:
+    """Unknowns for a start."""
+    units = Units.of(scene)
+    x, y, turn = start.object_pose
+    values: Values = {"object pose": [x / units.length, y / units.length, turn], "friction margin": 0.1}
+    for setup, state in zip(scene.setups, problem.fingers, strict=True):
+        values |= _finger_start(setup, state, start, units)
+    force = max(scene.weight / units.force, 1.0)
+    lift = force / max(len(problem.contacts), 1)
+    values["greatest normal force"] = force
+    for contact in problem.make.contacts:
+        at = start.contacts[contact.name]
+        part = scene.object.parts[at.part]
+        values[f"place, {contact.name}"] = features[contact.name].place(part, at.point, at.normal_angle)
+        pressed = (force, 0.0, lift if scene.weight else 0.0)
+        if contact.name in start.forces:
+            n, f, carried = (component / units.force for component in start.forces[contact.name])
+            pressed = max(n, PRESSED * force), f, carried
+        values[f"force, {contact.name}"] = pressed if problem.make.gravity == "out_of_plane" else pressed[:2]
+    return problem.parts.pack(values, 0.0)
+
+
+def _finger_start(setup: FingerSetup, state: FingerState, whole: Start, units: Units) -> Values:
+    name, finger, length = setup.name, setup.finger, setup.finger.rod.length
+    start = whole.fingers[name]
+    joints = [s / length for s in start.joints]
+    lengths = np.array(state.unit.element_lengths(joints))
+    ends = np.concatenate([[0.0], np.cumsum(lengths)])
+    knots, curvatures = np.array([start.knots]) / length, np.array([start.curvatures]) * length
+    nodes = curvature_at(knots, curvatures, ends[None])[0]
+    bends = np.diff(turning(knots, curvatures, ends[None])[0])
+    q = {"arc": bends, "clothoid": nodes, "matched_clothoid": nodes[:-1]}
+    moment = float(nodes[-1]) - finger.curvature_pieces[0][2] * length
+    tendons = finger.tendons
+    least = 0.0 if tendons is None else tendons.min_tension * tendons.offset * length / finger.rod.stiffness
+    pulls = [least + max(moment, 0.1), least] if moment >= 0.0 else [least, least - min(moment, -0.1)]
+    if name in whole.tensions and tendons is not None:
+        pulls = [t * tendons.offset * length / finger.rod.stiffness for t in whole.tensions[name]]
+    x, y, turn = start.base
+    values: Values = {
+        f"{name}.q": q[setup.family],
+        f"{name}.pulls": pulls,
+        f"{name}.base": [x / units.length, y / units.length, turn],
+    }
+    return values | {f"{name}.joint_{k}": s for k, s in enumerate(joints)}
+
+
+class PointReader:
+    """Turns unknowns into the numbers that a result stores.
+
+    Parameters
+    ----------
+    problem : GraspProblem
+    """
+
+    def __init__(self, problem: GraspProblem) -> None:
+        self._problem = problem
+        self._values = _values(problem)
+
+    def arrays(self, scene: GraspScene, start: Start, x: Array, numbers: Array) -> dict[str, Array]:
+        """The physical numbers of a point; see `continuum_grasp.grasp.GraspResult`."""
+        units, make = Units.of(scene), self._problem.make
+        pose, points, normals, forces, stations, *rest = (np.array(v) for v in self._values(x, numbers))
+        m = units.length
+        out: dict[str, Array] = {"object.pose": pose.ravel() * [m, m, 1.0]}
+        lengths = {}
+        for k, setup in enumerate(scene.setups):
+            q, shares, tip, pulls, base, line = rest[6 * k : 6 * k + 6]
+            name, finger, length = setup.name, setup.finger, setup.finger.rod.length
+            lengths[k] = length
+            offset = 1.0 if finger.tendons is None else finger.tendons.offset
+            out |= {
+                f"{name}.family": np.array(setup.family),
+                f"{name}.q": q.ravel() / (1.0 if setup.family == "arc" else length),
+                f"{name}.lengths": shares.ravel() * length,
+                f"{name}.tip_curvature": np.array(float(tip.ravel()[0]) / length),
+                f"{name}.tensions": pulls.ravel() * finger.rod.stiffness / length / offset,
+                f"{name}.base": base.ravel() * [m, m, 1.0],
+                f"{name}.backbone": line.T * [length, m, m, 1.0],
+            }
+        scale = [lengths.get(contact.finger, np.nan) for contact in make.contacts]
+        return out | {
+            "contact_names": np.array([contact.name for contact in make.contacts]),
+            "contact_positions": points.T * m,
+            "contact_normals": normals.T,
+            "contact_forces": forces.T * units.force,
+            "contact_stations": stations.ravel() * scale,
+            "contact_parts": np.array([start.contacts[contact.name].part for contact in make.contacts], dtype=int),
+        }
+
+
+def _values(problem: GraspProblem) -> ca.Function:
+    x, numbers = problem.parts.x, problem.numbers.symbol
+    touched, count = problem.contacts, len(problem.contacts)
+    stations = [
+        ca.SX(0)
+        if c.make.finger < 0
+        else ca.SX(1)
+        if c.make.joint < 0
+        else problem.fingers[c.make.finger].joints[c.make.joint]
+        for c in touched
+    ]
+    at = [
+        ca.horzcat(*v) if count else ca.SX(k, 0)
+        for v, k in (([c.point for c in touched], 2), ([c.normal for c in touched], 2), ([c.force for c in touched], 3))
+    ]
+    plain: list[Any] = [problem.pose, *at, ca.vertcat(*stations)]
+    for finger in problem.fingers:
+        lengths = finger.p[: finger.make.elements]
+        plain += [finger.q, lengths, finger.unit.tip_curvature(finger.q, finger.u, finger.p), finger.pulls, finger.base]
+    read = ca.Function("read", [x, numbers], plain)
+    mx, mp = ca.MX.sym("x", x.numel()), ca.MX.sym("p", numbers.numel())
+    values = list(read(mx, mp))
+    out = values[:5]
+    s = ca.SX.sym("s")
+    along = ca.DM(np.linspace(0.0, 1.0, BACKBONE_POINTS)).T
+    for k, finger in enumerate(problem.fingers):
+        model = finger.unit.model
+        point = finger.world(model.position(finger.q, finger.u, s, finger.p))
+        angle = model.orientation(finger.q, finger.u, s, finger.p) + finger.base[2]
+        place = ca.Function("place", [s, x, numbers], [ca.vertcat(s, point, angle)])
+        line = place.map(BACKBONE_POINTS, [False, True, True], [False])(along, mx, mp)
+        out += [*values[5 + 5 * k : 10 + 5 * k], line]
+    return ca.Function("values", [mx, mp], out)

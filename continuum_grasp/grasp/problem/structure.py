@@ -1,0 +1,129 @@
+"""What decides how the equations of a grasp look; two scenes of one make share one compiled solver."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from continuum_grasp.grasp.problem.unit_finger import FingerMake
+from continuum_grasp.grasp.starts.starts import ContactStart
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
+
+__all__ = ["ContactMake", "ProblemMake"]
+
+
+@dataclass(frozen=True)
+class ContactMake:
+    """A contact.
+
+    Attributes
+    ----------
+    name : str
+    finger : int
+        Index of the finger; -1 for a support's.
+    joint : int
+        Index of the middle contact along the finger; -1 for the tip, -2 for a support's.
+    peg : bool
+        Whether the support is round.
+    smooth : bool
+        Whether the part that is touched is a superellipse.
+    bounded : bool
+        Whether the support is a finite line.
+    """
+
+    name: str
+    finger: int = -1
+    joint: int = -2
+    peg: bool = False
+    smooth: bool = False
+    bounded: bool = False
+
+
+@dataclass(frozen=True)
+class ProblemMake:
+    """A grasp problem but for its numbers.
+
+    Attributes
+    ----------
+    fingers : tuple of FingerMake
+    contacts : tuple of ContactMake
+        Those that are on.
+    parts : int
+        Convex parts of the object.
+    smooth_parts : tuple of bool
+        Which of them are superellipses.
+    corners : tuple of int
+        Corners of their cores.
+    planes, lines, pegs : int
+        Supports: half planes, finite lines, round ones.
+    free : bool
+        Whether the object's pose is sought.
+    gravity : {"planar", "out_of_plane", "none"}
+    tilt : bool
+        Whether the tilt balance holds.
+    aims : tuple of str
+        Objectives with a weight.
+    wrenches : int
+        Disturbances, where they are an aim.
+    locked : bool
+        Whether tendons are locked under disturbances.
+    """
+
+    fingers: tuple[FingerMake, ...]
+    contacts: tuple[ContactMake, ...]
+    parts: int
+    smooth_parts: tuple[bool, ...]
+    corners: tuple[int, ...]
+    planes: int
+    lines: int
+    pegs: int
+    free: bool
+    gravity: str
+    tilt: bool
+    aims: tuple[str, ...]
+    wrenches: int
+    locked: bool
+
+    @staticmethod
+    def of(scene: GraspScene, contacts: dict[str, ContactStart]) -> ProblemMake:
+        """The make of a scene with some contacts on, which sit where a start has them."""
+        gravity, weights, parts = scene.gravity, scene.weights, scene.object.parts
+        planar, on = isinstance(gravity, PlanarGravity), frozenset(contacts)
+        setups = scene.setups
+        places: dict[str, tuple[int, int]] = {}
+        for i, setup in enumerate(setups):
+            places |= {name: (i, k) for k, name in enumerate(setup.middle_names)}
+            places[setup.tip_name] = (i, -1)
+        pegs = {peg.name for peg in scene.pegs}
+        bounded = {wall.name for wall in scene.walls if math.isfinite(wall.half_length)}
+        made = []
+        for name, start in contacts.items():
+            finger, joint = places.get(name, (-1, -2))
+            support = support_of(name, scene)
+            smooth = parts[start.part].is_superellipse
+            made.append(ContactMake(name, finger, joint, support in pegs, smooth, support in bounded))
+        aims = tuple(name for name in type(weights).model_fields if getattr(weights, name) > 0.0)
+        disturbed = "greatest_disturbance" in aims
+        return ProblemMake(
+            fingers=tuple(FingerMake.of(s, on, planar and any(gravity.vector)) for s in setups),  # type: ignore[union-attr]
+            contacts=tuple(made),
+            parts=len(parts),
+            smooth_parts=tuple(p.is_superellipse for p in parts),
+            corners=tuple(len(p.vertices) for p in parts),
+            planes=sum(math.isinf(wall.half_length) for wall in scene.walls),
+            lines=sum(math.isfinite(wall.half_length) for wall in scene.walls),
+            pegs=len(scene.pegs),
+            free=scene.object.free is not None,
+            gravity=gravity.mode,
+            tilt=isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance",
+            aims=aims,
+            wrenches=len(scene.wrenches) if disturbed else 0,
+            locked=disturbed and scene.disturbances.tendons == "locked",
+        )
+
+
+def support_of(contact: str, scene: GraspScene) -> str:
+    """Name of the wall or peg of a contact; empty for a finger's."""
+    names = [thing.name for thing in scene.places]
+    return next((n for n in names if contact in (n, f"{n}.1", f"{n}.2")), "")

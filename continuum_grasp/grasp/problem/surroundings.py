@@ -1,0 +1,241 @@
+"""What is near the fingers at a point of the search: obstacles for the places that are kept clear, and the depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.problem.limits import guarded
+from continuum_grasp.grasp.problem.obstacles import CORNERS, Nearest, nearest
+from continuum_grasp.grasp.problem.problem import FingerState, GraspProblem
+from continuum_grasp.grasp.problem.values import Units
+from continuum_grasp.grasp.starts.scan.curves import sample
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.parts import Part
+
+__all__ = ["Sight", "Surroundings"]
+
+Array = NDArray[Any]
+Values = dict[str, Any]
+
+FINE = 64
+"""Places per element at which the depth is looked at."""
+CLEAR = 1.0 - 1e-9
+"""Part of the half thickness from which on a base counts as clear of a support."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What a look found.
+
+    Attributes
+    ----------
+    numbers : dict
+        Run-time numbers: probes, corners, needed gaps.
+    directions : dict
+        Values of the separating directions among the unknowns.
+    deepest : float
+        Greatest penetration beyond what is given way to, in units of the problem.
+    """
+
+    numbers: Values
+    directions: Values
+    deepest: float
+
+
+@dataclass(frozen=True)
+class _Thing:
+    """Something that fingers keep clear of."""
+
+    label: str
+    part: Part | None
+    """None: a half plane."""
+    moves: bool
+    """Whether it moves with the object."""
+    normal: Array
+    point: Array
+
+
+class Surroundings:
+    """Looks for what is near the fingers of one problem.
+
+    Parameters
+    ----------
+    problem : GraspProblem
+    """
+
+    def __init__(self, problem: GraspProblem) -> None:
+        self._problem = problem
+        x, numbers = problem.parts.x, problem.numbers.symbol
+        out: list[ca.SX] = [problem.pose]
+        self._elements: list[list[int]] = []
+        self._touches: list[Array] = []
+        for finger in problem.fingers:
+            points, elements, touches = guarded(finger)
+            count = points.shape[1] - finger.unit.probes * finger.make.elements
+            self._elements.append(elements[:count])
+            self._touches.append(np.array(touches))
+            curvatures = finger.unit.curvatures(finger.q, finger.u, finger.p)
+            out += [points[:, :count], curvatures, finger.p[: finger.make.elements], finger.base]
+        self._places = ca.Function("places", [x, numbers], out)
+
+    def look(self, scene: GraspScene, x: Array, numbers: Array) -> Sight:
+        """Look at a point of the search.
+
+        Parameters
+        ----------
+        scene : GraspScene
+        x, numbers : ndarray
+            Unknowns and run-time numbers; what a look finds does not matter in them.
+        """
+        units = Units.of(scene)
+        pose, *rest = (np.array(v) for v in self._places(x, numbers))
+        pose, variables = pose.ravel(), self._problem.parts.variables
+        given = tuple(float(x[variables[f"relaxed room at the {name}"].start]) for name in ("supports", "object"))
+        found: Values = {}
+        directions: Values = {}
+        deepest = -np.inf
+        for k, setup in enumerate(scene.setups):
+            seen = self._along(scene, setup, k, rest[4 * k : 4 * k + 4], pose, units, given)
+            found |= seen.numbers
+            directions |= seen.directions
+            deepest = max(deepest, seen.deepest)
+        self._pegs(scene, pose, units, found, directions)
+        return Sight(found, directions, deepest)
+
+    def _along(
+        self,
+        scene: GraspScene,
+        setup: FingerSetup,
+        index: int,
+        values: list[Array],
+        pose: Array,
+        units: Units,
+        given: tuple[float, ...],
+    ) -> Sight:
+        """Look along one finger; supports and object may be as deep in it as is given."""
+        finger, name = self._problem.fingers[index], setup.name
+        points, curvatures, lengths, base = values
+        line = _Line(finger, curvatures.ravel(), lengths.ravel(), base.ravel(), setup, units)
+        things = _things(scene)
+
+        def look(at: Array, owner: Array) -> list[tuple[Nearest, Array]]:
+            return [_look(thing, setup, base.ravel(), at, owner, pose, units) for thing in things]
+
+        even = np.tile(np.arange(FINE + 1) / FINE, (finger.make.elements, 1))
+        room = [given[thing.moves] for thing in things]
+        depth = np.max([needed - s[1] - r for (s, needed), r in zip(look(*line.at(even)), room, strict=True)], axis=0)
+        probes = _deepest(depth.reshape(-1, FINE + 1), finger.unit.probes)
+        at, owner = line.at(probes)
+        looked = look(np.concatenate([points.T, at]), np.concatenate([self._elements[index], owner]).astype(int))
+        free = ~self._touches[index]
+        found: Values = {f"{name}.probes": probes.ravel()}
+        directions: Values = {}
+        deepest, planes, lines = -np.inf, 0, 0
+        for thing, ((direction, gap, corners), needed), slack in zip(things, looked, room, strict=True):
+            kept = free if thing.moves else np.ones(len(gap), dtype=bool)
+            deepest = max(deepest, float((needed - gap)[kept].max()) - slack)
+            if thing.moves:
+                directions[f"{name}.separating_{thing.label}"] = direction[kept]
+                found |= {f"{name}.corners_{thing.label}_{j}": row for j, row in enumerate(corners)}
+            elif thing.part is None:
+                found |= {f"{name}.needed_{planes}_{j}": value for j, value in enumerate(needed)}
+                planes += 1
+            elif len(thing.part.vertices) == 2:
+                directions[f"{name}.beside_{lines}"] = direction
+                lines += 1
+        return Sight(found, directions, deepest)
+
+    def _pegs(self, scene: GraspScene, pose: Array, units: Units, found: Values, directions: Values) -> None:
+        """Parts of the object near the round supports, where its pose is sought."""
+        if not self._problem.make.free:
+            return
+        for i, peg in enumerate(scene.pegs):
+            local = _local(np.asarray(peg.position)[None] / units.length, pose)
+            for k, part in enumerate(scene.object.parts):
+                direction, _, corners = _nearest(part, local, units)
+                directions[f"peg_{i}.separating_{k}"] = direction
+                found[f"peg_{i}.corners_{k}"] = corners[0]
+
+
+def _things(scene: GraspScene) -> list[_Thing]:
+    none = np.zeros(2)
+    things = [_Thing(f"{k}", part, True, none, none) for k, part in enumerate(scene.object.parts)]
+    for wall in scene.walls:
+        if np.isinf(wall.half_length):
+            things.append(_Thing(wall.name, None, False, np.asarray(wall.normal), np.asarray(wall.point)))
+    things += [_Thing(w.name, Part(w.ends), False, none, none) for w in scene.walls if np.isfinite(w.half_length)]
+    return things + [_Thing(peg.name, Part((peg.position,), peg.radius), False, none, none) for peg in scene.pegs]
+
+
+def _look(
+    thing: _Thing, setup: FingerSetup, base: Array, at: Array, owner: Array, pose: Array, units: Units
+) -> tuple[Nearest, Array]:
+    """What is nearest, and the gaps that are needed (K,)."""
+    half = setup.finger.thickness_radius / units.length
+    needed = np.full(len(at), half)
+    if thing.part is not None:
+        return _nearest(thing.part, _local(at, pose) if thing.moves else at, units), needed
+    point = thing.point / units.length
+    height = float((base[:2] - point) @ thing.normal)
+    if height < CLEAR * half:  # the finger comes out of it
+        needed[owner < setup.before[0]] = min(0.0, height)
+    return (np.zeros(len(at)), (at - point) @ thing.normal, np.zeros((len(at), 2 * CORNERS))), needed
+
+
+class _Line:
+    """The backbone of a finger at a point of the search."""
+
+    def __init__(
+        self, finger: FingerState, curvatures: Array, lengths: Array, base: Array, setup: FingerSetup, units: Units
+    ) -> None:
+        self._ends = np.concatenate([[0.0], np.cumsum(lengths)])
+        self._lengths, self._base = lengths, base
+        self._scale = setup.finger.rod.length / units.length
+        arcs = finger.make.family == "arc"
+        self._knots = np.repeat(self._ends, 2)[1:-1] if arcs else self._ends
+        self._curvatures = np.repeat(curvatures, 2) if arcs else curvatures
+
+    def at(self, fractions: Array) -> tuple[Array, Array]:
+        """World positions (N * M, 2) at increasing fractions (N, M) of the elements, and their elements (N * M,)."""
+        inner = (self._ends[:-1, None] + self._lengths[:, None] * fractions).ravel()
+        even = np.linspace(0.0, 1.0, 129)
+        every = np.concatenate([even, inner])
+        order = np.argsort(every, kind="stable")
+        line = np.empty(len(every), complex)
+        line[order] = sample(self._knots[None], self._curvatures[None], every[None, order])[0][0]
+        line = line[len(even) :] * np.exp(1j * self._base[2]) * self._scale
+        owner = np.repeat(np.arange(len(fractions)), fractions.shape[1])
+        return np.stack([self._base[0] + line.real, self._base[1] + line.imag], axis=1), owner
+
+
+def _deepest(depth: Array, count: int) -> Array:
+    """Per element, the fractions (N, count) where it is deepest, apart from each other, by parabolas."""
+    left, picks = depth.copy(), []
+    left[:, [0, -1]] = -np.inf  # ends are looked after on their own
+    near, rows = FINE // (2 * count), np.arange(len(depth))
+    for _ in range(count):
+        pick = left.argmax(axis=1)
+        a, b, c = (depth[rows, pick + k] for k in (-1, 0, 1))
+        bent = a - 2.0 * b + c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shift = np.where(bent < 0.0, 0.5 * (a - c) / bent, 0.0)
+        picks.append((pick + np.clip(shift, -1.0, 1.0)) / FINE)
+        for k, j in enumerate(pick):
+            left[k, max(j - near, 0) : j + near + 1] = -np.inf
+    return np.sort(np.stack(picks, axis=1), axis=1)
+
+
+def _local(points: Array, pose: Array) -> Array:
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    return np.asarray((points - pose[:2]) @ np.array([[c, -s], [s, c]]))
+
+
+def _nearest(part: Part, points: Array, units: Units) -> Nearest:
+    """`nearest` in units of the problem."""
+    direction, gap, corners = nearest(part, points * units.length)
+    return direction, gap / units.length, corners / units.length

@@ -1,0 +1,250 @@
+"""One finger of a grasp in units of its own: length, bending stiffness and linear density are 1.
+
+Every number of the finger is then a run-time parameter of the same model, so that fingers of one make-up share one
+solver. Its base is at the origin, pointing along +Y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from continuum_grasp.grasp.problem.numbers import Numbers
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.finger import Finger, PointMass, Rod, Tendons
+from continuum_grasp.scene.grasp import FingerSetup
+from continuum_grasp.scene.loads import MomentLoad
+
+__all__ = ["FingerMake", "UnitFinger", "finger_numbers", "inner_masses"]
+
+ACCURACY = 1e-7
+"""Relative accuracy of the model's quadrature where the scene says nothing; its positions are some ten times better."""
+_OFFSET = 0.5
+"""Tendon offset of the unit finger; tensions are scaled so that any value does."""
+
+
+@dataclass(frozen=True)
+class FingerMake:
+    """What decides how a finger's equations look; all else are numbers.
+
+    Attributes
+    ----------
+    name : str
+    family : str
+    elements : int
+    before : tuple of int
+        Elements between base and each middle contact.
+    touching : tuple of bool
+        Which of the middle contacts are on.
+    tip : bool
+        Whether the tip touches.
+    rubs, weighs, preshaped, tip_heavy : bool
+        Tendon friction; own weight; rest curvature; a mass on the tip.
+    masses : int
+        Point masses elsewhere, where the finger weighs.
+    strained : bool
+        Whether there is a strain limit.
+    free : bool
+        Whether the base may move.
+    bending_range : float
+        [rad]
+    accuracy : float or None
+    """
+
+    name: str
+    family: str
+    elements: int
+    before: tuple[int, ...]
+    touching: tuple[bool, ...]
+    tip: bool
+    rubs: bool
+    weighs: bool
+    preshaped: bool
+    tip_heavy: bool
+    masses: int
+    strained: bool
+    free: bool
+    bending_range: float
+    accuracy: float | None
+
+    @staticmethod
+    def of(setup: FingerSetup, on: frozenset[str], weighs: bool) -> FingerMake:
+        """The make-up of a finger with some of its contacts on."""
+        finger = setup.finger
+        tendons, length = finger.tendons, finger.rod.length
+        return FingerMake(
+            name=setup.name,
+            family=setup.family,
+            elements=setup.elements,
+            before=setup.before,
+            touching=tuple(name in on for name in setup.middle_names),
+            tip=setup.tip_name in on,
+            rubs=tendons is not None and tendons.friction > 0.0,
+            weighs=weighs,
+            preshaped=finger.curvature_pieces[0][2] != 0.0,
+            tip_heavy=weighs and any(_on_tip(m.at, length) for m in finger.masses),
+            masses=len(inner_masses(finger)) if weighs else 0,
+            strained=finger.strain_limit is not None,
+            free=finger.base_free is not None,
+            bending_range=_rounded_up(setup.bending_range),
+            accuracy=setup.accuracy,
+        )
+
+
+class UnitFinger:
+    """The finger's model and the run-time parameters of it.
+
+    Parameters
+    ----------
+    make : FingerMake
+    numbers : Numbers
+        Where its numbers are put, under names that begin with the finger's.
+    """
+
+    def __init__(self, make: FingerMake, numbers: Numbers) -> None:
+        self.make = make
+        self._numbers = numbers
+        lengths = (1.0 / make.elements,) * make.elements
+        ends = [n / make.elements for n in make.before]
+        parameters = ["element_lengths"]
+        parameters += ["gravity"] * make.weighs + ["rest_curvature"] * make.preshaped
+        parameters += ["tendon_friction"] * make.rubs + ["tip_mass"] * make.tip_heavy
+        self._parameters = tuple(parameters)
+        self.model = FingerModel(
+            _unit_finger(make),
+            contacts=tuple(ends),
+            gravity=(0.0, 0.0),
+            family=make.family,
+            elements=lengths,
+            bending_range=make.bending_range,
+            accuracy=make.accuracy or ACCURACY,
+            parameters=self._parameters,
+            loads=(*(MomentLoad(at=at, moment=0.0) for at in ends), MomentLoad(at=1.0, moment=0.0)),
+            tip_force=True,
+        )
+
+    def number(self, name: str, size: int = 1) -> ca.SX:
+        """A run-time number of this finger."""
+        return self._numbers(f"{self.make.name}.{name}", size)
+
+    def element_lengths(self, joints: Sequence[Any]) -> tuple[Any, ...]:
+        """Element lengths for positions of the middle contacts: equal between them."""
+        marks, counts = [0.0, *joints, 1.0], [0, *self.make.before, self.make.elements]
+        lengths: list[Any] = []
+        for k in range(len(marks) - 1):
+            count = counts[k + 1] - counts[k]
+            lengths += [(marks[k + 1] - marks[k]) / count] * count
+        return tuple(lengths)
+
+    def parameters(self, lengths: ca.SX, turn: ca.SX) -> ca.SX:
+        """The model's run-time argument for element lengths and the base's angle in the world."""
+        values = {"element_lengths": lengths}
+        if self.make.weighs:
+            values["gravity"] = rotation(-turn) @ self.number("weight", 2)
+        for name in ("rest_curvature", "tendon_friction", "tip_mass"):
+            if name in self._parameters:
+                values[name] = self.number(name)
+        return ca.vertcat(*(values[name] for name in self._parameters))
+
+    def input(self, pulls: ca.SX, couple: ca.SX) -> ca.SX:
+        """The model's input for tensions, as moments at the tip, and a couple on the tip."""
+        return ca.vertcat(pulls / _OFFSET, couple)
+
+    def hanging_masses(self, q: ca.SX, u: ca.SX, p: ca.SX, turn: ca.SX) -> ca.SX:
+        """Generalised force of point masses that are not on the tip."""
+        force = ca.SX.zeros(self.model.n)
+        for k in range(self.make.masses):
+            arm = self.model.jacobian(q, u, self.number(f"mass_{k}.at"), p)
+            force += self.number(f"mass_{k}") * arm.T @ rotation(-turn) @ self.number("weight", 2)
+        return force
+
+    def curvatures(self, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+        """Curvature of each arc, or at each node of the clothoids."""
+        if self.make.family == "arc":
+            return q / p[: self.make.elements]
+        return q if self.make.family == "clothoid" else ca.vertcat(q, self.tip_curvature(q, u, p))
+
+    def greatest_bends(self, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+        """Bends of arcs; for clothoids their lengths times the curvatures at both ends."""
+        if self.make.family == "arc":
+            return q
+        lengths, nodes = p[: self.make.elements], self.curvatures(q, u, p)
+        return ca.vertcat(lengths * nodes[:-1], lengths * nodes[1:])
+
+    def tip_curvature(self, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+        """Curvature at the tip; where it is matched, what the moment balance imposes."""
+        if self.make.family == "arc":
+            return q[-1] / p[self.make.elements - 1]
+        if self.make.family == "clothoid":
+            return q[-1]
+        rest = self.number("rest_curvature") if self.make.preshaped else 0.0
+        return _OFFSET * (u[0] - u[1]) + u[2] + rest
+
+    @property
+    def probes(self) -> int:
+        """Places per element that are kept clear where it is deepest."""
+        return 2 if self.make.elements < 4 else 1
+
+    @cached_property
+    def waypoint_shares(self) -> list[tuple[int, int]]:
+        """Indices and elements of the waypoints that are kept clear: a few of each element, spread evenly."""
+        found, start = [], 0
+        for element, inside in enumerate(self.model.waypoint_fractions):
+            count = min(len(inside), 4 if self.make.elements > 3 else 6)
+            wanted = (np.arange(count) + 0.5) / count
+            picks = {int(np.abs(np.array(inside) - at).argmin()) for at in wanted}
+            found += [(start + k, element) for k in sorted(picks)]
+            start += len(inside)
+        return found
+
+
+def finger_numbers(setup: FingerSetup, gravity: tuple[float, float]) -> dict[str, object]:
+    """Values of a unit finger's run-time numbers that do not depend on the problem's scales."""
+    finger, name = setup.finger, setup.name
+    rod = finger.rod
+    own = rod.mass_per_length * rod.length
+    values: dict[str, object] = {
+        f"{name}.weight": [g * rod.mass_per_length * rod.length**3 / rod.stiffness for g in gravity],
+        f"{name}.rest_curvature": finger.curvature_pieces[0][2] * rod.length,
+        f"{name}.tendon_friction": 0.0 if finger.tendons is None else finger.tendons.friction,
+        f"{name}.tip_mass": sum(m.mass for m in finger.masses if _on_tip(m.at, rod.length)) / own,
+        f"{name}.curvature_limit": finger.curvature_limit * rod.length if finger.strain_limit is not None else 0.0,
+        f"{name}.bending_range": setup.bending_range,
+    }
+    for k, mass in enumerate(inner_masses(finger)):
+        values |= {f"{name}.mass_{k}": mass.mass / own, f"{name}.mass_{k}.at": mass.at / rod.length}
+    return values
+
+
+def inner_masses(finger: Finger) -> list[PointMass]:
+    """Point masses that are not on the tip."""
+    return [m for m in finger.masses if not _on_tip(m.at, finger.rod.length)]
+
+
+def rotation(angle: ca.SX) -> ca.SX:
+    """Rotation matrix (2, 2)."""
+    c, s = ca.cos(angle), ca.sin(angle)
+    return ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c))
+
+
+def _unit_finger(make: FingerMake) -> Finger:
+    return Finger(
+        rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0),
+        rest_curvature=1.0 if make.preshaped else 0.0,
+        masses=(PointMass(at=1.0, mass=1.0),) if make.tip_heavy else (),
+        tendons=Tendons(offset=_OFFSET, max_tension=1.0, friction=0.1 if make.rubs else 0.0),
+    )
+
+
+def _on_tip(at: float, length: float) -> bool:
+    return abs(at - length) <= 1e-9 * length
+
+
+def _rounded_up(angle: float) -> float:
+    """A range of the model's own that holds a bending range, one of a few so that scenes share solvers [rad]."""
+    return next((r for r in (1.0, 2.1, 3.15, 4.5, 6.3) if angle <= r), angle)

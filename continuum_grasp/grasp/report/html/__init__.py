@@ -1,0 +1,1 @@
+"""A grasp result as one web page."""

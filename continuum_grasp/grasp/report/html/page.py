@@ -1,0 +1,207 @@
+"""A grasp result as one web page that needs nothing but itself."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
+
+from continuum_grasp.grasp.report.html.tables import contacts_table, fingers_table, statistics_table
+from continuum_grasp.grasp.report.html.text import (
+    PAGE_STYLE,
+    badge,
+    cards,
+    details,
+    escaped,
+    items,
+    section,
+    table,
+)
+from continuum_grasp.grasp.report.shown import disturbance_rows, fine_rows, further_advice, quality_rows
+from continuum_grasp.grasp.report.yaml_text import yaml_text
+
+if TYPE_CHECKING:
+    from continuum_grasp.grasp.certificate.certificate import Certificate
+    from continuum_grasp.grasp.result import GraspResult
+
+__all__ = ["result_page", "save_page"]
+
+
+def result_page(result: GraspResult, *, resisted: ArrayLike | None = None) -> str:
+    """The result as an HTML page: picture, numbers, certificate, and the reasons where there is no grasp.
+
+    Parameters
+    ----------
+    result : GraspResult
+    resisted : array_like, shape (D, 2), optional
+        Greatest resisted force in each of D directions around the circle [N].
+
+    Returns
+    -------
+    str
+        HTML5 with its pictures inside; it refers to no other file or site.
+    """
+    name = result.scene.name or "grasp"
+    body = [
+        f"<h1>{escaped(name)}</h1>",
+        f"<p>{badge(result.status.value, result.solved)} {escaped(result.message)}</p>",
+        f'<div class="warning">{items(result.warnings)}</div>' if result.warnings else "",
+        _why(result),
+        _picture(result),
+        _key_numbers(result),
+        section("Fingers", fingers_table(result)),
+        section("Contacts", contacts_table(result), _forces_said(result)),
+        _quality(result),
+        section("Resisted disturbances", _resistance(resisted), _disturbances(result)),
+        _certificate(result.certificate) if result.solved and result.certificate is not None else "",
+        section("The same grasp in a fine model", table((), fine_rows(result))),
+        section("The search", statistics_table(result.statistics)),
+        section("The scene", _scene(result)),
+    ]
+    inner = "\n".join(part for part in body if part)
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escaped(name)}</title>\n<style>{PAGE_STYLE}</style>\n</head>\n"
+        f"<body>\n<main>\n{inner}\n</main>\n</body>\n</html>\n"
+    )
+
+
+def save_page(result: GraspResult, path: str | os.PathLike[str], *, resisted: ArrayLike | None = None) -> Path:
+    """Write `result_page` into a file, whole or not at all.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    from continuum_grasp.results import replacing
+
+    text, target = result_page(result, resisted=resisted), Path(path)
+    with replacing(target) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return target
+
+
+def _why(result: GraspResult) -> str:
+    if result.solved:
+        return f"<p>{escaped(result.advice)}</p>" if result.advice else ""
+    rows = [(r.text, r.key, _amount(r.limit, r.unit), _amount(r.needed, r.unit), r.repair) for r in result.reasons]
+    head = ("What stands against it", "Key", "As given", "Needed", "Repair")
+    broken = "<p>Broken constraints at the closest point:</p>" + items(result.violated) if result.violated else ""
+    more = further_advice(result)
+    advice = f"<p>{escaped(more)}</p>" if more else ""
+    lead = "<p>Any one of these would make a grasp possible.</p>" if rows else f"<p>{escaped(result.message)}</p>"
+    return section("Why there is no grasp", lead, table(head, rows, (2, 3)), broken, advice, kind="why")
+
+
+def _picture(result: GraspResult) -> str:
+    from continuum_grasp.plotting.drawing.inline import inline_svg
+    from continuum_grasp.plotting.grasp.grasp import plot_grasp
+
+    drawing = inline_svg(plot_grasp(result, numbers=False), "drawing", "drawing of object, fingers and forces")
+    said = (
+        "Arrows are the forces that the object bears, to scale; the light wedges are friction cones; the small circles "
+        "are joints of the finger's elements."
+        if result.arrays
+        else "The scene as it starts; the fingers are drawn unloaded."
+    )
+    return f'<figure class="drawing">\n{drawing}\n<figcaption>{escaped(said)}</figcaption>\n</figure>'
+
+
+def _key_numbers(result: GraspResult) -> str:
+    if not result.solved:
+        return ""
+    contacts, certificate = result.contacts, result.certificate
+    pairs = [("sum of tensions", f"{result.tension:.2f} N")]
+    if contacts:
+        pairs += [
+            ("greatest normal force", f"{max(c.normal_force for c in contacts):.2f} N"),
+            ("least friction margin", f"{max(min(c.friction_margin for c in contacts), 0.0):.1%}"),
+        ]
+    if certificate is not None:
+        pairs += [
+            ("checks passed", f"{len(certificate.checks) - len(certificate.failed)} of {len(certificate.checks)}"),
+            ("second-order test", "stable" if certificate.stability.stable else "unstable"),
+        ]
+        if math.isfinite(certificate.model_error.greatest):
+            pairs.append(("model error", f"{1e3 * certificate.model_error.greatest:.2f} mm"))
+    return cards(pairs)
+
+
+def _forces_said(result: GraspResult) -> str:
+    if not result.contacts:
+        return ""
+    return (
+        '<p class="quiet">Forces on what touches the object: along the object\'s outward normal, and friction along '
+        "that normal turned by +90\N{DEGREE SIGN}. Lift acts on the object, out of the plane. The margin is what is "
+        "left of the friction cone: 0&nbsp;% is about to slip.</p>"
+    )
+
+
+def _quality(result: GraspResult) -> str:
+    return section("Quality", table(("Index", "Value", "What it means"), quality_rows(result), (1,)))
+
+
+def _resistance(resisted: ArrayLike | None) -> str:
+    from continuum_grasp.plotting.drawing.inline import inline_svg
+    from continuum_grasp.plotting.grasp.polygon import plot_resistance, resistance_extremes, resistance_words
+
+    if resisted is None or resistance_extremes(resisted)[1] <= 0:
+        return ""
+    drawing = inline_svg(plot_resistance(resisted), "resisted", "resisted force by direction")
+    words = resistance_words(resisted)
+    said = (
+        "The greatest pure force at the centre of mass that is resisted on top of the weight, direction by direction; "
+        f"the dashed circle is what is resisted whichever way it acts. {words[0].upper() + words[1:]}."
+    )
+    return f'<figure class="polygon">\n{drawing}\n<figcaption>{escaped(said)}</figcaption>\n</figure>'
+
+
+def _disturbances(result: GraspResult) -> str:
+    head = ("Disturbance: force x, y, moment", "Multiple that is resisted", "What stops it then")
+    return table(head, disturbance_rows(result), (1,))
+
+
+def _certificate(certificate: Certificate) -> str:
+    rows = [
+        (
+            check.name,
+            "within" if check.value <= 0 else f"{check.value:.2e}",
+            f"{check.limit:.0e}",
+            check.relative_to or check.unit,
+            "ok" if check.passed else "FAILED",
+        )
+        for check in certificate.checks
+    ]
+    stability = certificate.stability
+    word = "stable" if stability.stable else "unstable"
+    lead = (
+        "Recomputed from the stored numbers by code that shares nothing with the search. A value is relative to what "
+        "stands beside it."
+    )
+    return section(
+        "Certificate",
+        f'<p class="quiet">{escaped(lead)}</p>',
+        table(("Check", "Found", "Limit", "Relative to, or unit", ""), rows, (1, 2)),
+        f"<p><b>Stability:</b> {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L "
+        f'<span class="quiet">({escaped(stability.assumptions)})</span>.</p>',
+        f"<p><b>Model error:</b> {escaped(str(certificate.model_error))}.</p>",
+        f"<p><b>Fingers overlap</b> by {1e3 * certificate.overlap:.2f} mm in the plane: they must lie at different "
+        "heights.</p>"
+        if certificate.overlap > 0
+        else "",
+    )
+
+
+def _amount(value: float, unit: str) -> str:
+    return f"{value:.4g}" if unit in ("", "1") else f"{value:.4g} {unit}"
+
+
+def _scene(result: GraspResult) -> str:
+    given = result.scene.model_dump(mode="json", exclude_unset=True)
+    text = escaped(yaml_text(given, exact=True))
+    return details("Configuration, as it was read", f"<pre>{text}</pre>")

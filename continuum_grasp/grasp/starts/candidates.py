@@ -1,0 +1,176 @@
+"""Postures of one finger at one pose of the object, from both sides and all poses of its base."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts.scan.postures import neighbours, postures
+from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, make_task
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+
+__all__ = ["Candidates", "find_candidates", "near_candidates"]
+
+Array = NDArray[Any]
+Pose = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """P postures of one finger.
+
+    Attributes
+    ----------
+    bases : ndarray, (P, 3)
+        World pose of the base [m, rad].
+    sides : ndarray of int, (P,)
+        +1: the object on the finger's left.
+    knots, curvatures : ndarray, (P, K)
+        In lengths of the finger, with the finger's own sign.
+    joints : ndarray, (P, J)
+    stations : ndarray, (P, C)
+        Positions of the contacts that are on, per length.
+    parts : ndarray of int, (P, C)
+    points : ndarray of complex, (P, C)
+        On the object's surface, in its frame [m].
+    angles : ndarray, (P, C)
+        Outward normals in the object's frame [rad].
+    violation : ndarray, (P,)
+    """
+
+    bases: Array
+    sides: Array
+    knots: Array
+    curvatures: Array
+    joints: Array
+    stations: Array
+    parts: Array
+    points: Array
+    angles: Array
+    violation: Array
+
+    def __len__(self) -> int:
+        return len(self.violation)
+
+    def take(self, index: Any) -> Candidates:
+        """Some of them."""
+        return Candidates(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+
+    @property
+    def features(self) -> Array:
+        """Numbers that tell postures apart (P, F)."""
+        return np.concatenate(
+            [
+                2.0 * self.joints,
+                0.15 * self.curvatures,
+                np.cos(self.angles),
+                np.sin(self.angles),
+                0.5 * self.sides[:, None],
+                self.bases,
+            ],
+            axis=1,
+        )
+
+
+def find_candidates(
+    scene: GraspScene,
+    setup: FingerSetup,
+    bases: list[Pose],
+    pose: Pose,
+    middles: tuple[bool, ...],
+    tip: bool,
+) -> Candidates | None:
+    """Postures of a finger that touch the object at a pose of its, best kept apart first come first.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    setup : FingerSetup
+    bases : list of (float, float, float)
+        World poses of the base to try [m, rad].
+    pose : (float, float, float)
+        World pose of the object [m, rad].
+    middles : tuple of bool
+        Which middle contacts are on.
+    tip : bool
+        Whether the tip's is.
+    """
+    groups = []
+    sides = (1, -1) if any(middles) else (1,)
+    for base in bases:
+        for side in sides:
+            task = make_task(scene, setup, base, pose, side)
+            family = postures(task, middles, tip)
+            if family is not None:
+                groups.append(_as_candidates(task, family, base, side, middles, tip))
+    return _join(groups)
+
+
+def near_candidates(
+    scene: GraspScene,
+    setup: FingerSetup,
+    some: Candidates,
+    pose: Pose,
+    middles: tuple[bool, ...],
+    tip: bool,
+    scale: float,
+) -> Candidates | None:
+    """Postures next to some, with changes of a relative size, and these themselves."""
+    groups = [some]
+    keys = np.concatenate([some.bases, some.sides[:, None]], axis=1)
+    for key in np.unique(keys, axis=0):
+        mine = some.take((keys == key).all(axis=1))
+        base, side = (float(key[0]), float(key[1]), float(key[2])), int(key[3])
+        task = make_task(scene, setup, base, pose, side)
+        on = mine.joints[:, [k for k, m in enumerate(middles) if m]]
+        angles = task.frame.angle(mine.angles)
+        family = Postures(
+            mine.knots,
+            side * mine.curvatures,
+            on,
+            mine.parts,
+            task.frame.point(mine.points) + task.half * np.exp(1j * angles),
+            angles,
+            mine.violation,
+        )
+        found = neighbours(task, family, middles, tip, scale)
+        if found is not None:
+            groups.append(_as_candidates(task, found, base, side, middles, tip))
+    return _join(groups)
+
+
+def _as_candidates(
+    task: FingerTask, family: Postures, base: Pose, side: int, middles: tuple[bool, ...], tip: bool
+) -> Candidates:
+    count = len(family)
+    on = family.joints[:, [k for k, m in enumerate(middles) if m]]
+    return Candidates(
+        bases=np.tile(base, (count, 1)),
+        sides=np.full(count, side),
+        knots=family.knots,
+        curvatures=side * family.curvatures,
+        joints=family.joints,
+        stations=np.concatenate([on, np.ones((count, 1))], axis=1) if tip else on,
+        parts=family.parts,
+        points=task.frame.back(family.points - task.half * np.exp(1j * family.angles)),
+        angles=task.frame.angle_back(family.angles),
+        violation=family.violation,
+    )
+
+
+def _join(groups: list[Candidates]) -> Candidates | None:
+    if not groups:
+        return None
+    width = max(g.knots.shape[1] for g in groups)
+    padded = []
+    for g in groups:
+        more = width - g.knots.shape[1]
+        if more:
+            knots = np.concatenate([g.knots, np.repeat(g.knots[:, -1:], more, axis=1)], axis=1)
+            curvatures = np.concatenate([g.curvatures, np.repeat(g.curvatures[:, -1:], more, axis=1)], axis=1)
+            g = Candidates(**{**g.__dict__, "knots": knots, "curvatures": curvatures})
+        padded.append(g)
+    return Candidates(*(np.concatenate([getattr(g, n) for g in padded]) for n in Candidates.__dataclass_fields__))

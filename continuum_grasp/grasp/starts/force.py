@@ -1,0 +1,359 @@
+"""Which starts can hold the object: contact forces in their cones and tensions within limits that come closest to
+balancing object and fingers, for many postures at once.
+
+Friction cones are spanned by edges, each with a force that is not negative; a finger's bending moment is balanced at a
+few of its sections. The remaining imbalance ranks the starts; it proves nothing.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts.candidates import Candidates
+from continuum_grasp.grasp.starts.scan.curves import curvature_at, sample
+from continuum_grasp.grasp.starts.values import ContactStart
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
+
+__all__ = ["Block", "Loads", "contact_forces", "finger_block", "imbalance", "loads_of", "support_block"]
+
+Array = NDArray[Any]
+Pose = tuple[float, float, float]
+
+_FINE = 6
+_X, _W = np.polynomial.legendre.leggauss(4)
+_NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
+_PRICE, _STEPS = 1e-3, 14
+_TILTS = 0.25 * math.pi * np.arange(5)
+
+
+@dataclass(frozen=True)
+class Loads:
+    """What the contacts have to carry, and scales.
+
+    Attributes
+    ----------
+    force : float
+        Force that counts as one [N].
+    length : float
+        Size of the object [m].
+    planar : complex
+        Weight in the plane [N].
+    lift : float
+        Weight out of the plane [N].
+    gravity : complex
+        Acceleration in the plane [m/s2].
+    balance : bool
+        Whether the lift must not tilt the object.
+    """
+
+    force: float
+    length: float
+    planar: complex
+    lift: float
+    gravity: complex
+    balance: bool
+
+    @property
+    def rows(self) -> int:
+        """Number of balances of the object."""
+        return 3 + (0 if self.lift == 0.0 else 3 if self.balance else 1)
+
+    @property
+    def edges(self) -> int:
+        """Number of edges of a friction cone."""
+        return len(_TILTS) if self.lift else 2
+
+    @property
+    def target(self) -> Array:
+        """What the contacts must apply to the object, scaled (rows,)."""
+        out = np.zeros(self.rows)
+        out[0], out[1] = -self.planar.real / self.force, -self.planar.imag / self.force
+        if self.lift:
+            out[3] = self.lift / self.force
+        return out
+
+
+@dataclass(frozen=True)
+class Block:
+    """Forces of one finger, or of the supports: P postures, n forces of which the last two are tensions for fingers.
+
+    Attributes
+    ----------
+    onto : ndarray, (P, rows, n)
+        What they do to the object, scaled.
+    moments : ndarray, (P, S, n)
+        What they do to the finger's sections, scaled.
+    needed : ndarray, (P, S)
+        What the sections need, scaled.
+    low, high : ndarray, (n,)
+        Bounds [N].
+    cost : ndarray, (n,)
+        1 for tensions.
+    contacts : int
+    """
+
+    onto: Array
+    moments: Array
+    needed: Array
+    low: Array
+    high: Array
+    cost: Array
+    contacts: int = 0
+
+    @property
+    def single(self) -> bool:
+        """Whether there is one contact, so that the shape fixes the forces."""
+        return self.contacts == 1
+
+
+def loads_of(scene: GraspScene) -> Loads:
+    """What a scene's contacts have to carry."""
+    gravity = complex(*scene.gravity.vector) if isinstance(scene.gravity, PlanarGravity) else 0j
+    upright = scene.gravity if isinstance(scene.gravity, OutOfPlaneGravity) else None
+    stiff = max(s.finger.rod.stiffness / s.finger.rod.length**2 for s in scene.setups)
+    return Loads(
+        force=max(scene.weight, 0.3 * stiff),
+        length=scene.object.size,
+        planar=scene.object.mass * gravity,
+        lift=scene.object.mass * upright.magnitude if upright else 0.0,
+        gravity=gravity,
+        balance=upright is not None and upright.tilt == "balance",
+    )
+
+
+def _edges(loads: Loads, friction: float, normals: Array) -> tuple[Array, Array]:
+    """Edges of friction cones (P, C, E), as forces in the plane on what touches the object, and their lifts (E,)."""
+    slopes, lifts = _slopes(loads, friction)
+    return normals[..., None] * (1.0 + 1j * slopes), lifts
+
+
+def _slopes(loads: Loads, friction: float) -> tuple[Array, Array]:
+    if loads.lift:
+        return friction * np.cos(_TILTS), friction * np.sin(_TILTS)
+    return np.array([friction, -friction]), np.zeros(2)
+
+
+def _onto(loads: Loads, arms: Array, edges: Array, lifts: Array) -> Array:
+    """Effect on the object (P, rows, C * E) of forces at ``arms`` (P, C) from its centre of mass."""
+    count = len(arms)
+    out = np.zeros((count, loads.rows, *edges.shape[1:]))
+    out[:, 0], out[:, 1] = -edges.real, -edges.imag
+    out[:, 2] = -(np.conj(arms)[..., None] * edges).imag / loads.length
+    if loads.lift:
+        out[:, 3] = lifts
+        if loads.balance:
+            out[:, 4] = arms.real[..., None] * lifts / loads.length
+            out[:, 5] = arms.imag[..., None] * lifts / loads.length
+    return out.reshape(count, loads.rows, -1)
+
+
+def support_block(scene: GraspScene, loads: Loads, touched: dict[str, ContactStart], pose: Pose) -> Block:
+    """Forces of the supports that the object touches at a world pose [m, rad]."""
+    turn = cmath.exp(1j * pose[2])
+    com = complex(*scene.object.com)
+    parts: list[Array] = []
+    high: list[float] = []
+    for name, contact in touched.items():
+        normal = np.array([[turn * cmath.exp(1j * contact.normal_angle)]])
+        edges, lifts = _edges(loads, scene.friction(name), normal)
+        parts.append(_onto(loads, np.array([[turn * (complex(*contact.point) - com)]]), edges, lifts))
+        high.extend([_cap(loads, scene.normal_force_max(name))] * len(lifts))
+    onto = np.concatenate(parts, axis=2) if parts else np.zeros((1, loads.rows, 0))
+    size = onto.shape[2]
+    return Block(onto, np.zeros((1, 0, size)), np.zeros((1, 0)), np.zeros(size), np.array(high), np.zeros(size))
+
+
+def _cap(loads: Loads, most: float) -> float:
+    return min(most, 1000.0 * loads.force)
+
+
+def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Candidates, pose: Pose) -> Block:
+    """Forces of one finger in P postures, the object being at a world pose [m, rad]."""
+    finger, length = setup.finger, setup.finger.rod.length
+    turn, origin = cmath.exp(1j * pose[2]), complex(pose[0], pose[1])
+    points, normals = origin + turn * found.points, turn * np.exp(1j * found.angles)
+    mesh = _Mesh.of(setup, found)
+    at = mesh.sections
+    curve, _ = sample(found.knots, found.curvatures, np.concatenate([np.zeros((len(found), 1)), at], axis=1))
+    base = found.bases
+    world = (base[:, 0] + 1j * base[:, 1])[:, None] + length * np.exp(1j * base[:, 2:]) * curve[:, 1:]
+    rest = finger.rest_curvature if isinstance(finger.rest_curvature, int | float) else 0.0
+    needed = finger.rod.stiffness * (curvature_at(found.knots, found.curvatures, at) / length - rest)
+    scale = np.maximum(np.abs(needed).max(axis=1), 0.3 * finger.rod.stiffness / length)[:, None]
+    if loads.gravity:
+        needed = needed - _own_weight(setup, world, at, loads.gravity)
+    edges, lifts = _edges(loads, setup.friction, normals)
+    arms = points[:, None, :] - world[:, :, None]
+    reaches = found.stations[:, None, :] >= at[:, :, None] - 1e-9
+    moments = (np.conj(arms)[..., None] * edges[:, None]).imag * reaches[..., None]
+    moments = moments.reshape(*at.shape, -1)
+    tendons = finger.tendons
+    low, high, offset = (
+        (0.0, 0.0, 1.0) if tendons is None else (tendons.min_tension, tendons.max_tension, tendons.offset)
+    )
+    moments = np.concatenate([moments, np.broadcast_to([offset, -offset], (*at.shape, 2))], axis=2)
+    com = origin + turn * complex(*scene.object.com)
+    onto = _onto(loads, points - com, edges, lifts)
+    onto = np.concatenate([onto, np.zeros((len(found), loads.rows, 2))], axis=2)
+    pushes = onto.shape[2] - 2
+    used = finger.tendons_used
+    return Block(
+        onto,
+        mesh.project(moments) / scale[..., None],
+        mesh.project(needed[..., None])[..., 0] / scale,
+        np.array([0.0] * pushes + [low, low]),
+        np.array(
+            [_cap(loads, setup.normal_force_max)] * pushes
+            + [high if used in ("both", side) else low for side in ("left", "right")]
+        ),
+        np.array([0.0] * pushes + [1.0, 1.0]),
+        found.stations.shape[1],
+    )
+
+
+@dataclass(frozen=True)
+class _Mesh:
+    """Elements of P postures with Gauss points, and the shapes over which their moments are balanced."""
+
+    sections: Array
+    """Positions (P, 4 M + 1), the last one the tip's."""
+    shares: Array
+    """Lengths of the elements (P, M)."""
+    family: str
+
+    @staticmethod
+    def of(setup: FingerSetup, found: Candidates) -> _Mesh:
+        """The elements of a finger, or fewer where it has many."""
+        marks = (0, *setup.before, setup.elements)
+        counts = [b - a for a, b in pairwise(marks)]
+        few = sum(counts) <= _FINE
+        if not few:
+            counts = [min(c, 2) for c in counts]
+        count = len(found)
+        ends = np.concatenate([np.zeros((count, 1)), found.joints, np.ones((count, 1))], axis=1)
+        shares = np.concatenate(
+            [np.repeat(np.diff(ends[:, k : k + 2]) / n, n, axis=1) for k, n in enumerate(counts)], axis=1
+        )
+        starts = np.cumsum(shares, axis=1) - shares
+        at = (starts[..., None] + shares[..., None] * _NODES).reshape(count, -1)
+        family = "clothoid" if setup.family == "arc" and not few else setup.family
+        return _Mesh(np.concatenate([at, np.ones((count, 1))], axis=1), shares, family)
+
+    def project(self, values: Array) -> Array:
+        """Means (P, R, n) of values (P, 4 M + 1, n) over the shapes."""
+        count, size = self.shares.shape
+        inner = values[:, :-1].reshape(count, size, len(_NODES), -1) * self.shares[..., None, None]
+        if self.family == "arc":
+            return np.asarray((inner * _WEIGHTS[:, None]).sum(axis=2))
+        left = (inner * (_WEIGHTS * (1.0 - _NODES))[:, None]).sum(axis=2)
+        right = (inner * (_WEIGHTS * _NODES)[:, None]).sum(axis=2)
+        rows = np.zeros((count, size + 1, values.shape[2]))
+        rows[:, :-1] += left
+        rows[:, 1:] += right
+        if self.family == "matched_clothoid":
+            rows[:, -1] = 0.5 * values[:, -1]
+        return rows
+
+
+def _own_weight(setup: FingerSetup, world: Array, at: Array, gravity: complex) -> Array:
+    """Moment about each section of the weight of the finger beyond it (P, S)."""
+    rod = setup.finger.rod
+    share = np.diff(at, axis=1, prepend=0.0) * rod.length * rod.mass_per_length
+    middle = 0.5 * (world + np.concatenate([world[:, :1], world[:, :-1]], axis=1))
+    force = np.cumsum(share[:, ::-1], axis=1)[:, ::-1] - share
+    first = np.cumsum((share * middle)[:, ::-1], axis=1)[:, ::-1] - share * middle
+    rows = np.arange(len(at))
+    for mass in setup.finger.masses:
+        place = np.minimum((at < mass.at / rod.length - 1e-9).sum(axis=1), at.shape[1] - 1)
+        beyond = np.arange(at.shape[1]) <= place[:, None]
+        force = force + mass.mass * beyond
+        first = first + mass.mass * world[rows, place][:, None] * beyond
+    return np.asarray((np.conj(first - force * world) * gravity).imag)
+
+
+def contact_forces(
+    scene: GraspScene, loads: Loads, names: list[str], found: Array
+) -> dict[str, tuple[float, float, float]]:
+    """Normal, friction and lift [N] at contacts, from the forces along the edges of their cones."""
+    out = {}
+    for k, name in enumerate(names):
+        friction = scene.friction(name)
+        (slopes, lifts) = _slopes(loads, friction)
+        own = found[k * len(slopes) : (k + 1) * len(slopes)]
+        out[name] = (float(own.sum()), float(own @ slopes), float(own @ lifts))
+    return out
+
+
+def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Array, Array, Array]:
+    """Least imbalance of B combinations of postures, and the effort that goes with it.
+
+    Parameters
+    ----------
+    loads : Loads
+    blocks : list of Block
+    index : list of ndarray of int, (B,)
+        Which posture of each block.
+
+    Returns
+    -------
+    imbalance, cost : ndarray, (B,)
+        Relative to the loads; sum of the tensions per their limits.
+    forces : ndarray, (B, n)
+        Of all blocks [N].
+    """
+    count = len(index[0])
+    sizes = [b.onto.shape[2] for b in blocks]
+    sections = [b.moments.shape[1] for b in blocks]
+    system = np.zeros((count, loads.rows + sum(sections), sum(sizes)))
+    right = np.zeros((count, loads.rows + sum(sections)))
+    right[:, : loads.rows] = loads.target
+    row, column = loads.rows, 0
+    for block, rows, size, chosen in zip(blocks, sections, sizes, index, strict=True):
+        system[:, : loads.rows, column : column + size] = block.onto[chosen] / loads.force
+        system[:, row : row + rows, column : column + size] = block.moments[chosen]
+        right[:, row : row + rows] = block.needed[chosen]
+        row, column = row + rows, column + size
+    low, high, cost = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("low", "high", "cost"))
+    return _boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300))
+
+
+def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) -> tuple[Array, Array, Array]:
+    """Least squares within bounds for many systems at once, by an interior point method: what is left, the cost, and
+    the unknowns.
+
+    The Newton step is solved in the rows of the system, of which there are fewer than columns.
+    """
+    span = np.maximum(high - low, 1e-12)
+    scaled = system * span
+    right = right - system @ low
+    price = _PRICE * cost * span + 1e-6
+    x = np.full((len(right), len(low)), 0.2)
+    zl, zu = np.full(x.shape, 0.05), np.full(x.shape, 0.05)
+    across = np.swapaxes(scaled, 1, 2)
+    unit = np.eye(right.shape[1])
+    barrier = 1e-2
+    for _ in range(_STEPS):
+        over = 1.0 - x
+        left = (scaled @ x[..., None])[..., 0] - right
+        down = (across @ left[..., None])[..., 0] + price - barrier / x + barrier / over
+        soft = 1.0 / (zl / x + zu / over + 1e-9)
+        slim = scaled * soft[:, None, :]
+        inner = np.linalg.solve(unit + slim @ across, (slim @ down[..., None]))[..., 0]
+        step = soft * ((across @ inner[..., None])[..., 0] - down)
+        dl = barrier / x - zl - zl / x * step
+        du = barrier / over - zu + zu / over * step
+        limit = np.maximum(np.maximum(-step / x, step / over), np.maximum(-dl / zl, -du / zu)).max(axis=1)
+        length = np.minimum(1.0, 0.95 / np.maximum(limit, 1e-300))[:, None]
+        x, zl, zu = x + length * step, zl + length * dl, zu + length * du
+        barrier *= 0.3
+    left = (scaled @ x[..., None])[..., 0] - right
+    x = x * span + low
+    return np.sqrt((left**2).sum(axis=1)), x @ cost, x

@@ -1,0 +1,185 @@
+"""Poses of the object and of the fingers' bases that are tried: the scene's own, faces flat on walls, and a spread."""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import numpy as np
+
+from continuum_grasp.grasp.starts.shapes import PolygonShape, Shape
+from continuum_grasp.grasp.starts.supports import object_shapes, wall_gap
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.supports import Peg, Wall
+
+__all__ = ["base_poses", "object_poses", "settle"]
+
+Pose = tuple[float, float, float]
+Interval = tuple[float, float]
+
+_MORE_POSES = 5
+_MORE_BASES = (4, 1)
+"""Further poses of a free base: for the first pose of the object, and for the others."""
+_FLAT = 4
+_EXACT = 1e-12
+_SHARES = (1.22074408460575947536, 1.32471795724474602596)
+
+
+def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
+    """Poses of the object, the one nearest to the scene's own first, at which it touches the supports wanted.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    on : frozenset of str
+        Names of the contacts wanted.
+
+    Returns
+    -------
+    list of (float, float, float)
+        World x, y [m] and angle [rad]; only the scene's own where it is fixed, or where none was found.
+    """
+    own, free = scene.object.pose, scene.object.free
+    if free is None:
+        return [own]
+    shapes = object_shapes(scene)
+    bounds = _bounds(own, free)
+    round_ = len(shapes) == 1 and isinstance(shapes[0], PolygonShape) and len(shapes[0].vertices) == 1
+    flat = [] if free.angle is None else _flat_angles(scene, on, shapes, bounds[2], own[2])
+    tries: list[tuple[Pose, list[Interval]]] = []
+    for angle in flat[:_FLAT]:
+        tries.append(((own[0], own[1], angle), [bounds[0], bounds[1], (angle, angle)]))
+    tries.insert(min(1, len(tries)), (own, bounds))
+    for k, pose in enumerate(_spread(bounds, _MORE_POSES)):
+        angle = own[2] if round_ else flat[k % len(flat)] if flat and k % 2 else pose[2]
+        held = [bounds[0], bounds[1], (angle, angle) if flat and k % 2 else bounds[2]]
+        tries.append(((pose[0], pose[1], angle), held))
+    found: list[Pose] = []
+    for pose, within in tries:
+        settled = settle(scene, shapes, on, pose, within)
+        if settled is not None and all(_differ(scene, settled, other) for other in found):
+            found.append(settled)
+    return found or [own]
+
+
+def base_poses(setup: FingerSetup, number: int) -> list[Pose]:
+    """Poses of a finger's base that are tried with the ``number``-th pose of the object, its own first."""
+    base, free = setup.finger.base, setup.finger.base_free
+    own = (*base.position, base.angle)
+    if free is None:
+        return [own]
+    return [own, *_spread(_bounds(own, free), _MORE_BASES[min(number, 1)], skip=number)]
+
+
+def settle(
+    scene: GraspScene, shapes: tuple[Shape, ...], on: frozenset[str], pose: Pose, within: list[Interval]
+) -> Pose | None:
+    """Move the object, within bounds, so that it touches the supports wanted and enters no other.
+
+    Returns None where that fails.
+    """
+    size = scene.object.size
+    low, high = np.array(within).T
+    here = np.clip(np.array(pose), low, high)
+    scale = np.array([size, size, 1.0])
+    for _ in range(30):
+        gaps, slopes = _gaps(scene, shapes, on, (float(here[0]), float(here[1]), float(here[2])))
+        if not len(gaps) or np.abs(gaps).max() < _EXACT * size:
+            return float(here[0]), float(here[1]), float(here[2])
+        free = high > low
+        for _ in range(3):
+            matrix = slopes * scale * free
+            step = -np.linalg.pinv(matrix, rcond=1e-9) @ gaps * scale
+            step *= min(1.0, 1.0 / max(float(np.abs(step / scale).max()), 1e-300))
+            aim = np.clip(here + step, low, high)
+            stuck = (aim == here) & (np.abs(step) > 1e-15 * scale)
+            if not (stuck & free).any():
+                break
+            free = free & ~stuck
+        if np.array_equal(aim, here):
+            return None
+        here = aim
+    return None
+
+
+def _gaps(
+    scene: GraspScene, shapes: tuple[Shape, ...], on: frozenset[str], pose: Pose
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gaps of wanted supports, and of others where the object enters them, with slopes along the pose."""
+    gaps: list[float] = []
+    slopes: list[tuple[float, float, float]] = []
+    things: list[Wall | Peg] = [*scene.walls, *scene.pegs]
+    for thing in things:
+        gap, normal, arm = _wall(shapes, thing, pose) if isinstance(thing, Wall) else _peg(shapes, thing, pose)
+        wanted = thing.name in on
+        if wanted or (gap < 0.0 and not _beside(shapes, thing, pose)):
+            gaps.append(gap if wanted else gap - 1e-3 * scene.object.size)
+            slopes.append((normal.real, normal.imag, (normal.conjugate() * 1j * arm).real))
+    return np.array(gaps), np.array(slopes).reshape(-1, 3)
+
+
+def _wall(shapes: tuple[Shape, ...], wall: Wall, pose: Pose) -> tuple[float, complex, complex]:
+    """Height of the lowest point, normal along which it grows, and arm of that point."""
+    turn, normal = cmath.exp(1j * pose[2]), complex(*wall.normal)
+    down = -normal / turn
+    arms = [point * turn for shape in shapes for point, _ in shape.extremes(down, 0.0)]
+    arm = min(arms, key=lambda z: (z * normal.conjugate()).real)
+    world = complex(pose[0], pose[1]) + arm
+    return wall.height((world.real, world.imag)), normal, arm
+
+
+def _peg(shapes: tuple[Shape, ...], peg: Peg, pose: Pose) -> tuple[float, complex, complex]:
+    turn = cmath.exp(1j * pose[2])
+    local = np.array([(complex(*peg.position) - complex(pose[0], pose[1])) / turn])
+    gap, walk, shape = min(
+        ((float(g[0]), w, s) for s in shapes for g, w in [s.nearest(local)]), key=lambda found: found[0]
+    )
+    at = shape.walk(walk)
+    return gap - peg.radius, -cmath.exp(1j * (float(at.angle[0]) + pose[2])), complex(at.point[0]) * turn
+
+
+def _beside(shapes: tuple[Shape, ...], thing: Wall | Peg, pose: Pose) -> bool:
+    return isinstance(thing, Wall) and math.isinf(wall_gap(shapes, thing, pose, 0.0))
+
+
+def _flat_angles(
+    scene: GraspScene, on: frozenset[str], shapes: tuple[Shape, ...], bounds: Interval, own: float
+) -> list[float]:
+    """Angles of the object at which a face lies on a wall that is wanted, the nearest to its own first."""
+    found: list[float] = []
+    for wall in scene.walls:
+        if wall.name not in on:
+            continue
+        for shape in shapes:
+            if not isinstance(shape, PolygonShape) or len(shape.vertices) < 2:
+                continue
+            for normal in shape.face_normals:
+                angle = wall.normal_angle + math.pi - normal
+                angle = own + math.remainder(angle - own, math.tau)
+                inside = bounds[0] <= angle <= bounds[1]
+                if inside and all(abs(angle - other) > 1e-9 for other in found):
+                    found.append(angle)
+    return sorted(found, key=lambda angle: abs(angle - own))
+
+
+def _bounds(own: Pose, free: Freedom) -> list[Interval]:
+    return [b or (v, v) for b, v in zip((free.x, free.y, free.angle), own, strict=True)]
+
+
+def _spread(bounds: list[Interval], count: int, skip: int = 0) -> list[Pose]:
+    """Points spread evenly within bounds."""
+    dims = [k for k, (low, high) in enumerate(bounds) if high > low]
+    root = {1: (1.0 + math.sqrt(5.0)) / 2.0, 2: _SHARES[1], 3: _SHARES[0]}.get(len(dims), 2.0)
+    found: list[Pose] = []
+    for j in range(1 + skip * count, 1 + (skip + 1) * count if dims else 1):
+        pose = [low for low, _ in bounds]
+        for n, k in enumerate(dims):
+            low, high = bounds[k]
+            pose[k] = low + (high - low) * ((0.5 + j * root ** -(n + 1.0)) % 1.0)
+        found.append((pose[0], pose[1], pose[2]))
+    return found
+
+
+def _differ(scene: GraspScene, a: Pose, b: Pose) -> bool:
+    return math.dist(a[:2], b[:2]) + scene.object.size * abs(a[2] - b[2]) > 1e-6 * scene.object.size

@@ -1,0 +1,232 @@
+"""Curves from the base on which the finger lies tangent to an object at its middle contacts."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts.scan.curves import guess_table, sample, stretch
+from continuum_grasp.grasp.starts.scan.task import ALLOWED, FingerTask, Postures, join, touching_family, unique
+from continuum_grasp.grasp.starts.scan.touch import arc_tangent, tangent
+from continuum_grasp.grasp.starts.shapes import Shape, SuperellipseShape
+
+__all__ = ["ends_of", "first_joint", "moved_joint", "next_joint"]
+
+Array = NDArray[Any]
+
+_REACH, _GRID = 6.0, 29
+_TILT, _OFF = 0.45, 0.25
+_POSITIONS = 10
+_BETWEEN = (np.array([-0.67, -0.33, 0.33, 0.67]), np.array([-0.5, -0.17, 0.17, 0.5]))
+_ENOUGH = 16
+_ARCS = 49
+_NEAR, _STEEP = 0.12, 0.7
+_GUESSES = 10
+
+
+def first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None:
+    """Curves from the base to the first contact, tangent there."""
+    here, size = middles.index(True), len(middles)
+    low, high = task.bounds
+    room = (high - low) / 20.0
+    positions = np.linspace(low + room * here, high - room * (size - 1 - here), _POSITIONS)
+    if task.arcs and sum(task.counts[: here + 1]) == 1:
+        return _clear(task, join([_arcs(task, k, positions) for k in range(len(task.shapes))]))
+    groups = []
+    for part, shape in enumerate(task.shapes):
+        ell, guess, walk = _guesses(task, shape, positions, *_table())
+        groups.append(_joined(task, part, ell, guess, walk))
+        even = np.abs(guess[:, 0] - guess[:, 1]) * ell < 0.2 * _REACH
+        groups.append(_even(task, part, ell[even], guess[even].mean(axis=1), walk[even]))
+    family = _clear(task, join(groups))
+    for between in _BETWEEN:
+        if family is None or len(family) > _ENOUGH:
+            break
+        more = moved_joint(task, family, (positions[1] - positions[0]) * between)
+        family = _clear(task, join([family] if more is None else [family, more]))
+    more = None if family is None else _between(task, family)
+    return family if family is None or more is None else _clear(task, join([family, more]))
+
+
+def _between(task: FingerTask, family: Postures) -> Postures | None:
+    """Curves between neighbours of a family that differ much."""
+    groups = []
+    for part, shape in enumerate(task.shapes):
+        mine = family.take(family.parts[:, 0] == part)
+        mine = mine.take(np.argsort(mine.knots[:, 1], kind="stable"))
+        at, bent = mine.knots[:, 1], mine.curvatures[:, :2] * mine.knots[:, 1:2]
+        change = np.abs(np.diff(bent, axis=0)).max(axis=1, initial=0.0)
+        rows = np.flatnonzero((np.diff(at) < _NEAR) & (np.diff(at) > 1e-3) & (change > _STEEP) & (change < 8 * _STEEP))
+        if not len(rows):
+            continue
+        _, walk = shape.nearest(mine.points[:, 0])
+        shares = np.array([0.25, 0.5, 0.75])
+        ell = (at[rows, None] + shares * np.diff(at)[rows, None]).ravel()
+        first, second = bent[rows, None, :], bent[rows + 1, None, :]
+        guess = (first + shares[:, None] * (second - first)).reshape(-1, 2) / ell[:, None]
+        groups.append(_joined(task, part, ell, guess, np.repeat(walk[rows], 3)))
+    return join(groups)
+
+
+def _table() -> tuple[Array, Array, Array]:
+    """Curves of length one: curvatures at both ends (G, 2), end points and angles (G,)."""
+    grid, ends, turns, sane = guess_table(_REACH, _GRID)
+    first, last = np.meshgrid(grid, grid, indexing="ij")
+    return np.stack([first[sane], last[sane]], axis=1), ends[sane], turns[sane]
+
+
+def _guesses(
+    task: FingerTask, shape: Shape, positions: Array, bent: Array, ends: Array, turns: Array
+) -> tuple[Array, Array, Array]:
+    """Curves of a table that come near to being tangent at given positions: positions, curvatures and walks."""
+    points = positions[:, None] * ends
+    row, column = np.nonzero(np.abs(points - shape.centre) < shape.extent + task.half + _OFF * positions[:, None])
+    gap, walk = shape.nearest(points[row, column])
+    tilt = np.remainder(turns[column] - shape.walk(walk).angle + math.pi, math.tau) - math.pi
+    merit = ((gap - task.half) / (_OFF * positions[row])) ** 2 + (tilt / _TILT) ** 2
+    keep = _best_per_row(row, merit, _GUESSES)
+    ell = positions[row[keep]]
+    return ell, bent[column[keep]] / ell[:, None], walk[keep]
+
+
+def _arcs(task: FingerTask, part: int, positions: Array) -> Postures:
+    """Circular arcs from the base to the first contact."""
+    bends = np.linspace(-_REACH, _REACH, _ARCS)
+    bent = np.stack([bends, bends], axis=1)
+    ends, turns, _, _ = stretch(np.ones((_ARCS, 1)), bent)
+    ell, guess, walk = _guesses(task, task.shapes[part], positions, bent, ends, turns)
+    return _even(task, part, ell, guess[:, 0], walk)
+
+
+def _round_corners(shape: Shape) -> tuple[Array, Array, Array]:
+    """Arcs from the base that are tangent to the circles round the corners of a grown polygon."""
+    if isinstance(shape, SuperellipseShape):
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    radius = (shape.grown**2 - np.abs(shape.vertices) ** 2) / (2.0 * _away_from_zero(shape.vertices.real + shape.grown))
+    turn = np.angle((shape.vertices + radius) / _away_from_zero(radius - shape.grown))
+    ell = np.mod(turn * np.sign(radius), math.tau) * np.abs(radius)
+    _, walk = shape.nearest(shape.vertices + shape.grown * np.exp(1j * turn))
+    return ell, 1.0 / _away_from_zero(radius), walk
+
+
+def _away_from_zero(x: Array) -> Array:
+    return np.where(np.abs(x) < 1e-9, 1e-9, x)
+
+
+def _even(task: FingerTask, part: int, ell: Array, bent: Array, walk: Array) -> Postures:
+    """Circular arcs from first guesses."""
+    low, high = task.bounds
+    more = _round_corners(task.shapes[part])
+    ell, bent, walk = (np.concatenate(pair) for pair in zip((ell, bent, walk), more, strict=True))
+    ell, bent, walk, good = arc_tangent(task.shapes[part], np.clip(ell, low, high), bent, walk)
+    good &= (ell >= low) & (ell <= high)
+    return _to_joint(part, task.shapes[part], ell[good], np.stack([bent, bent], axis=1)[good], walk[good])
+
+
+def moved_joint(task: FingerTask, family: Postures, shifts: Array) -> Postures | None:
+    """Curves to the first contact, moved along the finger by ``shifts`` from those of a family."""
+    low, high = task.bounds
+    groups = []
+    for part, shape in enumerate(task.shapes):
+        mine = family.take(family.parts[:, 0] == part)
+        if not len(mine):
+            continue
+        _, walk = shape.nearest(mine.points[:, 0])
+        old = mine.knots[:, 1]
+        ell = (old[:, None] + shifts).ravel()
+        rows = np.repeat(np.arange(len(mine)), len(shifts))
+        inside = (ell >= low) & (ell <= high)
+        ell, rows = ell[inside], rows[inside]
+        guess = mine.curvatures[rows, :2] * (old[rows] / ell)[:, None]
+        groups.append(_joined(task, part, ell, guess, walk[rows]))
+    return join(groups)
+
+
+def _joined(task: FingerTask, part: int, ell: Array, guess: Array, walk: Array) -> Postures:
+    """Curves from the base, tangent at their ends to a part, from first guesses."""
+    shape = task.shapes[part]
+    start = (np.zeros(len(ell), complex), np.zeros(len(ell)))
+    bent, walk, good = tangent(shape, start, ell[:, None], guess, (0, 1), walk)
+    good &= np.abs(bent * ell[:, None]).max(axis=1) < 2.0 * _REACH
+    return _to_joint(part, shape, ell[good], bent[good], walk[good])
+
+
+def _to_joint(part: int, shape: Shape, ell: Array, bent: Array, walk: Array) -> Postures:
+    knots = np.stack([np.zeros_like(ell), ell], axis=1)
+    return unique(touching_family(knots, bent, ell[:, None], part, shape, walk))
+
+
+def next_joint(task: FingerTask, family: Postures, middles: tuple[bool, ...], here: int) -> Postures | None:
+    """Curves on from the last contact to one more, with a knot half-way."""
+    high = task.bounds[1]
+    last = family.knots[:, -1]
+    groups = []
+    point, angle = ends_of(family)
+    for share in (0.15, 0.3, 0.45, 0.6, 0.8):
+        ell = share * (high - last)
+        room = ell > 0.03
+        if not room.any():
+            continue
+        rows = np.flatnonzero(room)
+        ell = ell[rows]
+        for part, shape in enumerate(task.shapes):
+            begin = family.curvatures[rows, -1]
+            for factor in (1.0, 0.5, 2.0):
+                curve = np.stack([begin, factor * begin, factor * begin], axis=1)
+                start = (point[rows], angle[rows])
+                lengths = np.stack([0.5 * ell, 0.5 * ell], axis=1)
+                end, _, _, _ = stretch(lengths, curve)
+                _, walk = shape.nearest(start[0] + np.exp(1j * start[1]) * end)
+                bent, walk, good = tangent(shape, start, lengths, curve, (1, 2), walk)
+                good &= np.abs(bent).max(axis=1) < 30.0
+                if not good.any():
+                    continue
+                kept = family.take(rows[good])
+                at = shape.walk(walk[good])
+                there = last[rows][good] + ell[good]
+                groups.append(
+                    Postures(
+                        np.concatenate([kept.knots, (there - 0.5 * ell[good])[:, None], there[:, None]], axis=1),
+                        np.concatenate([kept.curvatures, bent[good, 1:]], axis=1),
+                        np.concatenate([kept.joints, there[:, None]], axis=1),
+                        np.concatenate([kept.parts, np.full((len(there), 1), part)], axis=1),
+                        np.concatenate([kept.points, at.point[:, None]], axis=1),
+                        np.concatenate([kept.angles, at.angle[:, None]], axis=1),
+                        kept.violation,
+                    )
+                )
+    found = join(groups)
+    return None if found is None else _clear(task, unique(found))
+
+
+def ends_of(family: Postures) -> tuple[Array, Array]:
+    """Where the curves end so far: point and angle."""
+    end, turn, _, _ = stretch(np.diff(family.knots, axis=1), family.curvatures)
+    return end, turn
+
+
+def _best_per_row(row: Array, merit: Array, most: int) -> Array:
+    """Indices of the ``most`` least merits below one of each row."""
+    order = np.lexsort((merit, row))
+    order = order[merit[order] < 1.0]
+    if not len(order):
+        return order
+    starts = np.searchsorted(row[order], row[order], side="left")
+    return order[np.arange(len(order)) - starts < most]
+
+
+def _clear(task: FingerTask, family: Postures | None) -> Postures | None:
+    """Those that keep clear of the object so far, or the least deep ones where none does."""
+    if family is None:
+        return None
+    share = np.linspace(0.0, 1.0, 33)
+    at = family.knots[:, -1:] * share
+    points, _ = sample(family.knots, family.curvatures, at)
+    depth = task.half - task.distance(points).min(axis=1)
+    good = depth <= ALLOWED
+    if good.any():
+        return family.take(np.flatnonzero(good))
+    return family.take(np.argsort(depth, kind="stable")[:4])

@@ -1,0 +1,219 @@
+"""One finger before one object, in numbers of the finger: lengths per its length, from its base, mirrored where the
+object should lie on its right. And postures in these numbers, with how well they keep clear of everything.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts.scan.curves import bends, sample
+from continuum_grasp.grasp.starts.shapes import Frame, Shape, make_shape
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+
+__all__ = ["ALLOWED", "FingerTask", "Postures", "join", "make_task", "touching_family", "unique", "violation"]
+
+Array = NDArray[Any]
+Pose = tuple[float, float, float]
+
+ALLOWED = 2e-3
+"""Penetration that a start may have, per length of the finger."""
+_STATIONS = 65
+_FINE = 6
+
+
+@dataclass(frozen=True)
+class FingerTask:
+    """A finger, the object grown by its half thickness, and what else is in the way.
+
+    Attributes
+    ----------
+    shapes : tuple of Shape
+    half : float
+        Half the finger's thickness.
+    limit : float
+        Greatest curvature.
+    rest : float
+        Rest curvature.
+    counts : tuple of int
+        Elements between base, joints and tip.
+    nodes : tuple of float
+        Ends of its elements, or fewer positions where it has many.
+    friction : float
+    arcs : bool
+        Whether its elements are circular arcs.
+    bending_range : float
+    bounds : (float, float)
+        Of the positions of middle contacts.
+    walls : tuple of (complex, complex, float)
+        Point, normal and half length.
+    pegs : tuple of (complex, float)
+        Centre and radius.
+    frame : Frame
+        From the object's frame.
+    """
+
+    shapes: tuple[Shape, ...]
+    half: float
+    limit: float
+    rest: float
+    counts: tuple[int, ...]
+    nodes: tuple[float, ...]
+    friction: float
+    arcs: bool
+    bending_range: float
+    bounds: tuple[float, float]
+    walls: tuple[tuple[complex, complex, float], ...]
+    pegs: tuple[tuple[complex, float], ...]
+    frame: Frame
+
+    def distance(self, points: Array) -> Array:
+        """Signed distance from the object."""
+        out = self.shapes[0].distance(points)
+        for shape in self.shapes[1:]:
+            out = np.minimum(out, shape.distance(points))
+        return out
+
+
+@dataclass(frozen=True)
+class Postures:
+    """P postures of one finger, in numbers of its task.
+
+    Attributes
+    ----------
+    knots, curvatures : ndarray, (P, K)
+    joints : ndarray, (P, J)
+        Positions of all middle contacts, on or off.
+    parts : ndarray of int, (P, C)
+        Part of the object that is touched, per contact that is on.
+    points : ndarray of complex, (P, C)
+        On the grown outline.
+    angles : ndarray, (P, C)
+        Of the outward normals.
+    violation : ndarray, (P,)
+        By how much something is in the way or a limit broken; 0: nothing is.
+    """
+
+    knots: Array
+    curvatures: Array
+    joints: Array
+    parts: Array
+    points: Array
+    angles: Array
+    violation: Array
+
+    def __len__(self) -> int:
+        return len(self.violation)
+
+    def take(self, index: Any) -> Postures:
+        """Some of them."""
+        return Postures(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+
+
+def join(groups: list[Postures]) -> Postures | None:
+    """All of several groups with the same contacts."""
+    groups = [g for g in groups if len(g)]
+    if not groups:
+        return None
+    width = max(g.knots.shape[1] for g in groups)
+    padded = []
+    for g in groups:
+        more = width - g.knots.shape[1]
+        if more:
+            knots = np.concatenate([g.knots, np.repeat(g.knots[:, -1:], more, axis=1)], axis=1)
+            curvatures = np.concatenate([g.curvatures, np.repeat(g.curvatures[:, -1:], more, axis=1)], axis=1)
+            g = Postures(knots, curvatures, g.joints, g.parts, g.points, g.angles, g.violation)
+        padded.append(g)
+    return Postures(*(np.concatenate([getattr(g, n) for g in padded]) for n in Postures.__dataclass_fields__))
+
+
+def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, shape: Shape, walk: Array) -> Postures:
+    """Postures whose ends touch a part at the given walks."""
+    at = shape.walk(walk)
+    return Postures(
+        knots,
+        curvatures,
+        joints,
+        np.full((len(walk), 1), part),
+        at.point[:, None],
+        at.angle[:, None],
+        np.zeros(len(walk)),
+    )
+
+
+def unique(family: Postures) -> Postures:
+    """Each posture once."""
+    key = np.round(np.concatenate([family.knots, 0.1 * family.curvatures], axis=1), 5)
+    _, index = np.unique(key, axis=0, return_index=True)
+    return family.take(np.sort(index))
+
+
+def make_task(scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, side: int) -> FingerTask:
+    """The task of a finger at a pose of its base and one of the object [m, rad]."""
+    scale = 1.0 / setup.finger.rod.length
+    at, tilt = complex(base[0], base[1]), cmath.exp(-1j * base[2])
+    if side > 0:
+        world = Frame(tilt, -at * tilt * scale, scale)
+    else:
+        world = Frame(-tilt.conjugate(), (at * tilt).conjugate() * scale, scale, True)
+    turned = cmath.exp(1j * (-pose[2] if world.mirrored else pose[2]))
+    frame = Frame(world.turn * turned, complex(world.point(complex(pose[0], pose[1]))), scale, world.mirrored)
+    half = setup.finger.thickness_radius * scale
+    marks = (0, *setup.before, setup.elements)
+    rest = setup.finger.rest_curvature
+    few = setup.elements if setup.elements <= _FINE else _FINE
+    return FingerTask(
+        shapes=tuple(make_shape(part, frame, half) for part in scene.object.parts),
+        half=half,
+        limit=setup.finger.curvature_limit / scale,
+        rest=side * rest / scale if isinstance(rest, int | float) else 0.0,
+        counts=tuple(b - a for a, b in pairwise(marks)),
+        nodes=tuple(k / few for k in range(few + 1)),
+        friction=setup.friction,
+        arcs=setup.family == "arc",
+        bending_range=setup.bending_range,
+        bounds=(setup.middle_bounds[0] * scale, setup.middle_bounds[1] * scale),
+        walls=tuple(
+            (
+                complex(world.point(complex(*wall.point))),
+                cmath.exp(1j * world.angle(wall.normal_angle)),
+                wall.half_length * scale,
+            )
+            for wall in scene.walls
+        ),
+        pegs=tuple((complex(world.point(complex(*peg.position))), peg.radius * scale) for peg in scene.pegs),
+        frame=frame,
+    )
+
+
+def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) -> Array:
+    """By how much each curve penetrates beyond what is allowed, or breaks a limit (B,)."""
+    at = np.broadcast_to(np.linspace(0.0, 1.0, _STATIONS), (len(knots), _STATIONS))
+    points, _ = sample(knots, curvatures, at)
+    worst = np.maximum(task.half - task.distance(points).min(axis=1) - ALLOWED, 0.0)
+    beyond = at >= (joints[:, :1] if joints.shape[1] else 0.5)
+    for point, normal, half_length in task.walls:
+        rel = (points - point) * np.conj(normal)
+        height = rel.real
+        if math.isinf(half_length):
+            inside = height[:, :1] < (1.0 - 1e-9) * task.half
+            need = np.where(beyond | ~inside, task.half, np.minimum(height[:, :1], 0.0))
+            short = need - height
+        else:
+            over = np.maximum(np.abs(rel.imag) - half_length, 0.0)
+            short = np.where(beyond, task.half, 0.0) - np.hypot(over, height)
+        worst = np.maximum(worst, short.max(axis=1) - ALLOWED)
+    for centre, radius in task.pegs:
+        short = np.where(beyond, radius + task.half, radius) - np.abs(points - centre)
+        worst = np.maximum(worst, short.max(axis=1) - ALLOWED)
+    if math.isfinite(task.limit):
+        worst = np.maximum(worst, 0.1 * (np.abs(curvatures).max(axis=1) - task.limit))
+    return np.asarray(
+        np.maximum(worst, 0.1 * (bends(knots, curvatures, joints, task.counts) - task.bending_range) - 1e-9)
+    )

@@ -1,0 +1,248 @@
+"""Fingers whose tips touch: on from a middle contact, or alone."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts.scan.curves import guess_table, stretch, table_of
+from continuum_grasp.grasp.starts.scan.elastica import elastica_table, projection
+from continuum_grasp.grasp.starts.scan.joint import ends_of
+from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, touching_family, unique
+from continuum_grasp.grasp.starts.scan.touch import touch
+from continuum_grasp.grasp.starts.shapes import Shape
+
+__all__ = ["bent_by_tip", "moved_tip", "tip_only", "with_tip"]
+
+Array = NDArray[Any]
+
+_TIP_REACH, _TIP_GRID = 8.0, 33
+_ARCS_REACH, _ARCS_GRID = 13.0, 53
+_BESIDE_CONE = 0.15
+_BESIDE = 0.01
+"""Cosine between tangent and normal up to which a tip still touches with its front."""
+_FEW, _ZOOMS, _ZOOMED = 3, 3, 11
+
+
+def with_tip(task: FingerTask, family: Postures) -> Postures | None:
+    """The postures on to the tip, which touches."""
+    point, angle = ends_of(family)
+    rest = 1.0 - family.knots[:, -1]
+    count, tries = len(family), 33
+    one_arc = task.arcs and task.counts[-1] == 1
+    begin = family.curvatures[:, -1]
+    grid = np.linspace(-8.0, 8.0, tries)[None, :] / rest[:, None]
+    grid = np.clip(grid, -25.0, 25.0)
+    first = grid if one_arc else np.broadcast_to(begin[:, None], grid.shape)
+    pairs = np.stack([first, grid], axis=2).reshape(-1, 2)
+    end, turn, _, _ = stretch(np.repeat(rest, tries)[:, None], pairs)
+    tips = point[:, None] + np.exp(1j * angle)[:, None] * end.reshape(count, tries)
+    facing = angle[:, None] + turn.reshape(count, tries)
+    groups = []
+    for part, shape in enumerate(task.shapes):
+        gap = shape.distance(tips) - task.half
+        row, column = np.nonzero((gap[:, :-1] * gap[:, 1:] <= 0.0) & (gap[:, :-1] != gap[:, 1:]))
+        if not len(row):
+            continue
+        a, b = gap[row, column], gap[row, column + 1]
+        share = a / (a - b)
+        guess = grid[row, column] + share * (grid[row, column + 1] - grid[row, column])
+        near = tips[row, column] + share * (tips[row, column + 1] - tips[row, column])
+        _, walk = shape.nearest(near)
+        turn = facing[row, column] + share * (facing[row, column + 1] - facing[row, column])
+        ahead = np.cos(shape.walk(walk).angle - turn - 0.5 * math.pi) < 0.4
+        row, guess, walk = row[ahead], guess[ahead], walk[ahead]
+        curve = np.stack([guess if one_arc else begin[row], guess], axis=1)
+        columns = (0, 1) if one_arc else (1,)
+        bent, walk, good = touch(shape, (point[row], angle[row]), rest[row, None], curve, columns, walk)
+        good &= _in_front(shape, walk, angle[row] + 0.5 * rest[row] * (bent[:, 0] + bent[:, 1]))
+        kept = family.take(row[good])
+        groups.append(_ended(_stepped(kept, bent[good, 0]), bent[good, 1], part, shape, walk[good]))
+    found = join(groups)
+    return None if found is None else unique(found)
+
+
+def _in_front(shape: Shape, walk: Array, facing: Array) -> Array:
+    """Whether the front half of the rounded tip touches."""
+    return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= _BESIDE)
+
+
+def _stepped(kept: Postures, bent: Array) -> Postures:
+    """With a step of the curvature at the end."""
+    if np.array_equal(kept.curvatures[:, -1], bent):
+        return kept
+    knots = np.concatenate([kept.knots, kept.knots[:, -1:]], axis=1)
+    curvatures = np.concatenate([kept.curvatures, bent[:, None]], axis=1)
+    return Postures(knots, curvatures, kept.joints, kept.parts, kept.points, kept.angles, kept.violation)
+
+
+def _ended(kept: Postures, bent: Array, part: int, shape: Shape, walk: Array) -> Postures:
+    at = shape.walk(walk)
+    count = len(kept)
+    return Postures(
+        np.concatenate([kept.knots, np.ones((count, 1))], axis=1),
+        np.concatenate([kept.curvatures, bent[:, None]], axis=1),
+        kept.joints,
+        np.concatenate([kept.parts, np.full((count, 1), part)], axis=1),
+        np.concatenate([kept.points, at.point[:, None]], axis=1),
+        np.concatenate([kept.angles, at.angle[:, None]], axis=1),
+        kept.violation,
+    )
+
+
+def tip_only(task: FingerTask, joint: float | None, sparse: bool = False) -> Postures | None:
+    """Curves from the base whose tip touches: a family of two parameters, cut along a grid both ways.
+
+    Where ``joint`` is given they are two arcs that meet there.
+    """
+    reach, count = (_TIP_REACH, _TIP_GRID // 2 + 1) if sparse else (_TIP_REACH, _TIP_GRID)
+    if joint is not None:
+        reach, count = _ARCS_REACH, _ARCS_GRID
+    grid, ends, turns, sane = guess_table(reach, count, joint)
+    knots = np.array([0.0, 1.0] if joint is None else [0.0, joint, joint, 1.0])
+    groups = []
+    for part, shape in enumerate(task.shapes):
+        gap = shape.distance(ends) - task.half
+        straight = _straight(shape)
+        if straight is not None:
+            groups.append(_tips(knots, np.zeros((1, len(knots))), part, shape, straight))
+        found = _crossings(part, shape, knots, (grid, grid), (gap, ends, turns, sane))
+        width, at = grid[1] - grid[0], (grid, grid)
+        for _ in range(_ZOOMS):  # hardly in reach: what touches may lie between the grid's lines
+            if sum(len(g) for g in found) >= _FEW:
+                break
+            _, walk = shape.nearest(ends)
+            ahead = sane & (np.cos(shape.walk(walk).angle - turns - 0.5 * math.pi) < 0.0)
+            if not ahead.any():
+                break
+            i, j = np.unravel_index(np.argmin(np.where(ahead, np.abs(gap), np.inf)), gap.shape)
+            near = width * np.linspace(-1.0, 1.0, _ZOOMED)
+            at, width = (at[0][i] + near, at[1][j] + near), near[1] - near[0]
+            ends, turns, sane = table_of(*at, joint)
+            gap = shape.distance(ends) - task.half
+            found += _crossings(part, shape, knots, at, (gap, ends, turns, sane))
+        groups += found
+    every = join(groups)
+    return None if every is None else unique(every)
+
+
+def _crossings(
+    part: int, shape: Shape, knots: Array, grids: tuple[Array, Array], table: tuple[Array, Array, Array, Array]
+) -> list[Postures]:
+    """Curves whose tip touches, between neighbours on a grid of first and last curvatures."""
+    gap, ends, turns, sane = table
+    groups = []
+    for axis in (0, 1):
+        one, two = (slice(None, -1), slice(None)), (slice(1, None), slice(None))
+        if axis == 1:
+            one, two = one[::-1], two[::-1]
+        a, b = gap[one], gap[two]
+        crossed = (a * b <= 0.0) & (a != b) & sane[one] & sane[two]
+        i, j = np.nonzero(crossed)
+        if not len(i):
+            continue
+        share = (a / np.where(crossed, a - b, 1.0))[i, j]
+        near = ends[one][i, j] + share * (ends[two][i, j] - ends[one][i, j])
+        _, walk = shape.nearest(near)
+        turn = turns[one][i, j] + share * (turns[two][i, j] - turns[one][i, j])
+        ahead = np.cos(shape.walk(walk).angle - turn - 0.5 * math.pi) < 0.4
+        i, j, share, walk = i[ahead], j[ahead], share[ahead], walk[ahead]
+        count, half = len(i), len(knots) // 2
+        curve = np.repeat(np.stack([grids[0][i], grids[1][j]], axis=1), half, axis=1)
+        columns = tuple(range(axis * half, axis * half + half))
+        curve[:, columns] += (share * (grids[axis][1] - grids[axis][0]))[:, None]
+        start = (np.zeros(count, complex), np.zeros(count))
+        lengths = np.broadcast_to(np.diff(knots), (count, len(knots) - 1))
+        bent, walk, good = touch(shape, start, lengths, curve, columns, walk)
+        _, turn, _, _ = stretch(lengths, bent)
+        good &= _in_front(shape, walk, turn)
+        groups.append(_tips(knots, bent[good], part, shape, walk[good]))
+    return groups
+
+
+def bent_by_tip(task: FingerTask) -> Postures | None:
+    """Fingers bent by a force at their tips, which touch with that force in the friction cone."""
+    table = elastica_table()
+    knots = np.array(task.nodes)
+    groups = [_at_nodes(tip_only(task, None, sparse=True), knots)]
+    cone = math.atan(task.friction) + _BESIDE_CONE
+    for part, shape in enumerate(task.shapes):
+        near = np.abs(table.tips - shape.centre) < shape.extent + task.half + 0.7
+        gap = np.full(table.tips.shape, np.nan)
+        gap[near] = shape.distance(table.tips[near]) - task.half
+        with np.errstate(invalid="ignore"):
+            crossed = (gap[:, :-1] * gap[:, 1:] <= 0.0) & table.sane[:, :-1] & table.sane[:, 1:]
+        i, j = np.nonzero(crossed)
+        share = gap[i, j] / np.where(gap[i, j] == gap[i, j + 1], 1.0, gap[i, j] - gap[i, j + 1])
+        tips = table.tips[i, j] + share * (table.tips[i, j + 1] - table.tips[i, j])
+        _, walk = shape.nearest(tips)
+        normal = shape.walk(walk).angle
+        facing = table.turns[i, j] + share * (table.turns[i, j + 1] - table.turns[i, j])
+        kept = np.cos(normal - facing - 0.5 * math.pi) < 0.1
+        kept &= (np.cos(table.directions[i] - normal) > math.cos(cone)) | (table.forces[i] == 0.0)
+        i, j, share, walk = i[kept], j[kept], share[kept], walk[kept]
+        if not len(i):
+            continue
+        bent = table.curvatures[i, j] + share[:, None] * (table.curvatures[i, j + 1] - table.curvatures[i, j])
+        bent = bent @ projection(task.nodes).T
+        count = len(i)
+        start = (np.zeros(count, complex), np.zeros(count))
+        lengths = np.broadcast_to(np.diff(knots), (count, len(knots) - 1))
+        bent, walk, good = touch(shape, start, lengths, bent, tuple(range(len(knots))), walk)
+        _, turn, _, _ = stretch(lengths, bent)
+        good &= _in_front(shape, walk, turn)
+        groups.append(_tips(knots, bent[good], part, shape, walk[good]))
+    found = join([g for g in groups if g is not None])
+    return None if found is None else unique(found)
+
+
+def _at_nodes(family: Postures | None, knots: Array) -> Postures | None:
+    """The same curves, whose curvature is linear all along, with more knots."""
+    if family is None:
+        return None
+    bent = family.curvatures[:, :1] + (family.curvatures[:, 1:] - family.curvatures[:, :1]) * knots
+    every = np.broadcast_to(knots, bent.shape)
+    return Postures(every, bent, family.joints, family.parts, family.points, family.angles, family.violation)
+
+
+def _straight(shape: Shape) -> Array | None:
+    """The place where the tip of the straight finger touches."""
+    _, walk = shape.nearest(np.array([1j]))
+    touches = abs(complex(shape.walk(walk).point[0]) - 1j) < 1e-9
+    return walk if touches and _in_front(shape, walk, np.zeros(1)).all() else None
+
+
+def _tips(knots: Array, bent: Array, part: int, shape: Shape, walk: Array) -> Postures:
+    count = len(walk)
+    return touching_family(np.broadcast_to(knots, (count, len(knots))), bent, np.zeros((count, 0)), part, shape, walk)
+
+
+def moved_tip(task: FingerTask, family: Postures, step: float) -> Postures | None:
+    """Fingers whose tips alone touch, next to those of a family: each knot's curvature changed both ways."""
+    knots = family.knots[0]
+    if len(knots) < 3 or not np.array_equal(family.knots, np.broadcast_to(knots, family.knots.shape)):
+        return None
+    groups = []
+    size = len(knots)
+    changes = step * np.concatenate([np.eye(size), -np.eye(size)])
+    columns = tuple(range(size))
+    if size == 4 and knots[1] == knots[2]:  # two arcs
+        changes = step * np.array([-1.0, -0.5, -0.2, 0.2, 0.5, 1.0])[:, None] * np.array([1.0, 1.0, 0.0, 0.0])
+        columns = (2, 3)
+    for part, shape in enumerate(task.shapes):
+        mine = family.take(family.parts[:, 0] == part)
+        if not len(mine):
+            continue
+        _, walk = shape.nearest(mine.points[:, 0])
+        bent = (mine.curvatures[:, None, :] + changes).reshape(-1, size)
+        count = len(bent)
+        lengths = np.broadcast_to(np.diff(knots), (count, size - 1))
+        start = (np.zeros(count, complex), np.zeros(count))
+        bent, walk, good = touch(shape, start, lengths, bent, columns, np.repeat(walk, len(changes)))
+        _, turn, _, _ = stretch(lengths, bent)
+        good &= _in_front(shape, walk, turn)
+        groups.append(_tips(knots, bent[good], part, shape, walk[good]))
+    return join(groups)

@@ -1,0 +1,198 @@
+"""A mission that was carried out: numbers, files, pictures."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.plant import Variation
+from continuum_grasp.mission.timetable import Span, Timetable
+from continuum_grasp.mission.verdict import Verdict, friction_limits
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.contacts import overlaps
+
+__all__ = ["MissionRun", "estimated_force"]
+
+Array = NDArray[np.float64]
+
+_LOOKS = 50
+"""Instants at which overlaps are looked for."""
+_THROUGH = 0.5
+"""Overlap between contacts that is told, as a part of the half thickness."""
+
+
+@dataclass(frozen=True)
+class MissionRun:
+    """A mission that was carried out.
+
+    Attributes
+    ----------
+    assignment : Assignment
+    timetable : Timetable
+    variation : Variation
+        How the plant differed from the mission's own.
+    run : ControlRun
+        The closed loop.
+    scene : Scene
+        The plant's finger with object and supports.
+    force_estimate : (K,) ndarray
+        Normal force of the held contact as the controller estimated it [N].
+    verdict : Verdict
+    """
+
+    assignment: Assignment
+    timetable: Timetable
+    variation: Variation
+    run: ControlRun
+    scene: Scene = field(repr=False)
+    force_estimate: Array
+    verdict: Verdict
+
+    @property
+    def name(self) -> str | None:
+        """Name of the mission."""
+        return self.assignment.mission.name
+
+    @property
+    def held_contact(self) -> str:
+        """Name of the contact whose force is held."""
+        return self.assignment.mission.controller.contact
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """The phases with their times."""
+        return self.timetable.spans
+
+    @property
+    def pulls(self) -> dict[str, Array]:
+        """Wrench (3) of each phase that pulls: world force x, y [N] and moment about the centre of mass [N m]."""
+        return {f"pull {k + 1}": wrench for k, wrench in enumerate(self.assignment.pulls)}
+
+    @cached_property
+    def friction_use(self) -> Array:
+        """Share of the friction cone (K + 1, contacts) that each contact uses [1]; NaN for the table and in the air."""
+        contacts = self.run.contacts
+        if contacts is None:
+            raise ValueError("a mission has an object that moves")
+        limits = friction_limits(self.assignment, self.variation, contacts.names) * contacts.normal_force
+        found: Array = np.divide(contacts.shear, limits, out=np.full_like(limits, np.nan), where=limits > 0.0)
+        return found
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user must know: that of the closed loop, and of a finger in the object between its contacts."""
+        run, contacts, poses = self.run, self.run.contacts, self.run.object_pose
+        thing = self.scene.object
+        if contacts is None or poses is None or thing is None:
+            raise ValueError("a mission has an object that moves")
+        looked = np.unique(np.linspace(0, len(run.t) - 1, _LOOKS).astype(int))
+        own = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
+        half = self.scene.finger.thickness_radius
+        deep = overlaps(thing, poses[looked, :3], run.backbone(looked), half)
+        beyond = deep - np.maximum(0.0, -contacts.gap[looked][:, own].min(axis=1))
+        k = int(beyond.argmax())
+        if beyond[k] <= _THROUGH * half:
+            return run.warnings
+        where = f"by {1e3 * beyond[k]:.2g} mm at t = {run.t[looked[k]]:g} s"
+        return (*run.warnings, f"between its contacts the finger overlaps the object {where}: add more_contacts")
+
+    def rows(self) -> list[tuple[str, str, str, str, str]]:
+        """Table of the phases: name, begin, end, what was pulled with, furthest displacement since the lift."""
+        t, pose, lift = self.run.t, self.run.object_pose, self.timetable.span("lift")
+        found = [("phase", "from", "to", "pulled with", "moved")]
+        for span in self.spans:
+            if span.start > t[-1]:
+                break
+            during = (t >= span.start) & (t <= span.end)
+            moved = ""
+            if pose is not None and lift.end <= span.start < self.timetable.span("lower").end:
+                begin = pose[np.searchsorted(t, lift.start), :2]
+                moved = f"{1e3 * np.linalg.norm(pose[during, :2] - begin, axis=1).max(initial=0.0):.2f} mm"
+            wrench = self.pulls.get(span.name)
+            pulled = "" if wrench is None else wrench_text(wrench)
+            found.append((span.name, f"{span.start:.2f} s", f"{min(span.end, t[-1]):.2f} s", pulled, moved))
+        return found
+
+    def report(self) -> str:
+        """Verdict, phases and the closed loop's table as text."""
+        pairs, rows = self.verdict.pairs(), self.rows()
+        wide, widths = max(map(len, pairs)), [max(len(row[k]) for row in rows) for k in range(5)]
+        lines = [self.name or "mission", "", *(f"{key:<{wide}}  {value}" for key, value in pairs.items()), ""]
+        lines += [
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+        ]
+        return "\n".join([*lines, "", self.run.report()])
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the closed loop with phases and verdict, and below it the grasp, into a folder.
+
+        ``result.npz`` has, beside the closed loop's arrays, ``force_estimate``, ``friction_use`` and ``pulls``; the
+        meta data has ``verdict``, ``variation`` and ``phases``; ``grasp/`` is the run folder of the grasp.
+
+        Returns
+        -------
+        pathlib.Path
+            The folder.
+        """
+        from continuum_grasp.results import note_part, replacing
+
+        target = self.run.save(
+            folder,
+            arrays={
+                "force_estimate": self.force_estimate,
+                "friction_use": self.friction_use,
+                "pulls": self.assignment.pulls,
+            },
+            meta={
+                "mission": self.assignment.mission.model_dump(mode="json"),
+                "warnings": list(self.warnings),
+                "verdict": {**asdict(self.verdict), "succeeded": self.verdict.succeeded},
+                "variation": asdict(self.variation),
+                "phases": [asdict(span) for span in self.spans],
+            },
+        )
+        note_part(target, "grasp")
+        self.assignment.grasp.save(target / "grasp")
+        with replacing(target / "report.txt") as temporary:
+            temporary.write_text(self.report(), encoding="utf-8")
+        return target
+
+    def plot(self, folder: str | Path) -> list[Path]:
+        """Draw ``timeline.png`` and ``snapshots.png`` into a folder."""
+        from continuum_grasp.plotting.mission.mission import save_mission_pictures
+
+        return save_mission_pictures(self, folder)
+
+    def animate(self, path: str | Path, fps: float = 25.0) -> Path:
+        """Write an animation of finger, object, contact forces and predicted tip paths, GIF or MP4 by the suffix."""
+        from continuum_grasp.plotting.mission.frames import animate_mission
+
+        return animate_mission(self, path, fps)
+
+
+def wrench_text(wrench: Array) -> str:
+    """A wrench in words, without what is zero."""
+    units = (("N", "in x", 1.0), ("N", "in y", 1.0), ("mN m", "about z", 1e3))
+    told = [
+        f"{scale * value:+.3g} {unit} {along}"
+        for value, (unit, along, scale) in zip(wrench, units, strict=True)
+        if value
+    ]
+    return ", ".join(told) or "nothing"
+
+
+def estimated_force(run: ControlRun, model: Prediction, contact: str) -> Array:
+    """Normal force (K,) of a contact in the controller's model, at its estimates [N]."""
+    if not len(run.u):
+        return np.zeros(0)
+    k = model.contact_names.index(contact)
+    mapped = model.contact_force.map(len(run.u))(run.estimate[:, : model.nx].T, run.u.T, run.parameters.T)
+    found: Array = np.array(mapped)[k]
+    return found

@@ -1,0 +1,117 @@
+"""A mission carried out: grasp, controller and plant from approach to release."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from os import PathLike
+
+from continuum_grasp import interrupt
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.closed_loop.run import closed_loop
+from continuum_grasp.control.controller import Controller
+from continuum_grasp.errors import InputError, Interrupted, NumericalError
+from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.mission.assignment import Assignment, assign
+from continuum_grasp.mission.plant import Variation, mission_plant, mission_plant_model
+from continuum_grasp.mission.result import MissionRun, estimated_force
+from continuum_grasp.mission.timetable import Timetable
+from continuum_grasp.mission.verdict import judge
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.mission import MissionScene
+
+__all__ = ["Crew", "mission_of", "run_mission"]
+
+Progress = Callable[[float], None]
+
+
+@interrupt.listening()
+def run_mission(
+    scene: MissionScene | str | PathLike[str],
+    *,
+    grasp: GraspResult | None = None,
+    variation: Variation | None = None,
+    progress: Progress | None = None,
+) -> MissionRun:
+    """Optimise a grasp, and carry it out in closed loop.
+
+    Parameters
+    ----------
+    scene : MissionScene or path-like
+        The mission, or its YAML file.
+    grasp : GraspResult, optional
+        The grasp, where it has been found already.
+    variation : Variation, optional
+        How the plant differs from the mission's own.
+    progress : callable, optional
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    MissionRun
+
+    Raises
+    ------
+    SolverError
+        If there is no verified grasp.
+    InputError
+        If the mission does not make sense.
+    NumericalError
+        If the plant's motion does not stay finite; ``result`` is the mission until then.
+    Interrupted
+        On Ctrl-C; ``result`` is the mission until then.
+    """
+    return Crew(assign(mission_of(scene), grasp)).run(variation, progress)
+
+
+class Crew:
+    """Controller and plant of a mission, made once for any number of runs.
+
+    Parameters
+    ----------
+    assignment : Assignment
+        What is to be done.
+    """
+
+    def __init__(self, assignment: Assignment) -> None:
+        self.assignment, self.timetable = assignment, Timetable(assignment)
+        self._controller = Controller(assignment.control, deadline=assignment.mission.controller.deadline or math.inf)
+        self._model: PlantModel = mission_plant_model(assignment)
+
+    def run(self, variation: Variation | None = None, progress: Progress | None = None) -> MissionRun:
+        """Carry the mission out on one plant; errors are those of ``run_mission``."""
+        of, control, asked = self.assignment, self._controller, variation or Variation()
+        plant = mission_plant(of, self.timetable, control.prediction, asked, self._model)
+        schedule = self.timetable.phases(control.stages)
+        try:
+            found = closed_loop(of.control, controller=control, plant=plant, schedule=schedule, progress=progress)
+        except (Interrupted, NumericalError) as error:
+            if isinstance(error.result, ControlRun):
+                error.result = self._judged(asked, error.result)
+            raise
+        with interrupt.held(quietly=True) as pressed:
+            judged = self._judged(asked, found)
+        if pressed():
+            raise Interrupted("interrupted after the end of the mission", result=judged)
+        return judged
+
+    def _judged(self, variation: Variation, run: ControlRun) -> MissionRun:
+        of = self.assignment
+        force = estimated_force(run, self._controller.prediction, of.mission.controller.contact)
+        verdict = judge(of, self.timetable, variation, run, force)
+        return MissionRun(of, self.timetable, variation, run, self._model.scene, force, verdict)
+
+
+def mission_of(given: MissionScene | str | PathLike[str]) -> MissionScene:
+    """A mission that is given as such, or as the path of its file.
+
+    Raises
+    ------
+    InputError
+        If it is something else, or the file is wrong.
+    """
+    scene = given if isinstance(given, MissionScene) else load(given)  # type: ignore[arg-type]
+    if not isinstance(scene, MissionScene):
+        raise InputError(f"expected a mission (grasp, controller, ...), got a {type(scene).__name__}")
+    return scene

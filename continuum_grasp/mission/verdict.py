@@ -1,0 +1,173 @@
+"""The verdict on a mission: held or dropped, and how well."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.plant import Variation
+from continuum_grasp.mission.timetable import Timetable
+
+__all__ = ["Verdict", "friction_limits", "judge"]
+
+Array = NDArray[np.float64]
+
+FALLEN = 0.005
+"""Height that an object loses before it counts as dropped [m]."""
+_SETTLED = 0.5
+"""Last share of the hold over which forces are judged."""
+_SMOOTHED = 0.1
+"""Time over which forces are averaged before their greatest error is taken [s]."""
+_LOADED = 0.05
+"""Share of the held force below which a contact's friction is not judged."""
+_FALLBACKS = ("previous_plan", "safe_ramp")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A mission in numbers; NaN for what was not reached.
+
+    Attributes
+    ----------
+    held : bool
+        Whether the object was never dropped.
+    sunk : float
+        Greatest height that it lost between lift and lowering [m].
+    moved : float
+        Greatest distance that it moved in the plane while it was held, pulls included [m].
+    force_error : float
+        Greatest error of the held contact force, smoothed over 0.1 s, in the second half of the hold, per set-point.
+    force_mean_error : float
+        Error of its mean there, per set-point.
+    force_estimate_error : float
+        Error of the mean of its estimate there, per set-point.
+    slip_margin : float
+        Least share of the friction cone that was left at any contact while nothing pulled.
+    pulled_margin : float
+        The same while something pulled; zero: a contact slipped.
+    released : bool
+        Whether nothing of the finger touched the object in the end.
+    fallbacks : int
+        Commands that were not of a new plan.
+    """
+
+    held: bool
+    sunk: float
+    moved: float
+    force_error: float
+    force_mean_error: float
+    force_estimate_error: float
+    slip_margin: float
+    pulled_margin: float
+    released: bool
+    fallbacks: int
+
+    @property
+    def succeeded(self) -> bool:
+        """Held from lift to lowering, and let go."""
+        return self.held and self.released
+
+    @property
+    def word(self) -> str:
+        """What became of the object."""
+        return "dropped" if not self.held else "held and released" if self.released else "held, not released"
+
+    def pairs(self) -> dict[str, str]:
+        """Values with their units, by name."""
+        return {
+            "object": self.word,
+            "sunk": f"{1e3 * self.sunk:.3g} mm from lift to lowering (dropped: {1e3 * FALLEN:g} mm)",
+            "moved": f"{1e3 * self.moved:.3g} mm in the plane, pulls included",
+            "held force": f"{_percent(self.force_error)} off its set-point at most, "
+            f"{_percent(self.force_mean_error)} in the mean (second half of the hold)",
+            "its estimate": f"{_percent(self.force_estimate_error)} off the plant's in the mean",
+            "slip margin": f"{self.slip_margin:.2f} of the friction cone, {self.pulled_margin:.2f} while pulled",
+            "fallbacks": f"{self.fallbacks}",
+        }
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %"
+
+
+def judge(
+    assignment: Assignment, timetable: Timetable, variation: Variation, run: ControlRun, force_estimate: Array
+) -> Verdict:
+    """The verdict on a closed loop, read off the plant.
+
+    Parameters
+    ----------
+    assignment : Assignment
+    timetable : Timetable
+    variation : Variation
+        Of the plant; its friction counts.
+    run : ControlRun
+        With contacts and pose of an object that moves; it may have been stopped early.
+    force_estimate : (K,) ndarray
+        Estimated normal force of the held contact [N].
+
+    Returns
+    -------
+    Verdict
+    """
+    contacts, pose, t = run.contacts, run.object_pose, run.t
+    if contacts is None or pose is None:
+        raise ValueError("a mission has an object that moves")
+    lift, hold, lower = (timetable.span(name) for name in ("lift", "hold", "lower"))
+    carried = (t >= lift.start) & (t <= lower.start)
+    still = (t >= hold.end - _SETTLED * (hold.end - hold.start)) & (t <= hold.end)
+    whole = bool(t[-1] >= lower.start)
+    sunk = float(np.max(pose[carried][:1, 3] - pose[carried][:, 3], initial=0.0))
+    moved = float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0))
+    wanted = assignment.force
+    force = run.tracked[:, run.r_names.index(f"contact_force_{assignment.mission.controller.contact} [N]")]
+    smooth = _smoothed(force, max(1, round(_SMOOTHED / run.period)))
+    fingers = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
+    bearing = [k for k, name in enumerate(contacts.names) if name != "table"]
+    normal, shear = contacts.normal_force[:, bearing], contacts.shear[:, bearing]
+    limits = friction_limits(assignment, variation, [contacts.names[k] for k in bearing]) * normal
+    margins = 1.0 - shear / np.maximum(limits, 1e-9)
+    margins[normal < _LOADED * wanted] = 1.0
+    calm, pulled = (t >= hold.start) & (t <= hold.end), (t > hold.end) & (t < lower.start)
+    return Verdict(
+        held=whole and sunk < FALLEN,
+        sunk=sunk,
+        moved=moved,
+        force_error=_greatest(np.abs(smooth[still] - wanted)) / wanted,
+        force_mean_error=_mean(force[still] - wanted) / wanted,
+        force_estimate_error=_mean((force_estimate - force[:-1])[still[:-1]]) / wanted,
+        slip_margin=-_greatest(-margins[calm]),
+        pulled_margin=-_greatest(-margins[pulled]),
+        released=whole and bool(np.all(contacts.normal_force[-1, fingers] == 0.0)),
+        fallbacks=sum(word in _FALLBACKS for word in run.status),
+    )
+
+
+def friction_limits(assignment: Assignment, variation: Variation, names: Sequence[str]) -> Array:
+    """Friction coefficient (K,) of each contact on the plant; NaN for the table."""
+    mission = assignment.mission
+    own = {place.name: place.friction for place in mission.grasp.places}
+    found = [own.get(name.partition(".")[0] if name not in own else name) for name in names]
+    usual = mission.contact_law.friction
+    mu = [np.nan if name == "table" else usual if f is None else f for name, f in zip(names, found, strict=True)]
+    return variation.friction * np.array(mu)
+
+
+def _smoothed(values: Array, window: int) -> Array:
+    """Moving average over a window, shorter at both ends."""
+    kernel = np.ones(min(window, len(values)))
+    found: Array = np.convolve(values, kernel, "same") / np.convolve(np.ones_like(values), kernel, "same")
+    return found
+
+
+def _greatest(values: Array) -> float:
+    return float(np.max(values)) if values.size else np.nan
+
+
+def _mean(values: Array) -> float:
+    return float(np.mean(values)) if values.size else np.nan

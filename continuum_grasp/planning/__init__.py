@@ -1,0 +1,23 @@
+"""Whole-horizon plans by IPOPT: least time, least effort, smoothest input, tracking."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from continuum_grasp._lazy import lazy_names
+
+_ROOMS = {
+    "continuum_grasp.planning.solve": ("plan",),
+    "continuum_grasp.planning.result": ("Constraint", "Plan", "PlanStatus"),
+    "continuum_grasp.planning.files": ("load_plan",),
+}
+__all__ = [name for names in _ROOMS.values() for name in names]
+
+if TYPE_CHECKING:
+    from continuum_grasp.planning.files import load_plan as load_plan
+    from continuum_grasp.planning.result import Constraint as Constraint
+    from continuum_grasp.planning.result import Plan as Plan
+    from continuum_grasp.planning.result import PlanStatus as PlanStatus
+    from continuum_grasp.planning.solve import plan as plan
+
+__getattr__, __dir__ = lazy_names(__name__, _ROOMS)

@@ -1,0 +1,171 @@
+"""Why there is no plan: how near the goal can be reached, and which limits stop it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.planning.ipopt import Attempt
+from continuum_grasp.planning.problem import PlanProblem
+
+__all__ = ["Diagnosis", "diagnose"]
+
+Array = NDArray[np.float64]
+
+_MET = 1e-5
+"""Error of a goal, in units of the programme, that counts as none."""
+_COUNTS = 0.2
+"""Share of the strongest limit from which on another one is named too."""
+_WEAK = 1e-6
+"""Gain per share of a limit, in units of the squared distance, below which it does not stop anything."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a plan that may miss its goal tells.
+
+    Attributes
+    ----------
+    met : bool
+        Whether the goal and all bounds are met after all.
+    violated : tuple of str
+        What is missed, by name and amount.
+    message : str
+    advice : str
+    """
+
+    met: bool
+    violated: tuple[str, ...]
+    message: str
+    advice: str
+
+
+def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis:
+    """What stops a plan, from the solution of its relaxed problem."""
+    missed, worst = _missed(problem, attempt.w)
+    outside = _outside(problem, attempt)
+    strengths = _strengths(problem, attempt)
+    most = max(strengths.values(), default=0.0)
+    named = [name for name, value in sorted(strengths.items(), key=lambda item: -item[1]) if value > _COUNTS * most]
+    stops = most > _WEAK * max(worst, 1.0)
+    nearest = _nearest(problem, attempt.w)
+    if not missed and not outside:
+        return Diagnosis(True, (), "", "")
+    what = f"goal out of reach: {nearest}" if missed else "a bound of the state cannot be kept"
+    if not missed:
+        advice = "the motion begins outside the bound, or is driven out of it: move the bound or the initial state"
+    elif stops:
+        zone = ("zone {0} stops it", "move or shrink bounds.keep_out.{0}")
+        texts = [[text.format(name) for text in _TEXTS.get(name, zone)] for name in named]
+        what += "; " + " and ".join(text for text, _ in texts)
+        advice = "; or ".join(text for _, text in texts)
+    else:
+        what += "; no limit stops it"
+        advice = (
+            "one drive bends the whole finger: a posture with other bends, or a tip beside its path, cannot be held; "
+            "give the goal a weight, or end: moving"
+        )
+    return Diagnosis(False, (*missed, *outside), what, advice)
+
+
+_TEXTS = {
+    "input": ("the input limit stops it", "raise the input's limits (finger.tendons.max_tension or input.moment_max)"),
+    "input rate": ("the input's rate limit stops it", "raise input.rate_max"),
+    "duration": ("the duration stops it", "allow a longer duration"),
+    "curvature": ("the curvature limit stops it", "allow more curvature (bounds.curvature, fidelity.bending_range)"),
+    "speed": ("the speed limit stops it", "raise bounds.speed"),
+}
+"""What is said of a limit, and what to try."""
+
+
+def _missed(problem: PlanProblem, w: Array) -> tuple[list[str], float]:
+    """Goals that are missed, with their amounts, and the largest error in units of the programme."""
+    motion = problem.motion
+    z = np.concatenate([w[problem.grid.s[-1]], w[problem.inputs[-1]]])
+    numbers = motion.numbers([motion.scene.duration_range[1]]).ravel()
+    found, worst = [], 0.0
+    for part in problem.goal:
+        if part.weight is not None:
+            continue
+        error = np.abs(np.array(part.rows(motion).value(z, numbers)).ravel())
+        worst = max(worst, float(error.max()))
+        if error.max() > _MET:
+            k, off = int(error.argmax()), error * part.scale
+            amount = float(np.hypot(*off.reshape(-1, 2).T).max()) if part.unit == "m" else float(off[k])
+            unit = part.unit if part.unit != "state" else part.names[k]
+            found.append(f"{part.name}: off by {amount:.3g} {unit} ({part.key})")
+    return found, worst
+
+
+def _outside(problem: PlanProblem, attempt: Attempt) -> list[str]:
+    """State bounds that are left, with their amounts."""
+    found = []
+    for block in problem.programme.blocks:
+        if not block.key.startswith("bounds."):
+            continue
+        value = problem.bounds.values(attempt.w, attempt.g, block)
+        excess = np.maximum(np.maximum(block.lower - value, value - block.upper), 0.0) * block.scale
+        if excess.max(initial=0.0) > _MET * block.scale.max():
+            found.append(f"{block.name}: off by {excess.max():.3g} {block.unit} ({block.key})")
+    return found
+
+
+def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
+    """Gain in units of the programme per relative widening of each limit."""
+    programme, motion = problem.programme, problem.motion
+    bounds, lam = programme.bounds, attempt.multipliers
+    free = np.array(programme.low) < np.array(programme.high)
+
+    def of_columns(columns: NDArray[np.int64]) -> float:
+        chosen = np.unique(columns)
+        chosen = chosen[free[chosen]]
+        reach = np.where(np.isfinite(bounds["ubx"][chosen]), np.abs(bounds["ubx"][chosen]), 0.0)
+        return float((np.abs(lam.bounds[chosen]) * reach).sum())
+
+    time = problem.grid.time[0, 0]
+    found = {"input": of_columns(problem.inputs)}
+    rates = [of_columns(problem.grid.v)] if motion.linear else []
+    share = attempt.w[time] * _rate_share(problem)
+    for block in programme.blocks:
+        force = np.abs(lam.constraints[block.rows])
+        if block.name.startswith("input rate"):
+            rates.append(float((force * share).sum()))
+        elif block.key.startswith("bounds."):
+            limit = np.where(np.isfinite(block.upper), np.abs(block.upper), 1.0)
+            found[block.name] = float((force * limit).sum())
+    found["input rate"] = sum(rates)
+    found["duration"] = max(0.0, -_time_slope(problem, attempt) * attempt.w[time])
+    return found
+
+
+def _rate_share(problem: PlanProblem) -> Array:
+    motion = problem.motion
+    most = motion.scene.input.rate_max or 0.0
+    return np.asarray(most * motion.scales.time / problem.grid.intervals / motion.scales.u)
+
+
+def _time_slope(problem: PlanProblem, attempt: Attempt) -> float:
+    """Derivative of the Lagrangian by the duration, where that is at its longest."""
+    programme, time = problem.programme, problem.grid.time[0, 0]
+    if attempt.w[time] < programme.high[time] * (1 - 1e-6):
+        return 0.0
+    gradient = programme.functions["grad_f"](attempt.w, [])[1]
+    jacobian = programme.functions["jac_g"](attempt.w, [])[1]
+    return float(gradient[time]) + float(jacobian[:, int(time)].T @ attempt.multipliers.constraints)
+
+
+def _nearest(problem: PlanProblem, w: Array) -> str:
+    """How near to its goal the plan comes."""
+    model, path = problem.motion.prediction, problem.path(w)
+    tip = np.array(model.tip(path.x[-1], path.u[-1], model.p_nominal)).ravel()
+    text = f"the nearest tip reached is ({tip[0]:.4f}, {tip[1]:.4f}) m"
+    scene = problem.motion.scene
+    aim, base = scene.goal.tip, scene.finger.base.position
+    if aim is not None:
+        text += f", {1e3 * float(np.hypot(*(tip - np.array(aim.value)))):.3g} mm off"
+        away = float(np.hypot(aim.value[0] - base[0], aim.value[1] - base[1]))
+        if away > problem.motion.length:
+            text += f" (the goal is {away:.4g} m from the base, the finger {problem.motion.length:.4g} m long)"
+    return text

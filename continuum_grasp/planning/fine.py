@@ -1,0 +1,119 @@
+"""How a plan fares in a fine simulation, and on a finer model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.stiffness import fastest_rate
+from continuum_grasp.errors import NumericalError
+from continuum_grasp.planning.check import Deviation, Player
+from continuum_grasp.planning.control import control_scene, parameters_over_time
+from continuum_grasp.planning.guess import Path
+from continuum_grasp.planning.initial import first_state_of_plan
+from continuum_grasp.planning.motion import Motion
+from continuum_grasp.planning.result import Plan
+from continuum_grasp.scene.plan import PlanScene
+
+__all__ = ["checked", "excess_over_intervals", "simulated"]
+
+Array = NDArray[np.float64]
+
+PARTS = 4
+"""Parts of an interval at which bounds are looked at."""
+_OUTSIDE = 1e-3
+"""Share of a bound's scale from which on there is a warning."""
+_FINER_OFF = 0.01
+"""Deviation of the tip on a finer model, per finger length, from which on there is a warning."""
+
+
+def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts: int = PARTS) -> Array:
+    """States (N * parts + 1, nx) of a model under the inputs of a path.
+
+    Raises
+    ------
+    NumericalError
+        If a state is not finite.
+    """
+    intervals, nu = len(path.u) - 1, model.nu
+    rate = fastest_rate(model, *(np.full(nu, limit) for limit in scene.input_limits))
+    times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.load_varies else [0.0]
+    p = parameters_over_time(scene, model, times)
+    t = np.linspace(0.0, path.duration, intervals + 1)
+    return Player(model, rate).play(x0, t, path.u, p, linear=scene.input.form == "linear", kept=parts)
+
+
+def excess_over_intervals(motion: Motion, states: Array) -> Array:
+    """Largest amounts (N, ns) by which the state's bounds are left in each interval, as shares of their scales."""
+    stages, model = motion.stages, motion.prediction
+    count = len(states)
+    fixed = (np.zeros(model.nu), parameters_over_time(motion.scene, model, [0.0])[0])
+    every = stages.rows.map(count)(states.T, *(np.tile(v, (count, 1)).T for v in fixed))
+    rows = np.array(every).T[:, : stages.ns]
+    excess = np.maximum(np.maximum(stages.c_min[: stages.ns] - rows, rows - stages.c_max[: stages.ns]), 0.0)
+    inner = excess[1:].reshape((count - 1) // PARTS, PARTS, stages.ns)
+    return np.asarray(inner.max(axis=1))
+
+
+def checked(plan: Plan, motion: Motion) -> Plan:
+    """The same plan with what a fine simulation of its inputs says."""
+    scene, model, warnings = plan.scene, motion.prediction, list(plan.warnings)
+    path = Path(plan.x, plan.u, plan.duration)
+    try:
+        states = simulated(scene, model, path, plan.x[0])
+    except NumericalError as error:
+        return replace(plan, warnings=(*warnings, f"{error}: take more intervals or sub-steps, or collocation"))
+    text = _outside(motion, excess_over_intervals(motion, states))
+    found = _deviation("the plan's model, finely integrated", model, plan, states)
+    if found.tip > scene.check.tolerance * plan.length:
+        warnings.append(
+            f"a fine simulation is up to {1e3 * found.tip:.3g} mm off the plan ({1e3 * found.final_tip:.3g} mm at the "
+            "end): take more intervals, or more solver.substeps"
+        )
+    if text:
+        warnings.append(f"between the nodes {text}: take more intervals")
+    finer = None
+    if scene.check.finer is not None:
+        finer, told = _on_finer(scene, plan, path)
+        warnings += told
+    return replace(plan, deviation=found, finer=finer, warnings=tuple(warnings))
+
+
+def _deviation(name: str, model: Prediction, plan: Plan, states: Array) -> Deviation:
+    at_nodes = states[:: (len(states) - 1) // (len(plan.t) - 1)]
+    p = np.array(model.p_nominal)
+    tips = np.array([np.array(model.tip(x, u, p)).ravel() for x, u in zip(at_nodes, plan.u, strict=True)])
+    off = np.hypot(*(tips - plan.tip).T)
+    rates = np.array(model.bending_rate(states[-1], plan.u[-1], p)).ravel()
+    force = np.array(model.contact_force(states[-1], plan.u[-1], p)).ravel() if model.contact_names else ()
+    return Deviation(name, float(off.max()), float(off[-1]), float(np.abs(rates).max()), tuple(map(float, force)))
+
+
+def _outside(motion: Motion, excess: Array) -> str:
+    """The hard bound that is left most, if one is."""
+    hard = excess[:, motion.hard]
+    if not hard.size or hard.max() <= _OUTSIDE:
+        return ""
+    name = np.array(motion.stages.c_names[: motion.stages.ns])[motion.hard][int(hard.max(axis=0).argmax())]
+    return f"{name} is left by {100 * hard.max():.2g} % of its scale"
+
+
+def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | None, list[str]]:
+    """The same on the finer model."""
+    if scene.check.finer is None:
+        return None, []
+    law = scene.check.contact_law or scene.contact_law
+    fine = scene.model_copy(update={"fidelity": scene.check.finer, "contact_law": law})
+    model = Prediction(control_scene(fine))
+    name = f"{len(model.system.finger_model.lengths)} elements ({model.system.finger_model.family})"
+    try:
+        states = simulated(fine, model, path, first_state_of_plan(fine, model)[0], 1)
+    except NumericalError as error:
+        return None, [f"on {name} {error}"]
+    found = _deviation(name, model, plan, states)
+    if found.final_tip <= _FINER_OFF * plan.length:
+        return found, []
+    return found, [f"on {name} the tip ends {1e3 * found.final_tip:.3g} mm from the plan: raise fidelity.elements"]

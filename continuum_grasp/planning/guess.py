@@ -1,0 +1,174 @@
+"""Where the search for a plan begins: a posture that meets the goal, and smooth paths to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.planning.goal import GoalPart
+from continuum_grasp.planning.motion import Motion
+
+__all__ = ["Hint", "Path", "Posture", "detours", "final_posture", "smooth_path"]
+
+Array = NDArray[np.float64]
+
+_ITERATIONS = 60
+_BALANCE = 0.1
+"""Weight of balance against that of the goal in the final posture."""
+_DETOURS = (0.0, 0.5, -0.5, 1.0, -1.0)
+"""Amplitudes of the paths, in half bending ranges, bent to one side or the other on the way."""
+
+
+@dataclass(frozen=True)
+class Posture:
+    """Coordinates q (n) and input u (nu) at rest."""
+
+    q: Array
+    u: Array
+
+
+@dataclass(frozen=True)
+class Hint:
+    """Bending angles of the elements [rad] and input (nu) near which the last posture is."""
+
+    bends: Array
+    u: Array
+
+
+@dataclass(frozen=True)
+class Path:
+    """States x (N + 1, nx), inputs u (N + 1, nu) and the duration [s]."""
+
+    x: Array
+    u: Array
+    duration: float
+
+
+def final_posture(motion: Motion, goal: list[GoalPart], first: Posture, near: Hint | None = None) -> Posture:
+    """A posture at rest and nearly in balance that meets the goal as well as may be.
+
+    It is sought near the first one, or near what is given.
+    """
+    if all(part.name in ("still", "held") for part in goal):
+        return first
+    n = len(first.q)
+    least, most = motion.scene.input_limits
+    slope = _residual(motion, goal, first)
+    reach = np.abs(motion.prediction.shapes(16)).max(axis=0)
+    low = np.concatenate([np.full(n, -2.0), np.full(motion.nu, least) / motion.scales.u])
+    high = np.concatenate([np.full(n, 2.0), np.full(motion.nu, most) / motion.scales.u])
+    best: tuple[float, Array] | None = None
+    starts = [Posture(first.q + side * reach, first.u) for side in (0.0, 0.5, -0.5)]
+    if near is not None:
+        starts = [Posture(_with_bends(motion, first, near.bends), near.u)]
+    for start in starts:
+        y = np.clip(np.concatenate([start.q / reach, start.u / motion.scales.u]), low, high)
+        value, y = _least_squares(slope, y, low, high)
+        if best is None or value < 0.9 * best[0]:
+            best = value, y
+    y = first.q / reach if best is None else best[1]
+    return Posture(y[:n] * reach, y[n:] * motion.scales.u)
+
+
+def _with_bends(motion: Motion, first: Posture, bends: Array) -> Array:
+    """Coordinates nearest to the first ones with other bending angles."""
+    model, n = motion.prediction, len(first.q)
+
+    def bending(q: Array) -> Array:
+        return np.array(model.bending(model.at_rest(q, first.u), first.u, model.p_nominal)).ravel()
+
+    # Bends are linear in the coordinates.
+    slope = np.array([bending(first.q + e) - bending(first.q) for e in np.eye(n)]).T
+    return np.asarray(first.q + np.linalg.lstsq(slope, bends - bending(first.q), rcond=None)[0])
+
+
+def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Function:
+    """(y = scaled [q, u]) -> errors of the goal and of balance, and their Jacobian."""
+    model = motion.prediction
+    n, reach = len(first.q), np.abs(model.shapes(16)).max(axis=0)
+    y = ca.SX.sym("y", n + motion.nu)
+    q, u = y[:n] * ca.DM(reach), y[n:] * ca.DM(motion.scales.u)
+    # A state at rest is affine in q and u.
+    base = model.at_rest(np.zeros(n), np.zeros(motion.nu))
+    by_q = np.array([model.at_rest(e, np.zeros(motion.nu)) - base for e in np.eye(n)]).T
+    by_u = np.array([model.at_rest(np.zeros(n), e) - base for e in np.eye(motion.nu)]).T
+    x = ca.DM(base) + ca.mtimes(ca.DM(by_q), q) + ca.mtimes(ca.DM(by_u), u)
+    s = x / ca.DM(motion.scales.x)
+    if motion.linear:
+        s = ca.vertcat(s, y[n:])
+    end = motion.scene.duration_range[1]
+    numbers = ca.DM(motion.numbers([end]).ravel())
+    p = numbers[: model.np]
+    errors = []
+    for part in goal:
+        if part.key == "goal.contact_force":
+            errors.append((_spring_forces(motion, x, u, p) - ca.DM(part.target)) / ca.DM(part.scale))
+        elif part.name not in ("still", "held"):
+            errors.append(part.rows(motion).value(ca.vertcat(s, y[n:]), numbers))
+    frequency = 2.0 * np.pi / motion.first_duration
+    rate = model.dynamics(x, u, p)[n : 2 * n] / ca.DM(reach * frequency**2)
+    held = any(part.name == "held" for part in goal)
+    errors += [
+        rate * (10.0 if held else _BALANCE),
+        1e-3 * (y - ca.DM([*(first.q / reach), *(first.u / motion.scales.u)])),
+    ]
+    residual = ca.vertcat(*errors)
+    return ca.Function("residual", [y], [residual, ca.jacobian(residual, y)])
+
+
+def _spring_forces(motion: Motion, x: ca.SX, u: ca.SX, p: ca.DM) -> ca.SX:
+    """Contact forces as if surfaces that are apart pulled: they tell the way to where they touch."""
+    model, law = motion.prediction, motion.scene.contact_law
+    gap = ca.Function("gap", [model.x, model.u, model.p], [model.system.touch(*model.arguments)[0]])(x, u, p)
+    return -(law.stiffness if law is not None else 0.0) * gap[: len(model.contact_names)]
+
+
+def _least_squares(residual: ca.Function, y: Array, low: Array, high: Array) -> tuple[float, Array]:
+    """Levenberg and Marquardt, clipped to the bounds: half the sum of squares and where."""
+    damping = 1e-2
+    r, jacobian = (np.array(v) for v in residual(y))
+    value = 0.5 * float((r * r).sum())
+    for _ in range(_ITERATIONS):
+        normal = jacobian.T @ jacobian
+        least = 1e-12 * float(np.trace(normal))
+        step = np.linalg.solve(normal + max(damping, least) * np.eye(len(y)), -jacobian.T @ r).ravel()
+        trial = np.clip(y + step, low, high)
+        r_new, jacobian_new = (np.array(v) for v in residual(trial))
+        new = 0.5 * float((r_new * r_new).sum())
+        if np.isfinite(new) and new < value:
+            done = value - new < 1e-10 * value
+            y, r, jacobian, value, damping = trial, r_new, jacobian_new, new, damping / 3.0
+            if done:
+                break
+        else:
+            damping *= 4.0
+            if damping > 1e8:
+                break
+    return value, y
+
+
+def smooth_path(motion: Motion, x0: Array, first: Posture, last: Posture, side: float) -> Path:
+    """Postures that go smoothly from the first to the last, bent to a side on the way."""
+    model, n = motion.prediction, len(first.q)
+    time = motion.first_duration
+    tau = np.linspace(0.0, 1.0, motion.scene.intervals + 1)[:, None]
+    blend = tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
+    rate = 30.0 * tau**2 * (1.0 - tau) ** 2
+    reach = np.abs(model.shapes(16)).max(axis=0) / 2.0
+    bump = side * reach * np.sin(np.pi * tau) ** 2
+    q = first.q + blend * (last.q - first.q) + bump
+    qd = (rate * (last.q - first.q) + side * reach * np.pi * np.sin(2.0 * np.pi * tau)) / time
+    u = first.u + blend * (last.u - first.u)
+    x = np.array([model.at_rest(*row) for row in zip(q, u, strict=True)])
+    x[:, n : 2 * n] += qd
+    x[0] = x0
+    return Path(x, u, time)
+
+
+def detours(count: int) -> tuple[float, ...]:
+    """Sides of the first paths to be tried."""
+    more = tuple(sign * amount for amount in (0.25, 1.5) for sign in (1.0, -1.0))
+    return (*_DETOURS, *more)[:count]

@@ -1,0 +1,196 @@
+"""The programme of a plan: motion, limits, goal, objective."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.planning.bounds import StateBounds
+from continuum_grasp.planning.goal import goal_parts
+from continuum_grasp.planning.grid import Grid, add_collocation, add_shooting, default_substeps
+from continuum_grasp.planning.guess import Path
+from continuum_grasp.planning.motion import Motion
+from continuum_grasp.planning.programme import OBJECTIVE, Programme
+from continuum_grasp.planning.term import derived
+
+__all__ = ["PlanProblem"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_EFFORT_WHEN_RELAXED = 1e-4
+"""Weight of the objective where only the distance from the goal is sought."""
+
+
+class PlanProblem:
+    """Unknowns, constraints and objective of a plan.
+
+    Parameters
+    ----------
+    motion : Motion
+    x0 : (nx,) ndarray
+        State at the beginning.
+    relaxed : bool
+        Whether the distance from the goal is minimised in place of the objective, and hard bounds have a price.
+
+    Attributes
+    ----------
+    programme : Programme
+    grid : Grid
+    before : (1, nu) ndarray of int
+        Columns of the input before the motion begins.
+    inputs : (N + 1, nu) ndarray of int
+        Columns of the inputs at the nodes; the last one is kept after the end.
+    goal : list of GoalPart
+    bounds : StateBounds
+    substeps : int
+        Runge-Kutta steps per interval; 0 for collocation.
+    """
+
+    def __init__(self, motion: Motion, x0: Array, *, relaxed: bool = False) -> None:
+        self.motion, self.relaxed = motion, relaxed
+        self.programme = Programme()
+        self.goal = goal_parts(motion)
+        self._add_unknowns(x0)
+        price = _EFFORT_WHEN_RELAXED if relaxed else 1.0
+        scene = motion.scene
+        self.substeps = 0
+        if scene.method == "collocation":
+            add_collocation(self.programme, motion, self.grid, price)
+        else:
+            self.substeps = scene.solver.substeps or default_substeps(motion)
+            add_shooting(self.programme, motion, self.grid, self.substeps, price)
+        self.bounds = StateBounds(self.programme, motion, self.grid, relaxed)
+        self._add_rate_limit()
+        self._add_goal()
+        self._add_objective()
+
+    # -- unknowns -----------------------------------------------------------------------------------------------------
+
+    def _add_unknowns(self, x0: Array) -> None:
+        motion, programme = self.motion, self.programme
+        scene, intervals = motion.scene, motion.scene.intervals
+        first = np.array(scene.initial_input)
+        least_time, most_time = (t / motion.scales.time for t in scene.duration_range)
+        time = programme.variables(1, 1, least_time, most_time)
+        low, high = np.full(motion.ns, -np.inf), np.full(motion.ns, np.inf)
+        limits = [np.full(motion.nu, bound) / motion.scales.u for bound in scene.input_limits]
+        if motion.linear:
+            low[motion.nx :], high[motion.nx :] = limits
+            most = np.inf if scene.input.rate_max is None else scene.input.rate_max
+            limits = [-most / motion.scales.rate, most / motion.scales.rate]
+        s = programme.variables(intervals + 1, motion.ns, low, high)
+        v = programme.variables(intervals, motion.nv, limits[0], limits[1])
+        degree = scene.solver.degree if scene.method == "collocation" else 0
+        inner = programme.variables(intervals * degree, motion.ns).reshape(intervals, degree, motion.ns)
+        programme.fix(s[0], motion.scaled_state(x0, first))
+        self.grid = Grid(time, s, v, inner)
+        if motion.linear:
+            self.before, self.inputs = s[:1, motion.nx :], s[:, motion.nx :]
+            return
+        self.before = programme.variables(1, motion.nu)
+        programme.fix(self.before, first / motion.scales.u)
+        changes = scene.goal.end == "held" or scene.goal.input is not None
+        self.inputs = np.vstack([v, programme.variables(1, motion.nu, limits[0], limits[1]) if changes else v[-1:]])
+
+    @property
+    def _changes(self) -> tuple[Indices, Indices]:
+        """Columns of inputs and of those before them."""
+        inputs = self.inputs
+        if self.motion.linear:
+            return inputs[1:], inputs[:-1]
+        count = len(np.unique(inputs[:, 0]))
+        return inputs[:count], np.vstack([self.before, inputs[: count - 1]])
+
+    def start(self, path: Path) -> Array:
+        """Unknowns that stand for a path."""
+        motion, grid = self.motion, self.grid
+        w = np.zeros(self.programme.size)
+        w[grid.time] = path.duration / motion.scales.time
+        s = motion.scaled_state(path.x, path.u)
+        w[grid.s] = s
+        w[grid.v] = (
+            np.diff(path.u, axis=0) / path.duration * grid.intervals / motion.scales.rate
+            if motion.linear
+            else (path.u[:-1] / motion.scales.u)
+        )
+        if not motion.linear:
+            w[self.inputs[-1]] = path.u[-1] / motion.scales.u
+            w[self.before] = np.array(motion.scene.initial_input) / motion.scales.u
+        if grid.inner.size:
+            tau = np.array(ca.collocation_points(motion.scene.solver.degree, motion.scene.solver.points))[:, None]
+            w[grid.inner] = s[:-1, None] * (1.0 - tau) + s[1:, None] * tau
+        return w
+
+    def path(self, w: Array) -> Path:
+        """The path that unknowns stand for."""
+        motion, grid = self.motion, self.grid
+        x = w[grid.s][:, : motion.nx] * motion.scales.x
+        return Path(x, w[self.inputs] * motion.scales.u, float(w[grid.time[0, 0]]) * motion.scales.time)
+
+    # -- limits -------------------------------------------------------------------------------------------------------
+
+    def _add_rate_limit(self) -> None:
+        """Changes between intervals within the rate times their length."""
+        motion, most = self.motion, self.motion.scene.input.rate_max
+        if motion.linear or most is None:
+            return
+        now, before = self._changes
+        share = most * motion.scales.time / self.grid.intervals / motion.scales.u
+        unit = "N m" if motion.nu == 1 else "N"
+        for name, sign in (("input rate, up", 1.0), ("input rate, down", -1.0)):
+            rows = self.programme.require(name, "input.rate_max", unit, len(now), motion.scales.u, -np.inf)
+            self.programme.add_linear(rows, now, sign)
+            self.programme.add_linear(rows, before, -sign)
+            self.programme.add_linear(rows, np.broadcast_to(self.grid.time, rows.shape), -share)
+
+    # -- goal and objective -------------------------------------------------------------------------------------------
+
+    def _add_goal(self) -> None:
+        end = np.hstack([self.grid.s[-1:], self.inputs[-1:]])
+        data = self.motion.numbers([self.motion.scene.duration_range[1]])
+        for part in self.goal:
+            if self.relaxed or part.weight is not None:
+                if part.weight is None or not self.relaxed:
+                    self.programme.add(part.price(self.motion, self.relaxed), end, [OBJECTIVE], data)
+                continue
+            rows = self.programme.require(part.name, part.key, part.unit, 1, part.scale)
+            self.programme.add(part.rows(self.motion), end, rows, data)
+
+    def _add_objective(self) -> None:
+        motion, scene = self.motion, self.motion.scene
+        if self.relaxed:
+            self._add_changes(lambda change, time: _EFFORT_WHEN_RELAXED / self.grid.intervals * ca.dot(change, change))
+            return
+        if scene.objective == "least_time":
+            self.programme.add_linear(OBJECTIVE, self.grid.time, 1.0)
+            self._add_changes(lambda change, time: scene.smoothing * ca.dot(change, change))
+        price = scene.cost.input_rate if scene.cost is not None else 2.0
+        if scene.objective in ("least_input_rate", "tracking") and price and not motion.linear:
+            scale = ca.DM(motion.scales.u)
+            factor = 0.5 * price * self.grid.intervals / motion.scales.objective
+            self._add_changes(lambda change, time: factor * ca.dot(change * scale, change * scale) / time)
+        if scene.objective == "tracking":
+            self._add_terminal()
+
+    def _add_changes(self, price: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
+        """A price of the input's changes, in units of its range, and of the duration [s]."""
+        motion = self.motion
+        now, before, time = ca.SX.sym("now", motion.nu), ca.SX.sym("before", motion.nu), ca.SX.sym("T")
+        z = ca.vertcat(now, before, time)
+        term = derived("change", z, ca.SX(0, 1), price(now - before, motion.scales.time * time))
+        columns = np.hstack([*self._changes, np.repeat(self.grid.time, len(self._changes[0]), axis=0)])
+        self.programme.add(term, columns, [OBJECTIVE], [])
+
+    def _add_terminal(self) -> None:
+        """Half the weighted squared errors of what is tracked at the end."""
+        motion, stages = self.motion, self.motion.stages
+        x, _, _, p, r = motion.physical
+        errors = (stages.outputs(x, ca.DM.zeros(motion.nu), p) - r)[: stages.nt]
+        weighted = ca.DM(np.sqrt(stages.terminal_weights[: stages.nt])) * errors
+        term = motion.of_state("terminal", 0.5 * ca.dot(weighted, weighted), squared=weighted)
+        data = motion.numbers([motion.scene.duration_range[1]])
+        self.programme.add(term, self.grid.s[-1:], [OBJECTIVE], data)

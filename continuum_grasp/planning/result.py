@@ -1,0 +1,308 @@
+"""A plan: what was found, how, and how it fares in a fine simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from enum import StrEnum
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.planning.control import control_scene, parameters_over_time
+from continuum_grasp.scene.plan import PlanScene
+from continuum_grasp.simulation.contacts import ContactForces
+
+if TYPE_CHECKING:
+    from continuum_grasp.planning.check import Deviation
+
+__all__ = ["Constraint", "Plan", "PlanStatus"]
+
+Array = NDArray[np.float64]
+
+_ACTIVE = 1e-6
+
+
+class PlanStatus(StrEnum):
+    """How the search ended."""
+
+    OPTIMAL = "optimal"
+    """A local optimum."""
+    FEASIBLE = "feasible"
+    """All constraints are kept, but the solver stopped before the optimum, or the search before its end."""
+    INFEASIBLE = "infeasible"
+    """No plan was found that keeps all constraints; this one comes as near to the goal as was found."""
+    NOT_SOLVED = "not_solved"
+    """The solver stopped without a plan, and without showing that there is none."""
+    TIMED_OUT = "timed_out"
+    """The clock stopped the search before there was a plan: an emergency, which another machine may not meet."""
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """What is bounded.
+
+    Attributes
+    ----------
+    name, key, unit : str
+        ``key`` is the YAML key that sets it.
+    values, lower, upper : (count, size) ndarray
+        One line per node or interval, in ``unit``.
+    multipliers : (count, size) ndarray
+        By how much the objective falls per amount by which the bound is moved outwards, if little; negative at lower
+        bounds.
+    """
+
+    name: str
+    key: str
+    unit: str
+    values: Array
+    lower: Array
+    upper: Array
+    multipliers: Array
+
+    @property
+    def excess(self) -> float:
+        """Largest amount by which a bound is left."""
+        return float(np.maximum(self.lower - self.values, self.values - self.upper).max(initial=0.0))
+
+    @property
+    def active(self) -> bool:
+        """Whether a bound holds the plan back somewhere."""
+        return bool(np.any(np.abs(self.multipliers) > _ACTIVE))
+
+    def __str__(self) -> str:
+        return f"{self.name}: off by {self.excess:.3g} {self.unit} ({self.key})"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A motion from an initial state to a goal; SI units, world frame.
+
+    Attributes
+    ----------
+    scene : PlanScene
+    status : PlanStatus
+    message : str
+        One sentence on how it ended.
+    t : (N + 1,) ndarray
+        Instants of the nodes [s].
+    x : (N + 1, nx) ndarray
+        States.
+    u : (N + 1, nu) ndarray
+        Inputs: constant from their node to the next one, or linear in between (``input.form``). The last one is kept
+        after the end.
+    objective : float
+        The duration [s], the integral of the squared input [N2 s] or input rate [N2/s] (with N m for a tip moment), or
+        what ``cost`` says.
+    constraints : mapping of str to Constraint
+        All constraints by name, with their values and multipliers.
+    iterations : int
+        Of the start that gave this plan.
+    times : mapping of str to float
+        Build, search, check, total [s].
+    violated : tuple of str
+        Broken constraints by name with their amounts, where there is no plan.
+    advice : str
+        Likely cause, and what to try.
+    deviation, finer : Deviation or None
+        What a fine simulation of the inputs says, and one on the finer model of ``check.finer``.
+    warnings : tuple of str
+    statistics : mapping
+        Starts with their outcomes, unknowns, constraints, sub-steps.
+    solver_state : mapping of str to ndarray
+        Unknowns and multipliers, for a warm start.
+    """
+
+    scene: PlanScene
+    status: PlanStatus
+    message: str
+    t: Array
+    x: Array
+    u: Array
+    objective: float
+    constraints: Mapping[str, Constraint] = field(default_factory=dict)
+    iterations: int = 0
+    times: Mapping[str, float] = field(default_factory=dict)
+    violated: tuple[str, ...] = ()
+    advice: str = ""
+    deviation: Deviation | None = None
+    finer: Deviation | None = None
+    warnings: tuple[str, ...] = ()
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+    solver_state: Mapping[str, Array] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return (
+            f"Plan({self.status}: {self.duration:.4g} s, {len(self.t) - 1} intervals, objective {self.objective:.6g})"
+        )
+
+    @property
+    def solved(self) -> bool:
+        """Whether all constraints are kept."""
+        return self.status in (PlanStatus.OPTIMAL, PlanStatus.FEASIBLE)
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return float(self.t[-1])
+
+    @cached_property
+    def prediction(self) -> Prediction:
+        """The model."""
+        return Prediction(control_scene(self.scene))
+
+    @property
+    def x_names(self) -> list[str]:
+        """Name and unit of each state."""
+        return list(self.prediction.x_names)
+
+    @property
+    def u_names(self) -> list[str]:
+        """Name and unit of each input."""
+        return list(self.prediction.u_names)
+
+    @property
+    def n(self) -> int:
+        """Number of bending coordinates."""
+        return self.prediction.system.n
+
+    @property
+    def length(self) -> float:
+        """Length of the finger [m]."""
+        return self.scene.finger.rod.length
+
+    @property
+    def name(self) -> str | None:
+        """Name of the scene."""
+        return self.scene.name
+
+    def _over_time(self, function: ca.Function, indices: ArrayLike | None = None) -> Array:
+        """First output (count, size) of a function of (x, u, p) at nodes."""
+        chosen = np.arange(len(self.t)) if indices is None else np.atleast_1d(np.asarray(indices, dtype=int))
+        p = parameters_over_time(self.scene, self.prediction, self.t[chosen])
+        found = function.map(len(chosen))(*(ca.DM(v.T) for v in (self.x[chosen], self.u[chosen], p)))
+        return np.array(found).T
+
+    @cached_property
+    def tip(self) -> Array:
+        """Tip positions (N + 1, 2) [m]."""
+        return self._over_time(self.prediction.tip)
+
+    @cached_property
+    def bending(self) -> Array:
+        """Bending angle of each element (N + 1, elements) [rad]."""
+        return self._over_time(self.prediction.bending)
+
+    @cached_property
+    def contact_forces(self) -> Array:
+        """Normal force at each place where the finger may touch the object (N + 1, places) [N]."""
+        if not self.prediction.contact_names:
+            return np.zeros((len(self.t), 0))
+        return self._over_time(self.prediction.contact_force)
+
+    @property
+    def object_pose(self) -> Array | None:
+        """Pose of the object (N + 1, 3 or 4): x, y [m], angle [rad] of its frame; None without one."""
+        if self.scene.object is None:
+            return None
+        columns = self.prediction.system.object_states
+        if columns.start == columns.stop:
+            return np.tile(self.scene.object.pose, (len(self.t), 1))
+        return self.x[:, columns]
+
+    @cached_property
+    def contacts(self) -> ContactForces | None:
+        """What the contacts of the object bear; None without an object."""
+        model = self.prediction
+        names = tuple(model.system.touch_names)
+        if not names:
+            return None
+        touch = model.system.touch(*model.arguments)
+        found = {}
+        for name, value in zip(model.system.touch.name_out(), touch, strict=True):
+            flat = ca.Function(name, [model.x, model.u, model.p], [ca.vec(value)])
+            rows = self._over_time(flat)
+            plane = value.size1() == 2 and name in ("force", "point")
+            found[name] = rows.reshape(len(rows), len(names), 2).transpose(0, 2, 1) if plane else rows
+        return ContactForces(names, **{f.name: found[f.name] for f in fields(ContactForces) if f.name != "names"})
+
+    @cached_property
+    def _energies(self) -> tuple[Array, Array]:
+        model = self.prediction
+        x, u, _, p = model.arguments
+        both = ca.vertcat(*model.system.energy(x, u, p))
+        found = self._over_time(ca.Function("energy", [model.x, model.u, model.p], [both]))
+        return found[:, 0], found[:, 1]
+
+    @property
+    def kinetic(self) -> Array:
+        """Kinetic energy (N + 1,) [J]."""
+        return self._energies[0]
+
+    @property
+    def potential(self) -> Array:
+        """Elastic energy and potential of the weight (N + 1,) [J]."""
+        return self._energies[1]
+
+    def backbone(self, indices: ArrayLike, points: int = 50) -> Array:
+        """Backbones (len(indices), points, 2) at some of the nodes [m]."""
+        where = self.prediction.sections(tuple(np.linspace(0.0, self.length, points).tolist()))
+        model = self.prediction
+        flat = ca.Function("places", [model.x, model.u, model.p], [ca.vec(where(model.x, model.u, model.p)[0])])
+        return self._over_time(flat, indices).reshape(-1, points, 2)
+
+    def loads_at(self, index: int) -> list[tuple[Array, Array, str]]:
+        """Known forces at a node: position (2,) [m], force (2,) [N], and kind."""
+        found = []
+        for load in self.scene.loads:
+            if isinstance(load.force, tuple):
+                share = load.at / self.length
+                place = self.backbone([index], 101)[0][round(100 * share)]
+                found.append((place, np.array(load.force), "load"))
+        return found
+
+    def inputs_at(self, t: ArrayLike) -> Array:
+        """Inputs (len(t), nu) at instants [s]; the last one after the end."""
+        instants = np.atleast_1d(np.asarray(t, dtype=float))
+        if self.scene.input.form == "linear":
+            return np.stack([np.interp(instants, self.t, column) for column in self.u.T], axis=1)
+        k = np.searchsorted(self.t, instants * (1 + 1e-12), side="right") - 1
+        return np.asarray(self.u[np.clip(k, 0, len(self.u) - 1)])
+
+    def states_at(self, t: ArrayLike) -> Array:
+        """States (len(t), nx) at instants [s], linear between the nodes; the last one after the end."""
+        instants = np.atleast_1d(np.asarray(t, dtype=float))
+        return np.stack([np.interp(instants, self.t, column) for column in self.x.T], axis=1)
+
+    # -- files --------------------------------------------------------------------------------------------------------
+
+    def save(self, folder: str | PathLike[str]) -> Path:
+        """Write ``result.npz`` and ``meta.json`` into a run folder, whole or not at all.
+
+        Raises
+        ------
+        OSError
+            The files cannot be written.
+        """
+        from continuum_grasp.planning.files import save_plan
+
+        return save_plan(self, folder)
+
+    def plot(self, folder: str | PathLike[str]) -> list[Path]:
+        """Draw snapshots, tip path, inputs and states into a folder."""
+        from continuum_grasp.plotting.control.plan import save_plan_pictures
+
+        return save_plan_pictures(self, folder)
+
+    def animate(self, path: str | PathLike[str], fps: int = 30, *, speed: float = 1.0) -> Path:
+        """Write an animation, GIF or MP4 by the suffix; ``speed`` is seconds of motion per second."""
+        from continuum_grasp.plotting import animate
+
+        return animate(self, path, fps, speed=speed)

@@ -1,0 +1,188 @@
+"""The search for a plan from several starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.grasp.budget import Budget
+from continuum_grasp.planning.diagnosis import Diagnosis, diagnose
+from continuum_grasp.planning.fine import simulated
+from continuum_grasp.planning.guess import Hint, Path, Posture, detours, final_posture, smooth_path
+from continuum_grasp.planning.initial import first_state_of_plan
+from continuum_grasp.planning.ipopt import Attempt, Multipliers, ProgrammeSolver
+from continuum_grasp.planning.motion import Motion
+from continuum_grasp.planning.problem import PlanProblem
+from continuum_grasp.planning.result import Plan
+from continuum_grasp.planning.tighten import kept_between_nodes
+from continuum_grasp.scene.plan import PlanScene
+
+__all__ = ["KEPT", "Search"]
+
+Array = NDArray[np.float64]
+
+KEPT = 1e-6
+"""Violation in units of the programme below which constraints count as kept."""
+_STARTS_WITH_ZONES = 5
+_BARRIERS = (1e-3, 1e-4, 1e-2)
+"""First barrier parameters from a simulated motion with contact, whose forces change steeply."""
+
+
+@dataclass
+class Search:
+    """Starts of the solver, and the best of what they gave.
+
+    Attributes
+    ----------
+    scene : PlanScene
+    warm : Plan or None
+        From which to begin.
+    near : Hint or None
+        Near what the last posture is sought.
+    attempts, relaxed : list of (str, Attempt)
+        What was tried, by name, at the problem and at the relaxed one that seeks the least distance from the goal.
+    best : Attempt or None
+        The best plan.
+    diagnosis : Diagnosis or None
+        Where there is no plan, what the nearest one tells.
+    interrupted : bool
+        Whether Ctrl-C was pressed.
+    tightened : int
+        How often bounds were tightened at the nodes.
+    """
+
+    scene: PlanScene
+    warm: Plan | None = None
+    near: Hint | None = None
+    attempts: list[tuple[str, Attempt]] = field(default_factory=list)
+    relaxed: list[tuple[str, Attempt]] = field(default_factory=list)
+    best: Attempt | None = None
+    diagnosis: Diagnosis | None = None
+    interrupted: bool = False
+    tightened: int = 0
+
+    def __post_init__(self) -> None:
+        scene = self.scene
+        self.motion = Motion(scene)
+        self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
+        self.problem = PlanProblem(self.motion, self.x0)
+        self.budget = Budget.of(scene.solver)
+        self._solver = ProgrammeSolver(self.problem.programme, scene.solver, self.budget)
+        self._near: tuple[PlanProblem, ProgrammeSolver] | None = None
+
+    def run(self) -> None:
+        """Try all starts.
+
+        Once one has failed, the least distance from the goal is sought first, from that start and the others; where
+        there is none left, the problem is solved from there.
+        """
+        if self.warm is not None:
+            w, multipliers = self._warm_start(self.warm)
+            self._try("warm", w, multipliers, _BARRIERS[0])
+        if self.best is None and self.scene.object is not None:
+            self._try_motion()
+        if self.best is None:
+            self._try_paths()
+        if self.best is not None and self.best.converged and not self.over:
+            self.best, self.tightened = kept_between_nodes(self.problem, self._solver, self.best)
+            self.interrupted |= self._solver.watch.interrupted
+
+    def _try_motion(self) -> None:
+        """Start from what the finger does under an input that grows smoothly: it keeps off the object, or presses."""
+        direct = smooth_path(self.motion, self.x0, self.first, self.last, 0.0)
+        try:
+            states = simulated(self.scene, self.motion.prediction, direct, self.x0, 1)
+        except NumericalError:
+            return
+        w = self.problem.start(replace(direct, x=states))
+        for barrier in _BARRIERS:
+            if self.best is None and not self.over:
+                self._try(f"simulated, barrier {barrier:g}", w, None, barrier)
+
+    def _try_paths(self) -> None:
+        failed = False
+        for name, path in self._paths():
+            if self.over and self.attempts:
+                return
+            if not failed:
+                failed = not self._try(name, self.problem.start(path))
+            if failed and not self.over and self.scene.object is None:
+                self._approach(name, path)
+
+    @property
+    def over(self) -> bool:
+        """Whether there is nothing left to spend, or Ctrl-C was pressed."""
+        return self.interrupted or self.budget.over
+
+    def _paths(self) -> Iterator[tuple[str, Path]]:
+        count = self.scene.solver.starts or (_STARTS_WITH_ZONES if self.scene.bounds.keep_out else 1)
+        for side in detours(count):
+            name = "direct" if side == 0.0 else f"detour {side:+g}"
+            yield name, smooth_path(self.motion, self.x0, self.first, self.last, side)
+
+    def _warm_start(self, earlier: Plan) -> tuple[Array, Multipliers | None]:
+        """Unknowns and, where everything has its place as before, multipliers of an earlier plan."""
+        known, wanted = earlier.x_names, list(self.motion.prediction.x_names)
+        if earlier.n != self.motion.prediction.system.n or earlier.u.shape[1] != self.motion.nu:
+            raise InputError("the plan has other bending coordinates or inputs than this model", key="warm")
+        least, most = self.scene.duration_range
+        t = np.linspace(0.0, earlier.duration, self.scene.intervals + 1)
+        states, x = earlier.states_at(t), np.tile(self.x0, (len(t), 1))
+        for k, name in enumerate(wanted):
+            if name in known:
+                x[:, k] = states[:, known.index(name)]
+        path = Path(x, earlier.inputs_at(t), float(np.clip(earlier.duration, least, most)))
+        state, programme = earlier.solver_state, self.problem.programme
+        if not np.array_equal(state.get("units", []), self.motion.units):
+            return self.problem.start(path), None
+        if len(state["w"]) != programme.size or len(state["constraints"]) != programme.count:
+            return self.problem.start(path), None
+        return state["w"], Multipliers(state["bounds"], state["constraints"])
+
+    @cached_property
+    def last(self) -> Posture:
+        """A posture that meets the goal."""
+        return final_posture(self.motion, self.problem.goal, self.first, self.near)
+
+    def _try(self, name: str, w: Array, multipliers: Multipliers | None = None, barrier: float | None = None) -> bool:
+        """Solve from a start; whether that gave a plan."""
+        attempt = self._solver.run(w, multipliers, barrier)
+        self.attempts.append((name, attempt))
+        self.interrupted |= self._solver.watch.interrupted
+        kept = attempt.violation < KEPT
+        if kept and (self.best is None or _rank(attempt) < _rank(self.best)):
+            self.best = attempt
+        return kept
+
+    def _approach(self, name: str, path: Path) -> None:
+        """How near the goal can be reached; if it can, the search goes on from there."""
+        if self._near is None:
+            problem = PlanProblem(self.motion, self.x0, relaxed=True)
+            self._near = problem, ProgrammeSolver(problem.programme, self.scene.solver, self.budget)
+        problem, solver = self._near
+        attempt = solver.run(problem.start(path))
+        self.interrupted |= solver.watch.interrupted
+        if not attempt.violation < KEPT:
+            return
+        self.relaxed.append((name, attempt))
+        found = diagnose(problem, attempt)
+        if found.met and not self.over:
+            self._try(f"{name}, from the goal", self.problem.start(problem.path(attempt.w)))
+        elif attempt.objective <= min(a.objective for _, a in self.relaxed):
+            self.diagnosis = found
+
+    @property
+    def nearest(self) -> tuple[PlanProblem, Attempt]:
+        """What comes nearest to the goal, and its problem; the last attempt where that was not sought."""
+        if self._near is None or not self.relaxed:
+            return self.problem, self.attempts[-1][1]
+        return self._near[0], min((a for _, a in self.relaxed), key=lambda a: a.objective)
+
+
+def _rank(attempt: Attempt) -> tuple[bool, float]:
+    return not attempt.converged, attempt.objective

@@ -1,0 +1,109 @@
+"""An interval of multiple shooting: Runge-Kutta steps with first and second derivatives.
+
+The second derivatives are those of the discrete adjoint: per stage the Hessian of the dynamics, weighted by the
+adjoint of that stage and seen through the sensitivity of the stage's state (W. W. Hager, Runge-Kutta methods in optimal
+control and the transformed adjoint system, Numer. Math. 87 (2000), doi:10.1007/s002110000178).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from continuum_grasp.planning.term import Term
+
+__all__ = ["shooting_interval"]
+
+_WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
+_AHEAD = (0.0, 0.5, 0.5, 1.0)
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """A stage of a step: its argument, the numbers it reads, and the sensitivities of the argument."""
+
+    z: ca.MX
+    d: ca.MX
+    by_z: ca.MX
+    slope: ca.MX
+
+
+def shooting_interval(flow: Term, ns: int, intervals: int, substeps: int) -> Term:
+    """The state at the end of an interval, and what the objective grows by.
+
+    Parameters
+    ----------
+    flow : Term
+        (z = [s, v, T], d) -> rates of s and of the objective, for time from 0 to 1.
+    ns : int
+        Number of states.
+    intervals, substeps : int
+        Intervals of the plan, and steps per interval.
+
+    Returns
+    -------
+    Term
+        (z, D (nd, 2 substeps + 1): numbers at half steps) -> [s at the end, increment of the objective].
+    """
+    h = 1.0 / (intervals * substeps)
+    z = ca.MX.sym("z", flow.value.numel_in(0))
+    d = ca.MX.sym("D", flow.value.numel_in(1), 2 * substeps + 1)
+    weights = ca.MX.sym("weights", ns + 1)
+    _, slope, stages = _steps(flow, z, d, ns, h, substeps)
+    hessian = _second_order(flow, stages, weights, ns, h)
+    inputs, names = [z, d], ["z", "d"]
+    value = _steps(flow, z, d, ns, h, substeps, derivatives=False)[0]
+    return Term(
+        ca.Function("interval", inputs, [value], names, ["o"]),
+        ca.Function("interval_jac", inputs, [slope], names, ["J"]),
+        ca.Function("interval_hess", [*inputs, weights], [hessian], [*names, "weights"], ["H"]),
+    )
+
+
+def _steps(
+    flow: Term, z: ca.MX, d: ca.MX, ns: int, h: float, substeps: int, *, derivatives: bool = True
+) -> tuple[ca.MX, ca.MX, list[_Stage]]:
+    """End, its sensitivities, and all stages."""
+    nz = z.numel()
+    state, held = ca.vertcat(z[:ns], 0.0), z[ns:]
+    by_z = ca.vertcat(ca.MX.eye(nz)[:ns, :], ca.MX.zeros(1, nz))
+    held_by_z = ca.MX.eye(nz)[ns:, :]
+    stages: list[_Stage] = []
+    for i in range(substeps):
+        k, k_by_z = ca.MX.zeros(ns + 1), ca.MX.zeros(ns + 1, nz)
+        total, total_by_z = state, by_z
+        for weight, ahead in zip(_WEIGHTS, _AHEAD, strict=True):
+            at = ca.vertcat(state[:ns] + ahead * h * k[:ns], held)
+            numbers = d[:, 2 * i + int(2 * ahead)]
+            k = flow.value(at, numbers)
+            if derivatives:
+                at_by_z = ca.vertcat(by_z[:ns, :] + ahead * h * k_by_z[:ns, :], held_by_z)
+                slope = flow.jacobian(at, numbers)
+                k_by_z = ca.mtimes(slope, at_by_z)
+                total_by_z = total_by_z + weight * h * k_by_z
+                stages.append(_Stage(at, numbers, at_by_z, slope))
+            total = total + weight * h * k
+        state, by_z = total, total_by_z
+    return state, by_z, stages
+
+
+def _second_order(flow: Term, stages: list[_Stage], weights: ca.MX, ns: int, h: float) -> ca.MX:
+    """Hessian of the weighted outputs, backwards over the stages."""
+    nz = stages[0].z.numel()
+    hessian = ca.MX.zeros(nz, nz)
+    after = weights
+    for first in range(len(stages) - 4, -1, -4):
+        pulled = ca.MX.zeros(ns)
+        before = after
+        for j in (3, 2, 1, 0):
+            stage = stages[first + j]
+            adjoint = _WEIGHTS[j] * h * after
+            if j < 3:
+                adjoint = adjoint + ca.vertcat(_AHEAD[j + 1] * h * pulled, 0.0)
+            pulled = ca.mtimes(stage.slope[:, :ns].T, adjoint)
+            before = before + ca.vertcat(pulled, 0.0)
+            inner = flow.hessian(stage.z, stage.d, adjoint)
+            hessian = hessian + ca.mtimes(stage.by_z.T, ca.mtimes(inner, stage.by_z))
+        after = before
+    return hessian

@@ -1,0 +1,219 @@
+"""Whole-horizon plans by IPOPT."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp import interrupt
+from continuum_grasp.errors import InputError, Interrupted, SolverError
+from continuum_grasp.planning.closing import closing
+from continuum_grasp.planning.files import load_plan
+from continuum_grasp.planning.fine import checked
+from continuum_grasp.planning.ipopt import Attempt
+from continuum_grasp.planning.outcome import constraints_of, objective_of
+from continuum_grasp.planning.result import Plan, PlanStatus
+from continuum_grasp.planning.search import KEPT, Search
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.plan import PlanScene
+
+if TYPE_CHECKING:
+    from continuum_grasp.grasp.result import GraspResult
+
+__all__ = ["plan"]
+
+Array = NDArray[np.float64]
+
+
+@interrupt.listening()
+def plan(
+    scene: PlanScene | str | os.PathLike[str],
+    *,
+    warm: Plan | str | os.PathLike[str] | None = None,
+    grasp: GraspResult | str | os.PathLike[str] | None = None,
+    raise_on_failure: bool = True,
+) -> Plan:
+    """Plan a motion as a whole.
+
+    The motion is transcribed by multiple shooting (Runge-Kutta steps) or collocation into one nonlinear programme,
+    which IPOPT solves from smooth paths to a posture that meets the goal (J. T. Betts, Practical Methods for Optimal
+    Control and Estimation Using Nonlinear Programming, SIAM 2010, doi:10.1137/1.9780898718577). The inputs found are
+    then played to a finely integrated model.
+
+    Parameters
+    ----------
+    scene : PlanScene or path-like
+        What is to be planned, or its YAML file.
+    warm : Plan or path-like, optional
+        A plan of a similar scene, or its run folder, from which the search begins.
+    grasp : GraspResult or path-like, optional
+        The grasp that the scene names, or its run folder, where it was found already.
+    raise_on_failure : bool
+        Whether to raise where there is no plan; where not, its ``status`` says so.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    InputError
+        The scene is wrong, or ``warm`` does not fit.
+    SolverError
+        There is no plan; it names what is violated and what stops it, and ``result`` comes nearest.
+    Interrupted
+        Ctrl-C; ``result`` is the best plan so far, or the last iterate.
+    """
+    began = time.perf_counter()
+    asked, near = closing(_scene(scene), grasp)
+    earlier = load_plan(warm) if isinstance(warm, (str, os.PathLike)) else warm
+    search = Search(asked, earlier, near)
+    built = time.perf_counter()
+    try:
+        search.run()
+        searched = time.perf_counter()
+        result = _result(search)
+        if result.solved and not search.interrupted:
+            result = checked(result, search.motion)
+    except KeyboardInterrupt:  # outside the solver, which keeps it until it has ended
+        search.interrupted, searched = True, time.perf_counter()
+        if not search.attempts:
+            raise Interrupted("interrupted before anything was found") from None
+        result = _result(search)
+    ended = time.perf_counter()
+    times = {"build": built - began, "search": searched - built, "check": ended - searched, "total": ended - began}
+    result = replace(result, times=times)
+    if search.interrupted:
+        raise Interrupted("interrupted while planning", result=result)
+    if raise_on_failure and not result.solved:
+        raise SolverError(
+            result.message, status=result.status.value, violated=result.violated, advice=result.advice, result=result
+        )
+    return result
+
+
+def _scene(given: PlanScene | str | os.PathLike[str]) -> PlanScene:
+    if isinstance(given, PlanScene):
+        return given
+    if not isinstance(given, (str, os.PathLike)):
+        raise InputError(f"expected a PlanScene or the path of its file, got {given!r:.80}")
+    loaded = load(Path(given))
+    if not isinstance(loaded, PlanScene):
+        raise InputError(f"expected a plan (finger, goal, ...), got a {type(loaded).__name__}", file=os.fspath(given))
+    return loaded
+
+
+def _result(search: Search) -> Plan:
+    """The best plan, or what comes nearest."""
+    problem, attempt, scene = search.problem, search.best, search.scene
+    status, message, advice = PlanStatus.OPTIMAL, "solved", ""
+    violated: tuple[str, ...] = ()
+    if attempt is None:
+        status, message, advice, violated = _failure(search)
+        attempt = search.attempts[-1][1]
+        if status is PlanStatus.INFEASIBLE:
+            problem, attempt = search.nearest
+    elif not attempt.converged:
+        status = PlanStatus.FEASIBLE
+        message = f"all constraints are kept, but {_stopped(search, attempt)} before the optimum was reached"
+    elif search.budget.cut:
+        status = PlanStatus.FEASIBLE
+        message = f"all constraints are kept at the nodes, but {_cut(search)} before the search was complete"
+    path = problem.path(attempt.w)
+    lead = "" if violated else _lead(scene, path.u, path.duration)
+    warnings = [lead] if lead else []
+    if search.interrupted:
+        warnings.append("the search was interrupted")
+    return Plan(
+        scene=scene,
+        status=status,
+        message=f"{message}; on a drive without jumps up to one interval longer" if lead else message,
+        t=np.linspace(0.0, path.duration, scene.intervals + 1),
+        x=path.x,
+        u=path.u,
+        objective=objective_of(problem, attempt),
+        constraints=constraints_of(problem, attempt),
+        iterations=attempt.iterations,
+        violated=violated,
+        advice=advice,
+        warnings=tuple(warnings),
+        statistics=_statistics(search),
+        solver_state={
+            "w": attempt.w,
+            "bounds": attempt.multipliers.bounds,
+            "constraints": attempt.multipliers.constraints,
+            "units": search.motion.units,
+        },
+    )
+
+
+def _lead(scene: PlanScene, u: Array, duration: float) -> str:
+    """By how much held inputs shorten the least time of a drive whose rate is limited; empty where they do not.
+
+    The input may jump at the nodes by what the rate limit allows in an interval, at the first node (from
+    ``input.initial``) and at the last one too: a drive that takes an interval for each jump ends up to one later.
+    """
+    most = scene.input.rate_max
+    if scene.objective != "least_time" or scene.input.form == "linear" or most is None:
+        return ""
+    first, last = (float(np.abs(jump).max()) for jump in (u[0] - np.array(scene.initial_input), u[-1] - u[-2]))
+    unit = "N m" if u.shape[1] == 1 else "N"
+    return (
+        f"held inputs jump ({first:.3g} {unit} at the start, {last:.3g} {unit} at the end): a drive that keeps "
+        f"input.rate_max = {most:g} {unit}/s needs up to one interval ({1e3 * duration / scene.intervals:.3g} ms) more "
+        f"than these {duration:.4g} s; take input.form: linear, which has no jumps, or more intervals"
+    )
+
+
+def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
+    """Status, message, advice and what is violated."""
+    found = search.diagnosis
+    if found is not None and not found.met and not search.budget.stopped:
+        return PlanStatus.INFEASIBLE, found.message, found.advice, found.violated
+    last = search.attempts[-1][1]
+    broken = [c for c in constraints_of(search.problem, last).values() if c.excess > KEPT]
+    violated = tuple(str(c) for c in sorted(broken, key=lambda c: -c.excess))
+    advice = "give the solver more iterations, more intervals, another initial duration, or a warm start"
+    if search.scene.object is not None:
+        advice += (
+            "; plan with a softer contact first (contact_law: stiffness, rounding, slip_speed), and start from that"
+        )
+    status = PlanStatus.TIMED_OUT if search.budget.stopped else PlanStatus.NOT_SOLVED
+    return status, f"no plan was found: {_stopped(search, last)}", advice, violated
+
+
+def _statistics(search: Search) -> dict[str, Any]:
+    programme = search.problem.programme
+    tried = [*search.attempts, *((f"{name}, distance from the goal", a) for name, a in search.relaxed)]
+    return {
+        "starts": [f"{name}: {a.outcome} after {a.iterations} iterations, {a.seconds:.2f} s" for name, a in tried],
+        "unknowns": programme.size,
+        "constraints": programme.count,
+        "substeps": search.problem.substeps,
+        "tightened": search.tightened,
+        "cut_short": search.budget.cut,
+    }
+
+
+def _cut(search: Search) -> str:
+    """What cut the search short."""
+    options = search.scene.solver
+    if search.budget.stopped:
+        return f"the clock stopped the search after {options.time_limit:g} s (solver.time_limit)"
+    return f"all {options.max_total_iterations} iterations were used up (solver.max_total_iterations)"
+
+
+def _stopped(search: Search, attempt: Attempt) -> str:
+    """Why the solver stopped."""
+    if search.budget.cut:
+        return _cut(search)
+    return {
+        "Maximum_Iterations_Exceeded": "the iterations were used up",
+        "Infeasible_Problem_Detected": "the solver ended where constraints cannot be met nearby",
+    }.get(attempt.outcome, f"the solver ended with {attempt.outcome}")

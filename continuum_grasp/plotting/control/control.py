@@ -1,0 +1,206 @@
+"""Pictures of closed loops: path of the tip, inputs, tracking, bounds, estimates and times."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from continuum_grasp.plotting.control.scene import draw_surroundings, zone_points
+from continuum_grasp.plotting.drawable import DrawableControl
+from continuum_grasp.plotting.drawing.axes import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    bend_box,
+    colors,
+    head,
+    new_axes,
+    plane_axes,
+    split_unit,
+)
+from continuum_grasp.plotting.drawing.finger_shape import draw_clamp
+from continuum_grasp.plotting.drawing.pictures import save_picture
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = [
+    "plot_bounds",
+    "plot_control_path",
+    "plot_controller_times",
+    "plot_disturbances",
+    "plot_inputs",
+    "plot_tracking",
+    "plot_tracking_error",
+    "save_control_pictures",
+]
+
+_SNAPSHOTS = 9
+
+
+def plot_control_path(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
+    """Draw the path of the tip in the plane with its set-points, some shapes of the finger and what must be avoided.
+
+    Parameters
+    ----------
+    run : ControlRun
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None: axes in a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    tip, wanted = np.asarray(run.tip), run.tip_reference
+    shown = np.unique(np.linspace(0, len(tip) - 1, _SNAPSHOTS).astype(int))
+    shapes = run.backbone(shown, points=60)
+    points = [shapes, tip, *([] if wanted is None else [wanted]), *zone_points(run.scene)]
+    ax = plane_axes(ax, bend_box(points, 0.07 * run.length), colorbar=False)
+    draw_surroundings(ax, run.scene)
+    draw_clamp(ax, shapes[0], run.length)
+    for shape in shapes:
+        ax.plot(*shape.T, color=GREY, linewidth=0.8, alpha=0.7, zorder=1)
+    if wanted is not None:
+        jumps = _jumps(wanted)
+        whole = np.insert(wanted, jumps + 1, np.nan, axis=0)
+        ax.plot(*whole.T, color=ORANGE, linewidth=1.0, linestyle="--", zorder=5)
+        ends = wanted[np.unique([0, *jumps, *(jumps + 1), len(wanted) - 1])]
+        ax.plot(*ends.T, "o", color=ORANGE, markersize=4, label="set-point", zorder=5)
+    ax.plot(*tip.T, color=BLUE, linewidth=1.6, label="tip", zorder=4)
+    head(ax, run.name, entries=1 + (wanted is not None))
+    return ax
+
+
+def _jumps(wanted: Any) -> Any:
+    """After which set-points the next one is far away."""
+    steps = np.linalg.norm(np.diff(wanted, axis=0), axis=1)
+    return np.flatnonzero(steps > max(20.0 * float(np.median(steps)), 1e-6))
+
+
+def plot_inputs(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
+    """Draw the commands over time, with their limits."""
+    ax = new_axes(ax)
+    for column, name, color in zip(np.asarray(run.u).T, run.u_names, colors(len(run.u_names)), strict=True):
+        ax.stairs(column, run.t, color=color, linewidth=1.4, baseline=None, label=split_unit(name)[0].replace("_", " "))
+    for limit in np.unique([*run.u_min, *run.u_max]):
+        ax.axhline(limit, color=GREY, linewidth=0.9, linestyle="--", zorder=1)
+    ax.set_xlabel("time [s]", color=INK)
+    ax.set_ylabel(f"input [{split_unit(run.u_names[0])[1]}]", color=INK)
+    head(ax, run.name, entries=len(run.u_names))
+    return ax
+
+
+def plot_tracking(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
+    """Draw what is followed, and its set-points, over time; of several units, that of the first."""
+    ax = new_axes(ax)
+    unit = split_unit(run.r_names[0])[1]
+    chosen = [k for k, name in enumerate(run.r_names) if split_unit(name)[1] == unit and "rate" not in name]
+    for k, color in zip(chosen, colors(len(chosen)), strict=True):
+        label = split_unit(run.r_names[k])[0].replace("_", " ")
+        ax.plot(run.t, run.r[:, k], color=color, linewidth=1.0, linestyle="--")
+        ax.plot(run.t, run.tracked[:, k], color=color, linewidth=1.4, label=label)
+    ax.plot([], [], color=GREY, linewidth=1.0, linestyle="--", label="set-point")
+    ax.set_xlabel("time [s]", color=INK)
+    ax.set_ylabel(f"followed [{unit}]", color=INK)
+    head(ax, run.name, entries=len(chosen) + 1)
+    return ax
+
+
+def plot_tracking_error(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
+    """Draw the distance of the tip from its set-point over time, or the greatest error of what is followed instead."""
+    ax = new_axes(ax)
+    if run.tip_reference is not None:
+        size, label, unit = 1e3 * np.linalg.norm(run.tip - run.tip_reference, axis=1), "tip", "mm"
+    else:
+        label, unit = split_unit(run.r_names[0])
+        label = label.rstrip("0123456789_")
+        columns = [k for k, name in enumerate(run.r_names) if name.startswith(label)]
+        size = np.abs(run.tracked[:, columns] - run.r[:, columns]).max(axis=1)
+    ax.plot(run.t, size, color=BLUE, linewidth=1.4)
+    ax.set_ylim(bottom=0.0)
+    ax.set_xlabel("time [s]", color=INK)
+    ax.set_ylabel(f"error of the {label.replace('_', ' ')} [{unit}]", color=INK)
+    head(ax, run.name)
+    return ax
+
+
+def plot_bounds(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
+    """Draw how far each bound is away over time, as a share of its scale; above zero it is exceeded."""
+    ax = new_axes(ax)
+    for bound, color in zip(run.bounds, colors(len(run.bounds)), strict=True):
+        ax.plot(run.t, bound.excess / bound.scale, color=color, linewidth=1.3, label=bound.name.replace("_", " "))
+    top = max(0.02, 1.1 * max(float(np.max(b.excess)) / b.scale for b in run.bounds))
+    bottom = min(-0.3, ax.get_ylim()[0])
+    ax.axhspan(0.0, top, color="#F6DDD4", zorder=0)
+    ax.set_ylim(max(bottom, -1.05), top)
+    ax.set_xlabel("time [s]", color=INK)
+    ax.set_ylabel("beyond the bound [share of its scale]", color=INK)
+    head(ax, run.name, entries=len(run.bounds))
+    return ax
+
+
+def plot_disturbances(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
+    """Draw what the estimator thinks of the disturbances, with two standard deviations either way."""
+    ax = new_axes(ax)
+    names = run.disturbance_names
+    unit = split_unit(names[0])[1] if names else ""
+    chosen = [k for k, name in enumerate(names) if split_unit(name)[1] == unit]
+    for k, color in zip(chosen, colors(len(chosen)), strict=True):
+        value, spread = run.disturbance[:, k], 2.0 * run.disturbance_std[:, k]
+        ax.fill_between(run.t[:-1], value - spread, value + spread, color=color, alpha=0.15, linewidth=0.0)
+        ax.plot(run.t[:-1], value, color=color, linewidth=1.4, label=split_unit(names[k])[0].replace("_", " "))
+    ax.set_xlabel("time [s]", color=INK)
+    ax.set_ylabel(f"estimated disturbance [{unit}]", color=INK)
+    head(ax, run.name, entries=len(chosen), columns=2)
+    return ax
+
+
+def plot_controller_times(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
+    """Draw a histogram of the time that each phase of the controller took."""
+    ax = new_axes(ax)
+    times = 1e6 * np.asarray(run.phase_times)
+    positive = times[times > 0.0]
+    if positive.size:
+        edges = np.geomspace(positive.min() / 1.05, positive.max() * 1.05, 60).tolist()
+        for column, name, color in zip(times.T, run.phase_names, colors(len(run.phase_names)), strict=True):
+            ax.hist(column, bins=edges, histtype="stepfilled", color=color, alpha=0.35)
+            label = f"{name}: median {np.median(column):.3g}, 99 % {np.quantile(column, 0.99):.3g}"
+            ax.hist(column, bins=edges, histtype="step", color=color, linewidth=1.3, label=label)
+        ax.set_xscale("log")
+    ax.set_xlabel(r"time of a step [$\mathrm{\mu}$s]", color=INK)
+    ax.set_ylabel("steps [1]", color=INK)
+    head(ax, run.name, entries=len(run.phase_names), columns=2)
+    return ax
+
+
+def save_control_pictures(run: DrawableControl, folder: str | os.PathLike[str]) -> list[Path]:
+    """Draw a closed loop into PNG files.
+
+    Parameters
+    ----------
+    run : ControlRun
+        What to draw.
+    folder : path-like
+        Where the files go; made where missing, files of the same names are replaced.
+
+    Returns
+    -------
+    list of pathlib.Path
+        ``path.png``, ``inputs.png``, ``tracking.png``, ``error.png``, ``bounds.png`` and ``times.png`` in that folder,
+        and ``disturbances.png`` where some are estimated.
+    """
+    drawn = {
+        "path": plot_control_path,
+        "inputs": plot_inputs,
+        "tracking": plot_tracking,
+        "error": plot_tracking_error,
+        "bounds": plot_bounds,
+        "times": plot_controller_times,
+    }
+    if run.disturbance_names:
+        drawn["disturbances"] = plot_disturbances
+    return [save_picture(draw(run), Path(folder) / f"{name}.png") for name, draw in drawn.items()]

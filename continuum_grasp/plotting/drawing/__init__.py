@@ -1,0 +1,1 @@
+"""Drawing primitives: axes, files, the object, its supports, the outline of a finger."""

@@ -1,0 +1,163 @@
+"""What a picture of a grasp shows: shapes in millimetres, colours, scales."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.plotting.drawing.axes import BLUE, GREEN, ORANGE
+from continuum_grasp.scene.grasp_options import GraspFinger, PlanarGravity
+
+if TYPE_CHECKING:
+    from continuum_grasp.grasp.result import Contact, GraspResult
+
+__all__ = ["MM", "GraspView", "lighter", "turned"]
+
+Array = NDArray[Any]
+
+MM = 1e3
+_FINGERS = (BLUE, GREEN, "#9A4C80", "#7A6200")
+_SUPPORT = ORANGE
+_PLACES = 81
+
+
+@dataclass(frozen=True)
+class GraspView:
+    """A result turned into shapes.
+
+    Attributes
+    ----------
+    result : GraspResult
+        A grasp, the closest point to one, or a scene without any numbers: its fingers are then drawn unloaded, its
+        object where it starts.
+    """
+
+    result: GraspResult
+
+    @property
+    def found(self) -> bool:
+        """Whether there are numbers to draw."""
+        return "object.pose" in self.result.arrays
+
+    @cached_property
+    def fingers(self) -> Mapping[str, GraspFinger]:
+        """Fingers of the scene by name."""
+        return self.result.scene.named_fingers
+
+    @cached_property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The contacts."""
+        return self.result.contacts
+
+    @cached_property
+    def pose(self) -> Array:
+        """World x, y [mm] and angle [rad] of the object (3,)."""
+        pose = self.result.object_pose if self.found else np.array(self.result.scene.object.pose)
+        return np.asarray(pose, dtype=float) * [MM, MM, 1.0]
+
+    @cached_property
+    def center_of_mass(self) -> Array:
+        """World (2,) [mm]."""
+        return self.pose[:2] + turned(MM * np.array(self.result.scene.object.com), self.pose[2])
+
+    @cached_property
+    def outlines(self) -> tuple[Array, ...]:
+        """Outlines of the object's parts in the world, (points, 2) each [mm]."""
+        parts = self.result.scene.object.parts
+        return tuple(self.pose[:2] + turned(MM * np.array(part.outline()), self.pose[2]) for part in parts)
+
+    @cached_property
+    def backbones(self) -> dict[str, Array]:
+        """Per finger position along it, x, y [mm] and the angle of the section's X axis [rad], (points, 4)."""
+        if self.found:
+            scale = np.array([MM, MM, MM, 1.0])
+            return {name: np.asarray(f.backbone) * scale for name, f in self.result.fingers.items()}
+        return {name: _unloaded(finger) for name, finger in self.fingers.items()}
+
+    def body(self, name: str) -> Array:
+        """Outline of a finger with its rounded end, (points, 2) [mm]."""
+        backbone, half = self.backbones[name], MM * self.fingers[name].thickness_radius
+        line, angle = backbone[:, 1:3], backbone[:, 3]
+        across = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        cap = angle[-1] + np.linspace(0.0, math.pi, 25)
+        end = line[-1] + half * np.stack([np.cos(cap), np.sin(cap)], axis=1)
+        return np.concatenate([line + half * across, end, (line - half * across)[::-1]])
+
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Lower left and upper right corner of what must be seen, with room for labels [mm]."""
+        points = [*self.outlines, *(self.body(name) for name in self.fingers)]
+        for wall in self.result.scene.walls:
+            if math.isfinite(wall.half_length):
+                along = turned(np.array(wall.normal), 0.5 * math.pi)
+                points.append(MM * (np.array(wall.point) + np.outer([-wall.half_length, wall.half_length], along)))
+        points += [MM * np.array([peg.position]) + MM * peg.radius * _ROUND for peg in self.result.scene.pegs]
+        points.append(self.center_of_mass[None, :] + self.force_scale * self.weight[None, :])
+        low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
+        margin = max(14.0, 0.13 * float((high - low).max()))
+        return low - margin, high + margin
+
+    @cached_property
+    def weight(self) -> Array:
+        """Weight of the object in the plane (2,) [N]."""
+        scene = self.result.scene
+        if isinstance(scene.gravity, PlanarGravity):
+            return scene.object.mass * np.array(scene.gravity.vector)
+        return np.zeros(2)
+
+    @cached_property
+    def extent(self) -> float:
+        """Diameter of a disc about as large as the object [mm]."""
+        points = np.concatenate(self.outlines)
+        return float(np.sqrt(np.prod(points.max(axis=0) - points.min(axis=0))))
+
+    @cached_property
+    def greatest_force(self) -> float:
+        """Of all contacts, and the weight in the plane [N]."""
+        forces = [float(np.hypot(*contact.force)) for contact in self.contacts]
+        return max([float(np.hypot(*self.weight)), *forces])
+
+    @cached_property
+    def force_scale(self) -> float:
+        """Drawn length per force [mm/N]: the greatest is a third as long as the object is wide."""
+        return 0.36 * self.extent / self.greatest_force if self.greatest_force > 0 else 0.0
+
+    def color(self, name: str) -> str:
+        """Colour of a finger, a support, or what a contact's name begins with."""
+        names = list(self.fingers)
+        owner = name.split(".")[0]
+        return _FINGERS[names.index(owner)] if owner in names else _SUPPORT
+
+
+def turned(points: Array, angle: float) -> Array:
+    """Points or vectors (..., 2) turned by an angle [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.stack([c * points[..., 0] - s * points[..., 1], s * points[..., 0] + c * points[..., 1]], axis=-1)
+
+
+def lighter(color: str, share: float) -> str:
+    """A colour mixed with white; 1 is white."""
+    parts = [int(color[k : k + 2], 16) for k in (1, 3, 5)]
+    return "#" + "".join(f"{round(p + (255 - p) * share):02X}" for p in parts)
+
+
+_ROUND = np.stack([np.cos(np.linspace(0, math.tau, 25)), np.sin(np.linspace(0, math.tau, 25))], axis=1)
+
+
+def _unloaded(finger: GraspFinger) -> Array:
+    """The backbone of a finger that nothing bends but its rest curvature (points, 4) [mm, rad]."""
+    s = np.linspace(0.0, finger.rod.length, _PLACES)
+    curvature = np.zeros(_PLACES - 1)
+    for start, end, value in finger.curvature_pieces:
+        curvature[(s[:-1] >= start - 1e-12) & (s[:-1] < end)] = value
+    step = s[1]
+    angle = finger.base.angle + np.concatenate([[0.0], np.cumsum(curvature * step)])
+    middle = 0.5 * (angle[1:] + angle[:-1])
+    path = np.concatenate([np.zeros((1, 2)), step * np.cumsum(np.stack([-np.sin(middle), np.cos(middle)], 1), axis=0)])
+    return np.column_stack([MM * s, MM * (np.array(finger.base.position) + path), angle])

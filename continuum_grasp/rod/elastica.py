@@ -1,0 +1,290 @@
+"""The exact equilibrium of a planar elastic rod: truth for statics, independent of the finger model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.rod.dimensionless import RodProblem, read_problem
+from continuum_grasp.rod.equations import RodEquations
+from continuum_grasp.rod.equilibrium_path import descend, follow, newton, weakest
+from continuum_grasp.rod.mesh import Mesh
+from continuum_grasp.scene.loads import Load
+from continuum_grasp.scene.simulate import Scene
+
+__all__ = ["Elastica", "solve_elastica"]
+
+Array = NDArray[np.float64]
+Guess = Callable[[Array], ArrayLike] | ArrayLike
+
+_COARSE, _FINE = 10, 16
+"""Nodes per panel while the shape is sought, and while it is refined."""
+_MAX_NODES = 1600
+_MAX_REFINEMENTS = 16
+_ROUNDING = 16.0 * np.finfo(float).eps
+
+
+@dataclass(frozen=True)
+class Elastica:
+    """A rod at rest. Lengths are measured from the base; planar vectors and angles are the world's.
+
+    Attributes
+    ----------
+    energy : float
+        Elastic energy above the rest shape, less the work of weight, dead forces and couples (forces: from the world's
+        origin; couples and actuation: from the straight rod) [J]; what following forces or rubbing tendons do has no
+        potential and is left out.
+    elastic_energy : float
+        Elastic energy above the rest shape [J].
+    stable : bool or None
+        Whether the second variation of the energy is positive; None where loads have no potential.
+    margin : float
+        Least eigenvalue of the second variation in the metric of the integral of (change of curvature)^2, per bending
+        stiffness [1]; 1 without loads, 0 at a critical load; of its symmetric part where loads have no potential.
+    error : float
+        Estimated error of the position of the tip, and of the ends of all panels [m].
+    nodes : int
+        Collocation nodes of the finer of the two meshes that agree.
+    iterations : int
+        Steps of Newton's method, of the path and of the descent.
+    equations : RodEquations
+        The balance on the finer mesh, in dimensionless numbers.
+    nodal_curvature : (nodes,) ndarray
+        Curvature times length at its nodes [rad].
+    """
+
+    energy: float
+    elastic_energy: float
+    stable: bool | None
+    margin: float
+    error: float
+    nodes: int
+    iterations: int
+    equations: RodEquations
+    nodal_curvature: Array
+
+    def curvature(self, s: ArrayLike) -> Array:
+        """Curvature [1/m] at lengths (...,) [m]; where it jumps, that of the far side."""
+        at, shape = self._local(s)
+        value = self.equations.mesh.evaluate(self.nodal_curvature, at).real / self._problem.length
+        return value.reshape(shape)
+
+    def angle(self, s: ArrayLike) -> Array:
+        """Angles [rad] from the world's axes to the sections' at lengths (...,) [m]; (-sin, cos) is the tangent."""
+        at, shape = self._local(s)
+        value = self._problem.angle + self.equations.mesh.integrate(self.nodal_curvature, at).real
+        return np.asarray(value.reshape(shape))
+
+    def position(self, s: ArrayLike) -> Array:
+        """Positions (..., 2) in the world [m] at lengths (...,) [m]."""
+        at, shape = self._local(s)
+        tangents = self.equations.tangents(self.nodal_curvature)
+        place = self._problem.base + self._problem.length * self.equations.mesh.integrate(tangents, at)
+        return np.stack([place.real, place.imag], axis=-1).reshape(*shape, 2)
+
+    @property
+    def tip(self) -> Array:
+        """Position (2,) of the tip in the world [m]."""
+        return self.position(self._problem.length)
+
+    @property
+    def _problem(self) -> RodProblem:
+        return self.equations.problem
+
+    def _local(self, s: ArrayLike) -> tuple[Array, tuple[int, ...]]:
+        """Lengths per L in one row, and the shape in which they came."""
+        at = np.asarray(s, dtype=float) / self._problem.length
+        if not np.all((at >= -1e-12) & (at <= 1.0 + 1e-12)):
+            raise InputError(f"s: expected lengths between 0 and {self._problem.length} m")
+        return at.ravel(), at.shape
+
+
+def solve_elastica(
+    scene: Scene,
+    *,
+    tolerance: float = 1e-10,
+    guess: Guess | None = None,
+    stable: bool = True,
+    side: int = 1,
+    extra_loads: Sequence[Load] = (),
+) -> Elastica:
+    """The equilibrium of an inextensible, unshearable elastic rod under a scene's loads at time zero.
+
+    Own weight, point masses, dead and following forces, couples, the moment of tip or tendons (with friction: the
+    capstan law along the bent backbone, rounded off where it is straight) and a piecewise rest curvature are taken
+    without further approximation; the balance of moments is solved by collocation of high order on panels that are
+    refined until two meshes agree.
+
+    Without a guess the equilibrium is followed from the unloaded shape while all loads grow together. Given a guess,
+    the equilibrium near it is sought: the minimum of the energy below it, or with ``stable=False``, or where loads have
+    no potential, any equilibrium.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene; ``fidelity``, ``contacts``, ``parameters``, ``initial`` and ``time`` do not matter.
+    tolerance : float
+        Greatest estimated error of position, per length.
+    guess : callable or (K,) array_like, optional
+        World angles of the sections [rad]: as a function of lengths (n,) [m], such as ``Elastica.angle``, or at K > 1
+        equally spaced places from base to tip. Chooses the branch.
+    stable : bool
+        Whether to leave an unstable equilibrium for a stable one beside it, where loads have a potential.
+    side : {1, -1}
+        Side to which an unstable equilibrium is left: the sense in which its weakest direction turns the tip.
+    extra_loads : sequence of loads
+        Loads that act besides the scene's.
+
+    Returns
+    -------
+    Elastica
+
+    Raises
+    ------
+    InputError
+        If tolerance, guess, side or a load do not fit.
+    SolverError
+        If no equilibrium is reached, or not to the tolerance.
+
+    Notes
+    -----
+    Stretch, shear and contact of the rod with itself are not modelled. See ``RodEquations`` for the balance, ``Mesh``
+    for the collocation, and S. S. Antman, Nonlinear Problems of Elasticity, 2005, doi:10.1007/0-387-27649-1.
+    """
+    if not 1e-13 <= tolerance <= 1e-2:
+        raise InputError(f"tolerance: expected a number from 1e-13 to 1e-2, got {tolerance}")
+    if side not in (1, -1):
+        raise InputError(f"side: expected 1 or -1, got {side!r}")
+    problem = read_problem(scene, extra_loads)
+    equations = RodEquations(problem, _first_mesh(problem))
+    descends = stable and problem.conservative
+    curvature, iterations = _find(equations, guess, descends, side)
+    return _refine(equations, curvature, iterations, tolerance, side if descends else 0)
+
+
+def _first_mesh(problem: RodProblem) -> Mesh:
+    """Panels between breaks, no longer than what forces and moments bend by an angle of about one."""
+    forces = [problem.weight, *(value for _, value in (*problem.dead, *problem.following))]
+    moments = [problem.drive, *(value for _, value in problem.couples)]
+    curvature = sum(abs(m) for m in moments) + max(abs(k) for *_, k in problem.rest)
+    longest = min(0.5, 1.5 / math.sqrt(max(sum(abs(f) for f in forces), 1e-9)), 2.5 / max(curvature, 1e-9))
+    edges = [0.0]
+    for start, end in zip(problem.breaks, problem.breaks[1:], strict=False):
+        count = math.ceil((end - start) / longest - 1e-9)
+        if (len(edges) + count) * _COARSE > _MAX_NODES:
+            raise _too_many("the loads bend the rod on too small a scale; check their units")
+        edges += [start + (end - start) * k / count for k in range(1, count)] + [end]
+    return Mesh(edges, _COARSE)
+
+
+def _find(equations: RodEquations, guess: Guess | None, descends: bool, side: int) -> tuple[Array, int]:
+    """Curvature near the equilibrium that is wanted, on the first mesh."""
+    if guess is not None:
+        start = _guessed(equations, guess)
+        if descends:
+            return descend(equations, start, side)
+        try:
+            start, _, iterations = newton(equations, start)
+        except SolverError:
+            return _follow(equations, start, loads=False)
+        return start, iterations
+    start, iterations = equations.rest, 0
+    try:
+        start, iterations = _follow(equations, start, loads=True)
+    except SolverError:
+        if not descends:
+            raise
+    else:
+        if not descends or weakest(equations, start) > 0.0:
+            return start, iterations
+    start, more = descend(equations, start, side)
+    return start, iterations + more
+
+
+def _follow(equations: RodEquations, start: Array, *, loads: bool) -> tuple[Array, int]:
+    """To the end of a path, and onto it."""
+    curvature, steps = follow(equations, start, loads=loads)
+    curvature, _, more = newton(equations, curvature)
+    return curvature, steps + more
+
+
+def _guessed(equations: RodEquations, guess: Guess) -> Array:
+    """Curvature of a guessed shape at the nodes."""
+    problem = equations.problem
+    if callable(guess):
+        places = np.linspace(0.0, 1.0, 257)
+        angles = np.asarray(guess(places * problem.length), dtype=float)
+    else:
+        angles = np.asarray(guess, dtype=float)
+        places = np.linspace(0.0, 1.0, max(angles.size, 2))
+    if angles.shape != places.shape or not np.all(np.isfinite(angles)):
+        raise InputError(f"guess: expected finite angles at two or more places, got an array of shape {angles.shape}")
+    middles = 0.5 * (places[:-1] + places[1:])
+    return np.interp(equations.mesh.nodes, middles, np.diff(angles) / np.diff(places))
+
+
+def _refine(equations: RodEquations, start: Array, iterations: int, tolerance: float, side: int) -> Elastica:
+    """Finer meshes until two agree."""
+    curvature, noise, steps = newton(equations, start)
+    iterations += steps
+    for _ in range(_MAX_REFINEMENTS):
+        mesh, problem = equations.mesh, equations.problem
+        floor = _ROUNDING * (1.0 + np.abs(curvature).max())
+        marked = equations.unresolved(curvature) > max(tolerance, floor)
+        finer = mesh.refined(marked, _FINE if mesh.count == _COARSE or marked.any() else mesh.count + 4)
+        if finer.size > _MAX_NODES:
+            raise _too_many("raise the tolerance, or check the units of the loads")
+        before = mesh.to_edges(equations.tangents(curvature))[np.isin(mesh.edges, finer.edges)]
+        equations = RodEquations(problem, finer)
+        curvature, noise, steps = newton(equations, mesh.evaluate(curvature, finer.nodes).real)
+        margin = weakest(equations, curvature)
+        if side and margin <= 0.0:
+            curvature, more = descend(equations, curvature, side)
+            curvature, noise, steps = newton(equations, curvature)
+            margin = weakest(equations, curvature)
+            iterations += more
+        iterations += steps
+        after = finer.to_edges(equations.tangents(curvature))[np.isin(finer.edges, mesh.edges)]
+        weak = max(abs(margin), 1e-12) if problem.conservative else 1.0
+        rounding = 2.0 * noise + _ROUNDING * (1.0 + float(np.abs(curvature).max()) / weak)
+        error = float(np.abs(after - before).max()) + rounding
+        if error <= tolerance:
+            return _result(equations, curvature, margin, error, iterations)
+        if rounding > tolerance:
+            break
+    raise SolverError(
+        "the equilibrium of the rod is not as accurate as asked",
+        status="rounding" if rounding > tolerance else "refinement limit",
+        violated=[f"estimated error of position: {error:.3g} L (tolerance {tolerance:.3g} L)"],
+        advice="raise the tolerance, or move the loads away from a critical value",
+    )
+
+
+def _result(equations: RodEquations, curvature: Array, margin: float, error: float, iterations: int) -> Elastica:
+    problem = equations.problem
+    joule = problem.stiffness / problem.length
+    return Elastica(
+        energy=joule * (equations.energy(curvature) + equations.base_energy),
+        elastic_energy=joule * equations.elastic_energy(curvature),
+        stable=margin > 0.0 if problem.conservative else None,
+        margin=margin,
+        error=problem.length * error,
+        nodes=equations.mesh.size,
+        iterations=iterations,
+        equations=equations,
+        nodal_curvature=curvature,
+    )
+
+
+def _too_many(advice: str) -> SolverError:
+    return SolverError(
+        "the rod needs more nodes than are allowed",
+        status="resolution limit",
+        violated=[f"nodes: more than {_MAX_NODES}"],
+        advice=advice,
+    )

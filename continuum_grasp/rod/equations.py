@@ -1,0 +1,173 @@
+"""Balance of moments of a planar elastic rod at the nodes of a mesh, with its exact derivative and its energy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.rod.dimensionless import RodProblem
+from continuum_grasp.rod.mesh import Mesh
+
+__all__ = ["Balance", "RodEquations"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+BEND_ROUNDING = 1e-3
+"""Curvature times length below which the capstan law is rounded off to stay smooth [rad]."""
+
+
+@dataclass(frozen=True)
+class Balance:
+    """What is missing for equilibrium.
+
+    Attributes
+    ----------
+    missing : (N,) ndarray
+        Elastic moment less the share of the moment of the loads at the nodes.
+    slope : (N, N) ndarray
+        Its derivative with respect to the curvature.
+    per_share : (N,) ndarray
+        Its derivative with respect to the share of the loads.
+    """
+
+    missing: Array
+    slope: Array
+    per_share: Array
+
+
+class RodEquations:
+    """The rod as an integral equation of the second kind for its curvature k at the nodes, in dimensionless numbers.
+
+    With the section's angle psi = angle + integral of k, the tangent t = i exp(i psi) and the force n(s) that the part
+    beyond s exerts, the moment of the loads is m(s) = (couples beyond s) + drive exp(-friction b(s)) + integral from s
+    to the tip of t x n, and equilibrium is k - rest = m (S. S. Antman, 2005, doi:10.1007/0-387-27649-1, chapter 4).
+    The derivative is one plus a compact operator: it is well conditioned on any mesh.
+
+    Tendons lose tension by the capstan law; b(s) is the integral of |k| from the base, with |k| rounded off to
+    k^2 / sqrt(k^2 + (1e-3 rad / L)^2).
+
+    Parameters
+    ----------
+    problem : RodProblem
+        The rod and its loads.
+    mesh : Mesh
+        Panels between the problem's breaks.
+    """
+
+    def __init__(self, problem: RodProblem, mesh: Mesh) -> None:
+        self.problem, self.mesh = problem, mesh
+        s = mesh.nodes
+        self._force: Complex = np.asarray(problem.weight * (1.0 - s), dtype=complex)
+        for at, value in problem.dead:
+            self._force += value * (s < at)
+        self._couple: Array = np.zeros(mesh.size)
+        for at, couple in problem.couples:
+            self._couple += couple * (s < at)
+        self.rest: Array = np.zeros(mesh.size)
+        for start, end, value in problem.rest:
+            self.rest[(s > start) & (s < end)] = value
+        self._rubs = problem.friction > 0.0 and problem.drive != 0.0
+
+    def angles(self, curvature: Array) -> Array:
+        """World angles of the sections at the nodes [rad]."""
+        return np.asarray(self.problem.angle + self.mesh.forward @ curvature)
+
+    def tangents(self, curvature: Array) -> Complex:
+        """Unit tangents at the nodes."""
+        return np.asarray(1j * np.exp(1j * self.angles(curvature)))
+
+    def unresolved(self, curvature: Array) -> Array:
+        """Turn [rad] per panel that its polynomials may miss: in curvature, tangent or the tendon's friction."""
+        mesh, problem = self.mesh, self.problem
+        tails = np.maximum(mesh.tails(curvature), mesh.tails(self.tangents(curvature)))
+        if self._rubs:
+            rubbed = mesh.tails(_rounded_size(curvature)[0])
+            tails = np.maximum(tails, problem.friction * abs(problem.drive) * rubbed)
+        return np.asarray(mesh.widths * tails)
+
+    def turn(self, change: Array) -> float:
+        """Greatest turn of a section [rad] by a change of curvature."""
+        return float(np.abs(self.mesh.forward @ change).max(initial=0.0))
+
+    def norm(self, change: Array) -> float:
+        """Root mean square of a change of curvature; the greatest turn is not above it."""
+        return float(np.sqrt(self.mesh.weights @ change**2))
+
+    def balance(self, curvature: Array, share: float = 1.0) -> Balance:
+        """Missing moment under a share of all loads and the actuation."""
+        mesh, problem = self.mesh, self.problem
+        tangent, force = self.tangents(curvature), self._force.copy()
+        turning = []
+        for at, body in problem.following:
+            inside = mesh.nodes < at
+            row = mesh.weights * inside
+            value = body * np.exp(1j * (problem.angle + row @ curvature))
+            force[inside] += value
+            turning.append((np.real(np.conj(tangent) * value) * inside, row))
+        moment = self._couple + mesh.backward @ np.imag(np.conj(tangent) * force)
+        along = np.real(np.conj(tangent) * force)
+        slope = (mesh.backward * along) @ mesh.forward
+        for column, row in turning:
+            slope -= np.outer(mesh.backward @ column, row)
+        if self._rubs:
+            size, rate = _rounded_size(curvature)
+            pull = problem.drive * np.exp(-problem.friction * (mesh.forward @ size))
+            moment += pull
+            slope += (problem.friction * pull)[:, None] * mesh.forward * rate
+        else:
+            moment += problem.drive
+        slope *= share
+        slope.flat[:: mesh.size + 1] += 1.0
+        return Balance(curvature - self.rest - share * moment, slope, -moment)
+
+    @cached_property
+    def _root(self) -> Array:
+        return np.sqrt(self.mesh.weights)
+
+    def stiffness(self, slope: Array) -> Array:
+        """Second variation of the energy in the metric of the integral of (change of curvature)^2; symmetric."""
+        scaled = self._root[:, None] * slope / self._root
+        return 0.5 * (scaled + scaled.T)
+
+    def scaled(self, values: Array) -> Array:
+        """Values at the nodes in the metric of ``stiffness``."""
+        return np.asarray(self._root * values)
+
+    def unscaled(self, values: Array) -> Array:
+        """The inverse of ``scaled``."""
+        return np.asarray(values / self._root)
+
+    def elastic_energy(self, curvature: Array) -> float:
+        """Energy of bending, per EI / L."""
+        return float(0.5 * self.mesh.weights @ (curvature - self.rest) ** 2)
+
+    def energy(self, curvature: Array) -> float:
+        """Elastic energy less the work that dead forces, couples and actuation do from the base, per EI / L.
+
+        What following forces and rubbing tendons do is left out.
+        """
+        mesh, problem = self.mesh, self.problem
+        work = mesh.weights @ np.real(np.conj(self.tangents(curvature)) * self._force)
+        bends = mesh.to_edges(curvature).real
+        for at, couple in problem.couples:
+            work += couple * np.interp(at, mesh.edges, bends)
+        if not self._rubs:
+            work += problem.drive * bends[-1]
+        return float(self.elastic_energy(curvature) - work)
+
+    @property
+    def base_energy(self) -> float:
+        """Potential of dead forces and weight where the whole rod is at the base, per EI / L."""
+        force = self.problem.weight + sum(value for _, value in self.problem.dead)
+        return float(-np.real(np.conj(force) * self.problem.base) / self.problem.length)
+
+
+def _rounded_size(curvature: Array) -> tuple[Array, Array]:
+    """Size without sign, rounded off near zero, and its derivative."""
+    square = curvature**2
+    root = np.sqrt(square + BEND_ROUNDING**2)
+    return square / root, curvature * (square + 2.0 * BEND_ROUNDING**2) / root**3

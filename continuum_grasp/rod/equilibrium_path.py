@@ -1,0 +1,272 @@
+"""Ways to an equilibrium of the rod: Newton's method, paths in the share of the loads, descent of the energy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import SolverError
+from continuum_grasp.rod.equations import Balance, RodEquations
+
+__all__ = ["descend", "follow", "newton", "weakest"]
+
+Array = NDArray[np.float64]
+
+_CLOSE = 1e-8
+"""Turn [rad] of a Newton step after which the next one, being quadratic, is the last."""
+_MAX_PATH = 600
+_MAX_DESCENT = 300
+_LEAST_STEP, _GREATEST_STEP = 1e-6, 1.5
+_NEAR = 1e-3
+"""Distance from the full loads that is left to Newton's method."""
+_FARTHEST_BACK = 10.0
+"""Negative share to which a path from a guess may go before it comes back."""
+
+
+def newton(equations: RodEquations, start: Array, *, limit: int = 40) -> tuple[Array, float, int]:
+    """Damped Newton's method for the full loads.
+
+    Parameters
+    ----------
+    equations : RodEquations
+        The rod.
+    start : (N,) ndarray
+        Curvature to start from.
+    limit : int
+        Greatest number of steps.
+
+    Returns
+    -------
+    curvature : (N,) ndarray
+    noise : float
+        Turn [rad] of the last step, which is rounding.
+    steps : int
+
+    Raises
+    ------
+    SolverError
+        If it does not converge.
+    """
+    curvature = start
+    balance = equations.balance(curvature)
+    last = False
+    for step in range(1, limit + 1):
+        try:
+            change: Array = np.asarray(np.linalg.solve(balance.slope, -balance.missing), dtype=float)
+        except np.linalg.LinAlgError:
+            break
+        turn = equations.turn(change)
+        if not np.isfinite(turn):
+            break
+        if last:
+            return curvature + change, turn, step
+        share = min(1.0, 1.0 / max(turn, 1e-300))
+        before = equations.norm(balance.missing)
+        while True:
+            trial = curvature + share * change
+            after = equations.balance(trial)
+            if turn < _CLOSE or equations.norm(after.missing) <= (1.0 - 1e-3 * share) * before or share < 1e-3:
+                break
+            share *= 0.5
+        if share < 1e-3:
+            break
+        curvature, balance, last = trial, after, turn < _CLOSE
+    size = equations.norm(balance.missing)
+    raise SolverError(
+        "no equilibrium of the rod found",
+        status="newton stalled",
+        violated=[f"bending moment missing: {size:.3g} EI / L"],
+        advice="the rod may be at a critical load, or the guess far from any equilibrium: change a load a little, or "
+        "give a guess nearer to the shape",
+    )
+
+
+def follow(equations: RodEquations, start: Array, *, loads: bool) -> tuple[Array, int]:
+    """The path of equilibria by pseudo-arclength (H. B. Keller, 1977), round folds, from a share 0 to 1.
+
+    Parameters
+    ----------
+    equations : RodEquations
+        The rod.
+    start : (N,) ndarray
+        Curvature at the share 0.
+    loads : bool
+        True: a share of the loads acts, and the start is the unloaded shape; False: all act, and what balances the
+        start is taken away.
+
+    Returns
+    -------
+    curvature : (N,) ndarray
+        Near the equilibrium under the full loads.
+    steps : int
+
+    Raises
+    ------
+    SolverError
+        If the path is lost or turns back.
+    """
+    at = _loads_path(equations) if loads else _guess_path(equations, start)
+    weights = equations.mesh.weights
+    x, share, size = start, 0.0, 0.3
+    direction, rate = _tangent(at(x, share), weights, np.zeros_like(x), 1.0)
+    for steps in range(1, _MAX_PATH + 1):
+        while True:
+            found = _correct(at, weights, x, share, direction, rate, size)
+            if found is not None:
+                trial, reached, balance, corrections = found
+                ahead, ahead_rate = _tangent(balance, weights, direction, rate)
+                if size < 1e-3 or weights @ (ahead * direction) + ahead_rate * rate > 0.85:
+                    break
+            size *= 0.5
+            if size < _LEAST_STEP:
+                raise _lost(share, "path lost", "a load may pass a critical value: change it a little")
+        if abs(reached - 1.0) <= _NEAR:
+            return trial, steps
+        if reached > 1.0:
+            size *= min(max((1.0 - share) / (reached - share), 0.1), 0.9)
+            continue
+        x, share, direction, rate = trial, reached, ahead, ahead_rate
+        if share < (-1e-6 if loads else -_FARTHEST_BACK):
+            raise _lost(share, "path turned back", "no equilibrium is connected to the start")
+        if corrections <= 3:
+            size = min(1.6 * size, _GREATEST_STEP)
+    cause = "the loads bend the rod very far: check their units" if loads else "the guess leads to no equilibrium"
+    raise _lost(share, "iteration limit", cause)
+
+
+def _lost(share: float, status: str, advice: str) -> SolverError:
+    return SolverError(
+        "the path to the equilibrium of the rod was lost",
+        status=status,
+        violated=[f"share of the loads reached: {share:.3g} of 1"],
+        advice=f"{advice}; or give a guess near to the shape",
+    )
+
+
+def _loads_path(equations: RodEquations) -> Callable[[Array, float], Balance]:
+    return equations.balance
+
+
+def _guess_path(equations: RodEquations, start: Array) -> Callable[[Array, float], Balance]:
+    offset = equations.balance(start).missing
+
+    def at(x: Array, share: float) -> Balance:
+        full = equations.balance(x)
+        return Balance(full.missing - (1.0 - share) * offset, full.slope, offset)
+
+    return at
+
+
+def _bordered(balance: Balance, row: Array, corner: float, right: Array) -> Array:
+    n = len(row)
+    matrix = np.empty((n + 1, n + 1))
+    matrix[:n, :n], matrix[:n, n] = balance.slope, balance.per_share
+    matrix[n, :n], matrix[n, n] = row, corner
+    return np.asarray(np.linalg.solve(matrix, right), dtype=float)
+
+
+def _tangent(balance: Balance, weights: Array, direction: Array, rate: float) -> tuple[Array, float]:
+    """Unit tangent of the path that goes on in a direction."""
+    right = np.zeros(len(weights) + 1)
+    right[-1] = 1.0
+    found = _bordered(balance, weights * direction, rate, right)
+    found = found / np.sqrt(weights @ found[:-1] ** 2 + found[-1] ** 2)
+    return found[:-1], float(found[-1])
+
+
+def _correct(
+    at: Callable[[Array, float], Balance],
+    weights: Array,
+    x: Array,
+    share: float,
+    direction: Array,
+    rate: float,
+    size: float,
+) -> tuple[Array, float, Balance, int] | None:
+    """Newton's method across the tangent; None where it does not contract."""
+    y, reached = x + size * direction, share + size * rate
+    before = np.inf
+    for k in range(6):
+        balance = at(y, reached)
+        try:
+            change = _bordered(balance, weights * direction, rate, np.append(-balance.missing, 0.0))
+        except np.linalg.LinAlgError:
+            return None
+        length = float(np.sqrt(weights @ change[:-1] ** 2 + change[-1] ** 2))
+        if not np.isfinite(length) or length > 0.5 * size or length > 0.5 * before:
+            # What is left may be rounding.
+            return (y, reached, balance, k) if length < 1e-9 else None
+        y, reached, before = y + change[:-1], reached + float(change[-1]), length
+        if length < 1e-6 * max(size, 1e-3):
+            return y, reached, at(y, reached), k + 1
+    return None
+
+
+def weakest(equations: RodEquations, curvature: Array) -> float:
+    """Least eigenvalue of the second variation (of its symmetric part where loads have no potential), per EI.
+
+    Parameters
+    ----------
+    equations : RodEquations
+        The rod.
+    curvature : (N,) ndarray
+        Its equilibrium.
+    """
+    return float(np.linalg.eigvalsh(equations.stiffness(equations.balance(curvature).slope))[0])
+
+
+def descend(equations: RodEquations, start: Array, side: int) -> tuple[Array, int]:
+    """Down the energy to a minimum, by Newton's method with eigenvalues of either sign taken as positive.
+
+    Parameters
+    ----------
+    equations : RodEquations
+        The rod, under loads with a potential.
+    start : (N,) ndarray
+        Curvature to start from.
+    side : {1, -1}
+        Side to which a saddle is left: the sense in which its weakest direction turns the tip.
+
+    Returns
+    -------
+    curvature : (N,) ndarray
+        Near a minimum.
+    steps : int
+
+    Raises
+    ------
+    SolverError
+        If none is reached.
+    """
+    curvature, energy = start, equations.energy(start)
+    kicked = False
+    for step in range(1, _MAX_DESCENT + 1):
+        balance = equations.balance(curvature)
+        values, vectors = np.linalg.eigh(equations.stiffness(balance.slope))
+        force = vectors.T @ equations.scaled(balance.missing)
+        change = equations.unscaled(vectors @ (-force / np.maximum(np.abs(values), 1e-6)))
+        turn = equations.turn(change)
+        if turn < 1e-6:
+            if values[0] > 0.0:
+                return curvature, step
+            if not kicked or values[0] < -1e-6:
+                kick = equations.unscaled(vectors[:, 0])
+                tip = float(equations.mesh.weights @ kick)
+                change = kick * (side if tip >= 0.0 else -side) * (0.1 / equations.turn(kick))
+                turn, kicked = 0.1, True
+        share = min(1.0, 0.7 / max(turn, 1e-300))
+        for _ in range(30):
+            trial = curvature + share * change
+            after = equations.energy(trial)
+            if after <= energy + 1e-13 * (1.0 + abs(energy)):
+                break
+            share *= 0.5
+        curvature, energy = trial, after
+    raise SolverError(
+        "no stable equilibrium of the rod found",
+        status="iteration limit",
+        violated=[f"least stiffness: {values[0]:.3g} EI"],
+        advice="the rod may be at a critical load: change a load a little, or ask for stable=False",
+    )

@@ -1,0 +1,126 @@
+"""The report of speed against error: its figures agree with theory, its front with itself."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from continuum_grasp.accuracy.motion import pace, reference_motion
+from continuum_grasp.accuracy.tables import Table
+from continuum_grasp.accuracy.truth import find_truth
+from tests.rods import NITINOL, order, rod_scene
+
+
+@pytest.fixture(scope="module")
+def release():
+    return rod_scene(
+        NITINOL, None, None, fidelity={"bending_range": None}, tip_mass=0.02, time={"duration": 0.3, "step": 0.005}
+    )
+
+
+@pytest.fixture(scope="module")
+def report(release):
+    return cg.accuracy(release, counts=(1, 2, 4))
+
+
+def rows(report, model):
+    columns = report.choices.columns
+    return [dict(zip(columns, row, strict=True)) for row in report.choices.rows if row[0] == model]
+
+
+@pytest.mark.parametrize(("family", "expected"), [("arc", 2.0), ("clothoid", 4.0)])
+@pytest.mark.parametrize("column", ["tip / L", "frequency 1"])
+def test_errors_fall_at_the_familys_order(report, family, expected, column):
+    errors = {row["elements"]: row[column] for row in rows(report, family)}
+    assert order([errors[2], errors[4]]) == pytest.approx([expected], abs=0.7)
+
+
+def test_motions_come_nearer_to_the_reference(report):
+    for family in ("arc", "clothoid", "matched_clothoid"):
+        errors = [row["motion / L"] for row in rows(report, family)]
+        assert errors == sorted(errors, reverse=True)
+    assert report.reference.error < 5e-2 * min(report.choices.column("motion / L"))
+
+
+def test_the_front_is_beaten_by_no_one(report):
+    for cost, error, sign in (("instructions", "tip / L", 1.0), ("real-time factor", "motion / L", -1.0)):
+        i, j = report.choices.columns.index(cost), report.choices.columns.index(error)
+        front = report.front(cost, error)
+        assert front
+        for row in report.choices.rows:
+            better = [sign * other[i] <= sign * row[i] and other[j] <= row[j] for other in report.choices.rows]
+            assert (row in front) == (sum(better) == 1)  # by itself alone
+
+
+def test_more_terms_cost_more_and_err_less(report):
+    table = next(table for table in report.tables if table.title == "terms")
+    for model in set(table.column("model")):
+        own = [row for row in table.rows if row[0] == model]
+        assert [row[2] for row in own] == sorted(row[2] for row in own)
+        assert own[-1][4] < 1e-12 < 1e-6 < own[0][4]
+
+
+def test_single_precision_rounds(report):
+    table = next(table for table in report.tables if table.title == "precision")
+    for row in table.rows:
+        assert (1e-17, 1e-9)[row[1] == "float"] <= row[3] <= (1e-13, 1e-4)[row[1] == "float"]
+
+
+def test_the_papers_slips_show(report):
+    table = next(table for table in report.tables if table.title == "paper")
+    found = dict(zip(table.column("model"), table.rows, strict=True))
+    j = table.columns.index("frequency 2")
+    arcs = rows(report, "arc")[1]
+    assert found["closed_corrected"][j] == pytest.approx(arcs["frequency 2"], rel=1e-6)
+    assert abs(found["appendix_corrected"][j] - arcs["frequency 2"]) < abs(
+        found["appendix_printed"][j] - arcs["frequency 2"]
+    )
+
+
+def test_the_pace_is_that_of_the_classical_method(release):
+    """Error by the steps falls with their fourth power, so a tolerance 16 times tighter asks for twice the steps."""
+    model = cg.FingerModel(release, family="arc", elements=2)
+    posed = release.model_copy(
+        update={"fidelity": release.fidelity.model_copy(update={"family": "arc", "elements": 2})}
+    )
+    steps = [pace(posed, model, tolerance).steps_per_second for tolerance in (1e-7, 1e-7 / 16**2)]
+    assert steps[1] / steps[0] == pytest.approx(4.0, rel=0.35)
+
+
+def test_the_reference_knows_its_error(release):
+    reference = reference_motion(release, find_truth(release))
+    assert 0.0 < reference.error < 1e-5
+
+
+def test_it_is_saved_whole(report, tmp_path):
+    files = report.save(tmp_path)
+    assert sorted(file.name for file in files) == ["accuracy.json", "accuracy.md", "accuracy.png"]
+    kept = json.loads((tmp_path / "accuracy.json").read_text())
+    assert [table["title"] for table in kept] == [table.title for table in report.tables]
+    text = (tmp_path / "accuracy.md").read_text()
+    assert "- on none: " in text
+    assert all(f"## {table.title}" in text for table in report.tables)
+
+
+def test_a_scene_at_rest_has_no_motion():
+    report = cg.accuracy(rod_scene(NITINOL, None, None, fidelity={"bending_range": None}), counts=(1, 2))
+    assert report.reference is None
+    assert all(math.isnan(value) for value in report.choices.column("motion / L"))
+    assert np.all(np.array(report.choices.column("tip / L")) > 0.0)
+
+
+def test_a_table_reads_and_parses():
+    table = Table("title", ("name", "value"), (("a", 1234), ("b", math.nan), ("c", 1e-9)), "note")
+    assert "| a | 1,234 |" in table.markdown()
+    assert "| b | - |" in table.markdown()
+    assert table.as_dict()["rows"] == [["a", 1234], ["b", None], ["c", 1e-9]]
+
+
+def test_coordinates_of_one_model_are_refused():
+    posed = rod_scene(NITINOL, "arc", 2, initial={"q": [0.1, 0.1]})
+    with pytest.raises(cg.InputError, match="give a pose"):
+        cg.accuracy(posed)

@@ -1,0 +1,200 @@
+"""A tolerance becomes a model: within it, the cheapest, aligned with what bends the finger, remembered."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import continuum_grasp as cg
+from benchmarks.bench_fidelity import again, cheaper
+from benchmarks.random_scenes import random_scene
+from continuum_grasp.accuracy import resolve
+from continuum_grasp.accuracy.choose import choose_fidelity
+from continuum_grasp.accuracy.poses import poses
+from continuum_grasp.cli import app
+from continuum_grasp.core.cache import cache_folder
+from continuum_grasp.model import FingerModel
+from continuum_grasp.rod.elastica import solve_elastica
+from continuum_grasp.rod.frequencies import natural_frequencies
+from tests.rods import NITINOL, ROOT, UNIT, force, rod_scene, without_compiler  # noqa: F401
+
+pytestmark = pytest.mark.usefixtures("without_compiler")
+
+HANGING_FINGER = ROOT / "configs/simulate/hanging.yaml"
+
+
+def scene(tolerance=None, **keys):
+    """The paper's rod, horizontal; moving where ``time`` is given."""
+    fidelity = {"bending_range": None, "tolerance": tolerance}
+    return rod_scene(NITINOL, None, None, fidelity=fidelity, **keys)
+
+
+@pytest.fixture
+def own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
+
+
+@pytest.mark.parametrize(("seed", "tolerance"), [(seed, (2e-2, 5e-3, 1e-3)[seed % 3]) for seed in range(15)])
+def test_the_choice_keeps_the_tolerance(seed, tolerance):
+    """Measured again by the public way, against the exact rod at other places and its frequencies."""
+    chosen = choose_fidelity(random_scene(seed), tolerance)
+    assert again(chosen) <= tolerance * (1 + 1e-6)
+    moving = chosen.scene
+    if moving.time is not None:
+        rod = solve_elastica(moving)
+        found = cg.modes(moving).frequencies_hz[0]
+        assert found == pytest.approx(natural_frequencies(moving.finger, rod)[0], rel=tolerance)
+
+
+@pytest.mark.parametrize("seed", [1, 4, 8, 12, 20])
+def test_nothing_cheaper_would_have_done(seed):
+    assert cheaper(choose_fidelity(random_scene(seed), 5e-3)) == ""
+
+
+def test_a_tighter_tolerance_costs_more():
+    costs = [
+        choose_fidelity(scene(time={"duration": 1.0, "step": 0.01}), t).best.cost for t in (5e-2, 1e-2, 1e-3, 1e-4)
+    ]
+    assert costs == sorted(costs)
+    assert len(set(costs)) == len(costs)
+
+
+def test_elements_end_where_the_finger_is_loaded():
+    """With its boundary at the force, one linear piece and no curvature beyond it, the shape is all but exact."""
+    pushed = scene(gravity=(0.0, 0.0), loads=[force(0.23, (0.0, 0.5))])
+    chosen = choose_fidelity(pushed, 1e-4)
+    assert chosen.best.choice.aligned
+    assert np.any(np.isclose(np.cumsum(chosen.best.choice.lengths), 0.23))
+
+
+def test_what_is_fixed_stays():
+    fixed = scene(time={"duration": 1.0, "step": 0.01})
+    fixed = fixed.model_copy(update={"fidelity": fixed.fidelity.model_copy(update={"family": "arc"})})
+    chosen = choose_fidelity(fixed, 1e-2)
+    assert chosen.best.choice.family == "arc"
+    assert chosen.scene.fidelity.family == "arc"
+    assert chosen.best.choice.elements > choose_fidelity(scene(), 1e-2).best.choice.elements
+
+
+@pytest.mark.parametrize("elements", [5, (0.1, 0.2, 0.3)])
+def test_elements_that_are_fixed_stay(elements):
+    fixed = scene(tip_mass=0.02)
+    fixed = fixed.model_copy(update={"fidelity": fixed.fidelity.model_copy(update={"elements": elements})})
+    lengths = choose_fidelity(fixed, 2e-2).scene.fidelity.elements
+    assert lengths == pytest.approx((0.12,) * 5 if elements == 5 else elements)
+
+
+def test_modes_are_held_to_the_tolerance_though_nothing_moves():
+    """Hertz of the weightless clamped rod: 3.5160 and 22.0345 over 2 pi, times sqrt(EI / rho A L^4)."""
+    still = rod_scene(UNIT, None, None, gravity=(0.0, 0.0), fidelity={"bending_range": None, "tolerance": 0.01})
+    found = cg.modes(still).frequencies_hz
+    assert found[:2] * 2 * np.pi == pytest.approx([3.51602, 22.03449], rel=0.01)
+
+
+def test_the_peak_of_a_short_load_is_a_pose():
+    """However many samples there are."""
+    times = [0.1 * k for k in range(15)]
+    for peak in (1, 2, 7):
+        values = [[0.0, 0.5 if k == peak else 0.0] for k in range(15)]
+        pushed = force(0.6, {"times": times, "values": values, "interpolation": "linear"})
+        posed = scene(gravity=(0.0, 0.0), loads=[pushed], time={"duration": 1.5, "step": 0.01})
+        names = [pose.name for pose in poses(posed)]
+        assert f"t = {times[peak]:g} s" in names
+        assert len(names) <= 12
+
+
+def test_many_contacts_get_an_element_each():
+    contacts = [0.6 * (k + 1) / 21 for k in range(20)]
+    chosen = choose_fidelity(scene(contacts=contacts), 1e-2)
+    assert chosen.best.choice.elements == 21
+
+
+def test_two_frequencies_cost_more_than_one():
+    moving = scene(time={"duration": 1.0, "step": 0.01})
+    both = moving.model_copy(update={"fidelity": moving.fidelity.model_copy(update={"frequencies": 2})})
+    one, two = choose_fidelity(moving, 1e-2), choose_fidelity(both, 1e-2)
+    assert two.best.frequencies[1] <= 1e-2 < one.best.frequencies[1]
+    assert two.best.cost > one.best.cost
+
+
+def test_a_moving_scene_gets_a_range_that_its_motion_keeps():
+    heavy = scene(tip_mass=0.05, time={"duration": 1.0, "step": 0.005}, tolerance=5e-3)
+    motion = cg.simulate(heavy)
+    assert motion.warnings == ()
+    assert motion.scene.fidelity.tolerance is None
+    assert "tolerance of 0.005" in motion.statistics["fidelity"]
+
+
+@pytest.mark.usefixtures("own_cache")
+def test_a_choice_is_remembered(monkeypatch):
+    wanted = scene(1e-3)
+    first, note = resolve.resolve_fidelity(wanted)
+
+    def never(_):
+        raise AssertionError("measured again")
+
+    monkeypatch.setattr(resolve, "choose_fidelity", never)
+    renamed = wanted.model_copy(update={"name": "another name"})
+    assert resolve.resolve_fidelity(wanted) == (first, note)
+    assert resolve.resolve_fidelity(renamed)[0].fidelity == first.fidelity
+    with pytest.raises(AssertionError):
+        resolve.resolve_fidelity(scene(2e-3))
+
+
+@pytest.mark.usefixtures("own_cache")
+@pytest.mark.parametrize("spoilt", ["", "{", "[1]", '{"key": "another"}', '{"fidelity": {"family": "none"}}'])
+def test_a_spoilt_record_is_measured_again(spoilt):
+    wanted = scene(1e-2)
+    first = resolve.resolve_fidelity(wanted)
+    (record,) = cache_folder("choices").glob("*.json")
+    whole = json.loads(record.read_text())
+    record.write_text(spoilt)
+    assert resolve.resolve_fidelity(wanted) == first
+    assert json.loads(record.read_text()) == whole
+
+
+def test_a_tolerance_that_nothing_keeps_is_said():
+    tight = rod_scene(NITINOL, "arc", None, fidelity={"bending_range": None}, tip_mass=0.02)
+    with pytest.raises(cg.SolverError, match="no choice of fidelity keeps the tolerance of 1e-08") as caught:
+        choose_fidelity(tight, 1e-8)
+    assert caught.value.status == "tolerance not reached"
+    assert caught.value.result.choice.elements == 16
+    assert "leave fidelity.family open" in str(caught.value)
+
+
+def test_who_has_not_chosen_is_told():
+    with pytest.raises(cg.InputError, match="choose_fidelity"):
+        FingerModel(scene(1e-2))
+    with pytest.raises(cg.InputError, match="needs a tolerance"):
+        choose_fidelity(scene())
+    for wrong in (0.0, -1.0, 2.0, "1 %"):
+        with pytest.raises(cg.InputError, match=r"above 0 and up to 0\.5"):
+            choose_fidelity(scene(), wrong)
+    posed = scene(initial={"q": [0.1, 0.1]}, tolerance=1e-2)
+    with pytest.raises(cg.InputError, match=r"fidelity\.family and elements, or a pose"):
+        cg.equilibrium(posed)
+
+
+def test_statics_and_modes_take_a_tolerance():
+    found = cg.equilibrium(scene(1e-3))
+    assert found.tip == pytest.approx(solve_elastica(scene()).tip, abs=0.6 * 1e-3)
+    assert cg.modes(scene(1e-3, time={"duration": 1.0, "step": 0.01})).frequencies_hz[0] > 0.0
+
+
+@pytest.mark.usefixtures("own_cache")
+def test_the_command_line_says_what_was_chosen(tmp_path):
+    changes = ["--set", "fidelity.tolerance=0.5 %", "--set", "time.duration=0.1", "--no-pictures"]
+    result = CliRunner().invoke(app, ["simulate", str(HANGING_FINGER), "--out", str(tmp_path / "run"), *changes])
+    assert result.exit_code == 0
+    assert result.stdout.startswith("fidelity: ")
+    assert "tolerance of 0.005" in result.stdout
+    meta = json.loads((tmp_path / "run/meta.json").read_text())
+    assert meta["config"]["fidelity"]["family"] is not None
+    valid = CliRunner().invoke(app, ["validate", str(HANGING_FINGER), "--set", "fidelity.tolerance=0.5 %"])
+    assert valid.exit_code == 0
+    refused = CliRunner().invoke(app, ["validate", str(HANGING_FINGER), "--set", "fidelity.tolerance=-1 %"])
+    assert refused.exit_code == 2
+    assert "fidelity.tolerance: out of range" in refused.output

@@ -1,0 +1,45 @@
+"""The other libraries' release of a rod, where an interpreter with them is named."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+
+from benchmarks.baselines.peers import VARIABLE
+from benchmarks.baselines.release_peers import PeerError, ReleasePeers, describe_rod
+from continuum_grasp.accuracy.truth import find_truth
+from continuum_grasp.simulation.simulate import simulate
+from tests.rods import NITINOL, rod_scene
+
+
+def test_without_an_interpreter_it_says_which_variable_to_set(monkeypatch):
+    monkeypatch.delenv(VARIABLE, raising=False)
+    with pytest.raises(PeerError, match=VARIABLE):
+        ReleasePeers()
+
+
+@pytest.mark.skipif(not os.environ.get(VARIABLE), reason=f"{VARIABLE} names no interpreter with the peer libraries")
+def test_hinge_chains_converge_to_our_motion_with_second_order():
+    scene = rod_scene(
+        NITINOL,
+        elements=4,
+        finger={"damping": {"material": 1e-4}},
+        initial={"pose": "straight"},
+        time={"duration": 1.0, "step": 0.01},
+    )
+    ours = simulate(scene).tip
+    rod = describe_rod(scene, find_truth(scene))
+    settings = {"layout": "middle", "integrator": "implicitfast", "steps": 4000, "staggered": True}
+    errors = []
+    with ReleasePeers() as peers:
+        try:
+            peers.version("mujoco")
+        except PeerError as error:
+            pytest.skip(f"no MuJoCo there: {error}")
+        for hinges in (10, 20):
+            tip = peers.make("chain", "mujoco", rod, {"hinges": hinges, **settings}, frames=100).tip
+            errors.append(np.sqrt(np.mean(np.sum((tip - ours) ** 2, axis=1))))
+    assert errors[0] < 1.2e-3
+    assert 3.2 < errors[0] / errors[1] < 4.8

@@ -1,0 +1,269 @@
+"""The command line: verbs, exit codes, what is printed where, and what is not imported."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import continuum_grasp
+from continuum_grasp.cli import app
+from continuum_grasp.errors import NumericalError, SolverError
+
+ROOT = Path(__file__).parents[2]
+RELEASE = str(ROOT / "configs/simulate/nitinol_release_020g.yaml")
+FINGER = str(ROOT / "configs/fingers/nitinol_60cm.yaml")
+HEAVY = ("casadi", "numpy", "matplotlib", "pydantic", "scipy", "yaml", "rich")
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, list(arguments))
+
+
+def fresh(code):
+    """What a new interpreter prints."""
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    return found.stdout.strip()
+
+
+@pytest.mark.parametrize("module", ["continuum_grasp", "continuum_grasp.cli"])
+def test_importing_loads_nothing_heavy(module):
+    loaded = fresh(f"import {module}, sys; print(*(m for m in {HEAVY!r} if m in sys.modules))")
+    assert loaded == ""
+
+
+def test_help_needs_nothing_heavy():
+    code = (
+        "import sys\nsys.argv = ['continuum-grasp', '--help']\nfrom continuum_grasp.cli import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    print('loaded:', *(m for m in "
+        f"{HEAVY[:-1]!r} if m in sys.modules))"
+    )
+    assert fresh(code).endswith("loaded:")
+
+
+def test_public_names_are_all_there():
+    for name in continuum_grasp.__all__:
+        assert getattr(continuum_grasp, name) is not None
+        assert name in dir(continuum_grasp)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        continuum_grasp.nothing  # noqa: B018
+
+
+@pytest.mark.parametrize("verb", ["simulate", "grasp", "sweep", "modes", "codegen", "schema", "validate", "doctor"])
+def test_every_verb_explains_itself(verb):
+    assert run(verb, "--help").exit_code == 0
+    assert verb in run("--help").output
+
+
+def test_version():
+    assert run("--version").output.strip() == f"continuum-grasp {continuum_grasp.__version__}"
+    code = "from continuum_grasp.cli import main; import sys; sys.argv = ['x', '--version']; main()"
+    assert continuum_grasp.__version__ in fresh(code)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("simulate", "none.yaml"),
+        ("simulate", FINGER),
+        ("simulate", RELEASE, "--set", "time.step=-1"),
+        ("simulate", RELEASE, "--set", "time="),
+        ("simulate", RELEASE, "--animate", "avi"),
+        ("simulate", RELEASE, "--quiet", "--json"),
+        ("simulate", RELEASE, "--out", FINGER),
+        ("grasp", RELEASE),
+        ("modes", FINGER),
+        ("codegen", FINGER),
+        ("schema",),
+        ("schema", "other"),
+        ("validate", "none.yaml"),
+        ("simulate", RELEASE, "--no-such-option"),
+        ("no-such-verb",),
+    ],
+)
+def test_bad_input_exits_with_2_and_says_why(arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr.strip()
+    assert "Traceback" not in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_error_names_place_once():
+    result = run("simulate", RELEASE, "--set", "time.step=x")
+    assert result.stderr == ("error: --set time.step=x: time.step: wrong type: expected a number, got text 'x'\n")
+
+
+def test_validate_reports_every_file(tmp_path):
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("schema_version: 1\n")
+    result = run("validate", RELEASE, str(bad), FINGER)
+    assert result.exit_code == 2
+    assert result.stdout.splitlines() == [f"{RELEASE}: valid (simulate)", f"{FINGER}: valid (finger)"]
+    assert f"{bad}:1:1: finger: missing" in result.stderr
+
+    found = json.loads(run("validate", "--json", RELEASE, str(bad)).stdout)["files"]
+    assert [one["valid"] for one in found] == [True, False]
+    assert run("validate", "--quiet", RELEASE).output == ""
+
+
+INVALID = {
+    "parameter": (
+        ["parameters=[gravity, tip_mas]"],
+        "parameters[1]: unknown parameter 'tip_mas'; did you mean tip_mass?",
+    ),
+    "repeated parameter": (["parameters=[gravity, gravity]"], "parameters[1]: parameter 'gravity' is repeated"),
+    "state": (["initial={q: [0.1]}"], "initial.q: q has 1 entries, the matched_clothoid model has 2: kappa_0"),
+    "rates": (["initial={q: [0.1], qd: [0]}", "fidelity={elements: 3}"], "initial.q: q has 1 entries"),
+    "lengths that are arguments": (
+        ["finger.rest_curvature={breaks: [0.1], values: [0, 1]}", "parameters=[tip_mass, element_lengths]"],
+        "parameters[1]: a piecewise rest curvature needs",
+    ),
+    "elements": (
+        ["contacts=[0.3]", "fidelity={elements: 1}"],
+        "fidelity.elements: 1 contacts need at least 2 elements",
+    ),
+    "range": (["fidelity={bending_range: 7}"], "fidelity.bending_range: a clothoid element that bends by up to 7 rad"),
+    "load": (["loads=[{kind: moment, at: 0.7, moment: 0}]"], "loads[0].at: loads[0].at = 0.7 m is beyond"),
+}
+
+
+@pytest.mark.parametrize("name", INVALID)
+def test_validate_knows_what_a_model_can_be(name):
+    changes, words = INVALID[name]
+    result = run("validate", RELEASE, *(word for change in changes for word in ("--set", change)))
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    key = words.split(":")[0]
+    assert line.startswith("--set ")
+    assert f": {words}" in line
+    assert f"--set {key.split('[')[0].split('.')[0]}" in line
+
+
+def test_validate_names_the_line_of_what_a_model_cannot_be(tmp_path):
+    file = tmp_path / "scene.yaml"
+    text = Path(RELEASE).read_text().replace("../fingers", str(ROOT / "configs/fingers"))
+    file.write_text(text + "parameters:\n  - gravity\n  - tip_mas\n")
+    count = len(file.read_text().splitlines())
+    result = run("validate", str(file))
+    assert result.stderr.startswith(f"{file}:{count}:5: parameters[1]: unknown parameter 'tip_mas'")
+    assert run("validate", str(ROOT / "configs/grasp/mug.yaml"), "--set", "fidelity.bending_range=7").exit_code == 2
+
+
+def test_schema_prints_and_writes(tmp_path):
+    printed = json.loads(run("schema", "simulate").stdout)
+    assert run("schema", "--out", str(tmp_path / "new")).exit_code == 0
+    assert json.loads((tmp_path / "new" / "simulate.json").read_text()) == printed
+    assert {"finger", "gravity"} <= set(printed["required"])
+
+
+# the verbs that compute, with a stand-in for what they call
+class FakeTrajectory(SimpleNamespace):
+    """As much of a trajectory as the command line touches."""
+
+    def __init__(self):
+        zero = np.zeros(3)
+        super().__init__(t=np.arange(3.0), tip=np.ones((3, 2)), kinetic=zero, potential=zero + 1.5)
+        self.status, self.warnings, self.statistics = "done", ["too bent"], {"substeps": 4}
+        self.time_error, self.length = 2e-5, 0.5
+
+    def save(self, folder):
+        Path(folder).mkdir(parents=True)
+        (Path(folder) / "result.npz").touch()
+
+
+@pytest.fixture
+def pretend(monkeypatch, tmp_path):
+    """Replace functions of a room, and stand in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def _pretend(room, **names):
+        module = ModuleType(room)
+        vars(module).update(names)
+        monkeypatch.setitem(sys.modules, room, module)
+
+    return _pretend
+
+
+def test_simulate_saves_and_reports(pretend):
+    seen = []
+    pretend("continuum_grasp.simulation", simulate=lambda scene, progress=None: seen.append(scene) or FakeTrajectory())
+    result = run("simulate", RELEASE, "--no-pictures", "--set", "time.duration=0.5", "-v")
+    assert result.exit_code == 0, result.output
+    assert seen[0].time.duration == 0.5
+    assert Path("runs/simulate/nitinol_release_020g/result.npz").exists()
+    assert "warning: too bent" in result.stderr
+    assert "substeps" in result.stdout
+    assert "time error      about 2e-05 of the length, 0.01 mm" in result.stdout
+
+    found = json.loads(run("simulate", RELEASE, "--no-pictures", "--out", "here", "--json").stdout)
+    assert found["folder"] == "here"
+    assert found["energy"] == [1.5, 1.5]
+    assert found["time_error"] == 2e-5
+    assert run("simulate", RELEASE, "--no-pictures", "--out", "quiet", "-q").stdout == ""
+
+
+def test_numerical_failure_exits_with_1_and_saves_what_there_is(pretend):
+    def simulate(scene, progress=None):
+        raise NumericalError("not finite at 0.1 s", time=0.1, result=FakeTrajectory())
+
+    pretend("continuum_grasp.simulation", simulate=simulate)
+    result = run("simulate", RELEASE)
+    assert result.exit_code == 1
+    assert "error: not finite at 0.1 s" in result.stderr
+    assert Path("runs/simulate/nitinol_release_020g/result.npz").exists()
+
+
+def test_solver_failure_exits_with_1(pretend):
+    def modes(scene):
+        raise SolverError("no equilibrium", status="diverged", advice="load it in steps")
+
+    pretend("continuum_grasp.simulation", modes=modes)
+    result = run("modes", RELEASE)
+    assert result.exit_code == 1
+    assert result.stderr == "error: no equilibrium (status: diverged)\nload it in steps\n"
+
+
+def test_modes_prints_a_table(pretend):
+    found = SimpleNamespace(
+        frequencies_hz=np.array([2.5, 15.7]), damping_ratios=np.array([0.01, np.nan]), stable=True, warnings=()
+    )
+    pretend("continuum_grasp.simulation", modes=lambda scene: found)
+    lines = run("modes", RELEASE).stdout.splitlines()
+    assert lines[0].split() == ["mode", "frequency", "[Hz]", "damping", "ratio"]
+    assert lines[2].split() == ["2", "15.7", "-"]
+    assert json.loads(run("modes", RELEASE, "--json").stdout)["frequencies_hz"] == [2.5, 15.7]
+
+
+def test_codegen_lists_its_files(tmp_path):
+    lines = run("codegen", RELEASE, "--out", str(tmp_path / "c")).stdout.splitlines()
+    assert sorted(lines) == sorted(str(path) for path in (tmp_path / "c").iterdir() if path.name[0] != ".")
+    assert {Path(line).name for line in lines} == {"finger.c", "finger.h", "main.c"}
+
+
+KINDS = {
+    "simulate": ("hanging.yaml", "a scene without an object"),
+    "grasp": ("mug.yaml", "a grasp"),
+    "mpc": ("pulse.yaml", "a closed loop"),
+    "mission": ("mug.yaml", "a mission"),
+    "plan": ("tip_to_point.yaml", "a plan"),
+    "sweep": ("finger_design.yaml", "a sweep"),
+}
+TAKES = {"simulate": ["simulate"], "grasp": ["grasp"], "plan": ["plan"], "mpc": ["mpc", "mission"]}
+
+
+@pytest.mark.parametrize(("command", "kind"), [(c, k) for c in TAKES for k in KINDS if k not in TAKES[c]])
+def test_a_file_of_another_kind_is_told_with_its_own_command(command, kind):
+    name, called = KINDS[kind]
+    result = run(command, str(Path(__file__).parents[2] / "configs" / kind / name))
+    assert result.exit_code == 2
+    assert f"got {called} (continuum-grasp {'mpc' if kind == 'mission' else kind})" in result.stderr

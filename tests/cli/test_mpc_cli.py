@@ -1,0 +1,134 @@
+"""``continuum-grasp mpc``: files, tables, exit codes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from continuum_grasp.cli import app
+from continuum_grasp.results import read_run
+
+ROOT = Path(__file__).parents[2]
+STEADY = str(ROOT / "configs/mpc/steady_tip.yaml")
+SMALL = {
+    "schema_version": 1,
+    "name": "small",
+    "finger": str(ROOT / "configs/fingers/hand_finger.yaml"),
+    "gravity": [0.0, 0.0],
+    "fidelity": {"family": "arc", "elements": 2},
+    "controller": {
+        "horizon": {"stages": 10, "stage": 0.01},
+        "cost": {"tip": {"running": 2e4, "terminal": 2e3}, "effort": 1e-3, "input_rate": 5e-5},
+        "input": {"rate_max": 600.0},
+        "bounds": {"keep_out": {"wall": {"type": "half_plane", "point": [-0.1, 0.0], "normal_angle": 0.0}}},
+    },
+    "reference": {"tip": [-0.0441, 0.1726]},
+    "estimator": {
+        "measured": {"tip": 3e-4, "tension": 0.1},
+        "disturbances": {"tip_moment": 0.01},
+        "acceleration_std": 1.0,
+    },
+    "plant": {"fidelity": {"family": "clothoid", "elements": 3}, "stiffness": 1.1},
+    "duration": 0.2,
+}
+PICTURES = {"path", "inputs", "tracking", "error", "bounds", "times", "disturbances"}
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["mpc", *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory):
+    path = tmp_path_factory.mktemp("mpc") / "small.yaml"
+    path.write_text(yaml.safe_dump(SMALL))
+    return path
+
+
+@pytest.fixture(scope="module")
+def done(config):
+    folder = config.parent / "run"
+    result = run(config, "--out", folder, "--json", "--animate", "gif")
+    assert result.exit_code == 0, result.output
+    return folder, json.loads(result.output)
+
+
+def test_files_are_those_that_are_told(done):
+    folder, told = done
+    made = {path.stem for path in map(Path, told["files"]) if path.is_file()}
+    assert made == {*PICTURES, "animation"}
+    assert {"result.npz", "meta.json", "report.txt"} <= {path.name for path in folder.iterdir()}
+    assert told["folder"] == str(folder)
+
+
+def test_numbers_are_those_of_the_arrays(done):
+    folder, told = done
+    stored, metrics = read_run(folder), told["metrics"]
+    arrays = stored.arrays
+    distance = np.linalg.norm(arrays["tip"] - SMALL["reference"]["tip"], axis=1)
+    assert metrics["tracking"][0]["rms"] == pytest.approx(np.sqrt(np.mean(distance**2)))
+    assert metrics["tracking"][0]["max"] == pytest.approx(distance.max())
+    assert arrays["t"] == pytest.approx(0.01 * np.arange(21))
+    names = [name.split(" ")[0] for name in stored.meta["names"]["bounds"]]
+    wall = arrays["bounds"][names.index("wall")]
+    assert wall == pytest.approx(0.006 - (arrays["tip"][:, 0] + 0.1))
+    assert sum(metrics["statuses"].values()) == len(arrays["u"]) == 20
+    assert stored.meta["metrics"] == metrics
+    assert stored.meta["config"]["name"] == "small"
+
+
+def test_a_table_is_printed(config, tmp_path):
+    result = run(config, "--out", tmp_path, "--no-pictures", "--set", "duration=0.05", "--seed", "3")
+    assert result.exit_code == 0, result.output
+    for word in ("tracking error", "r.m.s.", "wall", "exceeded", "estimate", "feedback", "closed-loop cost", "solved"):
+        assert word in result.output
+    assert read_run(tmp_path).meta["seed"] == 3
+    assert not list(tmp_path.glob("*.png"))
+
+
+def test_other_controllers_are_compared(config, tmp_path):
+    result = run(config, "--out", tmp_path, "--no-pictures", "--set", "duration=0.05", "--compare", "--json")
+    assert result.exit_code == 0, result.output
+    compared = json.loads(result.output)["compared"]
+    assert set(compared) == {"two arcs", "with the state", "converged"}
+    assert compared["with the state"]["cost"] == pytest.approx(compared["converged"]["cost"], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("none.yaml",), "none.yaml"),
+        ((STEADY, "--animate", "avi"), "expected gif or mp4"),
+        ((STEADY, "--set", "duration=null"), "duration"),
+        ((STEADY, "--set", "plant.stiffness=-1"), "plant.stiffness"),
+        ((str(ROOT / "configs/simulate/hanging.yaml"),), "expected a closed loop"),
+        ((STEADY, "--json", "--quiet"), "--quiet"),
+    ],
+)
+def test_bad_input_exits_with_2(arguments, said, tmp_path):
+    result = run(*arguments, "--out", tmp_path)
+    assert result.exit_code == 2
+    assert said in result.output
+
+
+def test_an_interrupted_run_is_saved(config, tmp_path, monkeypatch):
+    from continuum_grasp.closed_loop.plant import Plant
+
+    advance = Plant.advance
+
+    def stopped(self, u):
+        if self.t > 0.045:
+            raise KeyboardInterrupt
+        return advance(self, u)
+
+    monkeypatch.setattr(Plant, "advance", stopped)
+    result = run(config, "--out", tmp_path)
+    assert result.exit_code == 130
+    assert "interrupted after t = 0.05 s" in result.output
+    stored = read_run(tmp_path)
+    assert (stored.meta["status"], len(stored.arrays["u"])) == ("stopped", 5)

@@ -1,0 +1,492 @@
+"""Closed loops: the plant against the simulator and closed forms, metrics by hand, and whole runs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import continuum_grasp as cg
+from continuum_grasp import plotting
+from continuum_grasp.closed_loop.converged import Converged
+from continuum_grasp.closed_loop.metrics import metrics_of
+from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.closed_loop.plant_scene import plant_scene
+from continuum_grasp.closed_loop.readings import Bound, Readings
+from continuum_grasp.closed_loop.run import closed_loop
+from continuum_grasp.closed_loop.schedule import Phase, Schedule
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.problem import stages_of
+from continuum_grasp.errors import InputError, Interrupted, NumericalError
+from continuum_grasp.plotting.control.frames import control_frames
+from continuum_grasp.scene import (
+    ControlScene,
+    Damping,
+    Fidelity,
+    Finger,
+    ForceLoad,
+    PointMass,
+    Reference,
+    Rod,
+    Tendons,
+    VectorSamples,
+)
+
+FINGER = Finger(
+    rod=Rod(length=0.18, linear_density=0.034, bending_stiffness=6.11e-3, diameter=0.0012),
+    damping=Damping(material=3e-5),
+    masses=(PointMass(at=0.18, mass=0.002),),
+    tendons=Tendons(offset=0.005, min_tension=1.0, max_tension=60.0, time_constant=0.02),
+)
+ARCS = Fidelity(family="arc", elements=2)
+ESTIMATOR = {
+    "measured": {"tip": 3e-4, "tension": 0.1, "bending": {"at": (0.09, 0.18), "std": 0.003}},
+    "disturbances": {"tip_moment": 0.01},
+    "acceleration_std": 1.0,
+    "delay": 0.01,
+}
+CONTROLLER = {
+    "horizon": {"stages": 10, "stage": 0.01},
+    "cost": {"tip": {"running": 2e4, "terminal": 2e3}, "speed": 0.02, "effort": 1e-3, "input_rate": 5e-5},
+    "input": {"rate_max": 600.0},
+}
+ON_CURVE = (-0.18 * (1 - math.cos(0.5)) / 0.5, 0.18 * math.sin(0.5) / 0.5)
+
+
+def make(**changes):
+    """A closed loop of small models."""
+    given = {
+        "schema_version": 1,
+        "finger": FINGER,
+        "gravity": (0.0, 0.0),
+        "fidelity": ARCS,
+        "controller": CONTROLLER,
+        "reference": Reference(tip=ON_CURVE),
+        "plant": {"fidelity": {"family": "clothoid", "elements": 3}, "stiffness": 1.1, "damping": 1.3},
+        "duration": 0.4,
+    }
+    return ControlScene(**{**given, **changes})
+
+
+@cache
+def run(estimated=True, **changes):
+    return closed_loop(make(estimator=ESTIMATOR if estimated else None, **changes))
+
+
+# -- the plant --------------------------------------------------------------------------------------------------------
+
+
+def test_the_plant_moves_as_the_simulator_says():
+    push = VectorSamples(times=(0.02, 0.05, 0.1), values=((0.0, 0.0), (0.1, -0.05), (0.0, 0.0)))
+    plant = {"fidelity": {"family": "clothoid", "elements": 3}, "stiffness": 1.1, "tendon_friction": 0.05}
+    scene, tension = make(plant=plant, loads=(ForceLoad(at=0.18, force=push),)), (20.0, 2.0)
+    tried = Plant(scene)
+    step, method = tried.period / tried.method.substeps, tried.method.name
+    timing = cg.Timing(duration=0.12, step=step, method=method)
+    held = {"actuation": cg.Actuation(tensions=tension), "time": timing}
+    trajectory = cg.simulate(plant_scene(scene).model_copy(update=held))
+    tried.x[: trajectory.x.shape[1]] = trajectory.x[0]  # whose drive begins at the input that is held
+    for _ in range(12):
+        tried.advance(tension)
+    x = trajectory.x[-1]
+    assert np.abs(x[:4]).max() > 1.0
+    assert tried.x[: len(x)] == pytest.approx(x, rel=1e-8, abs=1e-8)
+
+
+def test_the_plant_differs_as_it_is_told():
+    plant = {"stiffness": 1.1, "damping": 1.3, "tip_mass": 0.001, "tendon_friction": 0.05, "time_constant": 0.03}
+    finger = plant_scene(make(plant=plant)).finger
+    assert finger.rod.stiffness == pytest.approx(1.1 * 6.11e-3)
+    assert finger.damping.material == pytest.approx(1.3 * 3e-5)
+    assert sum(m.mass for m in finger.masses) == pytest.approx(0.003)
+    assert (finger.tendons.friction, finger.tendons.time_constant) == (0.05, 0.03)
+    per_arc = FINGER.model_copy(update={"damping": Damping(per_arc=4e-4)})
+    assert plant_scene(make(finger=per_arc)).finger.damping.material == pytest.approx(1.3 * 4e-4 * 0.09)
+
+
+def lag(t, value, time):
+    """Step response of a critically damped lag of second order."""
+    return value * (1.0 - (1.0 + t / time) * np.exp(-t / time))
+
+
+def test_tensions_follow_through_the_lag():
+    tried = Plant(make(estimator={**ESTIMATOR, "delay": 0.0}, plant={"fidelity": ARCS, "noise": 0.0}))
+    for k in range(1, 8):
+        tried.advance((31.0, 6.0))
+        expected = [1.0 + lag(0.01 * k, 30.0, 0.02), 1.0 + lag(0.01 * k, 5.0, 0.02)]
+        assert tried.measure()[2:4] == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_tip_moment_follows_through_the_lag():
+    rod = FINGER.model_copy(update={"tendons": None})
+    controller = {**CONTROLLER, "input": {"moment_max": 0.3, "time_constant": 0.03}}
+    for family in ("clothoid", "matched_clothoid"):
+        plant = {"fidelity": {"family": family, "elements": 2}}
+        tried = Plant(make(finger=rod, controller=controller, plant=plant))
+        for _ in range(5):
+            tried.advance([0.05])
+        k = tried.model.x_names.index("tip_moment [N m]")
+        assert tried.x[k] == pytest.approx(lag(0.05, 0.05, 0.03), rel=1e-5)
+
+
+@pytest.mark.parametrize("tendons", [True, False])
+def test_a_drive_of_first_order_follows_exponentially(tendons):
+    finger = FINGER if tendons else FINGER.model_copy(update={"tendons": None})
+    controller = CONTROLLER if tendons else {**CONTROLLER, "input": {"moment_max": 0.3, "time_constant": 0.02}}
+    plant = {"fidelity": {"family": "clothoid", "elements": 2}, "drive_order": 1, "time_constant": 0.03}
+    tried = Plant(make(finger=finger, controller=controller, plant=plant))
+    step, rest = (np.array([30.0, 5.0]), 1.0) if tendons else (np.array([0.05]), 0.0)
+    for k in range(1, 6):
+        tried.advance(rest + step)
+        assert tried.x[-len(step) :] == pytest.approx(rest + step * (1.0 - np.exp(-0.01 * k / 0.03)), rel=1e-5)
+    measured = tried.model.function("drive", y=tried.model.drive)(tried.x, rest + step, tried.model.forces(0.0)[0])
+    assert np.array(measured).ravel() == pytest.approx(tried.x[-len(step) :])
+
+
+def test_a_drive_of_first_order_bends_the_finger_as_its_tensions_do():
+    plain = FINGER.model_copy(update={"tendons": FINGER.tendons.model_copy(update={"time_constant": None})})
+    plant = {"fidelity": {"family": "clothoid", "elements": 3}}
+    quick = Plant(make(plant={**plant, "drive_order": 1, "time_constant": 1e-4}))
+    direct = Plant(make(finger=plain, plant=plant))
+    for _ in range(10):
+        quick.advance((9.0, 2.0))
+        direct.advance((9.0, 2.0))
+    n = 2 * direct.model.system.n
+    assert np.abs(direct.x[:n]).max() > 0.1
+    assert quick.x[: n // 2] == pytest.approx(direct.x[: n // 2], abs=5e-3 * np.abs(direct.x[: n // 2]).max())
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"plant": {"fidelity": {"family": "matched_clothoid", "elements": 2}, "drive_order": 1}},
+        {"plant": {"drive_order": 1}, "finger": FINGER.model_copy(update={"tendons": None}), "controller": None},
+    ],
+)
+def test_a_drive_of_first_order_needs_a_lag_and_a_tip_that_may_be_thrown(changes):
+    if changes.get("controller", True) is None:
+        changes = {**changes, "controller": {**CONTROLLER, "input": {"moment_max": 0.3}}}
+    with pytest.raises(InputError):
+        Plant(make(**changes))
+
+
+def test_measurements_arrive_late():
+    exact = {"fidelity": ARCS, "noise": 0.0, "delay": 0.025}
+    tried, tips = Plant(make(estimator=ESTIMATOR, plant=exact)), []
+    tip = tried.model.function("tip", r=tried.model.tip)
+    for k in range(10):
+        states = tried.advance((20.0 + k, 2.0))
+        tips += [np.array(tip(x, (20.0, 2.0), [])).ravel() for x in states[1:]]
+        if k < 2:
+            assert tried.measure()[:2] == pytest.approx([0.0, 0.18])
+    late = round(0.025 / 0.01 * tried.method.substeps)
+    assert tried.measure()[:2] == pytest.approx(tips[-1 - late], abs=1e-4)
+
+
+def test_noise_is_as_large_as_said_and_repeats_with_its_seed():
+    tried = {
+        seed: Plant(make(estimator=ESTIMATOR, plant={"fidelity": ARCS, "noise": 2.0, "seed": seed})) for seed in (1, 2)
+    }
+    again = Plant(make(estimator=ESTIMATOR, plant={"fidelity": ARCS, "noise": 2.0, "seed": 1}))
+    rows = {seed: np.array([plant.measure() for _ in range(2000)]) for seed, plant in tried.items()}
+    assert np.array_equal(rows[1][:5], [again.measure() for _ in range(5)])
+    assert not np.array_equal(rows[1], rows[2])
+    assert rows[1].std(axis=0) == pytest.approx(2.0 * np.array([3e-4, 3e-4, 0.1, 0.1, 0.003, 0.003]), rel=0.06)
+    assert rows[1].mean(axis=0) == pytest.approx([0.0, 0.18, 1.0, 1.0, 0.0, 0.0], abs=0.02)
+
+
+@pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
+def test_without_an_estimator_the_state_is_measured(family):
+    fidelity = Fidelity(family=family, elements=2)
+    tried = Plant(make(fidelity=fidelity, plant={"fidelity": fidelity}))
+    for _ in range(4):
+        tried.advance((25.0, 3.0))
+    expected = tried.x[: tried.model.system.nx]
+    assert tried.measure() == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_a_motion_that_is_lost_is_told():
+    tried = Plant(make(plant={"fidelity": ARCS}, loads=(ForceLoad(at=0.18, force=(1e12, 0.0)),)))
+    with pytest.raises(NumericalError, match="not finite"):
+        tried.advance((1.0, 1.0))
+    with pytest.raises(InputError, match="expected 2 finite entries"):
+        tried.advance((math.nan, 1.0))
+    prompt = FINGER.tendons.model_copy(update={"time_constant": None})
+    matched = {"fidelity": {"family": "matched_clothoid"}}
+    scene = make(finger=FINGER.model_copy(update={"tendons": prompt}), plant=matched)
+    with pytest.raises(InputError, match="give the drive a lag"):
+        PlantModel(scene)
+
+
+# -- what is read off it ----------------------------------------------------------------------------------------------
+
+
+def test_readings_of_a_circular_arc():
+    zones = {
+        "wall": {"type": "half_plane", "point": (0.1, 0.0), "normal_angle": 0.0},
+        "post": {"type": "disc", "center": (0.05, 0.1), "radius": 0.02, "of": "backbone"},
+    }
+    cost = {**CONTROLLER["cost"], "bending": 1.0, "shape": {"at": (0.09, 0.18)}}
+    controller = {**CONTROLLER, "cost": cost, "bounds": {"curvature": 5.0, "speed": 2.0, "keep_out": zones}}
+    scene = make(
+        controller=controller, reference=Reference(tip=ON_CURVE, shape=(0.0, 0.09, 0.0, 0.18)), plant={"fidelity": ARCS}
+    )
+    model, plant = Prediction(scene), PlantModel(scene)
+    readings = Readings(scene, plant, stages_of(scene, model), model)
+    bend, rate = 0.5, 3.0
+    x = np.zeros((1, plant.nx))
+    x[0, :4] = bend, bend, rate, rate
+    u, held, w = np.array([[9.0, 2.0]]), np.array([[8.0, 2.5]]), np.zeros((1, plant.nw))
+    radius = 0.18 / (2 * bend)
+    arc = lambda angle: np.array([radius * (math.cos(angle) - 1.0), radius * math.sin(angle)])  # noqa: E731
+    middle, tip = arc(bend), arc(2 * bend)
+    expected = [*tip, bend, bend, *middle, *tip, rate, rate, 9.0, 2.0, 100.0, -50.0]
+    assert readings.tracked(x, u, w, held)[0] == pytest.approx(expected, abs=1e-9)
+    bounds = {b.name: b.excess[0] for b in readings.bounds(x, u, w, held, 0.01)}
+    points = np.array([arc(2 * bend * k / 6400) for k in range(6401)])
+    depth = 0.02 - np.linalg.norm(points - (0.05, 0.1), axis=1).min() + 0.0006
+    assert bounds["wall"] == pytest.approx(0.1 - tip[0] + 0.0006)
+    assert bounds["post"] == pytest.approx(depth, abs=1e-5)
+    assert bounds["curvature"] == pytest.approx(1 / radius - 5.0)
+    assert bounds["speed"] == pytest.approx(1.0)
+    assert bounds["input rate"] == pytest.approx(100.0 - 600.0)
+    assert bounds["input"] == pytest.approx(-1.0)
+    assert readings.backbone(x, u, w, 3)[0] == pytest.approx(np.array([[0.0, 0.0], middle, tip]), abs=1e-12)
+
+
+def test_metrics_by_hand():
+    error = np.zeros((11, 4))
+    error[2, :2], error[10, :2] = (3e-3, 4e-3), (0.0, 2e-3)
+    error[:, 2] = 2.0
+    u = np.array([[3.0, 1.0]] * 5 + [[3.0, 5.0]] * 5)
+    run = SimpleNamespace(
+        u=u,
+        r=np.zeros((11, 4)),
+        tracked=error,
+        period=0.01,
+        deadline=0.01,
+        weights=np.array([2.0, 2.0, 0.5, 0.5]),
+        r_names=("tip_x [m]", "tip_y [m]", "tension_1 [N]", "tension_2 [N]"),
+        u_names=("tension_1 [N]", "tension_2 [N]"),
+        u_min=np.array([1.0, 1.0]),
+        bounds=(Bound("wall", "m", np.array([-1e-3] * 8 + [2e-3] * 2), 0.18),),
+        phase_names=("estimate", "feedback"),
+        phase_times=np.stack([np.full(10, 1e-5), [*np.linspace(1e-5, 9e-5, 9), 0.02]], axis=1),
+        status=("solved",) * 9 + ("safe_ramp",),
+        anomalies=((),) * 9 + (("late", "outlier"),),
+        health=("ok",) * 8 + ("mismatch",) * 2,
+        mismatch=np.array([1.0] * 8 + [3.5, 3.25]),
+    )
+    found = metrics_of(run)
+    (tip,) = found.tracking
+    assert (tip.name, tip.unit) == ("tip", "m")
+    assert (tip.rms, tip.max, tip.final) == pytest.approx((math.sqrt((25e-6 + 4e-6) / 11), 5e-3, 2e-3))
+    assert found.cost == pytest.approx(0.5 * 0.01 * (2.0 * 25e-6 + 0.5 * 4.0 * 10))
+    assert found.effort_rms == pytest.approx(2.0)
+    assert found.rate_rms == pytest.approx(400.0 / math.sqrt(10))
+    (wall,) = found.violations
+    assert (wall.worst, wall.share) == pytest.approx((2e-3, 0.2))
+    assert [(t.name, t.median, t.max) for t in found.times][1] == ("feedback", pytest.approx(5.5e-5), 0.02)
+    assert (found.late, found.statuses, found.anomalies) == (
+        1,
+        {"solved": 9, "safe_ramp": 1},
+        {"late": 1, "outlier": 1},
+    )
+
+
+# -- phases -----------------------------------------------------------------------------------------------------------
+
+
+def constant(value):
+    return lambda t: np.full((len(t), 1), value)
+
+
+def test_phases_follow_one_another():
+    begun = []
+    phases = [
+        Phase("a", constant(1.0), 0.3),
+        Phase("b", lambda t: t[:, None], 0.2, begin=lambda controller, plant: begun.append(plant)),
+        Phase("c", constant(3.0), until=lambda moment: moment.t > 0.15),
+    ]
+    plan = Schedule(phases)
+    plan.enter(0.0, None, "plant")
+    assert plan.duration == math.inf
+    assert plan.rows(np.array([0.0, 0.29, 0.31, 0.49, 0.6]))[:, 0] == pytest.approx([1.0, 1.0, 0.01, 0.19, 3.0])
+    reached = [plan.advance(t, None, "plant", None) and plan.phase.name for t in (0.1, 0.3, 0.4, 0.5, 0.6, 0.7)]
+    assert reached == ["a", "b", "b", "c", "c", False]
+    assert (plan.events, begun) == ([(0.0, "a"), (0.3, "b"), (0.5, "c")], ["plant"])
+
+
+def test_what_ends_at_an_event_is_foreseen_to_go_on():
+    plan = Schedule([Phase("a", constant(1.0), 0.3, until=lambda moment: False), Phase("b", constant(2.0), 1.0)])
+    plan.enter(0.0, None, None)
+    assert plan.rows(np.array([0.2, 0.5]))[:, 0].tolist() == [1.0, 1.0]
+    with pytest.raises(InputError, match="one phase"):
+        Schedule([])
+
+
+# -- whole loops ------------------------------------------------------------------------------------------------------
+
+
+def test_the_tip_goes_where_it_is_told():
+    found = run()
+    assert (found.ended, len(found.u)) == ("finished", 40)
+    assert set(found.status) == {"solved"}
+    assert np.linalg.norm(found.tip[-5:] - ON_CURVE, axis=1).max() < 4e-3
+    assert np.all((found.u >= 1.0) & (found.u <= 60.0))
+    assert np.abs(np.diff(found.u, axis=0)).max() <= 600.0 * 0.01 * (1 + 1e-9)
+    assert found.warnings == ()
+    assert found.statistics["plant_error_m"] < 1e-6
+
+
+def test_a_run_repeats_with_its_seed():
+    one, same = run(), closed_loop(make(estimator=ESTIMATOR))
+    for name in ("x", "u", "y", "estimate", "std", "plan_tip", "tracked"):
+        assert np.array_equal(getattr(one, name), getattr(same, name)), name
+    other = closed_loop(make(estimator=ESTIMATOR, plant=make().plant.model_copy(update={"seed": 5})))
+    assert not np.array_equal(one.u, other.u)
+
+
+def test_the_plan_begins_at_the_estimate():
+    found = run()
+    model = Prediction(make(estimator=ESTIMATOR))
+    where = [
+        np.array(model.tip(x, u, p)).ravel() for x, u, p in zip(found.estimate, found.u, found.parameters, strict=True)
+    ]
+    assert found.plan_tip[:, 0] == pytest.approx(np.array(where), abs=1e-9)
+
+
+def test_real_time_iterations_lose_little_against_convergence():
+    scene = make()
+    cost, best = run(False).metrics().cost, closed_loop(scene, controller=Converged(scene)).metrics().cost
+    assert best * 0.999 < cost < best * 1.01
+
+
+def test_convergence_is_that_of_an_independent_solver():
+    """Single shooting and sequential quadratic programming with finite differences: no better cost is found."""
+    scene = make(controller={**CONTROLLER, "horizon": {"stages": 4, "stage": 0.01}})
+    control = Converged(scene)
+    s, x0 = control.stages, np.zeros(6)
+    refs = np.tile([*ON_CURVE, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0], (5, 1))
+    found = control.step(x0, refs)
+
+    def cost(flat):
+        x, total = ca.DM([*x0, 1.0, 1.0]), 0.0
+        for u, r in zip(np.reshape(flat, (4, 2)), refs, strict=False):
+            total += float(s.cost(x, u, s.p_nominal, r, s.weights)[0])
+            for _ in range(s.substeps):
+                x = s.step(x, u, s.p_nominal, s.stage / s.substeps)[0]
+        return total + float(s.terminal(x, s.p_nominal, refs[4], s.terminal_weights)[0])
+
+    rate = lambda flat: np.diff(np.vstack([[1.0, 1.0], np.reshape(flat, (4, 2))]), axis=0).ravel()  # noqa: E731
+    rows = [{"type": "ineq", "fun": lambda flat, sign=sign: 6.0 + sign * rate(flat)} for sign in (1.0, -1.0)]
+    start, within = np.full(8, 2.0), [(1.0, 60.0)] * 8
+    best = minimize(cost, start, method="SLSQP", bounds=within, constraints=rows, options={"ftol": 1e-14})
+    assert best.success
+    assert cost(found.plan.u) == pytest.approx(best.fun, rel=1e-6)
+    assert found.plan.u == pytest.approx(best.x.reshape(4, 2), abs=0.02)
+
+
+def test_the_estimator_leaves_no_offset():
+    """A finger that is a tenth stiffer, on the plant's own curve: less than 0.1 % of the length."""
+    scene = make(
+        estimator=ESTIMATOR,
+        plant={"fidelity": {"family": "arc", "elements": 4}, "stiffness": 1.1, "noise": 0.0},
+        duration=1.2,
+    )
+    assert closed_loop(scene).metrics().tracking[0].final < 1e-3 * 0.18
+
+
+def test_phases_have_their_own_set_points():
+    scene = make(estimator=ESTIMATOR, duration=None)
+    home = [0.0, 0.18, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
+    away = [*ON_CURVE, *home[2:]]
+    phases = [
+        Phase("go", lambda t: np.tile(away, (len(t), 1)), 0.2),
+        Phase("return", lambda t: np.tile(home, (len(t), 1)), 1.0, until=lambda moment: moment.t > 0.295),
+    ]
+    found = closed_loop(scene, schedule=phases)
+    assert [name for _, name in found.events] == ["go", "return"]
+    assert found.t[-1] == pytest.approx(0.5)
+    assert np.linalg.norm(found.tip[-1] - (0.0, 0.18)) < 5e-3
+    with pytest.raises(InputError, match="duration"):
+        closed_loop(scene)
+
+
+def test_functions_of_time_are_followed():
+    found = closed_loop(make(estimator=ESTIMATOR, duration=0.3), functions={"tip": lambda t: (0.0, 0.18)})
+    assert found.r[:, :2].tolist() == [[0.0, 0.18]] * 31
+    assert np.linalg.norm(found.tip - (0.0, 0.18), axis=1).max() < 3e-3
+
+
+def test_an_interrupted_run_keeps_what_it_has(tmp_path):
+    def stop(share):
+        if share >= 0.25:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as caught:
+        closed_loop(make(estimator=ESTIMATOR), progress=stop)
+    kept = caught.value.result
+    assert (kept.ended, len(kept.u)) == ("stopped", 10)
+    assert np.array_equal(kept.u, run().u[:10])
+    kept.save(tmp_path)
+    assert (tmp_path / "result.npz").is_file()
+
+
+def test_a_lost_motion_keeps_what_it_has():
+    blow = VectorSamples(times=(0.1, 0.11), values=((0.0, 0.0), (1e9, 0.0)))
+    with pytest.raises(NumericalError, match="not finite") as caught:
+        closed_loop(make(estimator=ESTIMATOR, loads=(ForceLoad(at=0.18, force=blow),)))
+    kept = caught.value.result
+    assert 9 <= len(kept.u) <= 14
+    assert np.all(np.isfinite(kept.x))
+
+
+def test_other_controllers_have_other_scenes():
+    with pytest.raises(InputError, match="estimator"):
+        Converged(make(estimator=ESTIMATOR))
+    assert replace(run(), ended="stopped").metrics() == run().metrics()
+
+
+# -- pictures ---------------------------------------------------------------------------------------------------------
+
+
+def lines(ax):
+    """Data of the labelled lines by their labels."""
+    return {line.get_label(): np.array(line.get_data()).T for line in ax.get_lines()}
+
+
+def test_pictures_show_the_arrays():
+    found = run()
+    path = lines(plotting.plot_control_path(found))
+    assert np.array_equal(path["tip"], found.tip)
+    assert path["set-point"] == pytest.approx(np.array([ON_CURVE] * 2))
+    tracking = lines(plotting.plot_tracking(found))
+    assert np.array_equal(tracking["tip y"][:, 1], found.tracked[:, 1])
+    error = plotting.plot_tracking_error(found).get_lines()[0].get_ydata()
+    assert error == pytest.approx(1e3 * np.linalg.norm(found.tip - ON_CURVE, axis=1))
+    inputs = plotting.plot_inputs(found)
+    assert [np.array_equal(steps.get_data().values, found.u[:, k]) for k, steps in enumerate(inputs.patches)] == [
+        True
+    ] * 2
+    disturbances = lines(plotting.plot_disturbances(found))
+    assert np.array_equal(disturbances["missing tip moment"][:, 1], found.disturbance[:, 0])
+    bounds = lines(plotting.plot_bounds(found))
+    assert bounds["input rate"][:, 1] == pytest.approx(found.bounds[1].excess / 600.0)
+
+
+def test_frames_show_finger_and_prediction():
+    found = run()
+    pictures = list(control_frames(found, np.array([0, 20, 40, 40]), 200))
+    assert len({picture.shape for picture in pictures}) == 1
+    assert np.array_equal(pictures[2], pictures[3])
+    green = [np.count_nonzero((p[..., 1] > 120) & (p[..., 0] < 60)) for p in pictures]
+    assert min(green) > 5
+    assert not np.array_equal(pictures[0], pictures[1])

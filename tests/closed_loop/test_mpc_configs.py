@@ -1,0 +1,117 @@
+"""The shipped closed loops: a short run of each, with physical bounds on what the tip does."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from continuum_grasp.closed_loop.run import closed_loop
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.load import load
+
+FOLDER = Path(__file__).parents[2] / "configs/mpc"
+FINE = 4  # clothoids of the plant, which are compiled in half the time of eight
+ARCS = "fidelity.family=arc"  # a controller that is compiled in a quarter of the time
+
+
+def run(name, seconds, *changes):
+    return closed_loop(
+        load(FOLDER / f"{name}.yaml", [f"duration={seconds}", f"plant.fidelity.elements={FINE}", *changes])
+    )
+
+
+def checked(found):
+    """Commands are the solver's, within all limits; the plant keeps out of what it must."""
+    assert set(found.status) <= {"solved", "row_violated", "iteration_limit"}
+    assert found.ended == "finished"
+    for bound in found.bounds:
+        assert bound.excess.max() <= 1e-9, bound.name
+    return found
+
+
+def test_every_configuration_is_run_here():
+    text = Path(__file__).read_text(encoding="utf-8")
+    assert all(f'"{path.stem}"' in text for path in FOLDER.glob("*.yaml"))
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.yaml")), ids=lambda path: path.stem)
+def test_shipped_loops_have_margin_for_dead_time(path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load(path)
+
+
+def test_loops_without_margin_for_dead_time_are_doubted():
+    with pytest.warns(UserWarning, match=r"input_rate tolerates 60.9 N/s.* tenth .*0\.00028"):
+        load(FOLDER / "steady_tip.yaml", ["controller.cost.input_rate=2.7e-4"])
+    with pytest.warns(UserWarning, match="input_rate tolerates any rate"):
+        load(FOLDER / "steady_tip.yaml", ["controller.cost.input_rate=null"])
+    with pytest.warns(UserWarning, match=r"input_rate tolerates .* N m/s"):
+        load(FOLDER / "nitinol_moment.yaml", ["controller.cost.input_rate=11.0"])
+    given = load(FOLDER / "steady_tip.yaml").model_dump()
+    del given["estimator"]["delay"]
+    with pytest.warns(UserWarning, match="estimator.delay is not given"):
+        ControlScene(**given)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # a tenth, and a camera that is said to have no delay
+        load(FOLDER / "steady_tip.yaml", ["controller.cost.input_rate=2.78e-4", "estimator.delay=0.0"])
+
+
+def test_the_tip_settles_at_set_points():
+    found = checked(run("tip_steps", 0.5))
+    error = np.linalg.norm(found.tip - found.tip_reference, axis=1)
+    assert error[30:].max() < 4e-3
+
+
+@pytest.mark.parametrize("stiffness", [0.9, 1.1])
+def test_no_offset_stays(stiffness):
+    found = checked(run("steady_tip", 1.5, f"plant.stiffness={stiffness}", "plant.noise=0.0"))
+    assert found.metrics().tracking[0].final < 2e-4 * found.length
+    noisy = checked(run("steady_tip", 1.5, f"plant.stiffness={stiffness}"))
+    wander = np.linalg.norm(noisy.tip - noisy.tip_reference, axis=1)[75:]
+    assert np.sqrt(np.mean(wander**2)) < 2e-3
+
+
+def test_the_tip_follows_its_arc():
+    found = checked(run("tip_arc", 0.5, ARCS))
+    assert found.metrics().tracking[0].max < 6e-3
+    assert np.linalg.norm(found.tip[-1] - found.tip[0]) > 0.1
+
+
+def test_the_tip_runs_through_the_circle():
+    """It can be on one curve only, through the centre: as far from the circle as that asks, no further."""
+    found = checked(run("tip_circle", 0.6))
+    error = np.linalg.norm(found.tip - found.tip_reference, axis=1)[20:]
+    assert error.max() < 1.1 * 0.02
+
+
+def test_a_knock_is_recovered_from():
+    found = checked(run("pulse", 1.3, ARCS))
+    error = np.linalg.norm(found.tip - found.tip_reference, axis=1)
+    struck = (found.t > 0.8) & (found.t < 1.0)
+    assert error[found.t < 0.8].max() < 3e-3
+    assert error[struck].max() > 0.02
+    assert error[-5:].max() < 4e-3
+
+
+def test_tensions_stay_at_their_limit():
+    found = checked(run("saturation", 0.8))
+    assert np.mean(found.u[30:, 0] > 14.0 - 1e-6) > 0.9
+    assert np.linalg.norm(found.tip[-1] - found.tip_reference[-1]) < 0.02
+
+
+def test_zones_are_kept_out_of():
+    found = checked(run("keep_out", 1.5, ARCS, "controller.bounds.keep_out.wall.clearance=0.005"))  # arcs err by more
+    assert found.tip[:, 0].min() > -0.10 + 0.006
+    beside = found.u[(found.t[:-1] > 0.5) & (found.t[:-1] < 0.88)]  # the wall; before it foresees the next set-point
+    assert np.sqrt(np.mean(np.diff(beside, axis=0) ** 2)) < 0.6  # [N]; 2.1 with prices of 100
+    assert np.linalg.norm(found.tip[100] - found.tip_reference[100]) > 0.03
+
+
+def test_a_moment_lifts_the_rod():
+    found = checked(run("nitinol_moment", 1.2))
+    assert found.tip[0, 1] == pytest.approx(-0.28, abs=0.02)
+    assert np.linalg.norm(found.tip[-10:] - found.tip_reference[-10:], axis=1).max() < 0.015

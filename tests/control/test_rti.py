@@ -1,0 +1,420 @@
+"""Real-time iterations: what they converge to, what they refuse, and what their C is made of."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+import threading
+from dataclasses import replace
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from continuum_grasp.control.problem import stages_of
+from continuum_grasp.control.rti import STATUS, RealTimeIteration
+from continuum_grasp.control.source import iteration_source
+from continuum_grasp.control.stages import ABSENT, Stages
+from continuum_grasp.control.transcription import cost_function, step_function, terminal_function
+from continuum_grasp.core import compiler as compilers
+from continuum_grasp.core.compiler import find_compiler
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.scene import Fidelity
+from tests.control_cases import hand_scene, rod_scene
+from tests.export_cases import loop_scene
+from tests.rti_cases import LOOSE, SIZES, disturb, random_stages
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
+
+START = np.array([2.5, 0.0, 0.0])
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror"]
+
+
+@lru_cache
+def pendulum() -> Stages:
+    """Swing-up with little torque, bounded speed and bounded change of the torque, which is a state."""
+    x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u"), ca.SX.sym("p", 1)
+    given = ([x, u, p], ["x", "u", "p"])
+
+    def function(name: str, output: str, value: ca.SX) -> ca.Function:
+        return ca.Function(name, given[0], [ca.densify(value)], given[1], [output])
+
+    dynamics = function("dynamics", "xd", ca.vertcat(x[1], -p * ca.sin(x[0]) - 0.1 * x[1] + u))
+    outputs = function("outputs", "y", ca.vertcat(ca.sin(x[0]), ca.cos(x[0]), x[1], u))
+    rows = function("rows", "c", ca.vertcat(x[1] / 1.5, (u - x[2]) / 0.4))
+    return Stages(
+        step=step_function(dynamics, 3),
+        cost=cost_function(outputs, rows, 0.1),
+        terminal=terminal_function(outputs, rows, 3, 1),
+        outputs=outputs,
+        dynamics=dynamics,
+        rows=rows,
+        stages=20,
+        stage=0.1,
+        substeps=2,
+        method="rk4",
+        nd=2,
+        ns=1,
+        nt=3,
+        x_names=("angle", "rate", "held"),
+        u_names=("torque",),
+        p_names=("gravity",),
+        r_names=("sine", "cosine", "rate", "torque"),
+        c_names=("rate", "change"),
+        u_min=np.array([-0.8]),
+        u_max=np.array([0.8]),
+        c_min=np.array([-1.0, -1.0]),
+        c_max=np.array([1.0, 1.0]),
+        linear=np.array([10.0, 100.0]),
+        quadratic=np.array([1.0, 1.0]),
+        weights=np.array([4.0, 4.0, 0.1, 0.1]),
+        terminal_weights=np.array([4.0, 4.0, 1.0, 0.0]),
+        p_nominal=np.array([1.0]),
+    )
+
+
+REFS = np.array([0.0, 1.0, 0.0, 0.0])
+
+
+@lru_cache
+def shared(precision: str = "double", lanes: bool = True) -> RealTimeIteration:
+    return RealTimeIteration(pendulum(), precision=precision, lanes=lanes)
+
+
+def by_ipopt(s: Stages, x0: np.ndarray, refs: np.ndarray, guess: tuple[np.ndarray, np.ndarray]):
+    """The optimal control problem with slacks as variables: states, inputs."""
+    x, u = ca.MX.sym("x", s.nx, s.stages + 1), ca.MX.sym("u", s.nu, s.stages)
+    slack = ca.MX.sym("s", s.nc, s.stages)
+    p, cost, equal, rows = ca.DM(s.p_nominal), 0, [x[:, 0] - x0], []
+    for k in range(s.stages):
+        end = x[:, k]
+        for _ in range(s.substeps):
+            end = s.step(end, u[:, k], p, s.stage / s.substeps)[0]
+        equal.append(x[:, k + 1] - end)
+        error = s.outputs(x[:, k], u[:, k], p) - refs[k]
+        cost += 0.5 * s.stage * ca.dot(ca.DM(s.weights), error**2)
+        here, after = s.rows(x[:, k], u[:, k], p), s.rows(x[:, k + 1], u[:, k], p)
+        c = ca.vertcat(after[: s.ns], here[s.ns :])
+        rows += [c - slack[:, k] - s.c_max, s.c_min - c - slack[:, k]]
+        cost += ca.dot(ca.DM(s.linear), slack[:, k]) + 0.5 * ca.dot(ca.DM(s.quadratic), slack[:, k] ** 2)
+    error = (s.outputs(x[:, -1], u[:, -1], p) - refs[-1])[: s.nt]
+    cost += 0.5 * ca.dot(ca.DM(s.terminal_weights[: s.nt]), error**2)
+    z, g = ca.veccat(x, u, slack), ca.vertcat(*equal, *rows)
+    count = sum(e.numel() for e in equal)
+    options = {"ipopt.print_level": 0, "print_time": False, "ipopt.tol": 1e-12, "ipopt.sb": "yes"}
+    solve = ca.nlpsol("oracle", "ipopt", {"x": z, "f": cost, "g": g}, options)
+    free = np.full(x.numel(), np.inf)
+    found = solve(
+        x0=np.r_[guess[0].ravel(), guess[1].ravel(), np.zeros(slack.numel())],
+        lbx=np.r_[-free, np.tile(s.u_min, s.stages), np.zeros(slack.numel())],
+        ubx=np.r_[free, np.tile(s.u_max, s.stages), np.full(slack.numel(), np.inf)],
+        lbg=np.r_[np.zeros(count), np.full(g.numel() - count, -np.inf)],
+        ubg=np.zeros(g.numel()),
+    )
+    assert solve.stats()["success"]
+    values = np.array(found["x"]).ravel()
+    return values[: x.numel()].reshape(s.stages + 1, s.nx), values[x.numel() :][: u.numel()].reshape(s.stages, s.nu)
+
+
+def converged(rti: RealTimeIteration, x0: np.ndarray, refs: np.ndarray, steps: int = 60):
+    rti.reset(x0, rollout=True)
+    for _ in range(steps):
+        report = rti.step(x0, refs)
+    return report
+
+
+@pytest.mark.parametrize("lanes", [False, True])
+def test_iterations_from_one_state_end_at_the_optimum(lanes):
+    """Torque, its rate and the pendulum's rate at their bounds, some rows beyond them."""
+    s, rti = pendulum(), shared(lanes=lanes)
+    report = converged(rti, START, REFS)
+    x, u = rti.plan
+    found = by_ipopt(s, START, np.tile(REFS, (s.stages + 1, 1)), (x, u))
+    np.testing.assert_allclose(x, found[0], atol=1e-6)
+    np.testing.assert_allclose(u, found[1], atol=1e-6)
+    c = np.array([s.rows(x[k + 1], u[k], 1.0) for k in range(s.stages)]).squeeze()
+    assert np.isclose(np.abs(c[:, 0]), 1.0, atol=1e-6).any()
+    assert np.isclose(np.abs(u), 0.8).any()
+    assert report.status in (0, 2)
+
+
+def test_iterations_of_a_finger_end_at_the_optimum():
+    """Two arcs with bounded moment and rate of moment, far from their set-point."""
+    s = stages_of(rod_scene())
+    rti = RealTimeIteration(s)
+    x0, refs = np.zeros(s.nx), np.zeros(s.nr)
+    refs[:2] = 0.45, 0.2
+    converged(rti, x0, refs, 40)
+    x, u = rti.plan
+    found = by_ipopt(s, x0, np.tile(refs, (s.stages + 1, 1)), (x, u))
+    np.testing.assert_allclose(u, found[1], atol=1e-6 * np.abs(found[1]).max())
+    np.testing.assert_allclose(x, found[0], atol=1e-6 * np.abs(found[0]).max())
+
+
+def test_single_precision_ends_near_the_same():
+    for precision in ("double", "float"):
+        converged(shared(precision), START, REFS)
+    (x, u), (single_x, single_u) = shared("double").plan, shared("float").plan
+    assert single_x.dtype == np.float32
+    np.testing.assert_allclose(single_u, u, atol=2e-3)
+    np.testing.assert_allclose(single_x, x, atol=2e-3)
+
+
+def test_lanes_change_nothing_but_rounding():
+    plans = []
+    for lanes in (False, True):
+        rti = shared(lanes=lanes)
+        rti.reset(START, rollout=True)
+        rti.step(START, REFS)
+        plans.append(np.r_[rti.plan[0].ravel(), rti.plan[1].ravel()])
+    np.testing.assert_allclose(*plans, atol=1e-9)
+
+
+@pytest.mark.parametrize("substeps", [1, 3])
+def test_products_over_what_differs_from_zero_are_those_of_loops(substeps):
+    """Drives with lag and limited rates: many entries of the Jacobian are zero, some states are read by none."""
+    problem = replace(stages_of(hand_scene(fidelity=Fidelity(family="arc", elements=2))), substeps=substeps)
+    plans = []
+    for lanes in (False, True):
+        rti = RealTimeIteration(problem, lanes=lanes)
+        assert ("RTI_CARRIED 1" in iteration_source(problem, lanes=lanes)) is not lanes
+        rti.reset(np.zeros(problem.nx), problem.u_min)
+        for _ in range(4):
+            rti.step(np.full(problem.nx, 0.1), np.full(problem.nr, 0.05))
+        plans.append(np.concatenate([part.ravel() for part in (*rti.plan, *(rti.qp()[name] for name in "AB"))]))
+    np.testing.assert_allclose(plans[0], plans[1], rtol=1e-6, atol=1e-8 * np.abs(plans[1]).max())
+
+
+# ---- the plan ----
+
+
+def test_a_rollout_is_the_integration_of_the_inputs():
+    s, rti = pendulum(), shared()
+    rti.reset(START, [0.3], rollout=True)
+    state = START
+    for k in range(s.stages):
+        for _ in range(s.substeps):
+            state = np.array(s.step(state, 0.3, 1.0, s.stage / s.substeps)[0]).ravel()
+        np.testing.assert_allclose(rti.plan[0][k + 1], state, rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize("stages", [0.0, 0.25, 1.0, 2.5, 19.75, 20.0, 35.0])
+def test_a_shifted_plan_stays_on_its_line(stages):
+    """States that are linear in time stay so; inputs are those means of a staircase; the ends stay."""
+    s, rti = pendulum(), shared()
+    nodes = np.arange(s.stages + 1.0)
+    rti.plan[0][:] = nodes[:, None] * [1.0, -2.0, 0.5]
+    rti.plan[1][:] = nodes[:-1, None]
+    rti.shift(stages)
+    expected = np.minimum(nodes + stages, s.stages)
+    np.testing.assert_allclose(rti.plan[0], expected[:, None] * [1.0, -2.0, 0.5], atol=1e-12)
+    np.testing.assert_allclose(rti.plan[1][:, 0], np.minimum(nodes[:-1] + stages, s.stages - 1.0), atol=1e-12)
+
+
+def test_a_shifted_plan_can_be_integrated_beyond_the_horizon():
+    s, rti = pendulum(), shared()
+    converged(rti, START, REFS)
+    last_x, last_u = rti.plan[0][-1].copy(), rti.plan[1][-1].copy()
+    rti.shift(1.0, rollout=True)
+    state = last_x
+    for _ in range(s.substeps):
+        state = np.array(s.step(state, last_u, 1.0, s.stage / s.substeps)[0]).ravel()
+    np.testing.assert_allclose(rti.plan[0][-2], last_x, rtol=1e-13)
+    np.testing.assert_allclose(rti.plan[0][-1], state, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("stages", [-0.1, np.nan, np.inf])
+def test_a_shift_back_is_refused(stages):
+    with pytest.raises(InputError, match="stages"):
+        shared().shift(stages)
+
+
+# ---- what is not finite ----
+
+
+@pytest.fixture(params=["exact", "loose"])
+def rti(request, monkeypatch):
+    """The pendulum, also by a compiler that takes NaN for impossible."""
+    if request.param == "loose":
+        monkeypatch.setattr(compilers, "_COMMON", (*compilers._COMMON, *LOOSE))
+    made = RealTimeIteration(pendulum())
+    converged(made, START, REFS, 3)
+    return made
+
+
+BAD = {
+    "x0": (lambda r, bad: r.step([0.0, bad, 0.0]), "bad input"),
+    "refs": (lambda r, bad: r.step(START, np.r_[REFS[:3], bad]), "bad input"),
+    "p": (lambda r, bad: r.step(START, REFS, [bad]), "bad input"),
+    "weights": (lambda r, bad: (setattr(r.settings, "weights", bad), r.step(START)), "bad input"),
+    "u_min": (lambda r, bad: (setattr(r.settings, "u_min", bad), r.step(START)), "bad input"),
+    "c_max": (lambda r, bad: (setattr(r.settings, "c_max", bad), r.step(START)), "bad input"),
+    "stage": (lambda r, bad: (setattr(r.settings, "stage", bad), r.step(START)), "bad input"),
+    "tolerance": (lambda r, bad: (setattr(r.settings, "tolerance", bad), r.step(START)), "bad input"),
+    "plan": (lambda r, bad: (r.plan[0].__setitem__((7, 1), bad), r.step(START)), "bad input"),
+    "model": (lambda r, bad: (r.plan[0].__setitem__((7, 1), 1e308), r.step(START)), "bad linearisation"),
+    "overflow": (lambda r, bad: r.step([1e200, 0.0, 0.0]), "bad solution"),
+    "negative price": (lambda r, bad: (setattr(r.settings, "linear", -1.0), r.step(START)), "bad input"),
+    "crossed bounds": (lambda r, bad: (setattr(r.settings, "u_min", 1.0), r.step(START)), "bad input"),
+    "no sub-steps": (lambda r, bad: (setattr(r.settings, "substeps", 0), r.step(START)), "bad input"),
+}
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("what", BAD)
+def test_what_is_not_finite_leaves_the_plan_alone(rti, what, bad):
+    do, status = BAD[what]
+    before = [part.copy() for part in rti.plan]
+    with pytest.raises(SolverError) as caught:
+        do(rti, bad)
+    assert caught.value.status == status
+    for part, kept in zip(rti.plan, before, strict=True):
+        assert np.count_nonzero(part != kept) <= (what in ("plan", "model"))
+    assert status in STATUS.values()
+
+
+def test_after_a_failure_it_goes_on(rti):
+    with pytest.raises(SolverError):
+        rti.step([np.nan, 0.0, 0.0])
+    with pytest.raises(SolverError):
+        rti.prepare(np.full(4, np.nan))
+    with pytest.raises(SolverError, match="not prepared"):
+        rti.feedback(START)
+    assert rti.step(START, REFS).status in (0, 2)
+
+
+# ---- the C ----
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize("stages", [pendulum, *[lambda k=k: random_stages(k, SIZES[k]) for k in (1, 2, 3, 4)]])
+def test_the_c_has_no_warning_no_memory_of_its_own_and_no_allocation(stages, real, tmp_path):
+    source, built = tmp_path / "rti.c", tmp_path / "rti.o"
+    source.write_text(iteration_source(stages(), real=real, lanes=False))
+    compiler = list(find_compiler().command)
+    done = subprocess.run([*compiler, *STRICT, "-O2", "-c", source, "-o", built], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[:2000]
+    assert done.stderr == ""
+    if shutil.which("nm"):
+        lines = subprocess.run(["nm", built], capture_output=True, text=True, check=True).stdout.splitlines()
+        symbols = [line.split()[-2:] for line in lines]
+        assert {kind for kind, _ in symbols} <= {"T", "t", "r", "R", "U"}
+        mathematics = {"sin", "cos", "sqrt"} if real == "double" else {"sinf", "cosf", "sqrtf", "sincosf"}
+        assert {name for kind, name in symbols if kind == "U"} <= {"memcpy", "memset", "sincos", *mathematics}
+        exported = {name for kind, name in symbols if kind == "T"}
+        assert exported == {f"rti_{n}" for n in ("start", "rollout", "extend", "prepare", "feedback", "shift")}
+
+
+def test_two_threads_with_memory_of_their_own_do_not_meet():
+    """Each gives bit for bit what it gives alone."""
+    stages = random_stages(0, SIZES[0])
+    alone, together = ([RealTimeIteration(stages) for _ in range(2)] for _ in range(2))
+
+    def run(rti: RealTimeIteration, seed: int, into: list) -> None:
+        rng = np.random.default_rng(seed)
+        for _ in range(200):
+            x0 = disturb(rti, rng)
+            into.append((rti.feedback(x0), rti.plan[0].copy(), rti.plan[1].copy()))
+
+    expected, found = ([[], []] for _ in range(2))
+    for seed, rti in enumerate(alone):
+        run(rti, seed, expected[seed])
+    threads = [threading.Thread(target=run, args=(r, seed, found[seed])) for seed, r in enumerate(together)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for one, other in zip(expected[0] + expected[1], found[0] + found[1], strict=True):
+        assert one[0] == other[0]
+        assert one[1].tobytes() == other[1].tobytes()
+        assert one[2].tobytes() == other[2].tobytes()
+
+
+def test_memory_that_was_not_cleared_is_no_harm():
+    """The C reads nothing from its workspace that it has not written."""
+    for k in (0, 4):
+        rti = RealTimeIteration(random_stages(k, SIZES[k]))
+        plans = []
+        for fill in (0, 255):
+            ctypes.memset(rti._work.ctypes.data, fill, rti._work.nbytes)
+            rng = np.random.default_rng(4)
+            x0 = disturb(rti, rng)
+            rti.feedback(x0)
+            plans.append(np.r_[rti.plan[0].ravel(), rti.plan[1].ravel()])
+        np.testing.assert_array_equal(*plans)
+
+
+# ---- what is refused ----
+
+
+def test_without_a_compiler_it_says_so(monkeypatch):
+    monkeypatch.setenv("CC", "")
+    with pytest.raises(InputError, match="need a C compiler"):
+        RealTimeIteration(pendulum())
+
+
+def test_functions_of_other_sizes_are_refused():
+    s = pendulum()
+    x, u, p, h = (ca.SX.sym(name, k) for name, k in (("x", 3), ("u", 1), ("p", 1), ("h", 1)))
+    wrong = ca.Function("stage_step", [x, u, p, h], [x, ca.SX(3, 3), ca.densify(ca.SX(3, 1))])
+    with pytest.raises(InputError, match="stage_step: expected dense outputs"):
+        RealTimeIteration(replace(s, step=wrong))
+    given = s.cost.mx_in()
+    called = ca.Function("stage_cost", given, s.cost.call(given))
+    with pytest.raises(InputError, match="straight-line"):
+        RealTimeIteration(replace(s, cost=called))
+
+
+def test_settings_are_checked_by_name_and_shape():
+    settings = shared().settings
+    with pytest.raises(InputError, match="tolerence"):
+        settings.tolerence = 1.0
+    with pytest.raises(InputError, match="u_min"):
+        settings.u_min = np.zeros(3)
+    with pytest.raises(AttributeError, match="no setting"):
+        _ = settings.horizon
+    assert settings.u_max.shape == (1,)
+    assert settings.substeps == 2
+    assert settings.stage == 0.1
+
+
+@pytest.mark.parametrize("call", ["reset", "feedback", "step"])
+def test_a_state_of_another_size_is_refused(call):
+    with pytest.raises(InputError, match="x0"):
+        getattr(shared(), call)([0.0, 1.0])
+
+
+def test_a_plan_of_nan_is_refused():
+    with pytest.raises(InputError, match="finite"):
+        shared().reset([0.0, np.nan, 0.0])
+
+
+def test_settings_act_at_the_next_iteration():
+    """A narrower bound is kept at once; without it the answer is the first one again."""
+    rti = RealTimeIteration(pendulum())
+    rti.reset(START)
+    rti.settings.u_max = 0.2
+    rti.step(START, REFS)
+    assert rti.plan[1].max() == 0.2
+    rti.reset(START)
+    rti.settings.u_max = ABSENT
+    rti.step(START, REFS)
+    assert rti.plan[1].max() > 0.2
+
+
+@pytest.mark.parametrize(("stages", "precision"), [(8, "double"), (20, "float")])
+def test_a_bound_that_holds_on_is_not_searched_for_again(stages, precision):
+    """A bend beyond the bound of the curvature, which then holds over the whole horizon in every programme."""
+    problem = stages_of(loop_scene(stages, observed=False))
+    iteration = RealTimeIteration(problem, precision=precision)
+    x, refs = np.zeros(problem.nx), np.array([-1.2, -0.6, 1.0, 1.0])
+    iteration.reset(x, problem.u_min)
+    for k in range(40):
+        report = iteration.step(x, refs)
+        assert report.iterations <= (12 if k == 0 else 2 if precision == "double" and k > 9 else 6)
+        x = np.array(problem.step(x, iteration.plan[1][0], problem.p_nominal, problem.stage / 2)[0]).ravel()
+        x = np.array(problem.step(x, iteration.plan[1][0], problem.p_nominal, problem.stage / 2)[0]).ravel()
+        iteration.shift()
+    assert x[0] == pytest.approx(-9.0 * 0.09, abs=1e-3)  # greatest curvature [1/m] times an element's length

@@ -1,0 +1,146 @@
+"""The functions of a stage against finite differences and scipy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from continuum_grasp import Fidelity, load
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.problem import stages_of
+from continuum_grasp.control.transcription import step_function
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.control import ControlScene
+
+ROOT = Path(__file__).parents[2]
+ROD, HAND = (load(ROOT / "configs/fingers" / name) for name in ("nitinol_60cm.yaml", "hand_finger.yaml"))
+MOMENT = {"moment_max": 0.3}
+
+
+def scene(finger, *, family=None, elements=2, cost=None, **controller):
+    given = {"cost": {"bending": 100.0, "effort": 1.0} if cost is None else cost, **controller}
+    return ControlScene(
+        schema_version=1,
+        finger=finger,
+        gravity=(0.0, -9.81),
+        fidelity=Fidelity(family=family, elements=elements),
+        controller=given,
+    )
+
+
+CASES = {
+    "arcs": scene(ROD, family="arc", input=MOMENT),
+    "arcs, rate limited": scene(ROD, family="arc", input={**MOMENT, "rate_max": 2.0}),
+    "matched, own lag": scene(ROD, input={**MOMENT, "time_constant": 0.02}),
+    "clothoids, tendons": scene(HAND, family="clothoid", elements=1),
+    "matched, tendons, rates": scene(
+        HAND, cost={"bending": 100.0, "effort": 1.0, "input_rate": 0.1}, input={"rate_max": 400.0}
+    ),
+}
+
+
+def a_state(stages, rng):
+    x = rng.normal(size=stages.nx) * 0.3
+    x[: stages.nd] *= np.array([30.0 if "kappa" in name and "rate" not in name else 1.0 for name in stages.x_names])[
+        : stages.nd
+    ]
+    return x, rng.uniform(stages.u_min, stages.u_max)
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("method", ["rk4", "implicit"])
+def test_shapes_and_derivatives_of_a_step(name, method):
+    stages = stages_of(CASES[name])
+    step = step_function(stages.dynamics, stages.nx, method)
+    assert [step.size_out(k) for k in range(3)] == [(stages.nx, 1), (stages.nx, stages.nx), (stages.nx, stages.nu)]
+    x, u = a_state(stages, np.random.default_rng(1))
+    h = 1e-4 if method == "rk4" else 1e-3
+    _, a, b = (np.array(v) for v in step(x, u, stages.p_nominal, h))
+    for slope, at, of in ((a, x, lambda v: (v, u)), (b, u, lambda v: (x, v))):
+        for j, value in enumerate(at):
+            d = 1e-6 * max(1.0, abs(value))
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = at.copy()
+                moved[j] += sign * d
+                ends.append(np.array(step(*of(moved), stages.p_nominal, h)[0]).ravel())
+            difference = (ends[0] - ends[1]) / (2.0 * d)
+            # The implicit step leaves out the derivative of its last Newton correction.
+            allowed = 1e-6 if method == "rk4" else 2e-3
+            assert np.abs(slope[:, j] - difference).max() <= allowed * max(1.0, np.abs(difference).max())
+
+
+@pytest.mark.parametrize(("method", "order"), [("rk4", 4), ("implicit", 2)])
+def test_order_of_a_step(method, order):
+    stages = stages_of(CASES["arcs"])
+    step = step_function(stages.dynamics, stages.nx, method)
+    x0, u, span = np.array([0.4, 0.3, 0.5, 0.2]), np.array([0.1]), 0.02
+    exact = solve_ivp(
+        lambda t, x: np.array(stages.dynamics(x, u, stages.p_nominal)).ravel(),
+        (0.0, span),
+        x0,
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-13,
+    ).y[:, -1]
+    errors = []
+    for count in (32, 64, 128):
+        x = x0
+        for _ in range(count):
+            x = np.array(step(x, u, stages.p_nominal, span / count)[0]).ravel()
+        errors.append(np.abs(x - exact)[:2].max())
+    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    assert np.all(np.abs(orders - order) < 0.4)
+
+
+def test_the_implicit_step_is_stable_where_the_explicit_one_is_not():
+    stages = stages_of(scene(HAND, family="clothoid", elements=3))
+    x = np.array(Prediction(scene(HAND, family="clothoid", elements=3)).at_rest([3.0] * 4, [5.0, 1.0]))
+    ends = {}
+    for method in ("rk4", "implicit"):
+        step, state = step_function(stages.dynamics, stages.nx, method), x
+        for _ in range(50):
+            state = np.array(step(state, stages.u_min, stages.p_nominal, 0.01)[0]).ravel()
+        ends[method] = state
+    assert not np.all(np.isfinite(ends["rk4"]))
+    assert np.abs(ends["implicit"][:4]).max() < 3.0
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_cost_gradient_and_rows(name):
+    stages = stages_of(CASES[name])
+    rng = np.random.default_rng(2)
+    x, u = a_state(stages, rng)
+    r, p = rng.normal(size=stages.nr), stages.p_nominal
+
+    def cost(z):
+        return float(stages.cost(z[: stages.nx], z[stages.nx :], p, r, stages.weights)[0])
+
+    value, g, h, c, jac = (np.array(v) for v in stages.cost(x, u, p, r, stages.weights))
+    y = np.array(stages.outputs(x, u, p)).ravel()
+    assert value.item() == pytest.approx(0.5 * stages.stage * float(stages.weights @ (y - r) ** 2))
+    z = np.concatenate([x, u])
+    difference = [(cost(z + d) - cost(z - d)) / 2e-6 for d in 1e-6 * np.eye(z.size)]
+    assert g.ravel() == pytest.approx(np.array(difference), rel=1e-5, abs=1e-5 * np.abs(difference).max())
+    assert np.linalg.eigvalsh(h).min() > -1e-9 * np.abs(h).max()
+    assert c.ravel() == pytest.approx(np.array(stages.rows(x, u, p)).ravel())
+    assert jac.shape == (stages.nc, stages.nx + stages.nu)
+
+
+def test_a_matched_tip_needs_a_lag():
+    with pytest.raises(InputError, match="give the drive a lag"):
+        stages_of(scene(ROD, family="matched_clothoid", input=MOMENT))
+
+
+def test_zones_are_kept_from_the_fingers_surface():
+    zone = {"wall": {"type": "half_plane", "point": (0.0, 0.1), "normal_angle": -np.pi / 2, "clearance": 0.01}}
+    made = scene(HAND, bounds={"keep_out": zone}, input={})
+    stages = stages_of(made)
+    row = stages.c_names.index("wall")
+    x = Prediction(made).at_rest([0.0, 0.0], [1.0, 1.0])
+    c = np.array(stages.rows(x, stages.u_min, stages.p_nominal)).ravel()[row]
+    # The straight finger ends 0.18 m along Y, 0.08 m behind the wall; 6 mm of half thickness and 10 mm to keep.
+    assert c * 0.18 == pytest.approx(0.1 - 0.18 - 0.006 - 0.01)

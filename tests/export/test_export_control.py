@@ -1,0 +1,515 @@
+"""Estimator and controller of a package: the numbers of the Python ones, and everything that may be given to them."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import math
+import re
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.estimator import Estimator
+from continuum_grasp.control.status import Status
+from continuum_grasp.errors import InputError
+from continuum_grasp.export import export_c
+from continuum_grasp.export.codes import Code
+from continuum_grasp.export.control.names import identifiers, unit_of
+from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
+from continuum_grasp.export.reals import REALS
+from continuum_grasp.scene.control import ControlScene
+from tests.control_cases import Reality
+from tests.export_cases import (  # noqa: F401
+    SANITIZE,
+    STRICT,
+    WARNINGS,
+    compile_programs,
+    loop_scene,
+    needs,
+    packages,
+    run,
+    scene,
+    shared_library,
+)
+
+CASES = [("observed", "float"), ("given", "double")]
+COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
+CODES = {
+    0: Status.SOLVED,
+    3: Status.ITERATION_LIMIT,
+    4: Status.ROW_VIOLATED,
+    5: Status.PREVIOUS_PLAN,
+    6: Status.SAFE_RAMP,
+    8: Status.SOLVED,
+}
+FUNCTIONS = {"observed": ("estimator_step", "mpc"), "given": ("mpc",)}
+
+
+@pytest.fixture(scope="module")
+def libraries(packages, tmp_path_factory):  # noqa: F811
+    """Python binding and library of packages by scene and type, compiled once."""
+
+    @lru_cache
+    def made(name: str, real: str):
+        return shared_library(packages(name, real), tmp_path_factory.mktemp(f"{name}_{real}"))
+
+    return made
+
+
+def values(struct) -> list[float]:
+    """Numbers of a struct of the Python binding."""
+    return [getattr(struct, name) for name, _ in struct._fields_]
+
+
+def reference(finger, rows):
+    """Set-points (nodes, nr) as the struct."""
+    columns = [(ctypes.c_double * len(rows))(*column) for column in np.transpose(rows)]
+    if finger.Real is ctypes.c_float:
+        columns = [(ctypes.c_float * len(rows))(*column) for column in columns]
+    return finger.Reference(*columns)
+
+
+# The C.
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize(("name", "real"), CASES)
+def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, packages, tmp_path):  # noqa: F811
+    (program,) = compile_programs(compiler, packages(name, real), tmp_path, "main", *STRICT, *WARNINGS, "-O1")
+    found = re.findall(r"^(\w+) +0 of +(\d+) cases failed", run(program), re.MULTILINE)
+    assert [function for function, _ in found] == list(FUNCTIONS[name])
+    assert all(int(cases) >= 200 for _, cases in found)
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
+    flags = (*STRICT, "-O1", "-g", SANITIZE, "-fno-sanitize-recover=all")
+    name = {"gcc": ("limited", "float"), "clang": ("observed", "float")}[compiler]
+    vectors, fuzz = compile_programs(compiler, packages(*name), tmp_path, "main fuzz", *flags)
+    run(vectors)
+    run(fuzz, 3000)
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(compiler, packages, tmp_path):  # noqa: F811
+    """The vectors are full of NaN and infinity, of which the compiler is told that there are none."""
+    package, fast = packages("observed", "float"), ("-std=c99", "-O3", "-ffast-math", "-march=native")
+    vectors, fuzz = compile_programs(compiler, package, tmp_path, "main fuzz", *fast)
+    run(vectors, "2e-3")
+    assert len(re.findall(r" 0 of \d+ rows failed", run(fuzz, 8000))) == 2
+
+
+@needs("gcc")
+def test_threads_do_not_meet(packages, tmp_path):  # noqa: F811
+    flags = (*STRICT, "-O1", "-g", "-fsanitize=thread", "-pthread")
+    (program,) = compile_programs("gcc", packages("given", "double"), tmp_path, "threads", *flags)
+    assert "0 cases failed" in run(program)
+
+
+@needs("gcc", "nm")
+@pytest.mark.parametrize(("name", "real"), CASES)
+def test_nothing_is_called_or_kept_and_the_stack_is_bounded(name, real, packages, tmp_path):  # noqa: F811
+    package = packages(name, real)
+    flags = (*STRICT, "-O2", "-fstack-usage", f"-I{package / 'include'}")
+    run("gcc", *flags, "-c", *(package / "src").glob("*.c"), cwd=tmp_path)
+    symbols = re.findall(r"([A-Za-z]) (\w+)$", run("nm", *tmp_path.glob("*.o")), re.MULTILINE)
+    own = {symbol for kind, symbol in symbols if kind == "T"}
+    assert {symbol for kind, symbol in symbols if kind == "U"} - own <= {"memcpy", "memset"}
+    assert {kind for kind, _ in symbols} <= {"T", "t", "U", "r", "R"}
+    assert all(symbol.startswith("finger_") for symbol in own)
+    rows = [line.split("\t") for path in tmp_path.glob("*.su") for line in path.read_text().splitlines()]
+    assert {kind for *_, kind in rows} <= {"static", "dynamic,bounded"}
+    assert max(int(size) for _, size, _ in rows) <= 6000
+
+
+@needs("cppcheck")
+def test_cppcheck_finds_nothing(packages):  # noqa: F811
+    package = packages("observed", "float")
+    flags = ("--enable=warning,style,performance,portability", "--std=c99", "--suppress=missingIncludeSystem", "-q")
+    said = run("cppcheck", *flags, "--error-exitcode=3", f"-I{package / 'include'}", package / "src/finger_control.c")
+    assert said == ""
+
+
+@needs("c++", "cc")
+def test_the_header_is_one_of_cpp_too_and_says_all(packages, tmp_path):  # noqa: F811
+    package = packages("observed", "double")
+    (tmp_path / "main.cpp").write_text(
+        '#include "finger.h"\nstatic finger_controller c;\nint main() { return finger_controller_init(&c); }\n'
+    )
+    include = f"-I{package / 'include'}"
+    run("cc", *STRICT, include, "-c", *(package / "src").glob("*.c"), cwd=tmp_path)
+    run("c++", "-Wall", "-Wextra", "-Werror", include, "main.cpp", *tmp_path.glob("*.o"), cwd=tmp_path)
+    run(tmp_path / "a.out")
+    header = "".join(path.read_text() for path in (package / "include").iterdir())
+    assert not re.search(r"\b(casadi|rti_|ekf_|controller_\w+\(|cg_|RTI_|EKF_|CG_)", re.sub(r"/\*.*?\*/", "", header))
+    fields = re.findall(r"^  finger_real \w+(?:\[\d+\])*; +/\* \[(.*?)\]", header, re.MULTILINE)
+    assert len(fields) == 4 + 2 + 7 + 2 + 4 + 20
+
+
+def test_the_manifest_has_the_bytes_of_memory(packages, tmp_path):  # noqa: F811
+    made = json.loads((packages("observed", "float") / "MANIFEST.json").read_text())
+    bytes_of = made["functions"]["mpc"]["memory_bytes"]
+    header = (packages("observed", "float") / "include/finger.h").read_text()
+    assert f"#define FINGER_CONTROLLER_WORK_BYTES {bytes_of['controller_work']}\n" in header
+    assert made["parts"] == ["estimator", "mpc"]
+    assert 0.0 < made["functions"]["estimator_step"]["relative_error"] < 1e-2
+    again = export_c(Estimator(scene("observed")), tmp_path, real="float").manifest
+    assert again == made
+
+
+# Numbers, against the Python controller and estimator, whose C comes from CasADi and uses vector lanes.
+
+
+@needs("cc")
+@pytest.mark.parametrize(("name", "real"), [("observed", "double"), ("given", "double"), ("given", "float")])
+def test_the_controller_is_that_of_python(name, real, libraries):
+    """In closed loop, over set-points that saturate tension and curvature, with measurements that are missing."""
+    finger, library = libraries(name, real)
+    control = Controller(scene(name), precision=real, deadline=math.inf)
+    other = finger.Controller(library)
+    plant = Reality(scene(name), control.first)
+    u, seen = np.array([1.0, 1.0]), set()
+    outputs = None if name == "given" else Estimator(scene(name)).estimation.outputs
+    late = []
+    for k in range(70):
+        y = plant.x.copy()
+        if outputs is not None:
+            z = np.append(plant.x, 0.0)
+            tip_x, tip_y, difference = np.array(outputs(z, u, control.stages.p_nominal)[0]).ravel()
+            late = [*late[-1:], np.array([tip_x, tip_y, 1.0 + max(difference, 0.0), 1.0 + max(-difference, 0.0)])]
+            y = late[0].copy()
+        if k % 13 == 7:
+            y[k % len(y)] = np.nan
+        if k % 29 == 20:
+            y[0] = np.inf
+        rows = control._reference.rows(k * control.period + 0.01 * np.arange(9))
+        command = control.step(y, rows)
+        found = other.step(finger.Measurement(*y), reference(finger, rows))
+        limit = 2e-3 if real == "float" else 1e-7
+        assert values(found) == pytest.approx(command.u, rel=limit, abs=20 * limit)
+        seen.add(CODES[other.code])
+        u = command.u
+        plant.advance(u, control.period)
+    assert Status.SOLVED in seen
+    assert Status.PREVIOUS_PLAN in seen or name == "observed"
+
+
+@needs("cc")
+@pytest.mark.parametrize("real", REALS)
+def test_the_estimator_is_that_of_python(real, libraries):
+    finger, library = libraries("observed", real)
+    python, other = Estimator(scene("observed"), precision=real), finger.Estimator(library)
+    rng = np.random.default_rng(2)
+    for k in range(60):
+        y = np.array([0.01 * np.sin(0.1 * k), 0.18, 1.0 + 0.02 * k, 1.0]) + 1e-4 * rng.standard_normal(4)
+        if k % 11 == 4:
+            y[k % 4] = np.nan
+        u = np.array([1.0 + 0.02 * k, 1.0])
+        expected, found = python.step(y, u), other.step(finger.Measurement(*y), finger.Command(*u))
+        limit = 2e-3 if real == "float" else 1e-9
+        assert np.allclose(values(found), expected.z, rtol=limit, atol=limit * np.abs(expected.z).max())
+
+
+@needs("cc")
+def test_settings_that_are_changed_are_those_of_python(libraries):
+    finger, library = libraries("given", "double")
+    control, other = Controller(scene("given"), deadline=math.inf), finger.Controller(library)
+    rows = np.tile([0.8, 0.6, 1.0, 1.0], (9, 1))
+    control.change(weights=[300.0, 50.0, 2e-3, 1e-3], u_max=[6.0, 60.0])
+    settings = other.head.settings
+    settings.weight_bending_1, settings.weight_bending_2, settings.weight_tension_1 = 300.0, 50.0, 2e-3
+    settings.most_tension_1 = 6.0
+    x = np.array([0.2, 0.1, 1.0, -1.0])
+    for k in range(5):
+        command, found = (
+            control.step(x + 0.01 * k, rows),
+            other.step(finger.Measurement(*(x + 0.01 * k)), reference(finger, rows)),
+        )
+        assert values(found) == pytest.approx(command.u, rel=1e-8)
+    assert found.tension_1 <= 6.0
+
+
+@needs("cc")
+def test_scratch_needs_no_beginning_and_may_be_shared(libraries):
+    finger, library = libraries("observed", "double")
+    clean, dirty = finger.Controller(library), finger.Controller(library)
+    rows = np.tile([0.8, 0.9, 1.0, 1.0], (9, 1))
+    for k in range(12):
+        y = finger.Measurement(-0.002 * k, 0.18, 1.0, 1.0)
+        dirty._work.raw = np.random.default_rng(k).bytes(len(dirty._work))
+        assert values(clean.step(y, reference(finger, rows))) == values(dirty.step(y, reference(finger, rows)))
+
+
+# Refusals.
+
+
+@needs("cc")
+@pytest.mark.parametrize(
+    ("field", "value", "code"),
+    [
+        ("weight_bending_1", math.nan, Code.ERR_NON_FINITE),
+        ("weight_bending_1", -1.0, Code.ERR_RANGE),
+        ("most_tension_2", 61.0, Code.ERR_RANGE),
+        ("least_tension_1", 0.5, Code.ERR_RANGE),
+        ("least_curvature_1", 2.0, Code.ERR_RANGE),
+        ("price_curvature_1", math.inf, Code.ERR_NON_FINITE),
+    ],
+)
+def test_settings_that_cannot_be_used_are_refused_and_nothing_changes(field, value, code, libraries):
+    finger, library = libraries("given", "double")
+    control = finger.Controller(library)
+    rows, x = reference(finger, np.tile([0.5, 0.5, 1.0, 1.0], (9, 1))), finger.Measurement(0.1, 0.0, 0.0, 0.0)
+    control.step(x, rows)
+    before = control._memory.raw
+    kept = getattr(control.head.settings, field)
+    setattr(control.head.settings, field, value)
+    with pytest.raises(finger.Error) as caught:
+        control.step(x, rows)
+    assert caught.value.code == code
+    setattr(control.head.settings, field, kept)
+    assert control._memory.raw == before
+
+
+@needs("cc")
+def test_what_goes_beside_measurements(libraries):
+    """Begin anew at a state, say what was applied, that a command was late; ask for estimate and diagnosis."""
+    finger, library = libraries("given", "double")
+    c, control = library._c, finger.Controller(library)
+    rows = reference(finger, np.tile([0.5, 0.5, 1.0, 1.0], (9, 1)))
+    state, before = finger.Measurement(0.4, 0.3, 0.0, 0.0), finger.Command(5.0, 2.0)
+    control.start(state, before)
+    control.step(state, rows)
+    control.late()
+    control.step(state, rows)
+    assert control.code == Code.WARN_PREVIOUS_PLAN
+    said = control.diagnosis()
+    assert said.anomalies == 1024
+    assert finger.ANOMALIES[said.anomalies] == "the last command was late"
+    for beyond in (-31.0, 121.0, math.nan):
+        with pytest.raises(finger.Error):
+            control.applied(finger.Command(beyond, 1.0))
+    for applied in (before, finger.Command(0.0, 0.0), finger.Command(-0.01, 60.5)):
+        control.applied(applied)
+    control.step(finger.Measurement(), rows)
+    assert values(control.estimate()) == values(state)
+    with pytest.raises(finger.Error) as caught:
+        control.start(finger.Measurement(0.0, 99.0, 0.0, 0.0), before)
+    assert caught.value.code == Code.ERR_RANGE
+    for function, count in (("start", 3), ("applied", 2), ("late", 1), ("estimate", 2), ("diagnosis", 2)):
+        assert getattr(c, f"finger_controller_{function}")(*[None] * count) == Code.ERR_NULL
+    assert c.finger_controller_init_abi(control._memory, ctypes.c_uint32(1)) == Code.ERR_ABI
+    for name in ("measurement", "reference", "command"):
+        assert getattr(c, f"finger_{name}_init_abi")(None, ctypes.c_uint32(finger.ABI)) == Code.ERR_NULL
+        assert getattr(c, f"finger_{name}_init_abi")(control._memory, ctypes.c_uint32(1)) == Code.ERR_ABI
+
+
+@needs("cc")
+@pytest.mark.parametrize("real", REALS)
+def test_drives_that_are_off_are_what_was_applied(real, libraries):
+    """Zero tensions, which cannot be commanded, count: in Python, in the package, in its estimator."""
+    finger, library = libraries("observed", real)
+    python, other = Controller(scene("observed"), precision=real, deadline=math.inf), finger.Controller(library)
+    estimators = Estimator(scene("observed"), precision=real), finger.Estimator(library)
+    y = [-0.02, 0.177, 0.0, 0.0]
+    for _ in range(8):
+        other.applied(finger.Command(0.0, 0.0))
+        command, found = (
+            python.step(y, np.zeros(2 + 2), applied=[0.0, 0.0]),
+            other.step(finger.Measurement(*y), reference(finger, np.zeros((9, 4)))),
+        )
+        assert int(command.anomaly) == other.diagnosis().anomalies
+        expected = estimators[0].step(np.array(y), np.zeros(2))
+        estimate = estimators[1].step(finger.Measurement(*y), finger.Command(0.0, 0.0))
+        limit = 2e-3 if real == "float" else 1e-7
+        assert values(found) == pytest.approx(command.u, rel=limit, abs=20 * limit)
+        assert np.allclose(values(estimate), expected.z, rtol=limit, atol=limit * np.abs(expected.z).max())
+    assert not int(command.anomaly) & 512
+    assert min(values(estimators[1].variance())) > 0.0
+    assert estimators[1].anomalies() == 0
+    estimators[1].start(estimate, finger.Command(0.0, 0.0))
+
+
+@needs("cc")
+def test_what_is_left_out_is_not_measured_and_the_reference_is_that_of_the_scene(libraries):
+    finger, library = libraries("observed", "double")
+    rows = Controller(scene("observed"))._reference.rows(np.zeros(9))
+    short, whole = finger.Controller(library), finger.Controller(library)
+    for k in range(12):
+        tip = {"tip_x": -0.002 * k, "tip_y": 0.18}
+        found = short.step(finger.Measurement(**tip), finger.Reference())
+        expected = whole.step(finger.Measurement(*tip.values(), math.nan, math.nan), reference(finger, rows))
+        assert values(found) == values(expected)
+        assert short.diagnosis().anomalies == 1
+    assert values(finger.Command()) == [1.0, 1.0]
+    with pytest.raises(TypeError, match="Command: tension_2 missing"):
+        finger.Command(tension_1=1.0)
+    with pytest.raises(TypeError, match="has tip_x, tip_y"):
+        finger.Measurement(tip_z=1.0)
+
+
+@needs("cc")
+@pytest.mark.parametrize(("name", "real"), CASES)
+def test_the_ten_lines_of_the_readme_control(name, real, packages, tmp_path):  # noqa: F811
+    """Nothing measured, the set-points of the scene: the command stays finite; the header tells nodes and period."""
+    package = packages(name, real)
+    include, *lines = (
+        re.search("```c\n(.*?)```", (package / "README.md").read_text(), re.DOTALL)[1].strip().splitlines()
+    )
+    body = "\n".join(lines)
+    check = """
+  if (measurement.tip_x == measurement.tip_x || reference.tension_1[FINGER_NODES - 1] != 1) return 100;
+  if (!(FINGER_PERIOD * 100 > 0.999 && FINGER_PERIOD * 100 < 1.001) || FINGER_NODES != 9) return 101;
+  return code;
+"""
+    if name == "given":
+        check = check.replace("tip_x", "theta_1")
+    main = f"{include}\nstatic void report(const char *text) {{ (void)text; }}\nint main(void) {{\n{body}\n{check}}}\n"
+    (tmp_path / "main.c").write_text(main)
+    flags = ("-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{package / 'include'}")
+    run("cc", *flags, tmp_path / "main.c", *(package / "src").glob("*.c"), "-o", tmp_path / "main")
+    run(tmp_path / "main", expect={"observed": 0, "given": int(Code.WARN_SAFE_RAMP)}[name])
+
+
+@needs("cc")
+def test_a_command_beyond_its_settings_is_told(packages, tmp_path):  # noqa: F811
+    """Where limits move faster than the command may; no fuzzed input gives one by another code of a new plan."""
+    package = packages("limited", "float")
+    (fuzz,) = compile_programs("cc", package, tmp_path, "fuzz", *STRICT, "-O1")
+    assert re.search(r"^mpc +0 of 40000 rows failed", run(fuzz, 800_000), re.MULTILINE)
+    finger, library = shared_library(package, tmp_path)
+    control, rows = finger.Controller(library), reference(finger, np.tile([0.9, 0.9, 1.0, 1.0], (9, 1)))
+    x = finger.Measurement(0.0, 0.0, 0.0, 0.0)
+    for _ in range(20):
+        command = control.step(x, rows)
+    top = command.tension_1
+    assert top > 10.0
+    assert control.code < Code.WARN_PREVIOUS_PLAN
+    control.head.settings.most_tension_1 = 6.0
+    tensions = [top]
+    while len(tensions) == 1 or control.code == Code.WARN_BEYOND_LIMIT:
+        tensions.append(control.step(x, rows).tension_1)
+    assert np.diff(tensions)[:-1] == pytest.approx(-3.0, abs=1e-3)  # 300 N/s in 10 ms
+    assert tensions[-2] > 6.0
+    assert tensions[-1] == pytest.approx(6.0, abs=1e-5)
+    assert control.code < Code.WARN_PREVIOUS_PLAN
+
+
+@needs("gcc")
+@pytest.mark.parametrize("stages", [4, 6, 7])
+def test_a_plan_is_not_read_past_its_end(stages, tmp_path):
+    """In single precision N - 1e-3 + 1e-3 may round up to N: with the plan at that very age, the last input goes on."""
+    oldest = np.float32(stages) - np.float32(1e-3)
+    export_c(loop_scene(stages, observed=False), tmp_path / "out", real="float")
+    main = f"""
+#include <stdio.h>
+#include "finger.h"
+static finger_controller c;
+static finger_controller_work work;
+int main(void)
+{{
+  finger_measurement y = {{0}};
+  finger_reference r;
+  finger_command command;
+  float age = {float(oldest)!r}f - 1.0f;
+  int code = finger_controller_init(&c) | finger_reference_init(&r);
+  code = finger_mpc(&c, &work, &y, &r, &command);
+  while (age + 1.0f > {float(oldest)!r}f) age = age * (1 - 6e-8f);
+  c.memory.state.age = age;
+  c.memory.state.blind = 0;
+  finger_controller_late(&c);
+  code = finger_mpc(&c, &work, &y, &r, &command);
+  return code == FINGER_WARN_PREVIOUS_PLAN && command.tension_1 == c.memory.state.plan.u[{stages - 1}][0] ? 0 : 1;
+}}
+"""
+    (tmp_path / "main.c").write_text(main)
+    flags = (*STRICT, "-fsanitize=address,undefined", "-fno-sanitize-recover=all", f"-I{tmp_path / 'out/include'}")
+    run("gcc", *flags, tmp_path / "main.c", *(tmp_path / "out/src").glob("*.c"), "-o", tmp_path / "main")
+    run(tmp_path / "main")
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "message"),
+    [("arcs", ["mpc"], "mpc needs a closed loop"), ("given", ["estimator"], "has no estimator")],
+)
+def test_parts_that_a_scene_does_not_have_are_refused(name, what, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        export_c(scene(name), tmp_path / "out", what=what)
+    assert not (tmp_path / "out").exists()
+
+
+@needs("cc")
+@pytest.mark.parametrize("what", [["estimator"], ["kinematics", "mpc"]])
+def test_parts_may_be_chosen(what, tmp_path):
+    package = export_c(scene("observed"), tmp_path, what=what, prefix="arm", real="float")
+    assert package.manifest["parts"] == what
+    (program,) = compile_programs("cc", tmp_path, tmp_path, "main", *STRICT, *WARNINGS, "-O1")
+    assert " 0 of" in run(program)
+    assert "finger_" not in "".join(path.read_text() for path in (tmp_path / "src").iterdir())
+
+
+# The rewriting of C.
+
+
+def test_names_of_a_scene_become_identifiers():
+    """Of the basic character set, each once, whatever a zone is called; no unit ends a comment."""
+    names = ["wall 1", "wall-1", "Ünter */", "1", "", "x [*/ y]", "tip_x [m]", "rate [N m/s]", "k [1/m/s]"]
+    assert identifiers(names) == ["wall_1", "wall_1_2", "nter", "_1", "unnamed", "x", "tip_x", "rate", "k"]
+    assert [unit_of(name) for name in names] == ["1"] * 6 + ["m", "N m/s", "1/m/s"]
+
+
+def test_names_types_and_literals_are_those_of_the_package():
+    text = (
+        "real a = (real)1e-3; /* real rti_plan, 2.5 of rti.h */ "
+        'int rti_x(cg_bits b) { return RTI_N + b.rti_y; }\nchar *s = "real 1.5";'
+    )
+    made = renamed(text, "arm", "float")
+    assert made == (
+        "arm_real a = (arm_real)1e-3f; /* real arm_rti_plan, 2.5 of arm_memory.h */ "
+        'int arm_rti_x(arm_checks_bits b) { return ARM_RTI_N + b.arm_rti_y; }\nchar *s = "real 1.5";'
+    )
+    assert (
+        renamed("x = 1.0 + 3 + stage_step(.5e2);", "p", "double", ["stage_step"])
+        == "x = 1.0 + 3 + p_call_stage_step(.5e2);"
+    )
+    assert renamed("a.rti.u_min, 2.0f, 0x1f", "p", "float") == "a.rti.u_min, 2.0f, 0x1f"
+
+
+def test_conditions_of_a_macro_are_settled():
+    text = "a\n#ifdef V\nb\n#if W\nc\n#else\nd\n#endif\n#else\ne\n#ifdef X\nf\n#endif\n#endif\ng\n"
+    assert without("V", text) == "a\ne\n#ifdef X\nf\n#endif\ng\n"
+
+
+def test_prototypes_are_told_from_types():
+    types, functions = (
+        "typedef struct {\n  int a;\n} t;\n",
+        "/* Does. */\nint f(const t *a,\n      int b);\nvoid g(void);\n",
+    )
+    kept, declared = without_prototypes(f"{types}{functions}#define A 1\n")
+    assert kept == f"{types}#define A 1\n"
+    assert declared == functions
+
+
+def test_the_error_of_a_controller_is_found_at_limits_that_round_and_refused(tmp_path):
+    """In single precision 0.2 is above itself: the reference in double must not refuse it, and so be zero."""
+    single = scene("given").finger.model_copy(update={"tendons": None})
+    given = ControlScene(
+        schema_version=1,
+        finger=single,
+        gravity=(0.0, 0.0),
+        fidelity={"family": "arc", "elements": 1},
+        controller={
+            "horizon": {"stages": 4, "stage": 0.01},
+            "cost": {"bending": 100.0, "effort": 0.1},
+            "input": {"moment_max": 0.2},
+            "bounds": {"curvature": None},
+        },
+        reference={"bending": (0.6,)},
+        duration=0.4,
+    )
+    found = export_c(given, tmp_path, real="float").manifest["functions"]["mpc"]["relative_error"]
+    assert 1e-9 < found < 1e-4
+    with pytest.raises(InputError, match="float gives mpc a relative error of"):
+        export_c(given, tmp_path, real="float", error=found / 3.0)

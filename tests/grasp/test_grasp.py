@@ -1,0 +1,258 @@
+"""The grasp: solved, certified and equal to what solvers say that share nothing with the package."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from grasp_scenes import CONFIGS, PLANAR, UPRIGHT, WEIGHTLESS, make_scene
+from pydantic import ValidationError
+
+from benchmarks.grasp_oracle.check import LIMITS, residuals
+from benchmarks.grasp_oracle.numbers import numbers
+from benchmarks.grasp_oracle.scenes import one_finger
+from benchmarks.grasp_oracle.search import Search
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.grasp import Status, certify, optimize_grasp
+from continuum_grasp.results import read_run
+from continuum_grasp.scene.finger import PointMass
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import GraspContacts, GraspSolver
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.objects import Circle
+
+
+@pytest.fixture(scope="module")
+def mug():
+    return optimize_grasp(CONFIGS / "mug.yaml")
+
+
+def holds(result):
+    """Whether a grasp holds by the oracle's own equations."""
+    found = residuals(result.scene, result.arrays)
+    return all(found[name] <= limit for name, limit in LIMITS.items())
+
+
+# -- against an independent solution ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gravity", [PLANAR, UPRIGHT], ids=lambda g: g.mode)
+@pytest.mark.parametrize(
+    ("family", "base_y"), [("arc", -0.052), ("arc", -0.060), ("matched_clothoid", -0.055), ("clothoid", -0.055)]
+)
+def test_mugs_against_linear_programming(family, gravity, base_y):
+    scene = make_scene(family, gravity, base_y, max_tension=80.0)
+    best = Search(numbers(scene)).best()
+    result = optimize_grasp(scene)
+    assert result.tension == pytest.approx(best.value, rel=2e-3)
+    assert result.fingers["finger"].lengths == pytest.approx(best.posture.lengths, abs=5e-3 * 0.18)
+    assert holds(result)
+
+
+RANDOM = [10, 21, 23, 24, 27, 29, 30, 40, 43, 52, 58, 60]
+"""Seeds of scenes of all shapes and families that have a grasp."""
+
+
+@pytest.mark.parametrize("seed", RANDOM)
+def test_random_scenes_against_linear_programming(seed):
+    scene = one_finger(seed)
+    best = Search(numbers(scene)).best()
+    result = optimize_grasp(scene)
+    assert result.tension <= best.value * 1.005
+    assert holds(result)
+
+
+def test_two_arcs_can_only_wrap():
+    """An arc tangent to a circle that meets it again lies on it; the first arc follows from the base
+    alone.
+    """
+    scene = make_scene("arc", PLANAR)
+    rho, d, y = 0.046, 0.055, 0.040  # object seen from the base: d to the left, y ahead
+    radius = (d**2 + y**2 - rho**2) / (2 * (d - rho))
+    theta = math.atan2(y, radius - d)
+    finger = optimize_grasp(scene).fingers["finger"]
+    assert finger.q[0] == pytest.approx(theta, abs=1e-4)
+    assert finger.lengths[0] == pytest.approx(radius * theta, abs=2e-5)
+    assert finger.q[1] == pytest.approx(finger.lengths[1] / rho, abs=1e-3)
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.3])
+def test_a_touch_without_force_needs_only_the_bend(mass):
+    """Tip off, no weight: one circular arc that touches the mug, F e = E I / radius, and forces of rounding size."""
+    contacts = GraspContacts(friction=0.5, normal_force_max=30.0, tip="off")
+    result = optimize_grasp(make_scene("arc", WEIGHTLESS, mass=mass, contacts=contacts))
+    rho, d, y = 0.046, 0.055, 0.040  # object seen from the base: d to the left, y ahead
+    radius = (d**2 + y**2 - rho**2) / (2 * (d - rho))
+    assert result.fingers["finger"].tensions[0] - 1.0 == pytest.approx(6.11e-3 / radius / 0.005, rel=1e-4)
+    assert result.certificate.passed
+
+
+def test_mirrored_scene_gives_the_mirrored_grasp(mug):
+    """Mirrored at the x axis, with the base on the other side, tendon 2 pulls instead of tendon 1."""
+    scene = mug.scene
+    base = scene.finger.base.model_copy(update={"position": (0.0, 0.055)})
+    result = optimize_grasp(scene.model_copy(update={"finger": scene.finger.model_copy(update={"base": base})}))
+    here, there = mug.fingers["finger"], result.fingers["finger"]
+    assert there.tensions[::-1] == pytest.approx(here.tensions, rel=1e-5)
+    assert there.q == pytest.approx(-here.q, rel=1e-3, abs=1e-2)
+    tips = [r.contact("finger.tip").position for r in (mug, result)]
+    assert tips[1] * [1, -1] == pytest.approx(tips[0], abs=1e-5)
+
+
+@pytest.mark.parametrize("family", ["arc", "clothoid"])
+def test_rubbing_tendons_are_certified_too(family):
+    free = optimize_grasp(make_scene(family, UPRIGHT))
+    rubbing = optimize_grasp(make_scene(family, UPRIGHT, tendon_friction=0.05))
+    assert rubbing.certificate.passed
+    assert holds(rubbing)
+    assert rubbing.tension > free.tension
+
+
+def test_masses_along_the_finger_stay_where_they_are():
+    masses = (PointMass(at=0.05, mass=0.01), PointMass(at=0.12, mass=0.02))
+    scene = make_scene("matched_clothoid", PLANAR, -0.048, finger={"masses": masses})
+    result = optimize_grasp(scene)
+    assert result.tension == pytest.approx(Search(numbers(scene)).best().value, rel=5e-3)
+    assert holds(result)
+
+
+@pytest.mark.parametrize("off", ["middle", "tip"])
+def test_problem_is_square_enough_with_one_contact_off(off):
+    """One finger contact alone: whatever comes out is certified or said not to be."""
+    contacts = GraspContacts(friction=0.9, normal_force_max=30.0, **{off: "off"})
+    scene = make_scene("matched_clothoid", WEIGHTLESS, contacts=contacts, solver=GraspSolver(seeds=2))
+    result = optimize_grasp(scene, raise_on_failure=False)
+    assert result.solved == bool(result.certificate is not None and result.certificate.passed)
+    assert f"finger.{off}" not in result.arrays["contact_names"]
+
+
+def test_same_seed_same_result():
+    scene = make_scene("arc", UPRIGHT, solver=GraspSolver(seeds=7, random_seed=5))
+    first, second = optimize_grasp(scene), optimize_grasp(scene)
+    assert set(first.arrays) == set(second.arrays)
+    for name, value in first.arrays.items():
+        assert np.array_equal(np.asarray(value), np.asarray(second.arrays[name])) or name == "contact_stations"
+
+
+# -- no grasp ------------------------------------------------------------------------------------------------
+
+
+def test_weak_tendon_is_named_with_the_tension_needed():
+    needed = Search(numbers(make_scene("arc", UPRIGHT))).best("tension").value
+    with pytest.raises(SolverError) as caught:
+        optimize_grasp(make_scene("arc", UPRIGHT, max_tension=0.8 * needed))
+    result = caught.value.result
+    assert result.status is Status.INFEASIBLE
+    reason = next(r for r in result.reasons if r.name == "tension")
+    assert "max_tension" in reason.key
+    assert reason.needed == pytest.approx(needed, rel=1e-3)
+
+
+@pytest.mark.parametrize(("gravity", "most"), [(PLANAR, 36.5), (UPRIGHT, 60.0)], ids=["planar", "out_of_plane"])
+def test_low_friction_is_named_with_the_coefficient_needed(gravity, most):
+    found = numbers(make_scene("arc", gravity, max_tension=most))
+    needed = Search(found).least_friction(found)
+    result = optimize_grasp(make_scene("arc", gravity, max_tension=most, friction=0.6 * needed), raise_on_failure=False)
+    assert result.status is Status.INFEASIBLE
+    reason = next(r for r in result.reasons if r.name == "friction")
+    assert reason.needed == pytest.approx(needed, rel=5e-3)
+    for share, held in ((1.01, True), (0.98, False)):
+        scene = make_scene("arc", gravity, max_tension=most, friction=share * needed)
+        assert optimize_grasp(scene, raise_on_failure=False).solved is held
+
+
+def test_heavy_object_is_named_with_the_mass_that_can_be_held():
+    scene = make_scene("arc", UPRIGHT, mass=1.2)
+    most = Search(numbers(scene)).best("mass").value
+    result = optimize_grasp(scene, raise_on_failure=False)
+    assert result.status is Status.INFEASIBLE
+    reason = next(r for r in result.reasons if r.name == "mass")
+    assert reason.needed == pytest.approx(most, rel=5e-3)
+    for share, held in ((0.99, True), (1.01, False)):
+        scene = make_scene("arc", UPRIGHT, mass=share * most)
+        assert optimize_grasp(scene, raise_on_failure=False).solved is held
+
+
+def test_reasons_of_clothoids_against_linear_programming():
+    """Too heavy for its tendon: the tension that the independent solution needs is the one that is named."""
+    scene = make_scene("matched_clothoid", UPRIGHT, mass=0.7)
+    needed = Search(numbers(scene)).best("tension", numbers(scene).limited(tension=1e4)).value
+    result = optimize_grasp(scene, raise_on_failure=False)
+    assert result.status is Status.INFEASIBLE
+    assert next(r for r in result.reasons if r.name == "tension").needed == pytest.approx(needed, rel=5e-3)
+
+
+def test_out_of_reach_is_exact_and_needs_no_solver():
+    far = Circle(shape="circle", diameter=0.08, mass=0.3, position=(0.5, 0.0))
+    result = optimize_grasp(make_scene(object=far, supports={}), raise_on_failure=False)
+    assert result.status is Status.INFEASIBLE
+    assert [r.name for r in result.reasons] == ["reach"]
+    assert result.statistics["solver_seconds"] == 0
+
+
+@pytest.mark.parametrize("solver", [GraspSolver(max_iterations=3), GraspSolver(max_total_iterations=3)])
+def test_an_interrupted_search_is_not_called_infeasible(solver):
+    result = optimize_grasp(make_scene("matched_clothoid", UPRIGHT, solver=solver), raise_on_failure=False)
+    assert result.status is Status.NOT_SOLVED
+    assert result.advice
+    with pytest.raises(SolverError, match="not_solved"):
+        optimize_grasp(make_scene("matched_clothoid", UPRIGHT, solver=solver))
+
+
+# -- use -----------------------------------------------------------------------------------------------------
+
+
+def test_saved_result_can_be_verified_again(mug, tmp_path):
+    run = read_run(mug.save(tmp_path / "run"))
+    assert run.meta["status"] == "optimal"
+    assert certify(GraspScene.model_validate(run.meta["config"]), run.arrays).passed
+
+
+def test_table_tells_the_figures(mug):
+    text = mug.table()
+    assert f"{mug.fingers['finger'].tensions[0]:.3f} N" in text
+    assert all(contact.name in text for contact in mug.contacts)
+
+
+def test_picture(mug, tmp_path):
+    ax = mug.plot()
+    assert ax.get_xlabel() == "x [mm]"
+    mug.plot(tmp_path / "mug.png")
+    assert (tmp_path / "mug.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"gravity": {"mode": "sideways"}},
+        {"gravity": None},
+        {"contacts": {"friction": 0.5, "normal_force_max": 10.0, "middle": "off", "tip": "off"}},
+        {"contacts": {"friction": 0.5}},
+        {"object": {"shape": "circle", "diameter": 0.08, "mass": 0.3, "position": (0.02, 0.0)}},
+        {"object": {"shape": "circle", "diameter": 0.08, "mass": 0.3, "position": (0.04, -0.05)}},
+        {"fidelity": {"elements": 1}},
+        {"fidelity": {"frequencies": 2}},
+        {"fidelity": {"elements": (0.09, 0.09)}},
+        {"contacts": {"friction": 0.5, "normal_force_max": 10.0, "middle_after": 2}},
+        {"solver": {"penetration_tolerance": 0.0}},
+        {"supports": {"palm": {"type": "palm", "point": (0.0, 0.0)}}},
+        {"supports": {"finger": {"type": "palm", "point": (0.0, 0.0), "normal_angle": 0.0}}},
+        {"fingers": {}},
+        {"unknown": 1},
+    ],
+)
+def test_senseless_scenes_are_refused(change):
+    data = make_scene().model_dump()
+    data.update(change)
+    if change.get("gravity", 1) is None:
+        del data["gravity"]
+    with pytest.raises(ValidationError):
+        GraspScene.model_validate(data)
+
+
+def test_a_file_of_another_kind_is_refused():
+    with pytest.raises(InputError, match="grasp scene"):
+        optimize_grasp(Path(__file__).parents[2] / "configs" / "fingers" / "hand_finger.yaml")
+    assert isinstance(load(CONFIGS / "mug.yaml"), GraspScene)

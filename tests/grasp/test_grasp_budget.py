@@ -1,0 +1,130 @@
+"""The verdict of a grasp search counts work; the clock is an emergency stop and says so."""
+
+from __future__ import annotations
+
+import itertools
+import time
+
+import numpy as np
+import pytest
+from grasp_scenes import UPRIGHT, make_scene
+
+from continuum_grasp.grasp import Status, optimize_grasp
+from continuum_grasp.grasp.budget import Budget
+from continuum_grasp.scene.grasp_options import GraspSolver
+from continuum_grasp.sweeps.lines import decode
+from continuum_grasp.sweeps.plan import Point
+from continuum_grasp.sweeps.worker import Job, run_chunk, solve
+
+CLOCKS = ("monotonic", "perf_counter", "process_time", "thread_time", "time")
+HELD = {"max_tension": 60.0}
+WEAK = {"max_tension": 20.0}
+
+
+def solved(solver=None, **changes):
+    return optimize_grasp(
+        make_scene("arc", UPRIGHT, solver=solver or GraspSolver(seeds=2), **changes), raise_on_failure=False
+    )
+
+
+def numbers(result):
+    """All of a result but the times."""
+    reasons = [(r.name, r.limit, r.needed, r.confirmed) for r in result.reasons]
+    tried = [(a["outcome"], a["iterations"], a["objective"]) for a in result.statistics["attempts"]]
+    return result.status, result.message, reasons, tried, {k: np.asarray(v).tobytes() for k, v in result.arrays.items()}
+
+
+def hurry(monkeypatch, seconds=0.5):
+    """Let time pass whenever a clock is read, as for a process that gets little of the processor."""
+    readings = itertools.count()
+    for name in CLOCKS:
+        monkeypatch.setattr(time, name, lambda: seconds * next(readings))
+
+
+@pytest.mark.parametrize(("changes", "status"), [(HELD, Status.OPTIMAL), (WEAK, Status.INFEASIBLE)])
+def test_a_busy_machine_gives_the_same_verdict_bit_by_bit(monkeypatch, changes, status):
+    calm = solved(**changes)
+    hurry(monkeypatch)
+    busy = solved(**changes)
+    assert calm.status is status
+    assert numbers(busy) == numbers(calm)
+    if status is Status.INFEASIBLE:
+        assert busy.statistics["total_seconds"] > 200.0
+
+
+@pytest.mark.parametrize("changes", [HELD, WEAK])
+def test_iterations_are_counted_and_kept(changes):
+    free = solved(**changes)
+    spent = free.statistics["total_iterations"]
+    assert spent >= sum(a["iterations"] for a in free.statistics["attempts"]) > 0
+    assert not free.statistics["cut_short"]
+    exact = solved(GraspSolver(seeds=2, max_total_iterations=spent + 1), **changes)
+    assert numbers(exact) == numbers(free)
+
+
+def test_a_budget_that_is_too_small_is_no_verdict_and_repeats():
+    few = GraspSolver(seeds=2, max_total_iterations=40)
+    one, two = solved(few, **WEAK), solved(few, **WEAK)
+    assert one.status is Status.NOT_SOLVED
+    assert "max_total_iterations" in one.message + one.advice
+    assert one.statistics["cut_short"] == "iterations"
+    assert numbers(one) == numbers(two)
+
+
+def jump_after(monkeypatch, run):
+    """Let the emergency stop come with the so-many-th run of the solver."""
+    from continuum_grasp.grasp.problem.ipopt import GraspSolverRun
+
+    count, whole = [0], GraspSolverRun.run
+
+    def counted(self, scene, start, budget, **options):
+        count[0] += 1
+        if count[0] == run:
+            budget.until = -1.0
+        return whole(self, scene, start, budget, **options)
+
+    monkeypatch.setattr(GraspSolverRun, "run", counted)
+
+
+@pytest.mark.parametrize("run", [1, 8])
+def test_the_clock_gives_no_verdict_but_says_that_it_stopped(monkeypatch, run):
+    """The first run of the search, and one of the diagnosis, whose reasons so far are none."""
+    jump_after(monkeypatch, run)
+    result = solved(**WEAK)
+    assert result.status is Status.TIMED_OUT
+    assert not result.solved
+    assert not result.reasons
+    assert "clock" in result.message
+    assert "solver.time_limit" in result.advice
+    assert result.statistics["cut_short"] == "clock"
+
+
+def test_a_grasp_from_before_the_clock_stopped_is_called_so(monkeypatch):
+    monkeypatch.setattr("continuum_grasp.grasp.search.branch_of", id)  # every start counts
+    jump_after(monkeypatch, 2)
+    result = solved(GraspSolver(seeds=8), **HELD)
+    assert result.status is Status.FEASIBLE
+    assert "clock" in result.message
+    assert any("cut short" in warning for warning in result.warnings)
+
+
+def test_the_emergency_stop_is_far_from_what_the_budget_takes():
+    """40,000 iterations take a minute or two on a machine that is free."""
+    budget = Budget.of(GraspSolver())
+    assert budget.left == 40_000
+    assert budget.until - time.monotonic() > 3000.0
+
+
+def test_the_rows_of_a_sweep_do_not_depend_on_how_busy_its_worker_is(monkeypatch):
+    scene = make_scene("arc", UPRIGHT, solver=GraspSolver(seeds=1)).model_dump(mode="json")
+    job = Job(scene, ("tension",), (("finger", "tendons", "max_tension"),), (), "none", solve)
+    points = [Point(k, (tension,), (tension,)) for k, tension in enumerate((60.0, 20.0))]
+
+    def rows():
+        found = [decode(outcome.line) for outcome in run_chunk(job, points)]
+        return [{key: value for key, value in row.items() if key not in ("seconds", "check")} for row in found]
+
+    calm = rows()
+    hurry(monkeypatch, 2.0)
+    assert rows() == calm
+    assert [row["status"] for row in calm] == ["optimal", "infeasible"]

@@ -1,0 +1,353 @@
+"""The certificate, on grasps made by hand: it passes what holds and names what was tampered with."""
+
+from __future__ import annotations
+
+import ast
+import pickle
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import continuum_grasp.grasp as grasp_room
+from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.scene.objects import Ellipse, Freedom, Polygon, RoundedPolygon, Superellipse
+from tests import certificate_cases as cases
+
+
+def held(shape):
+    """A pinch of another shape, 60 mm wide where the fingers touch it, without a moment arm."""
+    return lambda: cases.pinched_box(at=0.0, turn=0.4, thing=lambda values: shape(values))
+
+
+HELD = {
+    "disc against a palm": cases.squeezed_disc,
+    "disc against a palm, arcs": lambda: cases.squeezed_disc(family="arc"),
+    "disc and a finger without thickness": lambda: cases.squeezed_disc(half=0.0),
+    "two fingers below a disc": cases.two_fingers_below,
+    "pinched box": cases.pinched_box,
+    "pinched box, turned": lambda: cases.pinched_box(turn=0.7),
+    "pinched ellipse": held(lambda v: Ellipse(shape="ellipse", width=0.06, height=0.03, **v)),
+    "pinched superellipse": held(
+        lambda v: Superellipse(shape="superellipse", width=0.06, height=0.08, exponent=4, **v)
+    ),
+    "pinched between corners": held(
+        lambda v: Polygon(shape="polygon", vertices=((-0.03, 0.0), (0.0, -0.04), (0.03, 0.0), (0.0, 0.04)), **v)
+    ),
+    "pinched between round corners": held(
+        lambda v: RoundedPolygon(
+            shape="rounded_polygon",
+            vertices=tuple((x * (0.03 + 0.01 * (2**0.5 - 1)), y * (0.03 + 0.01 * (2**0.5 - 1))) for x, y in SQUARE),
+            corner_radius=0.01,
+            **v,
+        )
+    ),
+    "disc in a groove": cases.disc_in_groove,
+    "box on a line": cases.box_on_line,
+    "disc on pegs": cases.disc_on_pegs,
+    "disc on points": lambda: cases.disc_on_pegs(peg=0.0),
+    "union on a palm": cases.union_on_palm,
+    "wrapped disc": cases.wrapped_disc,
+    "wrapped disc, lying": lambda: cases.wrapped_disc(cases.PLANAR, mass=0.2),
+    "wrapped disc, mirrored": lambda: cases.wrapped_disc(mirrored=True),
+    "wrapped with two middle contacts": lambda: cases.wrapped_disc(middles=2, friction=1.0),
+    "wrapped with three middle contacts": lambda: cases.wrapped_disc(middles=3, friction=1.0),
+    "wrapped by one tendon": lambda: cases.wrapped_disc(used="left"),
+}
+SQUARE = ((1, 0), (0, 1), (-1, 0), (0, -1))
+
+
+@pytest.mark.parametrize("case", HELD.values(), ids=HELD)
+def test_what_holds_passes(case):
+    scene, arrays = case()
+    certificate = certify(scene, arrays)
+    assert certificate.passed, certificate.failed
+    assert len({check.name for check in certificate.checks}) == len(certificate.checks)
+    assert certificate.overlap == 0.0
+
+
+def tampered(arrays, name, index, change):
+    arrays = {key: np.array(value) for key, value in arrays.items()}
+    arrays[name][index] += change
+    return arrays
+
+
+WRAPPED = [
+    ("contact_forces", (0, 0), 1e-3, "object force balance"),
+    ("contact_forces", (0, 0), 1e-3, "finger equilibrium, finger"),
+    ("contact_forces", (1, 1), 1e-3, "object moment balance"),
+    ("contact_forces", (1, 1), 5.0, "friction cone, finger.tip"),
+    ("contact_forces", (2, 0), -60.0, "normal force, palm"),
+    ("contact_forces", (2, 0), 60.0, "normal force, palm"),
+    ("contact_forces", (2, 2), 1e-3, "object lift balance"),
+    ("contact_forces", (2, 2), 1e-3, "object tilt balance"),
+    ("contact_positions", (1, 0), 1e-5, "stored contact, finger.tip"),
+    ("contact_positions", (2, 1), 1e-5, "contact normal, palm"),
+    ("contact_positions", (2, 0), 1e-5, "contact gap, palm"),
+    ("contact_normals", (0, 0), 1e-4, "stored contact, finger.middle"),
+    ("contact_normals", (2, 1), 1e-4, "stored contact, palm"),
+    ("contact_stations", 0, 1e-5, "stored contact, finger.middle"),
+    ("contact_stations", 1, np.nan, "stored contact, finger.tip"),
+    ("finger.q", 0, 0.05, "finger equilibrium, finger"),
+    ("finger.q", 0, 0.01, "contact gap, finger.middle"),
+    ("finger.q", 0, 0.01, "contact normal, finger.middle"),
+    ("finger.q", 1, 0.01, "contact gap, finger.tip"),
+    ("finger.q", 1, 0.5, "penetration into the object, finger"),
+    ("finger.q", 0, 1.0, "penetration into palm, finger"),
+    ("finger.q", 1, 9.0, "bending range, finger"),
+    ("finger.q", 1, 1e-3, "stored backbone, finger"),
+    ("finger.lengths", 0, 1e-5, "element lengths, finger"),
+    ("finger.tip_curvature", (), 0.01, "stored tip curvature, finger"),
+    ("finger.tensions", 0, 0.01, "finger equilibrium, finger"),
+    ("finger.tensions", 0, 90.0, "tendon tension, finger"),
+    ("finger.tensions", 1, -1e-3, "tendon tension, finger"),
+    ("finger.backbone", (50, 1), 1e-5, "stored backbone, finger"),
+    ("finger.backbone", (50, 3), 1e-5, "stored backbone, finger"),
+    ("finger.backbone", (60, 0), -1e-5, "stored backbone, finger"),
+    ("finger.base", 0, 1e-5, "base, finger"),
+    ("finger.base", 2, 1e-5, "base, finger"),
+    ("object.pose", 1, 1e-5, "object pose"),
+    ("object.pose", 2, 1e-5, "object pose"),
+    ("finger.tensions", 1, np.nan, "numbers that are not finite"),
+    ("object.pose", 1, np.inf, "numbers that are not finite"),
+    ("contact_parts", 1, 1, "stored arrays that are missing or do not fit"),
+    ("contact_parts", 1, -1, "stored arrays that are missing or do not fit"),
+]
+
+
+@pytest.fixture(scope="module")
+def wrapped():
+    return cases.wrapped_disc()
+
+
+@pytest.mark.parametrize(("name", "index", "change", "check"), WRAPPED)
+def test_a_tampered_wrap_is_seen(wrapped, name, index, change, check):
+    scene, arrays = wrapped
+    certificate = certify(scene, tampered(arrays, name, index, change))
+    assert not certificate[check].passed
+    assert not certificate.passed
+
+
+OTHERS = [
+    ("two fingers below a disc", "right.tensions", 1, 0.01, "tip moment balance, right"),
+    ("two fingers below a disc", "right.tensions", 1, 0.01, "finger equilibrium, right"),
+    ("two fingers below a disc", "left.tip_curvature", (), 1e-3, "tip moment balance, left"),
+    ("two fingers below a disc", "contact_forces", (0, 2), 1e-4, "no lift in the plane, left.tip"),
+    ("two fingers below a disc", "contact_forces", (1, 0), 60.0, "normal force, right.tip"),
+    ("two fingers below a disc", "contact_forces", (1, 1), 60.0, "friction cone, right.tip"),
+    ("pinched box", "object.pose", 1, 1e-4, "object tilt balance"),
+    ("pinched box", "object.pose", 0, 1e-4, "contact gap, a.tip"),
+    ("pinched box", "object.pose", 0, 0.03, "object pose"),
+    ("pinched box", "object.pose", 0, 0.01, "penetration into the object, b"),
+    ("pinched box", "contact_positions", (0, 1), 1e-4, "stored contact, a.tip"),
+    ("pinched box", "b.base", 1, 1e-4, "base, b"),
+    ("pinched box", "a.q", 3, 0.1, "finger equilibrium, a"),
+    ("pinched between corners", "contact_normals", (0, 1), 1e-5, "stored contact, a.tip"),
+    ("disc in a groove", "contact_forces", (1, 0), 0.01, "object force balance"),
+    ("disc in a groove", "contact_positions", (1, 0), 1e-4, "contact normal, groove.left"),
+    ("disc in a groove", "object.pose", 1, -1e-3, "penetration of the object into groove.left"),
+    ("box on a line", "contact_positions", (1, 0), -0.03, "within the line, table.1"),
+    ("box on a line", "contact_positions", (1, 0), -0.03, "contact gap, table.1"),
+    ("box on a line", "contact_positions", (1, 0), 1e-3, "object moment balance"),
+    ("box on a line", "contact_positions", (1, 1), 1e-5, "contact gap, table.1"),
+    ("box on a line", "object.pose", 1, -1e-3, "penetration of the object into table"),
+    ("disc on pegs", "contact_positions", (1, 0), 1e-5, "stored contact, first"),
+    ("disc on pegs", "object.pose", 1, -1e-3, "penetration of the object into first"),
+    ("disc on pegs", "object.pose", 1, 1e-3, "contact gap, second"),
+    ("union on a palm", "contact_parts", 0, 1, "contact gap, finger.tip"),
+    ("wrapped with two middle contacts", "contact_stations", 1, 1e-4, "stored contact, finger.middle_2"),
+    ("wrapped with two middle contacts", "contact_forces", (1, 0), 0.01, "finger equilibrium, finger"),
+    ("wrapped with two middle contacts", "finger.q", 1, 0.01, "contact gap, finger.middle_2"),
+    ("wrapped by one tendon", "finger.tensions", 1, 1e-3, "tendon tension, finger"),
+]
+
+
+@pytest.mark.parametrize(("case", "name", "index", "change", "check"), OTHERS)
+def test_other_tampered_grasps_are_seen(case, name, index, change, check):
+    scene, arrays = HELD[case]()
+    certificate = certify(scene, tampered(arrays, name, index, change))
+    assert not certificate[check].passed
+    assert not certificate.passed
+
+
+@pytest.mark.parametrize("half", [0.0, 1e-5, 0.006])
+def test_the_normal_of_a_tip_of_any_thickness_is_checked(half):
+    scene, arrays = cases.squeezed_disc(half=half)
+    assert certify(scene, arrays).passed
+    certificate = certify(scene, tampered(arrays, "contact_normals", (0, 0), 1e-4))
+    assert not certificate.passed
+    assert {c.name for c in certificate.failed} >= {
+        "stored contact, finger.tip" if half > 1e-3 else "contact normal, finger.tip"
+    }
+
+
+def test_a_contact_inside_another_part_is_seen():
+    """The finger presses on the foot, where the disc covers it: a point that no finger can reach."""
+    scene, arrays = cases.union_on_palm()
+    buried = {key: np.array(value) for key, value in arrays.items()}
+    buried["contact_parts"][0] = 1
+    buried["contact_positions"][0, 1] = 0.03
+    for name in ("finger.base", "finger.backbone"):
+        buried[name][..., 1 if name.endswith("base") else 2] -= 0.035
+    certificate = certify(scene, buried)
+    assert certificate["contact gap, finger.tip"].passed
+    assert not certificate["contact inside another part, finger.tip"].passed
+    assert not certificate["penetration into the object, finger"].passed
+
+
+@pytest.mark.parametrize(
+    ("names", "wrong"),
+    [
+        (["finger.middle", "finger.tip", "finger.tip"], 1),
+        (["finger.middle", "finger.tip", "wall"], 1),
+        (["finger.middle", "finger.middle_1", "palm"], 2),
+        (["palm", "finger.tip", "palm.1"], 2),
+        (["finger.middle", "finger.tip", "palm.2"], 1),
+    ],
+)
+def test_contacts_must_be_those_of_the_scene(wrapped, names, wrong):
+    scene, arrays = wrapped
+    certificate = certify(scene, arrays | {"contact_names": np.array(names)})
+    assert certificate["contacts as the scene has them"].value == wrong
+    assert not certificate.passed
+
+
+def test_contacts_that_are_off_must_not_be_there(wrapped):
+    scene, arrays = wrapped
+    palm = scene.supports["palm"]
+    for switch, passes in (("on", True), ("off", False)):
+        changed = scene.model_copy(update={"supports": {"palm": palm.model_copy(update={"touch": switch})}})
+        assert certify(changed, arrays).passed is passes
+    contacts = scene.contacts.model_copy(update={"middle": "off"})
+    assert not certify(scene.model_copy(update={"contacts": contacts}), arrays).passed
+
+
+@pytest.mark.parametrize("name", ["finger.q", "finger.base", "object.pose", "contact_forces", "contact_parts"])
+def test_missing_and_misshapen_arrays_do_not_pass(wrapped, name):
+    scene, arrays = wrapped
+    missing = {key: value for key, value in arrays.items() if key != name}
+    misshapen = arrays | {name: np.append(np.ravel(arrays[name]), 0.0)}
+    for wrong in (missing, misshapen, arrays | {name: "words"}):
+        certificate = certify(scene, wrong)
+        assert not certificate["stored arrays that are missing or do not fit"].passed
+        assert not certificate.stability.stable
+        assert not certificate.model_error.found
+        assert np.isnan(certificate.friction_margin)
+
+
+def test_another_family_does_not_pass(wrapped):
+    scene, arrays = wrapped
+    assert not certify(scene, arrays | {"finger.family": "clothoid"}).passed
+
+
+def test_elements_must_have_a_length(wrapped):
+    scene, arrays = wrapped
+    lengths = np.array([-0.05, 0.23])
+    assert not certify(scene, arrays | {"finger.lengths": lengths})["element lengths, finger"].passed
+
+
+def test_middle_contacts_keep_to_their_range(wrapped):
+    scene, arrays = wrapped
+    at = float(arrays["contact_stations"][0])
+    for bounds, passes in (((0.01, at + 1e-6), True), ((0.01, at - 1e-6), False), ((at + 1e-6, 0.17), False)):
+        contacts = scene.contacts.model_copy(update={"middle_range": bounds})
+        certificate = certify(scene.model_copy(update={"contacts": contacts}), arrays)
+        assert certificate["position along the finger, finger.middle"].passed is passes
+
+
+def test_strain_is_checked(wrapped):
+    scene, arrays = wrapped
+    rod = scene.finger.rod.model_copy(update={"diameter": 1.2e-3})
+    greatest = float(arrays["finger.tip_curvature"]) * 0.6e-3
+    finger = scene.finger.model_copy(update={"rod": rod, "strain_limit": 0.99 * greatest})
+    certificate = certify(scene.model_copy(update={"finger": finger}), arrays)
+    assert certificate["bending strain, finger"].value == pytest.approx(0.01 / 0.99, rel=1e-6)
+    assert not certificate["bending strain, finger"].passed
+
+
+def test_a_heavier_object_fails_in_the_balance_of_its_weight(wrapped):
+    scene, arrays = wrapped
+    heavier = scene.model_copy(update={"object": scene.object.model_copy(update={"mass": 0.31})})
+    assert [check.name for check in certify(heavier, arrays).failed] == ["object lift balance"]
+
+
+def test_poses_may_be_anywhere_within_their_bounds():
+    scene, arrays = cases.pinched_box()
+    free = Freedom(x=(-0.01, 0.01), angle=(-0.1, 0.1))
+    thing = scene.object.model_copy(update={"free": free})
+    scene = scene.model_copy(update={"object": thing})
+    moved = {key: np.array(value) for key, value in arrays.items()}
+    for name in ("a.base", "b.base", "object.pose"):
+        moved[name][0] += 0.005
+    for name in ("a.backbone", "b.backbone"):
+        moved[name][:, 1] += 0.005
+    moved["contact_positions"][:, 0] += 0.005
+    certificate = certify(scene, moved)
+    assert {check.name for check in certificate.failed} == {"base, a", "base, b"}
+    fingers = {
+        name: finger.model_copy(update={"base_free": Freedom(x=(-0.3, 0.3))}) for name, finger in scene.fingers.items()
+    }
+    assert certify(scene.model_copy(update={"fingers": fingers}), moved).passed
+    thing = thing.model_copy(update={"free": Freedom(angle=(-0.1, 0.1))})  # x is not free any more
+    assert not certify(scene.model_copy(update={"object": thing}), moved)["object pose"].passed
+
+
+def test_friction_margins():
+    scene, arrays = cases.squeezed_disc(mass=0.2, press=4.0, friction=0.5)
+    certificate = certify(scene, arrays)
+    assert certificate.friction_margins == pytest.approx({"finger.tip": 0.5095, "palm": 0.5095}, abs=1e-12)
+    arrays["contact_forces"][1, 0] = 0.0
+    assert certify(scene, arrays).friction_margin == 0.0
+
+
+def test_suction_is_seen_whatever_the_limit():
+    """A pull that is nothing against the greatest normal force, but much against the forces in play."""
+    scene, arrays = cases.disc_in_groove(press=0.1, mass=0.0)
+    scene = scene.model_copy(update={"contacts": scene.contacts.model_copy(update={"normal_force_max": 1e6})})
+    assert not certify(scene, tampered(arrays, "contact_forces", (1, 0), -0.171))["normal force, groove.left"].passed
+
+
+def test_overlapping_fingers_are_measured_but_pass():
+    """One of the two is thick enough to reach into the other."""
+    scene, arrays = cases.two_fingers_below(aside=0.0059)
+    certificate = certify(scene, arrays)
+    assert certificate.overlap == pytest.approx(0.0002, abs=1e-9)
+    assert certificate.passed
+
+
+# -- use -----------------------------------------------------------------------------------------------------
+
+
+def test_certificate_travels_between_processes(wrapped):
+    certificate = pickle.loads(pickle.dumps(certify(*wrapped)))
+    assert certificate.passed
+    assert certificate.stability.stable
+    assert certificate["object pose"].value == 0.0
+
+
+def test_certificate_is_quick(wrapped):
+    best = np.inf
+    for _ in range(5):
+        start = time.perf_counter()
+        certify(*wrapped)
+        best = min(best, time.perf_counter() - start)
+    assert best < 0.03
+
+
+def test_certificate_shares_nothing_with_the_optimiser():
+    room = Path(grasp_room.__file__).parent
+    pending, seen = ["certificate.certificate"], set()
+    while pending:
+        module = pending.pop()
+        seen.add(module)
+        for node in ast.walk(ast.parse((room / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8"))):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            for name in names:
+                assert not name.startswith(("casadi", "continuum_grasp.model", "continuum_grasp.core", "scipy"))
+                if name.startswith("continuum_grasp.grasp.") and (inner := name.split(".", 2)[2]) not in seen:
+                    pending.append(inner)
+    own = {"certificate", "check", "clearance", "contact_checks", "dense_rod", "model_error", "recomputed"}
+    own |= {"recomputed_finger", "stability", "stored", "surfaces"}
+    assert seen == {f"verification.{name}" for name in own}

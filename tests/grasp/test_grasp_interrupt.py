@@ -1,0 +1,139 @@
+"""Ctrl-C during the search, in processes of their own; and arguments of the wrong type."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import textwrap
+
+import pytest
+from grasp_scenes import CONFIGS, make_scene
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp import optimize_grasp
+
+PRESS = """
+    import os, signal, sys
+    from continuum_grasp.grasp.problem import ipopt
+
+    def press(run, iteration):
+        "Ctrl-C inside the solver, at an iteration of a run (both from 1)."
+        count, whole = [0, 0], ipopt.GraspSolverRun.run
+
+        class Pressing(ipopt._Stop):
+            def eval(self, arguments):
+                count[1] += 1
+                if count == [run, iteration]:
+                    os.kill(os.getpid(), signal.SIGINT)
+                return super().eval(arguments)
+
+        def counted(self, *arguments, **options):
+            count[:] = count[0] + 1, 0
+            return whole(self, *arguments, **options)
+
+        ipopt.GraspSolverRun.run = counted
+        ipopt._Stop = Pressing
+"""
+
+
+def python(code, *arguments):
+    """Run code in a new interpreter in which Ctrl-C is alive."""
+    script = textwrap.dedent(PRESS) + textwrap.dedent(code)
+    ready = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    command = [sys.executable, "-c", ready + script, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+CLI = """
+    press(run={run}, iteration=3)
+    from continuum_grasp.cli import main
+    sys.argv = ["continuum-grasp", "grasp", *sys.argv[1:]]
+    main()
+"""
+
+
+def test_before_any_grasp_the_command_says_so_and_exits_with_130(tmp_path):
+    folder = tmp_path / "run"
+    done = python(CLI.format(run=1), CONFIGS / "mug.yaml", "--out", folder)
+    assert done.returncode == 130, done.stderr
+    assert "interrupted before a grasp was found" in done.stderr
+    assert "infeasible" not in done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    assert not folder.exists()
+
+
+def test_after_a_grasp_that_is_the_result(tmp_path):
+    done = python(CLI.format(run=2), CONFIGS / "mug.yaml", "--out", tmp_path / "run")
+    assert done.returncode == 130, done.stderr
+    assert "interrupted" in done.stdout.splitlines()[0]
+    assert done.stdout.startswith("optimal")
+    assert "all checks passed" in done.stdout
+    assert "warning: the search was interrupted" in done.stderr
+
+
+def test_an_interrupted_start_does_not_count():
+    code = """
+        press(run=2, iteration=2)
+        from continuum_grasp.grasp import optimize_grasp, search
+        search.branch_of = id
+        result = optimize_grasp(sys.argv[1])
+        print(result.status.value, len(result.statistics["attempts"]), result.statistics["interrupted"])
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    """
+    done = python(code, CONFIGS / "mug_arcs.yaml")
+    assert done.stdout.split() == ["optimal", "1", "True"], done.stderr
+
+
+def test_an_interrupted_diagnosis_is_no_verdict():
+    """The tendon is too weak; Ctrl-C while the solver looks for the reason."""
+    code = """
+        press(run=5, iteration=2)
+        from continuum_grasp.errors import Interrupted
+        from continuum_grasp.grasp import optimize_grasp
+        from continuum_grasp.scene.load import load
+        scene = load(sys.argv[1], ["finger.tendons.max_tension=20"])
+        try:
+            optimize_grasp(scene, raise_on_failure=False)
+        except Interrupted as error:
+            print(error)
+    """
+    done = python(code, CONFIGS / "mug_arcs.yaml")
+    assert "interrupted before a grasp was found (4 starts tried to the end)" in done.stdout, done.stderr
+
+
+def test_ctrl_c_from_outside():
+    """The signal comes from another process while starts are tried without end."""
+    code = """
+        from continuum_grasp.grasp import optimize_grasp, search
+        from continuum_grasp.scene.load import load
+        run = ipopt.GraspSolverRun.run
+        def told(self, *arguments, **options):
+            print("start", flush=True)
+            return run(self, *arguments, **options)
+        ipopt.GraspSolverRun.run = told
+        search.branch_of = id
+        result = optimize_grasp(load(sys.argv[1], ["solver.seeds=1000", "solver.max_total_iterations=1000000"]))
+        print(result.status.value, result.statistics["interrupted"])
+    """
+    ready = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    script = ready + textwrap.dedent(PRESS) + textwrap.dedent(code)
+    command = [sys.executable, "-c", script, str(CONFIGS / "mug_arcs.yaml")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        for _ in range(3):
+            assert process.stdout.readline() == "start\n"
+        process.send_signal(signal.SIGINT)
+        rest, errors = process.communicate()
+    assert process.returncode == 0, errors
+    assert rest.splitlines()[-1] == "optimal True"
+
+
+@pytest.mark.parametrize("given", [5, None, 2.5, b"mug.yaml", ["mug.yaml"], {"finger": 1}, object()])
+def test_wrong_types_are_refused_by_name(given):
+    with pytest.raises(InputError, match="expected a GraspScene or the path of its YAML file"):
+        optimize_grasp(given)
+
+
+def test_a_scene_without_an_object_is_refused():
+    with pytest.raises(InputError, match="expected a GraspScene"):
+        optimize_grasp(make_scene().finger)

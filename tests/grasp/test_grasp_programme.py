@@ -1,0 +1,264 @@
+"""The grasp programme's pieces: distances, surfaces, sensitivities, disturbances, elements by tolerance, modes."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+import pytest
+from grasp_scenes import CONFIGS, PALM, UPRIGHT, WEIGHTLESS, make_scene
+from numpy.testing import assert_allclose
+
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.grasp.budget import Budget
+from continuum_grasp.grasp.fine import with_elements
+from continuum_grasp.grasp.modes import contact_modes
+from continuum_grasp.grasp.problem.obstacles import nearest, smooth_support
+from continuum_grasp.grasp.problem.surface import SurfacePoint, features, nearest_feature
+from continuum_grasp.grasp.quality.resistance import resistance
+from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.starts.found import start_from
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene import (
+    Circle,
+    Disturbances,
+    Finger,
+    FingerContacts,
+    GraspContacts,
+    ObjectiveWeights,
+    Palm,
+    Rod,
+    Tendons,
+)
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.parts import Part
+from continuum_grasp.scene.simulate import Fidelity
+
+SHARP = Part(((-0.05, -0.03), (0.05, -0.03), (0.05, 0.03), (-0.05, 0.03)))
+PARTS = {
+    "disc": Part(((0.01, 0.02),), 0.04),
+    "box": SHARP,
+    "rounded": Part(SHARP.vertices, 0.01),
+    "slot": Part(((-0.03, 0.0), (0.03, 0.01)), 0.015),
+    "ellipse": Part(semi_axes=(0.05, 0.03), center=(0.01, 0.0), angle=0.4),
+    "superellipse": Part(semi_axes=(0.05, 0.03), exponent=3.3, center=(0.0, 0.01), angle=-0.7),
+}
+
+
+# -- surfaces and distances ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_distances_against_dense_outlines(name):
+    part = PARTS[name]
+    points = np.random.default_rng(3).uniform(-0.12, 0.12, (200, 2))
+    directions, distances, _ = nearest(part, points)
+    outside = distances > 0.0
+    outline = _dense_outline(part)
+    true = np.array([np.linalg.norm(outline - p, axis=1).min() for p in points[outside]])
+    assert_allclose(distances[outside], true, atol=2e-6)
+    # stepping back along the normal ends on the surface
+    normal = np.stack([np.cos(directions), np.sin(directions)], axis=1)
+    back = points[outside] - distances[outside, None] * normal[outside]
+    assert_allclose(nearest(part, back)[1], 0.0, atol=2e-6)
+
+
+def _dense_outline(part):
+    """Points on the boundary, at most some 1e-5 m apart."""
+    if part.is_superellipse:
+        return np.array(part.outline(40_000))
+    outline = np.array(part.outline(2_000))
+    share = np.linspace(0.0, 1.0, 40, endpoint=False)[:, None]
+    if part.radius == 0.0:
+        share = np.linspace(0.0, 1.0, 5_000, endpoint=False)[:, None]
+    ring = np.concatenate([outline, outline[:1]])
+    gaps = np.linalg.norm(np.diff(ring, axis=0), axis=1)
+    parts = [
+        a + (share if gap < 1e-3 else np.linspace(0.0, 1.0, 9_000)[:, None]) * (b - a)
+        for (a, b), gap in zip(pairwise(ring), gaps, strict=True)
+    ]
+    return np.concatenate(parts)[:: 1 if part.radius == 0.0 else 2]
+
+
+@pytest.mark.parametrize("name", ["ellipse", "superellipse"])
+def test_support_function_against_the_outline(name):
+    part = PARTS[name]
+    shape = ca.SX([*part.semi_axes, part.exponent, *part.center, part.angle])
+    beta = ca.SX.sym("beta")
+    function = ca.Function("H", [beta], [smooth_support(beta, shape)])
+    outline = np.array(part.outline(40_000))
+    for angle in np.linspace(-3.0, 3.0, 25):
+        extent = (outline @ [math.cos(angle), math.sin(angle)]).max()
+        assert float(function(angle)) == pytest.approx(extent, abs=2e-7)
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_places_on_features_are_on_the_surface_with_its_normal(name):
+    part = PARTS[name]
+    for index, feature in enumerate(features(part)):
+        place = ca.SX.sym("place", 2)
+        make = SurfacePoint.on_superellipse if part.is_superellipse else SurfacePoint.on_polygon
+        surface = make(place, ca.SX(feature.numbers))
+        function = ca.Function("f", [place], [surface.point, surface.normal, surface.on_surface])
+        t = 0.3 + index
+        at = (0.6, 0.2) if not part.is_superellipse else _on_superellipse(t, part.exponent)
+        if not part.is_superellipse:
+            low, high = feature.lower, feature.upper
+            angle = t if not math.isfinite(low[1]) else low[1] + 0.4 * (high[1] - low[1])
+            at = (low[0] + 0.6 * (high[0] - low[0]), angle)
+        point, normal, off = (np.array(v).ravel() for v in function(at))
+        assert np.abs(off).max(initial=0.0) < 1e-8
+        away = point + 0.01 * normal
+        direction, distance, _ = nearest(part, away[None])
+        assert distance[0] == pytest.approx(0.01, abs=1e-8)
+        assert_allclose([math.cos(direction[0]), math.sin(direction[0])], normal, atol=1e-5)
+        angle = math.atan2(normal[1], normal[0])
+        again = feature.place(part, (point[0], point[1]), angle)
+        assert_allclose(again, at, atol=1e-9)
+        if 0.0 < at[0] < 1.0 or part.is_superellipse or feature.lower[1] < feature.upper[1]:
+            assert nearest_feature(part, (point[0], point[1]), angle) == index
+
+
+def _on_superellipse(t, power):
+    c, s = math.cos(t), math.sin(t)
+    size = (abs(c) ** power + abs(s) ** power) ** (-1.0 / power)
+    return c * size, s * size
+
+
+@pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
+def test_joints_waypoints_and_probes_are_sections_of_the_model(family):
+    finger = Finger(
+        rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0), tendons=Tendons(offset=0.1, max_tension=9.0)
+    )
+    model = FingerModel(
+        finger, family=family, elements=3, gravity=(0, 0), parameters=("element_lengths",), accuracy=1e-12
+    )
+    q, u, lengths = np.array([0.5, -0.4, 0.9, 0.3][: model.n]), [3.0, 0.0], [0.2, 0.45, 0.35]
+    starts = np.cumsum([0.0, *lengths])
+    r, angles = (np.array(v) for v in model.joints(q, u, lengths))
+    for k in range(3):
+        assert_allclose(r[:, k], np.array(model.position(q, u, starts[k + 1], lengths)).ravel(), atol=1e-12)
+        assert float(angles[k, 0]) == pytest.approx(float(model.orientation(q, u, starts[k + 1], lengths)), abs=1e-12)
+    inside = [starts[k] + f * lengths[k] for k, part in enumerate(model.waypoint_fractions) for f in part]
+    points = np.array(model.waypoints(q, u, lengths))
+    fractions = np.array([[0.1, 0.5, 0.9], [0.7, 0.2, 0.4]])
+    probes = np.array(model.probes(2)(q, u, fractions, lengths))
+    at = [starts[k] + fractions[j, k] * lengths[k] for k in range(3) for j in range(2)]
+    for found, places in ((points, inside), (probes, at)):
+        for k, s in enumerate(places):
+            assert_allclose(found[:, k], np.array(model.position(q, u, s, lengths)).ravel(), atol=1e-10)
+
+
+# -- what follows from a solution --------------------------------------------------------------------------------
+
+
+def test_sensitivities_against_solving_again():
+    scene = make_scene(elements=2)
+    result = optimize_grasp(scene)
+    found = {s.name: s.derivative for s in result.sensitivity}
+    step = 1e-4
+    for name, low, high in (
+        ("friction between fingers and object", _finger_friction(scene, -step), _finger_friction(scene, step)),
+        ("mass of the object", make_scene(mass=0.3 - step), make_scene(mass=0.3 + step)),
+        ("object along y", make_scene(base_y=-0.055 + step), make_scene(base_y=-0.055 - step)),
+    ):
+        numeric = (optimize_grasp(high).tension - optimize_grasp(low).tension) / (2 * step)
+        assert found[name] == pytest.approx(numeric, rel=5e-3), name
+
+
+def _finger_friction(scene, change):
+    contacts = FingerContacts(friction=scene.contacts.friction + change)
+    return scene.model_copy(update={"finger": scene.finger.model_copy(update={"contacts": contacts})})
+
+
+@pytest.mark.parametrize("tendons", ["retensioned", "locked"])
+def test_resisted_disturbance_against_the_fine_rod(tendons):
+    """The programme's few elements against the fine rod of the quality indices, which shares no code with them."""
+    scene = make_scene(
+        elements=4,
+        max_tension=200.0 if tendons == "locked" else 60.0,
+        gravity=UPRIGHT.model_copy(update={"tilt": "ignore"}),
+        objective=ObjectiveWeights(greatest_disturbance=1.0, least_tension=0.01),
+        disturbances=Disturbances(wrenches=((0.0, 1.0, 0.0), (0.0, -1.0, 0.0)), tendons=tendons),
+    )
+    result = optimize_grasp(scene)
+    search = Search(scene, Budget.of(scene.solver))
+    search.run()
+    best = search.best
+    variable = best.solver.problem.parts.variables["resisted disturbance"]
+    factor = float(best.attempt.x[variable.start])
+    fine = resistance(scene, dict(result.arrays), give=None)
+    assert factor > 0.5
+    assert fine.least == pytest.approx(factor, rel=0.05)
+
+
+def test_elements_by_tolerance_are_the_fewest_that_keep_it():
+    coarse = optimize_grasp(make_scene(fidelity=Fidelity(tolerance=0.1)))
+    fine = optimize_grasp(make_scene(fidelity=Fidelity(tolerance=0.02)))
+    assert coarse.fine.size <= 0.1
+    assert fine.fine.size <= 0.02
+    few, many = (r.fingers["finger"].lengths.size for r in (coarse, fine))
+    assert few < many
+    assert "tolerance 2.00% kept" in fine.statistics["fidelity"]
+    reference = optimize_grasp(with_elements(make_scene(), 8)).tension
+    assert fine.tension == pytest.approx(reference, rel=0.03)
+
+
+def test_a_grasp_is_its_own_start():
+    """A start that is made from a grasp leads back to it at once."""
+    scene = make_scene(elements=4)
+    result = optimize_grasp(scene)
+    search = Search(scene, Budget.of(scene.solver))
+    again = search.attempt(start_from(scene, dict(result.arrays)))
+    assert again.certificate.passed
+    assert again.arrays["finger.tensions"].sum() == pytest.approx(result.tension, rel=2e-4)
+
+
+# -- contacts that are tried ----------------------------------------------------------------------------------------
+
+
+def test_modes_are_what_the_switches_leave():
+    scene = make_scene(contacts=GraspContacts(friction=0.5, normal_force_max=30.0, middle="auto", tip="auto"))
+    assert contact_modes(scene) == [
+        frozenset({"finger.middle", "finger.tip", "palm"}),
+        frozenset({"finger.middle", "palm"}),
+        frozenset({"finger.tip", "palm"}),
+    ]
+    away = make_scene(supports={"palm": Palm(point=(-0.01, 0.0), normal_angle=0.0)})
+    assert contact_modes(away) == [frozenset({"finger.middle", "finger.tip"})]
+    free = make_scene(
+        object=Circle(shape="circle", diameter=0.08, mass=0.3, position=(0.04, 0.0), free=Freedom(y=(-0.01, 0.01)))
+    )
+    assert [("palm" in mode) for mode in contact_modes(free)] == [True, False]
+
+
+def test_the_best_of_the_modes_is_kept():
+    """What `auto` finds is no worse than each choice made by hand."""
+
+    def tension(middle, tip):
+        contacts = GraspContacts(friction=0.5, normal_force_max=30.0, middle=middle, tip=tip)
+        gravity = UPRIGHT.model_copy(update={"tilt": "ignore"})
+        result = optimize_grasp(make_scene(contacts=contacts, gravity=gravity), raise_on_failure=False)
+        return result.tension if result.solved else math.inf
+
+    chosen = tension("auto", "auto")
+    assert chosen <= min(tension("on", "on"), tension("on", "off"), tension("off", "on")) * (1 + 1e-6)
+    assert math.isfinite(chosen)
+
+
+def test_other_starts_lead_to_the_same_grasp_of_a_box():
+    """Contacts on faces and corners: twice as many starts, other random ones, and nothing better."""
+    scene = load(CONFIGS / "box_edge.yaml", {"objective": "least_tension"})
+    one = optimize_grasp(scene)
+    more = scene.solver.model_copy(update={"random_seed": 5, "seeds": 16})
+    two = optimize_grasp(scene.model_copy(update={"solver": more}))
+    assert two.tension == pytest.approx(one.tension, rel=1e-4)
+
+
+def test_no_gravity_needs_no_more_than_the_bend():
+    result = optimize_grasp(make_scene(gravity=WEIGHTLESS, supports=PALM))
+    assert result.certificate.passed
+    assert result.tension < optimize_grasp(make_scene()).tension

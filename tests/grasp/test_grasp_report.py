@@ -1,0 +1,403 @@
+"""How a grasp is shown and saved: text, YAML, web page, picture, files, exit codes."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+import continuum_grasp.grasp
+from continuum_grasp.cli import app
+from continuum_grasp.grasp.report.files import save_pictures
+from continuum_grasp.grasp.report.html.page import result_page
+from continuum_grasp.grasp.report.report import result_text, result_yaml, save_result
+from continuum_grasp.grasp.report.shown import further_advice
+from continuum_grasp.grasp.report.yaml_text import yaml_text
+from continuum_grasp.grasp.result import GraspResult, Reason, Status
+from continuum_grasp.plotting.grasp.grasp import plot_grasp
+from continuum_grasp.plotting.grasp.polygon import plot_resistance, resistance_extremes, resistance_words
+from continuum_grasp.plotting.grasp.view import GraspView
+from continuum_grasp.results import read_run
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.load import load
+
+ROOT = Path(__file__).parents[2]
+SCENES = sorted(path.stem for path in (ROOT / "configs" / "grasp").glob("*.yaml"))
+NASTY = "<script>alert('&')</script>: \"quoted\" # not a comment"
+REASON = Reason("mass", "object.mass", "kg", 1.5, 0.46, "the object is too heavy", "lower object.mass to 0.46 kg")
+
+
+def scene_of(name, /, **changes):
+    return load(ROOT / "configs" / "grasp" / f"{name}.yaml").model_copy(update=changes)
+
+
+def bent(base, length, curvature):
+    """A circular arc from its centre (points, 4): no integration."""
+    s = np.linspace(0.0, length, 60)
+    angle = base[2] + curvature * s
+    if abs(curvature) < 1e-12:
+        path = s[:, None] * [-math.sin(base[2]), math.cos(base[2])]
+    else:
+        path = np.stack([np.cos(angle) - math.cos(base[2]), np.sin(angle) - math.sin(base[2])], axis=1) / curvature
+    return np.column_stack([s, base[0] + path[:, 0], base[1] + path[:, 1], angle])
+
+
+def made_up(scene, curvature=12.0):
+    """Numbers of the right form: fingers that are arcs, contacts on the object's outline towards their tips."""
+    arrays = {"object.pose": np.array(scene.object.pose)}
+    outline = np.concatenate([np.array(part.outline()) for part in scene.object.parts])
+    c, s = math.cos(scene.object.angle), math.sin(scene.object.angle)
+    outline = outline @ np.array([[c, s], [-s, c]]) + scene.object.position
+    middle = outline.mean(axis=0)
+    places = {}
+    for name, finger in scene.named_fingers.items():
+        base = np.array([*finger.base.position, finger.base.angle])
+        toward = middle - base[:2]
+        left = -math.sin(base[2]) * toward[1] - math.cos(base[2]) * toward[0] > 0
+        line = bent(base, finger.rod.length, curvature if left else -curvature)
+        arrays |= {
+            f"{name}.family": np.array("arc"),
+            f"{name}.q": np.full(2, 0.5 * line[-1, 3]),
+            f"{name}.lengths": np.full(2, 0.5 * finger.rod.length),
+            f"{name}.tip_curvature": np.array(curvature),
+            f"{name}.tensions": np.array([12.25, 1.0]),
+            f"{name}.base": base,
+            f"{name}.backbone": line,
+        }
+        places[f"{name}.middle"], places[f"{name}.tip"] = line[30, 1:3], line[-1, 1:3]
+    for wall in scene.walls:
+        places[wall.name] = np.array(wall.point)
+    nearest = [outline[np.argmin(np.hypot(*(outline - p).T))] for p in places.values()]
+    normals = [(p - middle) / math.dist(p, middle) for p in nearest]
+    count = len(places)
+    return arrays | {
+        "contact_names": np.array(list(places)),
+        "contact_positions": np.array(nearest),
+        "contact_normals": np.array(normals),
+        "contact_forces": np.tile([2.5, -0.75, 0.5], (count, 1)),
+        "contact_stations": np.where(["." in name for name in places], 0.05, np.nan),
+        "contact_parts": np.zeros(count, dtype=int),
+    }
+
+
+def held(name="mug", /, **changes):
+    scene = scene_of(name, **changes)
+    statistics = {"solver_seconds": 0.25, "interrupted": False, "attempts": [{"start": "a", "seconds": 0.1}]}
+    return GraspResult(scene, Status.OPTIMAL, "held", made_up(scene), statistics=statistics)
+
+
+def failed(name="heavy_bottle", /, arrays=True, **changes):
+    scene = scene_of(name, **changes)
+    numbers = made_up(scene) if arrays else {}
+    return GraspResult(scene, Status.INFEASIBLE, "too heavy", numbers, None, ("lift: 3.2 N",), (REASON,), "Use two.")
+
+
+# -- YAML ----------------------------------------------------------------------------------------------------
+
+numbers = st.floats(allow_nan=False)
+leaves = st.none() | st.booleans() | st.integers(-(2**53), 2**53) | numbers | st.text(max_size=20)
+trees = st.recursive(leaves, lambda t: st.lists(t, max_size=4) | st.dictionaries(st.text(max_size=8), t, max_size=4))
+
+
+@given(trees)
+def test_yaml_reads_back(tree):
+    assert yaml.safe_load(yaml_text(tree, exact=True)) == tree
+
+
+def test_yaml_takes_arrays_and_what_is_not_finite():
+    assert yaml_text({"a": [0.1 + 0.2, 1e-7]}) == "a: [0.3, 1.0e-07]\n"
+    data = yaml.safe_load(yaml_text({"a": np.eye(2), "b": np.float64("nan"), "c": -math.inf, "d": ()}))
+    assert data["a"] == [[1.0, 0.0], [0.0, 1.0]]
+    assert math.isnan(data["b"])
+    assert data["c"] == -math.inf
+    assert data["d"] == []
+
+
+def test_result_yaml_holds_the_figures():
+    data = yaml.safe_load(result_yaml(held()))
+    assert data["status"] == "optimal"
+    assert data["grasp"]["fingers"]["finger"]["tension_left_N"] == 12.25
+    assert data["grasp"]["tension_N"] == 13.25
+    contact = data["grasp"]["contacts"][0]
+    assert (contact["normal_force_N"], contact["friction_force_N"], contact["lift_N"]) == (2.5, -0.75, 0.5)
+    assert contact["friction_margin"] == pytest.approx(1 - math.hypot(0.75, 0.5) / (0.5 * 2.5))
+    assert "position_along_finger_m" not in data["grasp"]["contacts"][-1]  # the palm's
+
+
+def test_result_yaml_says_why_there_is_none():
+    data = yaml.safe_load(result_yaml(failed()))
+    assert data["reasons"][0]["needed"] == 0.46
+    assert data["reasons"][0]["key"] == "object.mass"
+    assert "grasp" not in data
+    assert len(data["closest_point"]["contacts"]) == 3
+    assert "closest_point" not in yaml.safe_load(result_yaml(failed(arrays=False)))
+
+
+# -- text ----------------------------------------------------------------------------------------------------
+
+
+def test_what_a_fine_model_changes_is_told():
+    result = replace(held(), statistics={"fine_model": {"tension_change": 0.0125, "elements": 24}})
+    assert "fine model tension change: 0.0125" in result_text(result)
+    assert yaml.safe_load(result_yaml(result))["fine_model"]["elements"] == 24
+    assert "0.0125" in Page(result_page(result)).text
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_text_tells_the_figures(name):
+    result = held(name)
+    text = result_text(result)
+    assert "12.250 N" in text
+    assert all(contact.name in text for contact in result.contacts)
+    assert ("lift [N]" in text) is (result.scene.gravity.mode == "out_of_plane")
+    assert max(map(len, text.splitlines())) < 120
+
+
+def test_repairs_are_said_once():
+    result = replace(failed(), advice="Any one of these repairs it: lower object.mass to 0.46 kg. Use two.")
+    assert further_advice(result) == "Use two."
+    assert result_text(result).count("0.46 kg") == 1
+
+
+def test_text_says_why_there_is_none():
+    text = result_text(failed())
+    assert "lower object.mass to 0.46 kg   (object.mass, now 1.5 kg)" in text
+    assert "lift: 3.2 N" in text
+    assert "Use two." in text
+
+
+# -- page ----------------------------------------------------------------------------------------------------
+
+
+class Page(HTMLParser):
+    """What a page holds; every element is closed in order."""
+
+    EMPTY = frozenset({"meta", "br", "img", "link", "hr", "input"})
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.ids, self.links, self.text = [], [], [], [], ""
+        self.feed(text)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        values = dict(attrs)
+        if "id" in values:
+            self.ids.append(values["id"])
+        self.links += [values[key] for key in ("href", "src", "xlink:href", "data", "srcset") if key in values]
+        self.links += re.findall(r"url\(([^)]*)\)", " ".join(v or "" for v in values.values()))
+        if tag not in self.EMPTY:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in self.EMPTY:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+CIRCLE = np.stack([2 * np.cos(np.arange(24) * math.tau / 24), 2 * np.sin(np.arange(24) * math.tau / 24)], axis=1)
+
+
+@pytest.mark.parametrize("result", [held(), failed(), failed(arrays=False)], ids=["held", "closest", "none"])
+def test_page_is_whole_and_refers_to_nothing_else(result):
+    text = result_page(result, resisted=CIRCLE if result.solved else None)
+    page = Page(text)
+    assert text.startswith("<!DOCTYPE html>")
+    assert page.tags.count("svg") == (2 if result.solved else 1)
+    assert len(page.ids) == len(set(page.ids))
+    assert page.links
+    assert all(link.startswith("#") and link[1:] in page.ids for link in page.links)
+    assert not re.search(r"https?:|@import|<script|<link|<iframe", text)
+    assert result.message in page.text
+    assert "viewport" in text
+
+
+def test_page_tells_the_figures():
+    page = Page(result_page(held(), resisted=CIRCLE))
+    assert "12.250" in page.text
+    assert "finger.tip" in page.text
+    assert "Resisted force: 2 N in any direction" in page.text
+    assert "mass: 0.3" in page.text  # of the scene
+    assert "0.25" in page.text  # of the statistics
+
+
+def test_page_says_why_there_is_none():
+    page = Page(result_page(failed()))
+    assert "Why there is no grasp" in page.text
+    assert "0.46 kg" in page.text
+    assert "lift: 3.2 N" in page.text
+
+
+def test_page_escapes_what_the_user_wrote():
+    result = GraspResult(scene_of("mug", name=NASTY), Status.NOT_SOLVED, NASTY, {}, advice=NASTY, violated=(NASTY,))
+    text = result_page(result)
+    assert "<script" not in text
+    assert Page(text).text.count(NASTY) >= 4
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_page_holds_a_scene_that_can_be_read_again(name):
+    scene = scene_of(name)
+    page = Page(result_page(GraspResult(scene, Status.NOT_SOLVED, "")))
+    given = page.text[page.text.index("schema_version:") :]
+    assert GraspScene.model_validate(yaml.safe_load(given)) == scene
+
+
+def test_page_is_the_same_every_time():
+    assert result_page(held(), resisted=CIRCLE) == result_page(held(), resisted=CIRCLE)
+
+
+# -- pictures ------------------------------------------------------------------------------------------------
+
+
+def labels_of(ax):
+    return [text for text in ax.texts if text.get_text() and text.get_zorder() == 8]
+
+
+def background(ax):
+    """The picture without labels and grid, as (height, width, 3), and where the labels were [pixels]."""
+    figure = ax.figure
+    renderer = figure.canvas.get_renderer()
+    boxes = [text.get_window_extent(renderer) for text in labels_of(ax)]
+    for text in labels_of(ax):
+        text.set_visible(False)
+    for line in ax.lines:
+        if line.get_zorder() == 5.5:  # from a label to what it names
+            line.set_visible(False)
+    ax.grid(False)
+    figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba())[..., :3], boxes
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("shown", [held, lambda name: failed(name, arrays=False)], ids=["held", "start"])
+def test_labels_lie_on_nothing(name, shown):
+    ax = plot_grasp(shown(name))
+    pixels, boxes = background(ax)
+    assert boxes
+    height = pixels.shape[0]
+    for k, box in enumerate(boxes):
+        under = pixels[height - math.ceil(box.y1) : height - math.floor(box.y0), math.floor(box.x0) : math.ceil(box.x1)]
+        assert (under == under[0, 0]).all(), labels_of(ax)[k].get_text()  # one colour: paper, or the object's body
+        assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+
+
+def test_forces_are_to_scale():
+    view = GraspView(held("mug_lying"))
+    assert view.greatest_force == pytest.approx(0.30 * 9.81)  # the weight: contacts have sqrt(2.5^2 + 0.75^2)
+    assert view.force_scale * view.greatest_force == pytest.approx(0.36 * 80.0)
+
+
+def test_unloaded_fingers_are_straight_or_as_bent_as_at_rest():
+    line = GraspView(failed("mug", arrays=False)).backbones["finger"]
+    assert line[-1, 1:3] == pytest.approx([180.0, -55.0])
+    line = GraspView(failed("preshaped", arrays=False)).backbones["finger"]
+    truth = bent((0.0, -0.048, -0.5 * math.pi), 0.18, 8.0)[-1]
+    assert line[-1, 1:] == pytest.approx([1e3 * truth[1], 1e3 * truth[2], truth[3]], abs=0.02)
+
+
+def test_resisted_forces_are_drawn():
+    assert resistance_extremes(CIRCLE) == pytest.approx((2.0, 2.0))
+    assert resistance_extremes(np.full((4, 2), np.nan)) == (0.0, 0.0)
+    assert resistance_extremes([[3.0, 0.0], [0.0, 1.0], [-2.0, 0.0], [np.nan, 1.0]]) == pytest.approx((1.0, 3.0))
+    assert resistance_words(CIRCLE) == "resisted force: 2 N in any direction,\nup to 2 N in the best"
+    assert resistance_words([[2.0, 0.0], [-np.inf, np.nan]]).endswith("without limit in the best")
+    ax = plot_resistance(CIRCLE)
+    assert ax.get_xlabel() == "force x [N]"
+    assert ax.patches[0].get_xy()[0] == pytest.approx([2.0, 0.0])
+
+
+def test_given_axes_are_used_and_hold_the_numbers():
+    own = plot_resistance(CIRCLE).figure.add_subplot()
+    ax = plot_grasp(held(), ax=own)
+    assert ax is own
+    assert any("2.50 N" in text.get_text() for text in labels_of(ax))
+
+
+# -- files and command line ----------------------------------------------------------------------------------
+
+
+def test_saved_files_are_whole(tmp_path):
+    result = held()
+    save_result(result, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".run.json", "meta.json", "result.npz", "result.yaml"]
+    run = read_run(tmp_path)
+    assert run.meta["status"] == "optimal"
+    assert (run.arrays["contact_forces"] == result.arrays["contact_forces"]).all()
+    assert yaml.safe_load((tmp_path / "result.yaml").read_text(encoding="utf-8"))["status"] == "optimal"
+
+
+def test_pictures_of_a_failure(tmp_path):
+    files = save_pictures(failed(arrays=False), tmp_path / "new")
+    assert [path.name for path in files] == ["grasp.png", "report.html"]
+    assert all(path.stat().st_size > 10_000 for path in files)
+    assert len(list((tmp_path / "new").iterdir())) == 2
+
+
+@pytest.mark.parametrize("status", [Status.INFEASIBLE, Status.NOT_SOLVED])
+def test_command_saves_a_failure_and_says_so(tmp_path, monkeypatch, status):
+    result = failed()
+    result = GraspResult(result.scene, status, "too heavy", result.arrays, None, (), (REASON,), "Use two.")
+    monkeypatch.setattr(continuum_grasp.grasp, "optimize_grasp", lambda scene, **options: result)
+    config = str(ROOT / "configs" / "grasp" / "heavy_bottle.yaml")
+    done = CliRunner().invoke(app, ["grasp", config, "--out", str(tmp_path)])
+    assert done.exit_code == 1
+    assert f"too heavy (status: {status})" in done.output
+    assert "0.46 kg" in done.output
+    found = {path.name for path in tmp_path.iterdir()}
+    assert found == {".run.json", "result.npz", "meta.json", "result.yaml", "grasp.png", "report.html"}
+    assert read_run(tmp_path).meta["status"] == status
+    assert "Why there is no grasp" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+# -- shipped scenes against closed forms -------------------------------------------------------------------------
+
+
+def run_grasp(name, folder):
+    config = str(ROOT / "configs" / "grasp" / f"{name}.yaml")
+    done = CliRunner().invoke(app, ["grasp", config, "--out", str(folder), "--no-pictures"])
+    return done, yaml.safe_load((folder / "result.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("name", "normal"),
+    [
+        ("pinch", 0.15 * 9.81 / (2 * 0.6)),  # friction alone carries the weight, at its limit
+        ("pinch_above", 0.20 * 9.81 / (2 * 0.5)),  # likewise out of the plane
+        ("mug_hanging", 0.20 * 9.81),  # far from slipping: no friction at all
+    ],
+)
+def test_shipped_scene_presses_as_it_must(tmp_path, name, normal):
+    done, data = run_grasp(name, tmp_path)
+    assert done.exit_code == 0, done.output
+    assert data["status"] == "optimal"
+    assert data["certificate"]["passed"] is True
+    assert data["quality"]["disturbance_margin"] > 0.1
+    forces = [contact["normal_force_N"] for contact in data["grasp"]["contacts"]]
+    assert forces == pytest.approx([normal] * len(forces), rel=2e-4)
+
+
+def test_slippery_bottle_names_friction_and_mass_that_would_do(tmp_path):
+    done, data = run_grasp("slippery_bottle", tmp_path)
+    assert done.exit_code == 1
+    assert data["status"] == "infeasible"
+    needed = {reason["name"]: reason["needed"] for reason in data["reasons"]}
+    assert needed["friction"] == pytest.approx(0.2 * 9.81 / (2 * 3.0), rel=1e-3)
+    assert needed["mass"] == pytest.approx(2 * 0.15 * 3.0 / 9.81, rel=1e-3)

@@ -1,0 +1,212 @@
+"""The second-order test of grasps against exact columns whose ends sway and roll with the object."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.certificate.stability import contact_stability
+from continuum_grasp.scene.finger import Rod
+from continuum_grasp.scene.objects import Box, Circle, Polygon
+from continuum_grasp.scene.supports import Palm, Point
+from tests import certificate_cases as cases
+
+L, EI = cases.LENGTH, cases.STIFFNESS
+SMALL = 1e-4
+
+
+def column(load):
+    """Stiffness of a clamped column's end under a load along it: its shift x and its turn phi towards -x [SI]."""
+    z = L * math.sqrt(load / EI)
+    c = 2 - 2 * math.cos(z) - z * math.sin(z)
+    own, over = z * (math.sin(z) - z * math.cos(z)) / c, z * (z - math.sin(z)) / c
+    cross = (own + over) * EI / L**2
+    return np.array([[(2 * (own + over) - z**2) * EI / L**3, cross], [cross, own * EI / L]])
+
+
+def critical(energy, size):
+    """Least load [N] at which the Hessian of an energy of ``size`` small coordinates is singular."""
+
+    def determinant(load):
+        e = np.eye(size)
+        matrix = [
+            [(energy(load, a + b) - energy(load, a - b) - energy(load, b - a) + energy(load, -a - b)) / 4 for b in e]
+            for a in e
+        ]
+        return np.linalg.eigvalsh(matrix)[0]
+
+    loads = np.linspace(0.05, 40.0, 400) * EI / L**2
+    k = next(k for k in range(1, loads.size) if determinant(loads[k]) < 0.0)
+    return brentq(determinant, loads[k - 1], loads[k])
+
+
+def stable_at(case, load):
+    certificate = certify(*case(load))
+    assert certificate.passed, certificate.failed
+    return certificate.stability.stable
+
+
+def assert_critical(case, load):
+    assert stable_at(case, 0.995 * load)
+    assert not stable_at(case, 1.005 * load)
+
+
+@pytest.mark.parametrize("half", [0.0, 0.006, 0.03])
+@pytest.mark.parametrize("radius", [0.02, 0.5, 1e4])
+@pytest.mark.parametrize("peg", [None, 0.0, 0.01])
+def test_a_column_under_a_disc(radius, half, peg):
+    """A straight finger presses a disc against a palm or a peg opposite, everything rolling.
+
+    The tip's shift u and turn phi turn the disc by psi = (u - h phi) / (2 R). On the peg it climbs by (R psi)^2 /
+    (2 (R + r)), the tip on the disc by (R psi + h phi)^2 / (2 (R + h)): so much work of the load is won. With h = 0
+    and a palm the disc is a spring of stiffness -P / (4 R), and the column buckles where tan z = z (1 + 4 R / L).
+    """
+
+    def case(load):
+        top = L + half + 2 * radius
+        support = Palm(point=(0.0, top), normal_angle=-math.pi / 2)
+        if peg is not None:
+            support = Point(type="point", position=(0.0, top + peg), radius=peg)
+        scene = cases.make_scene(
+            cases.make_finger(half=half),
+            Circle(shape="circle", diameter=2 * radius, mass=0.0, position=(0.0, L + half + radius)),
+            supports={"top": support},
+        )
+        contacts = [
+            ("finger.tip", (0, L + half), cases.DOWN, (load, 0, 0), L, 0),
+            ("top", (0, top), cases.UP, (load, 0, 0), cases.NONE, 0),
+        ]
+        return scene, cases.stored(scene, {"finger": {}}, contacts)
+
+    def energy(load, x):
+        u, phi = x
+        psi = (u - half * phi) / (2 * radius)
+        climbed = (radius * psi + half * phi) ** 2 / (2 * (radius + half))
+        if peg is not None:
+            climbed += (radius * psi) ** 2 / (2 * (radius + peg))
+        return 0.5 * x @ column(load) @ x - load * climbed
+
+    load = critical(energy, 2)
+    if half == 0.0 and peg is None:
+        z = brentq(lambda z: math.sin(z) - z * (1 + 4 * radius / L) * math.cos(z), 0.1, math.pi / 2)
+        assert load == pytest.approx(EI * (z / L) ** 2, rel=1e-6)
+    assert_critical(case, load)
+
+
+@pytest.mark.parametrize("half", [0.0, 0.006, 0.02])
+@pytest.mark.parametrize("shape", ["face", "corner"])
+def test_a_column_under_a_fixed_object(shape, half):
+    """The tip rolls on a flat face, or about a sharp corner, of an object that two supports keep from moving.
+
+    Its shift is h phi; on the corner it climbs by h phi^2 / 2. Without thickness: clamped and pinned, z = 4.4934.
+    """
+    values = {"mass": 0.0, "position": (0.0, L + half)}
+    top = 0.04
+    thing = (
+        Polygon(shape="polygon", vertices=((-0.05, 0.0), (0.05, 0.0), (0.05, top), (-0.05, top)), **values)
+        if shape == "face"
+        else Polygon(shape="polygon", vertices=((0.0, 0.0), (0.05, top), (-0.05, top)), **values)
+    )
+
+    def case(load):
+        palm = Palm(point=(0.0, L + half + top), normal_angle=-math.pi / 2)
+        scene = cases.make_scene(cases.make_finger(half=half), thing, supports={"palm": palm})
+        contacts = [
+            ("finger.tip", (0, L + half), cases.DOWN, (load, 0, 0), L, 0),
+            ("palm.1", (-0.05, L + half + top), cases.UP, (0.5 * load, 0, 0), cases.NONE, 0),
+            ("palm.2", (0.05, L + half + top), cases.UP, (0.5 * load, 0, 0), cases.NONE, 0),
+        ]
+        return scene, cases.stored(scene, {"finger": {}}, contacts)
+
+    def energy(load, x):
+        place = np.array([half * x[0], x[0]])
+        return 0.5 * place @ column(load) @ place - load * (0.5 * half * x[0] ** 2 if shape == "corner" else 0.0)
+
+    load = critical(energy, 1)
+    if half == 0.0:
+        assert load == pytest.approx(EI * (4.493409 / L) ** 2, rel=1e-5)
+    assert_critical(case, load)
+
+
+@pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
+def test_two_fingers_below_a_disc_without_thickness(family):
+    """Their tips are pins on the disc. It cannot turn, since both tips stay at their height, but sways with both:
+    two clamped, free columns under half the weight each.
+    """
+    critical_mass = 2 * math.pi**2 * EI / (4 * L**2) / 9.81
+    for share, stable in ((0.995, True), (1.005, False)):
+        scene, arrays = cases.two_fingers_below(mass=share * critical_mass, half=0.0, family=family)
+        assert np.abs([arrays["left.tensions"], arrays["right.tensions"]]).max() == 0.0
+        certificate = certify(scene, arrays)
+        assert certificate.passed
+        assert certificate.stability.stable is stable
+
+
+@pytest.mark.parametrize("half", [0.003, 0.02])
+def test_two_rolling_fingers_below_a_disc(half):
+    """The same with round tips, by the exact motion of a disc that rolls on two circles.
+
+    The normals turn by (R psi + h phi) / (R + h); both tips stay at their height, so that R psi = -h (phi1 + phi2) /
+    2, and the couples of the tendons balance those of the friction.
+    """
+    radius, aside = 0.05, 0.03
+    slope = math.asin(aside / (radius + half))
+
+    def energy(load, x):
+        shift, phi1, phi2 = SMALL * x
+        spin = -0.5 * half * (phi1 + phi2)
+        angles = [-math.pi / 2 - slope + (spin + half * phi1) / (radius + half)]
+        angles.append(-math.pi / 2 + slope + (spin + half * phi2) / (radius + half))
+        total = 2 * load * (-(radius + half) * math.sin(angles[0]))
+        friction = load * math.sin(slope)
+        for phi, angle, side in zip((phi1, phi2), angles, (-1, 1), strict=True):
+            place = np.array([shift + (radius + half) * math.cos(angle) - side * aside, phi])
+            total += 0.5 * place @ column(load) @ place + side * half * friction * phi
+        return total / SMALL**2
+
+    for way in np.eye(3):  # stationary where the fingers are straight
+        assert energy(1.0, way) == pytest.approx(energy(1.0, -way), abs=2e-4 * EI / L)
+    mass = 2 * critical(energy, 3) / 9.81
+    for share, stable in ((0.99, True), (1.01, False)):
+        certificate = certify(*cases.two_fingers_below(mass=share * mass, radius=radius, aside=aside, half=half))
+        assert certificate.passed
+        assert certificate.stability.stable is stable
+
+
+@pytest.mark.parametrize(("share", "stable"), [(0.98, True), (1.02, False)])
+def test_an_upright_finger_under_its_own_weight(share, stable):
+    """It falls over where q L^3 = 7.8373 E I; the object stays where it is, between two palms."""
+    rod = Rod(length=L, linear_density=share * 7.8373 * EI / L**3 / 9.81, bending_stiffness=EI)
+    supports = {
+        "below": Palm(point=(0.4, -0.02), normal_angle=math.pi / 2),
+        "above": Palm(point=(0.4, 0.02), normal_angle=-math.pi / 2),
+    }
+    thing = Box(shape="box", width=0.04, height=0.04, mass=0.0, position=(0.4, 0.0))
+    scene = cases.make_scene(cases.make_finger(rod=rod), thing, {"tip": "auto"}, cases.PLANAR, supports=supports)
+    contacts = [
+        (f"{name}.{k}", (x, y), n, (1.0, 0, 0), cases.NONE, 0)
+        for name, y, n in (("below", -0.02, cases.DOWN), ("above", 0.02, cases.UP))
+        for k, x in ((1, 0.38), (2, 0.42))
+    ]
+    found = certify(scene, cases.stored(scene, {"finger": {}}, contacts)).stability
+    assert found.stable is stable
+
+
+def test_a_contact_that_does_not_press_holds_nothing():
+    scene, arrays = cases.squeezed_disc(mass=0.0, press=0.2)
+    assert certify(scene, arrays).stability.stable
+    arrays["contact_forces"][:, 0] = 0.0
+    found = certify(scene, arrays).stability
+    assert not found.stable
+    assert found.eigenvalue == pytest.approx(0.0, abs=1e-12)
+
+
+def test_more_cells_change_little():
+    for case in (cases.wrapped_disc, cases.disc_in_groove, lambda: cases.two_fingers_below(mass=0.05)):
+        grasp = certify(*case()).grasp
+        coarse, fine = contact_stability(grasp, 60), contact_stability(grasp, 240)
+        assert coarse.eigenvalue == pytest.approx(fine.eigenvalue, rel=0.05)

@@ -1,0 +1,453 @@
+"""Starting postures, judged by geometry of this file's own: curves traced finely, outlines sampled finely."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
+from continuum_grasp.grasp.starts.scan.task import ALLOWED
+from continuum_grasp.grasp.starts.shapes import Frame, make_shape
+from continuum_grasp.grasp.starts.starts import make_starts, reach_report, support_contacts, touching_supports
+from continuum_grasp.scene.grasp import GraspScene
+
+pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
+LENGTH = 0.2
+SHAPES = {
+    "circle": {"shape": "circle", "diameter": 0.08},
+    "ellipse": {"shape": "ellipse", "width": 0.09, "height": 0.06},
+    "superellipse": {"shape": "superellipse", "width": 0.08, "height": 0.06, "exponent": 3.5},
+    "box": {"shape": "box", "width": 0.08, "height": 0.06},
+    "rounded box": {"shape": "box", "width": 0.08, "height": 0.06, "corner_radius": 0.012},
+    "polygon": {"shape": "polygon", "vertices": [(-0.04, -0.03), (0.045, -0.02), (0.03, 0.04), (-0.02, 0.045)]},
+    "union": {
+        "shape": "union",
+        "center_of_mass": (0.0, 0.0),
+        "members": [
+            {"shape": "circle", "diameter": 0.07},
+            {"shape": "box", "width": 0.02, "height": 0.03, "corner_radius": 0.004, "position": (0.04, 0.0)},
+        ],
+    },
+}
+TOUCHES = {"both": ("on", "on"), "middle": ("on", "off"), "tip": ("off", "on")}
+
+
+def scene_of(thing, fingers, **changes):
+    """A weightless scene; fingers as (x, y, angle) or with more keys."""
+    values = {
+        "schema_version": 1,
+        "fingers": fingers,
+        "object": {"mass": 0.1, "position": (0.0, 0.0), **thing},
+        "contacts": {"friction": 0.5, "normal_force_max": 50.0},
+        "gravity": {"mode": "none"},
+        "fidelity": {"family": "matched_clothoid", "elements": 2, "bending_range": 6.0},
+        **changes,
+    }
+    return GraspScene.model_validate(values)
+
+
+def finger_at(x, y, angle, half=0.004, **more):
+    return {
+        "rod": {"length": LENGTH, "linear_density": 0.03, "bending_stiffness": 6e-3},
+        "half_thickness": half,
+        "tendons": {"offset": 0.005, "max_tension": 100.0},
+        "base": {"position": (x, y), "angle": angle},
+        **more,
+    }
+
+
+def trace(knots, curvatures, per=60):
+    """Positions, points and angles of a curve, by Gauss-Legendre between fine steps."""
+    s = np.unique(np.concatenate([np.linspace(a, b, per) for a, b in pairwise(knots)]))
+
+    def angle(at):
+        grid = np.unique(np.concatenate([knots, at]))
+        bent = np.interp(grid, knots, curvatures)
+        turned = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(grid) * (bent[1:] + bent[:-1]))])
+        return turned[np.searchsorted(grid, at)]
+
+    x, w = np.polynomial.legendre.leggauss(4)
+    inner = s[:-1, None] + np.diff(s)[:, None] * 0.5 * (x + 1.0)
+    phi = angle(inner.ravel()).reshape(inner.shape)
+    step = (1j * np.exp(1j * phi) * w).sum(axis=1) * 0.5 * np.diff(s)
+    return s, np.concatenate([[0.0], np.cumsum(step)]), angle(s)
+
+
+def world_curve(finger):
+    s, z, phi = trace(np.array(finger.knots), np.array(finger.curvatures))
+    x, y, turn = finger.base
+    return s, complex(x, y) + np.exp(1j * turn) * z, phi + turn
+
+
+def outline(part, count=1200):
+    """Fine points on the outline of a part."""
+    if part.is_superellipse or part.radius > 0.0:
+        z = np.array([complex(*p) for p in part.outline(count)])
+    else:
+        z = np.array([complex(*p) for p in part.vertices])
+    return np.concatenate([np.linspace(a, b, 12, endpoint=False) for a, b in zip(z, np.roll(z, -1), strict=True)])
+
+
+def height_above(part, point, normal):
+    """By how much a point lies beyond the part's line of support with this normal."""
+    angle = float(np.angle(normal))
+    return (point * np.conj(normal)).real - part.support(angle)
+
+
+def depth(scene, pose, points):
+    """Greatest depth of points in the object, from support lines all round: exact for convex parts but for their
+    number.
+    """
+    turn, at = np.exp(1j * pose[2]), complex(pose[0], pose[1])
+    local = (points - at) / turn
+    angles = np.linspace(0.0, math.tau, 1440, endpoint=False)
+    worst = -math.inf
+    for part in scene.object.parts:
+        supports = np.array([part.support(a) for a in angles])
+        gaps = ((local[:, None] * np.exp(-1j * angles)).real - supports).max(axis=1)
+        worst = max(worst, float(-gaps.min()))
+    return worst
+
+
+def check_touching(scene, start):
+    """Every contact touches as it should, and nothing is deeper than a start may be."""
+    ox, oy, turn = start.object_pose
+    for setup in scene.setups:
+        finger, half = start.fingers[setup.name], setup.finger.thickness_radius
+        assert finger.knots[0] == 0.0
+        assert finger.knots[-1] == pytest.approx(LENGTH, abs=1e-12)
+        assert all(b > a for a, b in pairwise(finger.knots))
+        s, z, phi = world_curve(finger)
+        stations = dict(zip((*setup.middle_names, setup.tip_name), (*finger.joints, LENGTH), strict=True))
+        for name, station in stations.items():
+            if name not in start.contacts:
+                continue
+            contact = start.contacts[name]
+            point = complex(ox, oy) + np.exp(1j * turn) * complex(*contact.point)
+            normal = np.exp(1j * (contact.normal_angle + turn))
+            k = int(np.argmin(np.abs(s - station)))
+            assert abs(s[k] - station) < 1e-9 * LENGTH
+            assert abs(z[k] - point - half * normal) < 1e-9 * LENGTH
+            part = scene.object.parts[contact.part]
+            local = np.exp(1j * contact.normal_angle)
+            assert abs(height_above(part, complex(*contact.point), local)) < 1e-9 * LENGTH
+            if name == setup.tip_name:
+                assert (normal * np.conj(1j * np.exp(1j * phi[k]))).real < 0.0101
+            else:
+                side = finger.sides[setup.middle_names.index(name)]
+                assert abs(normal - side * np.exp(1j * phi[k])) < 1e-8
+        between = 0.5 / 64.0 if half == 0.0 else 2e-4  # a sharp corner may lie between two of the places looked at
+        assert depth(scene, start.object_pose, z) < -half + (ALLOWED + between) * LENGTH
+
+
+def starts_of(scene, on=None, count=6, seed=0):
+    if on is None:
+        on = {
+            name
+            for setup in scene.setups
+            for name, switch in zip((*setup.middle_names, setup.tip_name), (*setup.middles, setup.tip), strict=True)
+            if switch == "on"
+        }
+    return make_starts(scene, frozenset(on), count, np.random.default_rng(seed))
+
+
+def touching(thing, kind, half=0.004, base=(-0.05, -0.09, 0.1)):
+    middle, tip = TOUCHES[kind]
+    contacts = {"friction": 0.5, "normal_force_max": 50.0, "middle": middle, "tip": tip}
+    return scene_of(thing, {"f": finger_at(*base, half)}, contacts=contacts)
+
+
+@pytest.mark.parametrize("half", [0.0, 0.004])
+@pytest.mark.parametrize("kind", TOUCHES)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_starts_touch_and_keep_clear(shape, kind, half):
+    scene = touching(SHAPES[shape], kind, half)
+    starts = starts_of(scene)
+    assert len(starts) == 6
+    assert starts[0].label == "scan"
+    for start in starts:
+        if start.label == "scan":
+            check_touching(scene, start)
+
+
+@pytest.mark.parametrize("shape", ["circle", "superellipse", "box"])
+def test_several_fingers_touch(shape):
+    scene = scene_of(
+        SHAPES[shape],
+        {
+            "a": finger_at(-0.05, -0.12, 0.0),
+            "b": finger_at(0.05, -0.12, 0.0),
+            "c": finger_at(0.0, 0.16, math.pi, contacts={"middle": "off"}),
+        },
+    )
+    starts = starts_of(scene)
+    assert starts[0].label == "scan"
+    for start in starts:
+        assert set(start.contacts) == {"a.middle", "a.tip", "b.middle", "b.tip", "c.tip"}
+        if start.label == "scan":
+            check_touching(scene, start)
+
+
+def test_two_middle_contacts():
+    contacts = {"middle": ["on", "on"], "tip": "on"}
+    scene = scene_of(
+        {"shape": "circle", "diameter": 0.06},
+        {"f": finger_at(-0.045, -0.05, 0.0, contacts=contacts)},
+        fidelity={"family": "clothoid", "elements": 6, "bending_range": 6.0},
+    )
+    starts = starts_of(scene)
+    assert starts[0].label == "scan"
+    check_touching(scene, starts[0])
+
+
+def test_straight_finger_whose_tip_just_touches():
+    scene = scene_of(
+        {"shape": "circle", "diameter": 0.08, "position": (0.0, LENGTH + 0.04 + 0.004)},
+        {"f": finger_at(0.0, 0.0, 0.0, contacts={"middle": "off"})},
+    )
+    starts = starts_of(scene)
+    straight = [s for s in starts if not any(s.fingers["f"].curvatures)]
+    assert straight
+    check_touching(scene, straight[0])
+
+
+def test_arcs_stay_arcs():
+    scene = scene_of(
+        SHAPES["circle"],
+        {"f": finger_at(-0.06, -0.09, 0.0)},
+        fidelity={"family": "arc", "elements": 2, "bending_range": 6.0},
+    )
+    start = starts_of(scene)[0]
+    finger = start.fingers["f"]
+    assert start.label == "scan"
+    joint = finger.joints[0]
+    first, second = finger.bends(np.array([0.0, joint, LENGTH]))
+    assert finger.curvatures[0] == pytest.approx(first / joint)
+    assert finger.curvatures[-1] == pytest.approx(second / (LENGTH - joint))
+    assert second / (LENGTH - joint) == pytest.approx(-1.0 / 0.044, rel=1e-6)  # it lies on the disc
+    check_touching(scene, start)
+
+
+@pytest.mark.parametrize("kind", TOUCHES)
+def test_turned_and_shifted_scenes_have_turned_and_shifted_starts(kind):
+    scene = touching(SHAPES["superellipse"], kind)
+    turn, shift = 1.1, complex(0.3, -0.2)
+    base = np.exp(1j * turn) * complex(-0.05, -0.09) + shift
+    moved = touching(
+        {**SHAPES["superellipse"], "position": (shift.real, shift.imag), "angle": turn},
+        kind,
+        base=(base.real, base.imag, 0.1 + turn),
+    )
+    one, two = starts_of(scene)[0], starts_of(moved)[0]
+    assert two.fingers["f"].curvatures == pytest.approx(one.fingers["f"].curvatures, abs=1e-6)
+    assert two.fingers["f"].knots == pytest.approx(one.fingers["f"].knots, abs=1e-9)
+    for name, contact in one.contacts.items():
+        assert two.contacts[name].point == pytest.approx(contact.point, abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", TOUCHES)
+def test_mirrored_scenes_have_mirrored_starts(kind):
+    scene = touching(SHAPES["ellipse"], kind, base=(-0.05, -0.09, 0.1))
+    mirrored = touching(SHAPES["ellipse"], kind, base=(0.05, -0.09, -0.1))
+    one, two = starts_of(scene)[0], starts_of(mirrored)[0]
+    assert two.fingers["f"].curvatures == pytest.approx([-k for k in one.fingers["f"].curvatures], abs=1e-6)
+    for name, contact in one.contacts.items():
+        assert two.contacts[name].point == pytest.approx((-contact.point[0], contact.point[1]), abs=1e-9)
+
+
+def test_equal_seeds_give_equal_starts():
+    scene = touching(SHAPES["box"], "both")
+    assert starts_of(scene, count=30, seed=3) == starts_of(scene, count=30, seed=3)
+
+
+def reachable(rng, shape, kind):
+    """A scene made round a posture: a random curve, and the object put against it; None where it lies on it."""
+    half = float(rng.choice([0.0, 0.02, 0.04]))
+    knots = np.array([0.0, rng.uniform(0.2, 0.8), 1.0])
+    bent = np.array([rng.uniform(-3.0, 5.0), rng.uniform(-2.0, 5.0), 0.0])
+    part = scene_of(shape, {"f": finger_at(9.0, 9.0, 0.0)}).object.parts[0]
+    ring = outline(part, 240) / LENGTH
+    normal = np.exp(1j * rng.uniform(0.0, math.tau))
+    place = ring[np.argmax((ring * np.conj(normal)).real)]
+
+    def clear(z, turn, shift, last):
+        edges = np.roll(ring, -1) - ring
+        local = (z - shift) / turn
+        rel = (local[:, None] - ring) * np.conj(edges) / np.abs(edges)
+        near = np.abs(rel - np.clip(rel.real, 0.0, np.abs(edges))).min(axis=1)
+        gap = np.where((rel.imag > 0.0).all(axis=1), -near, near) - half
+        return gap[:-last].min() > -1e-4 if last else gap
+
+    if kind == "tip":
+        bent[1:] = bent[0] + (bent[1] - bent[0]) * knots[1], bent[1]
+        _, z, phi = trace(knots, bent, 30)
+        turn = -1j * np.exp(1j * (phi[-1] + rng.uniform(-1.2, 1.2))) / normal
+        shift = z[-1] - half * turn * normal - turn * place
+        return (bent, turn, shift, half) if clear(z, turn, shift, 1) else None
+    bent[2] = bent[1]
+    s, z, phi = trace(knots, bent, 30)
+    k = int(np.argmin(np.abs(s - knots[1])))
+    turn = np.exp(1j * phi[k]) / normal
+    shift = z[k] - half * turn * normal - turn * place
+    if kind == "middle":
+        return (bent, turn, shift, half) if clear(z[::3], turn, shift, 1) else None
+    tries = np.linspace(-12.0, 20.0, 60)
+    curves = [trace(knots, np.array([bent[0], bent[1], t]), 20) for t in tries]
+    gaps = clear(np.array([c[1][-1] for c in curves]), turn, shift, 0)
+    for j in np.flatnonzero((gaps[:-1] > 0.0) & (gaps[1:] <= 0.0)):
+        good = clear(curves[j][1][::3], turn, shift, 1)
+        ahead = clear(curves[j][1][-1:] + 1e-3 * 1j * np.exp(1j * curves[j][2][-1]), turn, shift, 0)
+        if good and ahead[0] < gaps[j] - 1e-4:
+            return bent, turn, shift, half
+    return None
+
+
+@pytest.mark.parametrize("kind", TOUCHES)
+@pytest.mark.parametrize("shape", ["circle", "ellipse", "superellipse", "box", "rounded box", "polygon"])
+def test_postures_are_found_where_there_are_some(shape, kind):
+    rng = np.random.default_rng(5)
+    hits, made = 0, 0
+    while made < 8:
+        found = reachable(rng, SHAPES[shape], kind)
+        if found is None:
+            continue
+        _, turn, shift, half = found
+        made += 1
+        place = {"position": (shift.real * LENGTH, shift.imag * LENGTH), "angle": float(np.angle(turn))}
+        start = starts_of(touching({**SHAPES[shape], **place}, kind, half * LENGTH, (0.0, 0.0, 0.0)), count=2)[0]
+        hits += start.label == "scan"
+    assert hits >= 7
+
+
+def test_distances_from_parts():
+    rng = np.random.default_rng(0)
+    for thing in SHAPES.values():
+        for part in scene_of(thing, {"f": finger_at(9.0, 9.0, 0.0)}).object.parts:
+            for frame in (Frame(), Frame(np.exp(0.3j), 0.1 + 0.2j, 5.0, True)):
+                shape = make_shape(part, frame, 0.01 * frame.scale)
+                old = rng.uniform(-0.08, 0.08, (300, 2)) @ [1.0, 1.0j]
+                gap, walk = shape.nearest(frame.point(old))
+                angles = np.linspace(0.0, math.tau, 20000, endpoint=False)
+                supports = np.array([part.support(a) for a in angles])
+                truth = ((old[:, None] * np.exp(-1j * angles)).real - supports).max(axis=1)
+                assert gap / frame.scale == pytest.approx(truth, abs=1e-5)
+                assert shape.distance(frame.point(old)) == pytest.approx(gap, abs=1e-12)
+                at = shape.walk(walk)
+                normal = np.exp(1j * at.angle)
+                outside = gap > 0.0
+                foot = at.point + (gap - 0.01 * frame.scale) * normal
+                assert np.abs(foot - frame.point(old))[outside].max() < 1e-9
+                ahead, back = shape.walk(walk + 1e-7), shape.walk(walk - 1e-7)
+                slope = (ahead.point - back.point) / 2e-7
+                assert np.median(np.abs(slope - at.dpoint)) < 1e-6
+
+
+def test_box_on_a_floor_touches_at_both_ends_of_its_face():
+    scene = scene_of(
+        {**SHAPES["box"], "position": (0.0, 0.03)},
+        {"f": finger_at(0.3, 0.3, 0.0)},
+        supports={
+            "floor": {"type": "palm", "point": (0.0, 0.0), "normal_angle": 0.5 * math.pi},
+            "ledge": {"type": "line", "start": (0.02, 0.0), "end": (0.3, 0.0)},
+        },
+    )
+    found = support_contacts(scene, scene.object.pose, {"floor", "ledge"})
+    assert found["floor.1"].point == pytest.approx((0.04, -0.03))
+    assert found["floor.2"].point == pytest.approx((-0.04, -0.03))
+    assert found["floor.1"].normal_angle == pytest.approx(-0.5 * math.pi)
+    assert sorted(found[f"ledge.{k}"].point[0] for k in (1, 2)) == pytest.approx([0.02, 0.04])
+    assert touching_supports(scene, scene.object.pose) == {"floor", "ledge"}
+    assert touching_supports(scene, (0.0, 0.03 + 1e-6, 0.0)) == frozenset()
+    tipped = support_contacts(scene, (0.0, 0.05, 0.3), {"floor"})
+    assert set(tipped) == {"floor"}
+    assert tipped["floor"].point == pytest.approx((-0.04, -0.03))
+
+
+def test_free_objects_are_moved_onto_their_supports():
+    opening, radius = 1.4, 0.03
+    scene = scene_of(
+        {
+            "shape": "circle",
+            "diameter": 2 * radius,
+            "position": (0.004, 0.07),
+            "free": {"x": (-0.02, 0.02), "y": (0.0, 0.1)},
+        },
+        {"f": finger_at(0.0, 0.25, math.pi, contacts={"middle": "off"})},
+        supports={"v": {"type": "v_groove", "apex": (0.0, 0.0), "opening_angle": opening, "axis_angle": 0.5 * math.pi}},
+    )
+    for start in starts_of(scene, on={"f.tip", "v.left", "v.right"}):
+        assert start.object_pose[:2] == pytest.approx((0.0, radius / math.sin(0.5 * opening)), abs=1e-10)
+        assert {"v.left", "v.right", "f.tip"} == set(start.contacts)
+
+
+def test_free_polygons_come_to_lie_flat():
+    scene = scene_of(
+        {**SHAPES["box"], "position": (0.0, 0.045), "angle": 0.2, "free": {"y": (0.0, 0.1), "angle": (-0.5, 0.5)}},
+        {"f": finger_at(0.0, 0.22, math.pi, contacts={"middle": "off"})},
+        supports={"floor": {"type": "palm", "point": (0.0, 0.0), "normal_angle": 0.5 * math.pi}},
+    )
+    starts = starts_of(scene, on={"f.tip", "floor"})
+    assert any("floor.1" in s.contacts and abs(s.object_pose[2]) < 1e-12 for s in starts)
+    for start in starts:
+        assert 0.0 <= start.object_pose[1] <= 0.1
+        assert -0.5 <= start.object_pose[2] <= 0.5
+        c, s = math.cos(start.object_pose[2]), math.sin(start.object_pose[2])
+        low = min(start.object_pose[1] + s * x + c * y for x in (-0.04, 0.04) for y in (-0.03, 0.03))
+        assert low == pytest.approx(0.0, abs=1e-12)
+
+
+def test_what_cannot_be_reached_is_said():
+    thing = {"shape": "circle", "diameter": 0.08, "position": (0.4, 0.0)}
+    fixed = scene_of(thing, {"f": finger_at(0.0, 0.0, 0.0)})
+    middle, tip = reach_report(fixed)
+    assert (middle.contact, tip.contact) == ("f.middle", "f.tip")
+    assert tip.missing == pytest.approx(0.36 - LENGTH - 0.004)
+    assert middle.missing == pytest.approx(0.36 - 0.95 * LENGTH - 0.004)
+    assert starts_of(fixed)[0].label == "near"
+    moved = scene_of({**thing, "free": {"x": (0.3, 0.5), "y": (-0.1, 0.2)}}, {"f": finger_at(0.0, 0.0, 0.0)})
+    assert reach_report(moved)[-1].distance == pytest.approx(0.26)
+    box = {**SHAPES["box"], "position": (0.4, 0.0), "angle": 0.3, "free": {"angle": (0.0, 3.0)}}
+    turned = scene_of(box, {"f": finger_at(0.0, 0.0, 0.0)})
+    assert reach_report(turned)[-1].distance == pytest.approx(0.4 - 0.05, abs=1e-6)
+    assert reach_report(turned)[-1].distance <= 0.35
+    assert not any(r.missing for r in reach_report(touching(SHAPES["circle"], "both")))
+
+
+def test_bounded_least_squares_of_forces():
+    rng = np.random.default_rng(2)
+    onto, needed = rng.normal(size=(12, 3, 5)), rng.normal(size=(12, 2))
+    moments = rng.normal(size=(12, 2, 5))
+    low, high = np.array([0.0, 0.0, 0.0, 0.1, -1.0]), np.array([2.0, 1.0, 3.0, 2.0, 1.0])
+    loads = Loads(1.0, 1.0, 0.4 - 0.7j, 0.0, 0j, False)
+    left, _, forces = imbalance(loads, [Block(onto, moments, needed, low, high, np.zeros(5))], [np.arange(12)])
+    for k in range(12):
+        system, right = np.concatenate([onto[k], moments[k]]), np.concatenate([[-0.4, 0.7, 0.0], needed[k]])
+        truth = lsq_linear(system, right, (low, high))
+        assert left[k] == pytest.approx(math.sqrt(2.0 * truth.cost), rel=5e-3, abs=2e-3)
+        assert np.all((forces[k] >= low) & (forces[k] <= high))
+
+
+def test_pinching_fingers_start_in_balance():
+    scene = scene_of(
+        SHAPES["superellipse"],
+        {
+            "a": finger_at(-0.15, -0.06, -0.5 * math.pi, contacts={"middle": "off"}),
+            "b": finger_at(-0.15, 0.06, -0.5 * math.pi, contacts={"middle": "off"}),
+        },
+        gravity={"mode": "planar", "vector": (0.0, -9.81)},
+    )
+    start = starts_of(scene)[0]
+    check_touching(scene, start)
+    force, moment = 0.1 * -9.81j, 0.0
+    for name, contact in start.contacts.items():
+        n, f, _ = start.forces[name]
+        normal = np.exp(1j * contact.normal_angle)
+        force -= (n + 1j * f) * normal
+        moment -= (np.conj(complex(*contact.point)) * (n + 1j * f) * normal).imag
+        assert abs(f) <= 0.5 * n + 1e-9
+    assert abs(force) < 0.02 * 0.981
+    assert abs(moment) < 0.02 * 0.981 * 0.05

@@ -1,0 +1,433 @@
+"""Missions: what is asked for when, the verdict, plants that differ, and short runs that hold, drop and repeat."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from continuum_grasp.cli import app
+from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.errors import InputError, Interrupted, SolverError
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.mission import trials
+from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.outcomes import Outcome, save_trials, summarize
+from continuum_grasp.mission.plant import Variation, mission_plant, mission_plant_model
+from continuum_grasp.mission.run import Crew
+from continuum_grasp.mission.timetable import Timetable
+from continuum_grasp.mission.verdict import Verdict, judge
+from continuum_grasp.plotting.mission.trials import plot_trials
+from continuum_grasp.results import read_run
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.mission import Trials
+
+MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
+SHORT = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
+QUICK = ("plant.fidelity={family: clothoid, elements: 3}", f"phases={SHORT}", "grasp.solver.seeds=1")
+
+
+@pytest.fixture(scope="module")
+def grasp():
+    return optimize_grasp(load(MUG, QUICK).grasp)
+
+
+@pytest.fixture(scope="module")
+def assignment(grasp):
+    return assign(load(MUG, QUICK), grasp)
+
+
+@pytest.fixture(scope="module")
+def table(assignment):
+    return Timetable(assignment)
+
+
+@pytest.fixture(scope="module")
+def crew(assignment):
+    return Crew(assignment)
+
+
+@pytest.fixture(scope="module")
+def held(crew):
+    return crew.run()
+
+
+# -- what is to be done -----------------------------------------------------------------------------------------------
+
+
+def test_the_assignment_is_that_of_the_grasp(assignment, grasp):
+    finger, control = grasp.fingers["finger"], assignment.control
+    middle = grasp.contact("finger.middle")
+    assert assignment.force == middle.normal_force
+    assert control.contacts == (middle.station,)
+    assert sum(control.fidelity.elements) == pytest.approx(0.18)
+    assert control.finger.tendons.max_tension == 60.0
+    angles = np.unwrap(finger.backbone[:, 3])
+    assert assignment.posture.sum() == pytest.approx(angles[-1] - angles[0])
+    assert np.all(assignment.rest <= assignment.before)
+    assert np.all(assignment.before <= assignment.tensions + 1e-9)
+    resistance = grasp.quality.resistance
+    assert assignment.pulls == pytest.approx(np.minimum(resistance.factors, 5.0)[:, None] * resistance.wrenches)
+
+
+def test_the_finger_that_is_about_to_touch_is_near_the_object(assignment):
+    """The free finger is an arc under its tip moment: its distance from the circle, sampled finely."""
+    finger, thing = assignment.control.finger, assignment.control.object
+    moment = finger.tendons.offset * (assignment.before[0] - assignment.before[1])
+    s = np.linspace(0.0, finger.rod.length, 2001)
+    kappa, heading = moment / finger.rod.stiffness, finger.base.angle
+    turned = heading + 0.5 * kappa * s  # a chord's direction
+    chord = s * np.sinc(0.5 * kappa * s / np.pi)
+    points = np.array(finger.base.position) + chord[:, None] * np.stack([-np.sin(turned), np.cos(turned)], axis=1)
+    gap = np.linalg.norm(points - thing.position, axis=1).min() - 0.04 - finger.thickness_radius
+    assert 0.003 <= gap < 0.004
+
+
+def test_set_points_are_smooth(table, assignment):
+    names = ("contact_force_finger.1 [N]", "tension_1 [N]", "tension_2 [N]", "bending_1 [rad]", "something [1]")
+    t = np.arange(0.0, table.duration, 1e-3)
+    rows = table.rows(t, names)
+    most = np.abs(rows).max(axis=0) + 1e-12
+    assert np.all(np.abs(np.diff(rows, axis=0)).max(axis=0) / most < 1e-3 * 2.0 / 0.4)
+    assert np.all(np.abs(np.diff(rows, 2, axis=0)).max(axis=0) / most < 1e-6 * 6.0 / 0.4**2)
+    hold = table.rows(np.array([table.span("hold").start]), names)[0]
+    assert hold == pytest.approx([assignment.force, *assignment.tensions, assignment.posture[0], 0.0])
+    ends = table.rows(np.array([0.0, table.duration]), names)
+    assert ends == pytest.approx(np.tile([0.0, *assignment.rest, 0.0, 0.0], (2, 1)), abs=1e-9)
+
+
+def test_the_table_sinks_and_every_pull_is_whole(table, assignment):
+    outside = table.outside()
+    names = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
+    for k, wrench in enumerate(assignment.pulls):
+        span = table.span(f"pull {k + 1}")
+        during = np.linspace(span.start, span.end, 5)
+        pulled = np.stack([outside[name](during) for name in names], axis=1)
+        assert pulled == pytest.approx(np.outer([0, 1, 1, 1, 0], wrench), abs=1e-9)
+    lift, lower = table.span("lift"), table.span("lower")
+    at = np.array([lift.start, lift.end, lower.start, lower.end])
+    assert outside["table_height [m]"](at) == pytest.approx([0.0, -0.05, -0.05, 0.0])
+    starts = [span.start for span in table.spans[1:]]
+    assert starts == pytest.approx([span.end for span in table.spans[:-1]])
+    calm = np.array([span.start + 0.5 * (span.end - span.start) for span in table.spans if "pull" not in span.name])
+    assert all(np.abs(outside[name](calm)).max() < 1e-12 for name in names)
+
+
+@pytest.mark.parametrize("most", [60.0, 40.0])
+def test_what_is_held_is_held_with_most_of_the_grasps_tension(most, table, assignment):
+    """As far as the drive has it; before and after all limits are those of the drive."""
+    said = {}
+    stages = SimpleNamespace(
+        r_names=("tension_1 [N]",), weights=np.ones(1), stage=0.01, u_min=np.full(2, 1.0), u_max=np.full(2, most)
+    )
+    for phase in table.phases(stages):
+        if phase.begin is not None:
+            phase.begin(SimpleNamespace(change=lambda name=phase.name, **new: said.update({name: new})), None)
+    pulling = int(np.argmax(assignment.tensions))
+    least = min(0.85 * assignment.tensions[pulling], most)
+    assert said["lift"]["u_min"][pulling] == pytest.approx(least)
+    assert said["lift"]["u_max"][1 - pulling] == pytest.approx(assignment.rest[1 - pulling] + 3.0)
+    for name in ("approach", "release"):
+        assert (said[name]["u_min"].tolist(), said[name]["u_max"].tolist()) == ([1.0, 1.0], [most, most])
+
+
+# -- plants that differ -----------------------------------------------------------------------------------------------
+
+
+def test_plants_are_drawn_within_their_ranges():
+    asked = Trials(count=400, seed=3)
+    drawn = trials.variations(asked)
+    assert drawn == trials.variations(asked)
+    assert drawn != trials.variations(Trials(count=400, seed=4))
+    assert drawn[:7] == trials.variations(Trials(count=7, seed=3))
+    for name in ("stiffness", "damping", "mass", "friction"):
+        reach, away = getattr(asked, name), np.array([getattr(one, name) for one in drawn]) - 1.0
+        assert np.abs(away).max() <= reach
+        assert away.min() < -0.95 * reach
+        assert away.max() > 0.95 * reach
+        assert abs(away.mean()) < 0.1 * reach
+    assert np.abs([one.shift for one in drawn]).max() <= asked.position
+    assert len({one.seed for one in drawn}) == 400
+
+
+def test_a_variation_is_that_of_the_equations(assignment, crew):
+    """A mug in the air, which falls with its weight and goes with what pushes it, tells its mass."""
+    model = mission_plant_model(assignment)
+    system, control = model.system, crew._controller.prediction
+    nominal = np.array(system.p_nominal)
+    w = np.zeros(system.nw)
+    w[system.w_names.index("object_force_x [N]")] = 2.0
+    w[system.w_names.index("table_height [m]")] = -0.05
+    at = system.object_states
+
+    def falling(variation):
+        plant = mission_plant(assignment, crew.timetable, control, variation, model)
+        x = plant.x[: system.nx].copy()
+        x[at.start] += 0.01  # clear of the palm
+        found = np.array(system.forward_dynamics(x, [1.0, 1.0], w, model.p)).ravel()
+        return plant, found[at.stop : at.stop + 4]
+
+    plain, moved = falling(Variation())
+    assert moved == pytest.approx([2.0 / 0.3, 0.0, 0.0, -9.81])
+    other, moved = falling(Variation(stiffness=0.9, damping=0.8, mass=1.5, friction=0.5, shift=(1e-3, -2e-3), seed=5))
+    assert moved == pytest.approx([2.0 / 0.45, 0.0, 0.0, -9.81])
+    assert other.x[at][:2] - plain.x[at][:2] == pytest.approx([1e-3, -2e-3])
+    assert model.p / nominal == pytest.approx([0.9 / 1.1, 0.8 / 1.3, 1.5, 0.5])
+    assert not np.array_equal(other.measure(), plain.measure())
+
+
+# -- the verdict ------------------------------------------------------------------------------------------------------
+
+
+def told(t, *, height=None, normal=5.0, shear=1.0, status="solved"):
+    """A closed loop by hand: one contact of the finger and a palm, a force of 5 N; and the verdict on it."""
+    asked = SimpleNamespace(
+        controller=SimpleNamespace(contact="finger.1"),
+        contact_law=SimpleNamespace(friction=0.5),
+        grasp=SimpleNamespace(places=(SimpleNamespace(name="palm", friction=1.0),)),
+    )
+    spans = {"lift": (1.0, 2.0), "hold": (2.0, 4.0), "lower": (6.0, 7.0)}
+    table = SimpleNamespace(span=lambda name: SimpleNamespace(start=spans[name][0], end=spans[name][1]))
+    force = np.where(t < 7.0, normal, 0.0) * np.ones(len(t))
+    pose = np.zeros((len(t), 4))
+    pose[:, 3] = 0.0 if height is None else height(t)
+    contacts = SimpleNamespace(
+        names=("finger.1", "palm", "table"),
+        normal_force=np.stack([force, force, 0.0 * t], axis=1),
+        shear=np.stack([shear + 0.0 * t, shear + 0.0 * t, 9.0 + 0.0 * t], axis=1),
+    )
+    run = SimpleNamespace(
+        t=t,
+        contacts=contacts,
+        object_pose=pose,
+        tracked=force[:, None],
+        r_names=("contact_force_finger.1 [N]",),
+        period=0.1,
+        status=(status,) * (len(t) - 1),
+    )
+    work = SimpleNamespace(mission=asked, force=5.0)
+    return judge(work, table, Variation(friction=0.8), run, np.full(len(t) - 1, 5.5))
+
+
+INSTANTS = np.arange(0.0, 8.05, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, {"held": True, "released": True, "force_error": 0.0, "sunk": 0.0, "force_estimate_error": 0.1}),
+        ({"normal": 4.0}, {"force_error": 0.2, "force_mean_error": -0.2}),
+        ({"shear": 1.0}, {"slip_margin": 1.0 - 1.0 / (0.8 * 0.5 * 5.0)}),
+        ({"height": lambda t: -0.004 * (t > 3.0)}, {"held": True, "sunk": 0.004}),
+        ({"height": lambda t: -0.02 * (t > 3.0)}, {"held": False, "sunk": 0.02}),
+        ({"height": lambda t: -0.02 * (t > 6.5)}, {"held": True, "sunk": 0.0}),
+        ({"status": "safe_ramp"}, {"fallbacks": 80}),
+    ],
+)
+def test_verdicts_of_closed_loops_by_hand(given, expected):
+    found = told(INSTANTS, **given)
+    assert {name: getattr(found, name) for name in expected} == pytest.approx(expected)
+
+
+def test_a_mission_that_was_stopped_is_not_held():
+    found = told(INSTANTS[:15])
+    assert not found.held
+    assert np.isnan(found.force_error)
+    assert np.isnan(found.slip_margin)
+    assert not told(INSTANTS[:65]).released
+
+
+def test_outcomes_are_counted_and_written(tmp_path):
+    good = told(INSTANTS)
+    bad = replace(good, held=False, sunk=0.05, force_error=0.5, fallbacks=3)
+    drawn = trials.variations(Trials(count=4))
+    outcomes = [Outcome(v, verdict) for v, verdict in zip(drawn[:3], (good, bad, good), strict=True)]
+    outcomes.append(Outcome(drawn[3], None, 'not finite,\n"lost"'))
+    found = summarize(outcomes)
+    assert (found.plants, found.held, found.succeeded, found.fallbacks, found.failed) == (4, 2, 2, 3, (1, 3))
+    assert (found.force_error_median, found.force_error_worst, found.sunk_worst) == pytest.approx((0.0, 0.5, 0.05))
+    with open(save_trials(outcomes, tmp_path / "new"), encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["held"] for row in rows] == ["True", "False", "True", ""]
+    assert float(rows[2]["stiffness"]) == pytest.approx(drawn[2].stiffness)
+    assert rows[3]["error"] == 'not finite, "lost"'
+    axes = plot_trials(outcomes)
+    crosses = [line.get_xdata() for line in axes[0].lines if line.get_marker() == "x"]
+    assert [list(x) for x in crosses] == [[drawn[1].stiffness]]
+
+
+# -- end to end -------------------------------------------------------------------------------------------------------
+
+
+def test_a_short_mission_holds_and_lets_go(held, assignment):
+    run = held.run
+    assert held.verdict.succeeded
+    assert held.verdict.fallbacks == 0
+    hold, weight, names = held.timetable.span("hold"), 0.3 * 9.81, run.contacts.names
+    during = (run.t > hold.start) & (run.t < hold.end)
+    bearing = [k for k, name in enumerate(names) if name != "table"]
+    assert run.contacts.lift[during][:, bearing].sum(axis=1).mean() == pytest.approx(weight, rel=0.02)
+    assert np.all(run.contacts.normal_force[during, names.index("table")] == 0.0)
+    stands = run.contacts.normal_force[-1, names.index("table")] + run.contacts.lift[-1, bearing].sum()
+    assert stands == pytest.approx(weight, rel=0.02)
+    assert held.force_estimate[during[:-1]].mean() == pytest.approx(assignment.force, rel=0.2)
+    assert np.nanmax(held.friction_use) < 1.0 + 1e-6
+    assert np.all((run.u <= run.u_max + 1e-9) & (run.u >= run.u_min - 1e-9))
+
+
+def test_it_is_saved_told_and_drawn(held, tmp_path):
+    held.save(tmp_path)
+    stored, report = read_run(tmp_path), held.report()
+    assert stored.meta["verdict"]["held"] is True
+    assert [phase["name"] for phase in stored.meta["phases"]] == [span.name for span in held.spans]
+    assert stored.arrays["force_estimate"] == pytest.approx(held.force_estimate)
+    assert stored.arrays["pulls"].shape == (6, 3)
+    assert read_run(tmp_path / "grasp").meta["status"] == "optimal"
+    assert (tmp_path / "report.txt").read_text() == report
+    for word in ("held and released", "mN m about z", "pull 6", "fallbacks"):
+        assert word in report
+    assert {path.name for path in held.plot(tmp_path)} == {"timeline.png", "snapshots.png"}
+    assert held.animate(tmp_path / "a.gif", fps=2).stat().st_size > 10_000
+
+
+def test_it_is_dropped_without_friction_and_repeats_bit_for_bit(crew, held):
+    """Other plants in between leave no trace."""
+    dropped = crew.run(Variation(friction=0.3))
+    assert not dropped.verdict.held
+    assert dropped.verdict.sunk > 0.04
+    again = crew.run()
+    assert np.array_equal(again.run.x, held.run.x)
+    assert np.array_equal(again.run.u, held.run.u)
+    assert again.verdict == held.verdict
+
+
+# -- commands and errors ----------------------------------------------------------------------------------------------
+
+
+def command(monkeypatch, found, *arguments, error=None):
+    """``continuum-grasp mpc`` of the mug, with what is computed in its place."""
+
+    def instead(*_, **__):
+        if error is not None:
+            raise error
+        return found
+
+    grasp = SimpleNamespace(statistics={"interrupted": False})
+    monkeypatch.setattr("continuum_grasp.grasp.optimize_grasp", lambda scene: grasp)
+    monkeypatch.setattr("continuum_grasp.mission.run.run_mission", instead)
+    monkeypatch.setattr(trials, "run_trials", instead)
+    return CliRunner().invoke(app, ["mpc", str(MUG), *map(str, arguments)])
+
+
+def test_the_command_prints_the_verdict(monkeypatch, held, tmp_path):
+    done = command(monkeypatch, held, "--out", tmp_path, "--no-pictures")
+    assert done.exit_code == 0
+    assert "held and released" in done.output
+    assert "late" in done.output
+    dropped = replace(held, verdict=replace(held.verdict, held=False))
+    done = command(monkeypatch, dropped, "--out", tmp_path, "--no-pictures", "--json")
+    assert done.exit_code == 1
+    assert json.loads(done.stdout)["verdict"]["held"] is False
+
+
+def test_the_command_keeps_what_there_is(monkeypatch, held, tmp_path):
+    stop = Interrupted("interrupted after t = 1 s", result=held)
+    done = command(monkeypatch, None, "--out", tmp_path / "one", error=stop)
+    assert done.exit_code == 130
+    assert read_run(tmp_path / "one").meta["verdict"]["held"]
+    some = [Outcome(variation, held.verdict) for variation in trials.variations(Trials(count=3))]
+    stop = Interrupted("interrupted after 3 of 100 plants", result=some)
+    done = command(monkeypatch, None, "--trials", "all", "--out", tmp_path / "many", "--no-pictures", error=stop)
+    assert done.exit_code == 130
+    assert "3 of 3 plants" in done.output
+    assert len((tmp_path / "many/trials.csv").read_text().splitlines()) == 4
+
+
+def test_the_command_of_many_plants_fails_with_one(monkeypatch, held, tmp_path):
+    drawn = trials.variations(Trials(count=3))
+    some = [Outcome(variation, held.verdict) for variation in drawn[:2]]
+    some.append(Outcome(drawn[2], replace(held.verdict, held=False, sunk=0.05)))
+    done = command(monkeypatch, some, "--trials", "3", "--out", tmp_path)
+    assert done.exit_code == 1
+    assert "2 of 3 plants" in done.output
+    assert "plant 3: stiffness" in done.output
+    assert "sunk 50 mm" in done.output
+    assert (tmp_path / "trials.png").is_file()
+
+
+def test_trials_stop_on_the_keyboard_with_what_was_done(assignment, grasp, monkeypatch):
+    class Worker:
+        def __init__(self, assignment):
+            self.count = 0
+
+        def run(self, variation):
+            self.count += 1
+            if self.count == 3:
+                raise KeyboardInterrupt
+            return Outcome(variation, None, "-")
+
+    monkeypatch.setattr(trials, "_Worker", Worker)
+    with pytest.raises(Interrupted, match="2 of 100") as stopped:
+        trials.run_trials(assignment.mission, grasp=grasp, jobs=1)
+    assert [outcome.variation for outcome in stopped.value.result] == trials.variations(Trials(count=2))
+
+
+def test_a_run_that_is_stopped_comes_with_its_verdict(crew, monkeypatch):
+    advance = Plant.advance
+
+    def stopped(self, u):
+        if self.t > 0.03:
+            raise KeyboardInterrupt
+        return advance(self, u)
+
+    monkeypatch.setattr(Plant, "advance", stopped)
+    with pytest.raises(Interrupted) as error:
+        crew.run()
+    assert len(error.value.result.run.u) == 4
+    assert not error.value.result.verdict.held
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("grasp=../grasp/pinch.yaml", "grasp has 2 fingers"),
+        ("grasp.finger.tendons=null", "grasp.finger.tendons"),
+        ("grasp.finger.tendons.time_constant=null", "needs a time_constant"),
+        ("grasp.gravity={mode: none}", "grasp.gravity must be out_of_plane"),
+        ("grasp.contacts.tip=off", "grasp.contacts must have"),
+        ("more_contacts=[0.3]", "more_contacts must lie"),
+        ("controller.elements=[0, 2]", r"controller.elements\[0\]"),
+        ("drive_tension=-3", "drive_tension"),
+        ("pull=1.0", "pull: unknown key"),
+    ],
+)
+def test_what_makes_no_mission_is_named(change, said):
+    with pytest.raises(InputError, match=said):
+        load(MUG, [change])
+
+
+def test_without_a_grasp_there_is_no_mission(grasp, assignment):
+    from continuum_grasp.grasp.result import Status
+
+    with pytest.raises(SolverError, match="no grasp to carry out"):
+        assign(assignment.mission, replace(grasp, status=Status.INFEASIBLE))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("--compare",), ("--trials", "few"), ("--trials", "2", "--animate", "gif"), ("--trials", "0")],
+)
+def test_options_that_do_not_fit_exit_with_2(arguments, tmp_path):
+    assert CliRunner().invoke(app, ["mpc", str(MUG), "--out", str(tmp_path), *arguments]).exit_code == 2
+
+
+def test_verdicts_are_written_with_units():
+    found = Verdict(True, 1e-4, 2e-3, 0.049, -0.04, 0.03, 0.4, 0.1, True, 0)
+    assert found.pairs()["sunk"].startswith("0.1 mm")
+    assert "4.9 %" in found.pairs()["held force"]

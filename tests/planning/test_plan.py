@@ -1,0 +1,420 @@
+"""Plans: two transcriptions against each other, optimality, limits, failures, files."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import signal
+import threading
+import time
+
+import casadi as ca
+import numpy as np
+import pytest
+from plan_cases import small, two_arcs
+from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
+
+import continuum_grasp as cg
+from continuum_grasp.errors import InputError, Interrupted, SolverError
+from continuum_grasp.planning import PlanStatus, load_plan, plan
+from continuum_grasp.planning.fine import excess_over_intervals, simulated
+from continuum_grasp.planning.guess import Path
+from continuum_grasp.planning.motion import Motion
+from continuum_grasp.planning.search import Search
+from continuum_grasp.scene.plan import PlanScene
+
+HAND = cg.Finger.model_validate(
+    {
+        "rod": {"length": 0.18, "linear_density": 0.034, "bending_stiffness": 6e-3, "diameter": 0.0012},
+        "damping": {"material": 3e-5},
+        "tendons": {"offset": 0.005, "min_tension": 1.0, "max_tension": 60.0, "time_constant": 0.02},
+    }
+)
+KINDS = {
+    "least_effort": {},
+    "least_input_rate": {"objective": "least_input_rate"},
+    "least_time": {"objective": "least_time", "duration": {"least": 0.05, "most": 0.2}},
+    "linear": {"input": {"moment_max": 0.3, "form": "linear", "rate_max": 20.0}},
+    "rate": {"input": {"moment_max": 0.3, "rate_max": 4.0}},
+    "tracking": {
+        "objective": "tracking",
+        "cost": {"tip": {"running": 1e4, "terminal": 10.0}, "effort": 1.0, "input_rate": 1e-4},
+        "reference": {"tip": {"center": (0.0, 0.25), "radius": 0.03, "frequency": 2.0}},
+        "goal": {"end": "moving"},
+    },
+    "soft": {"bounds": {"speed": 10.0, "penalty": {"linear": 0.01, "quadratic": 0.1}}},
+    "weighted": {"goal": {"tip": {"value": (-0.1, 0.25), "weight": 1e3}, "end": "held"}},
+}
+"""Plans of all make-ups."""
+
+
+def tendons(**changes) -> PlanScene:
+    """A plan of a finger with tendons and a lag."""
+    keys = {"finger": HAND, "input": {}, "bounds": {}, "duration": 0.3, "intervals": 30}
+    return small(**(keys | changes))
+
+
+# -- the solver's problem ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["multiple_shooting", "collocation"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_derivatives_are_those_of_automatic_differentiation(kind, method):
+    zone = {"keep_out": {"post": {"type": "disc", "center": (-0.05, 0.28), "radius": 0.01}}}
+    bounds = KINDS[kind].get("bounds", {}) | zone
+    scene = two_arcs(**(KINDS[kind] | {"method": method, "intervals": 4, "bounds": bounds}))
+    programme = Search(scene).problem.programme
+    nlp, lam = programme.nlp, ca.MX.sym("lam", programme.count)
+    lagrangian = 0.7 * nlp["f"] + ca.dot(lam, nlp["g"])
+    truth = ca.Function(
+        "truth",
+        [nlp["x"], lam],
+        [
+            ca.gradient(nlp["f"], nlp["x"]),
+            ca.jacobian(nlp["g"], nlp["x"]),
+            ca.triu(ca.hessian(lagrangian, nlp["x"])[0]),
+        ],
+    )
+    rng = np.random.default_rng(0)
+    w, force = rng.uniform(0.1, 0.9, programme.size), rng.normal(size=programme.count)
+    own = programme.functions
+    found = [own["grad_f"](w, [])[1], own["jac_g"](w, [])[1], own["hess_lag"](w, [], 0.7, force)]
+    for value, expected in zip(found, truth(w, force), strict=True):
+        expected = np.array(expected)
+        assert np.array(value) == pytest.approx(expected, rel=1e-9, abs=1e-9 * max(1.0, np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_conditions_of_optimality_hold(kind):
+    """Karush, Kuhn and Tucker, with gradients of CasADi rather than the assembled ones."""
+    search = Search(two_arcs(**KINDS[kind]))
+    search.run()
+    programme, best = search.problem.programme, search.best
+    assert best.converged
+    nlp, bounds = programme.nlp, programme.bounds
+    slopes = ca.Function("s", [nlp["x"]], [ca.gradient(nlp["f"], nlp["x"]), ca.jacobian(nlp["g"], nlp["x"])])
+    gradient, jacobian = (np.array(v) for v in slopes(best.w))
+    free = bounds["lbx"] < bounds["ubx"]
+    lam_x, lam_g = best.multipliers.bounds, best.multipliers.constraints
+    stationary = gradient.ravel() + jacobian.T @ lam_g + lam_x
+    assert np.abs(stationary[free]).max() < 1e-5 * max(1.0, np.abs(gradient).max())
+    for value, low, high, lam in (
+        (best.w[free], bounds["lbx"][free], bounds["ubx"][free], lam_x[free]),
+        (best.g, bounds["lbg"], bounds["ubg"], lam_g),
+    ):
+        assert np.all(value >= low - 1e-7)
+        assert np.all(value <= high + 1e-7)
+        open_up, open_down = np.minimum(high - value, 1e3), np.minimum(value - low, 1e3)
+        assert np.abs(np.maximum(lam, 0.0) * open_up).max() < 1e-5
+        assert np.abs(np.minimum(lam, 0.0) * open_down).max() < 1e-5
+
+
+@pytest.mark.parametrize("kind", [k for k in KINDS if k != "soft"])
+def test_shooting_and_collocation_agree(kind):
+    finer = {"intervals": 50, "solver": {"degree": 4, "tolerance": 1e-10}}
+    shot, collocated = (
+        plan(two_arcs(**(KINDS[kind] | finer | {"method": m}))) for m in ("multiple_shooting", "collocation")
+    )
+    assert collocated.objective == pytest.approx(shot.objective, rel=1e-4)
+    assert collocated.tip == pytest.approx(shot.tip, abs=2e-4)
+
+
+@pytest.mark.parametrize("kind", ["least_effort", "linear", "tracking", "weighted"])
+def test_gauss_newton_finds_the_same_plan(kind):
+    exact, rough = (plan(two_arcs(**(KINDS[kind] | {"solver": {"hessian": h}}))) for h in ("exact", "gauss_newton"))
+    assert rough.objective == pytest.approx(exact.objective, rel=1e-6)
+    assert rough.x == pytest.approx(exact.x, abs=1e-3 * np.abs(exact.x).max())
+
+
+# -- what a plan keeps -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "bounds"),
+    [
+        (small, {"speed": 7.0}),
+        (two_arcs, {"keep_out": {"post": {"type": "disc", "center": (-0.02, 0.295), "radius": 0.004}}}),
+    ],
+)
+def test_bounds_are_kept_between_the_nodes_of_a_fine_simulation(make, bounds):
+    excess = []
+    for asked in (bounds, {}):
+        scene = make(bounds={"curvature": None, **asked}, solver={"starts": 2})
+        found = plan(scene)
+        motion = Motion(make(bounds={"curvature": None, **bounds}))
+        states = simulated(scene, motion.prediction, Path(found.x, found.u, found.duration), found.x[0])
+        excess.append(excess_over_intervals(motion, states).max())
+    assert excess[0] < 3e-4
+    assert excess[1] > 1e-3  # it matters
+
+
+def test_inputs_keep_their_limits_and_rates():
+    scene = two_arcs(**KINDS["rate"])
+    u = np.concatenate([[0.0], plan(scene).u[:-1, 0]])
+    assert np.abs(u).max() <= 0.3
+    assert np.abs(np.diff(u)).max() <= 4.0 * scene.duration / scene.intervals * (1 + 1e-9)
+    assert np.abs(np.diff(u)).max() > 3.99 * scene.duration / scene.intervals
+
+
+def test_least_time_of_held_inputs_reports_by_how_much_they_lead_the_drive():
+    """Against the plan whose inputs do not jump: held inputs gain an interval at most."""
+    asked = {
+        "objective": "least_time",
+        "duration": {"least": 0.02, "most": 0.3},
+        "goal": {"bending": (0.5,), "end": "held"},
+    }
+    held, ramps = (
+        plan(small(**asked, input={"moment_max": 0.3, "rate_max": 1.0, "form": form})) for form in ("hold", "linear")
+    )
+    interval = held.duration / held.scene.intervals
+    assert 0.5 * interval < ramps.duration - held.duration < 1.05 * interval
+    assert "up to one interval longer" in held.message
+    (told,) = held.warnings
+    assert (
+        f"at the end): a drive that keeps input.rate_max = 1 N m/s needs up to one interval ({1e3 * interval:.3g} ms)"
+        in told
+    )
+    assert "input.form: linear" in told
+    assert (ramps.message, ramps.warnings) == ("solved", ())
+
+
+def test_least_time_shrinks_with_the_limits():
+    asked = KINDS["least_time"] | {"method": "collocation"}
+    times = [plan(two_arcs(**asked, input={"moment_max": m})).duration for m in (0.15, 0.2, 0.3)]
+    assert times[0] > times[1] > times[2]
+
+
+def test_multiplier_is_the_gain_from_a_wider_bound():
+    """By a plan with a bound that is a little wider."""
+    one, other = (
+        plan(small(bounds={"curvature": None, "speed": v}, solver={"tolerance": 1e-10})) for v in (7.0, 7.001)
+    )
+    force = np.abs(one.constraints["speed"].multipliers).sum()  # of rows that are shares of 7 rad/s
+    gain = (one.objective - other.objective) / (0.001 / 7.0)
+    # Bounds are tightened at the nodes by what is left between them, which changes a little too.
+    assert gain == pytest.approx(force, rel=0.1)
+
+
+def test_simulation_of_the_inputs_is_the_plan():
+    """The package's simulator, with error control, on the scene that a user would write."""
+    form = {"form": "linear", "rate_max": 400.0}
+    scene = tendons(input=form, goal={"bending": (0.9,)}, intervals=15, solver={"substeps": 20})
+    found = plan(scene)
+    tensions = tuple(cg.Samples(times=tuple(found.t), values=tuple(c), interpolation="linear") for c in found.u.T)
+    told = cg.Scene(
+        schema_version=1,
+        finger=HAND,
+        gravity=scene.gravity,
+        fidelity=scene.fidelity,
+        actuation=cg.Actuation(tensions=tensions),
+        initial=cg.Initial(pose="rest"),
+        time=cg.Timing(duration=scene.duration, step=scene.duration / 1500, method="reference"),
+    )
+    moved = cg.simulate(told)
+    assert moved.tip[::100] == pytest.approx(found.tip, abs=2e-6)
+    assert found.deviation.tip < 1e-6
+
+
+def test_held_inputs_give_the_plan_in_an_independent_integrator():
+    found = plan(two_arcs(solver={"substeps": 20}))
+    model = found.prediction
+    x = [found.x[0]]
+    for k, u in enumerate(found.u[:-1]):
+        span = (found.t[k], found.t[k + 1])
+        run = solve_ivp(lambda t, x, u=u: np.array(model.dynamics(x, u, [])).ravel(), span, x[-1], rtol=1e-9, atol=1e-9)
+        x.append(run.y[:, -1])
+    assert np.array(x)[:, :2] == pytest.approx(found.x[:, :2], abs=1e-5)
+
+
+def test_known_loads_bend_the_plan():
+    """The moment that holds the straight finger under a tip force, by virtual work."""
+    push = cg.ForceLoad(at=0.3, force=(-0.01, 0.0))
+    found = plan(small(goal={"bending": (0.0,), "end": "held"}, loads=(push,), duration=0.3))
+    # Virtual work of the straight arc: the tip moves by L/2 per bend to the left.
+    assert found.u[-1, 0] == pytest.approx(-0.01 * 0.3 / 2, rel=1e-6)
+
+
+# -- failures ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "texts"),
+    [
+        ({"goal": {"tip": (-0.3, 0.3)}}, ["goal out of reach", "the finger 0.3 m long", "goal tip: off by"]),
+        (
+            {"goal": {"bending": (1.2, 1.0)}, "input": {"moment_max": 0.08}},
+            ["input limit", "input.moment_max", "goal bending"],
+        ),
+        ({"duration": 0.02}, ["duration", "goal bending: off by"]),
+        ({"input": {"moment_max": 0.3, "rate_max": 0.5}}, ["rate limit", "input.rate_max"]),
+        ({"goal": {"bending": (2.0, 2.0)}, "bounds": {"curvature": 5.0}}, ["curvature limit", "bounds.curvature"]),
+        (
+            {
+                "bounds": {"keep_out": {"wall": {"type": "half_plane", "point": (-0.01, 0.0), "normal_angle": 0.0}}},
+                "solver": {"starts": 1},
+            },
+            ["zone wall", "bounds.keep_out.wall"],
+        ),
+    ],
+)
+def test_goals_out_of_reach_are_named_with_what_stops_them(changes, texts):
+    with pytest.raises(SolverError) as caught:
+        plan(two_arcs(**changes))
+    assert caught.value.status == "infeasible"
+    assert all(text in str(caught.value) for text in texts)
+    nearest = caught.value.result
+    assert nearest.violated
+    assert nearest.constraints["motion"].excess < 1e-6
+
+
+def test_failure_is_told_by_the_status_where_that_is_wanted():
+    found = plan(two_arcs(duration=0.02), raise_on_failure=False)
+    assert found.status is PlanStatus.INFEASIBLE
+    assert not found.solved
+
+
+@pytest.mark.parametrize(
+    ("solver", "status", "text"),
+    [
+        ({"max_iterations": 2}, PlanStatus.NOT_SOLVED, "iterations were used up"),
+        ({"max_total_iterations": 2}, PlanStatus.NOT_SOLVED, "solver.max_total_iterations"),
+        ({"time_limit": 1e-6}, PlanStatus.TIMED_OUT, "solver.time_limit"),
+    ],
+)
+def test_solver_that_is_stopped_is_told(solver, status, text):
+    found = plan(two_arcs(solver=solver), raise_on_failure=False)
+    assert found.status is status
+    assert text in found.message
+
+
+@pytest.mark.parametrize(("changes", "status"), [({}, PlanStatus.OPTIMAL), ({"duration": 0.02}, PlanStatus.INFEASIBLE)])
+def test_a_busy_machine_gives_the_same_plan_bit_by_bit(monkeypatch, changes, status):
+    calm, readings = plan(two_arcs(**changes), raise_on_failure=False), itertools.count()
+    monkeypatch.setattr(time, "monotonic", lambda: 10.0 * next(readings))  # s
+    busy = plan(two_arcs(**changes), raise_on_failure=False)
+    assert calm.status is busy.status is status
+    assert calm.x.tobytes() == busy.x.tobytes()
+    assert (calm.message, calm.violated, calm.iterations) == (busy.message, busy.violated, busy.iterations)
+
+
+def test_interrupt_gives_what_there_is():
+    scene = two_arcs(
+        intervals=150, bounds={"keep_out": {"post": {"type": "disc", "center": (-0.02, 0.29), "radius": 0.01}}}
+    )
+    before = signal.getsignal(signal.SIGINT)
+    timer = threading.Timer(1.5, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt) as caught:
+        plan(scene)
+    timer.cancel()
+    assert signal.getsignal(signal.SIGINT) is before
+    assert not isinstance(caught.value, Interrupted) or caught.value.result.x.shape == (151, 4)
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"goal": {}}, "goal: give tip"),
+        ({"goal": {"bending": (0.1, 0.2, 0.3)}}, "expected 2 entries"),
+        ({"objective": "least_time"}, "least_time needs a range"),
+        ({"objective": "tracking"}, "cost belongs to"),
+        ({"input": {}}, "moment_max is needed"),
+        ({"input": {"moment_max": 0.1, "initial": (0.2,)}}, "outside the limits"),
+        ({"loads": (cg.ForceLoad(at=0.1, force=(1.0, 0.0)),)}, "expected one of contacts or the tip"),
+        ({"goal": {"contact_force": (1.0,)}}, "needs an object"),
+        ({"fidelity": cg.Fidelity(tolerance=0.01)}, "give family and elements"),
+    ],
+)
+def test_wrong_scenes_are_refused(changes, text):
+    with pytest.raises(InputError, match=text):
+        plan(two_arcs(**changes))
+
+
+# -- files and starts --------------------------------------------------------------------------------------------------
+
+
+def test_saved_plan_comes_back_and_starts_the_next_one(tmp_path):
+    found = plan(two_arcs())
+    found.save(tmp_path)
+    back = load_plan(tmp_path)
+    for name in ("t", "x", "u", "tip", "bending"):
+        assert getattr(back, name) == pytest.approx(getattr(found, name))
+    assert (back.status, back.scene, back.deviation) == (found.status, found.scene, found.deviation)
+    assert set(back.constraints) == set(found.constraints)
+    again = plan(two_arcs(), warm=tmp_path)
+    assert again.objective == pytest.approx(found.objective, rel=1e-6)
+    assert again.iterations < found.iterations
+    other = plan(two_arcs(duration=0.2, goal={"bending": (0.5, 0.2)}), warm=found)
+    assert other.solved
+
+
+def test_warm_start_of_another_model_is_refused():
+    with pytest.raises(InputError, match="other bending coordinates"):
+        plan(small(), warm=plan(two_arcs()))
+
+
+def test_plans_are_the_same_every_time():
+    one, other = plan(two_arcs()), plan(two_arcs())
+    assert np.array_equal(one.x, other.x)
+
+
+def test_pictures_and_values_at_instants(tmp_path):
+    found = plan(tendons(intervals=10))
+    assert {path.name for path in found.plot(tmp_path)} == {"path.png", "inputs.png", "coordinates.png"}
+    middle = 0.5 * (found.t[3] + found.t[4])
+    assert found.inputs_at([middle, 99.0]) == pytest.approx(found.u[[3, -1]])
+    assert found.states_at(found.t) == pytest.approx(found.x)
+
+
+def test_command(tmp_path):
+    import typer
+
+    from continuum_grasp.cli.plan import plan as verb
+
+    app = typer.Typer()
+    app.command()(verb)
+    file = tmp_path / "swing.yaml"
+    rod = "{length: 0.3, diameter: 0.002, density: 6450.0, youngs_modulus: 60e9}"
+    file.write_text(
+        f"schema_version: 1\nfinger: {{rod: {rod}, damping: {{material: 1e-4}}}}\ngravity: [0.0, 0.0]\n"
+        "fidelity: {family: arc, elements: 1}\ninput: {moment_max: 0.3}\ngoal: {bending: [0.5]}\n"
+        "duration: 0.1\nintervals: 10\n"
+    )
+    done = CliRunner().invoke(app, [str(file), "--out", str(tmp_path / "run"), "--json", "--no-pictures"])
+    assert done.exit_code == 0
+    told = json.loads(done.stdout)
+    assert told["status"] == "optimal"
+    assert load_plan(tmp_path / "run").objective == pytest.approx(told["objective"])
+    failed = CliRunner().invoke(app, [str(file), "--out", str(tmp_path / "no"), "--set", "duration=0.005"])
+    assert isinstance(failed.exception, SolverError)
+    assert load_plan(tmp_path / "no").status is PlanStatus.INFEASIBLE
+
+
+# -- contact -----------------------------------------------------------------------------------------------------------
+
+
+def test_plan_presses_on_an_object():
+    """A single arc that lies against a disc with a force that is asked for: the moment carries it."""
+    law = {"stiffness": 500.0, "friction": 0.0, "dissipation": 0.5, "rounding": 5e-4}
+    thing = {"shape": "circle", "diameter": 0.06, "mass": 0.1, "position": (-0.13, 0.24)}
+    scene = small(
+        object=thing,
+        contact_law=law,
+        fidelity=cg.Fidelity(family="clothoid", elements=1),
+        goal={"contact_force": {"value": (0.3,), "weight": 1e3}, "end": "held"},
+        method="collocation",
+        duration=0.4,
+        intervals=50,
+    )
+    found = plan(scene)
+    assert found.contact_forces[-1] == pytest.approx([0.3], rel=0.05)
+    assert found.contact_forces[0] == pytest.approx([0.0])
+    assert found.deviation.contact_forces == pytest.approx(tuple(found.contact_forces[-1]), rel=0.15)
+
+
+def test_friction_with_a_state_is_refused():
+    thing = {"shape": "circle", "diameter": 0.06, "mass": 0.1, "position": (-0.13, 0.24)}
+    with pytest.raises(InputError, match="slip_speed"):
+        small(object=thing, contact_law={"stiffness": 500.0, "friction": 0.5})

@@ -1,0 +1,114 @@
+"""Plans against solutions of optimal control that are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plan_cases import held, linearised, small, two_arcs
+from scipy.optimize import brentq
+
+from continuum_grasp.planning import plan
+
+TINY = 1e-3
+
+
+def least_effort_of_linear(a, b, h, count, goal):
+    """Held inputs of least squares that lead a linear system from rest to a state, by its discrete Gramian."""
+    phi, gamma = held(a, b, h)
+    columns = [np.linalg.matrix_power(phi, count - 1 - k) @ gamma for k in range(count)]
+    reach = np.hstack(columns)
+    return reach.T @ np.linalg.solve(reach @ reach.T, goal)
+
+
+@pytest.mark.parametrize("method", ["multiple_shooting", "collocation"])
+@pytest.mark.parametrize("arcs", [1, 2])
+def test_least_effort_of_small_bends_is_that_of_the_linear_finger(arcs, method):
+    goal = (TINY,) if arcs == 1 else (TINY, 0.6 * TINY)
+    scene = (small if arcs == 1 else two_arcs)(
+        goal={"bending": goal}, gravity=(0.0, 0.0), method=method, intervals=40, solver={"degree": 5}
+    )
+    found = plan(scene)
+    a, b = linearised(scene)
+    u = least_effort_of_linear(a, b, scene.duration / 40, 40, np.array([*goal, *[0.0] * arcs]))
+    assert found.u[:-1, 0] == pytest.approx(u, rel=1e-3, abs=1e-3 * np.abs(u).max())
+    assert found.objective == pytest.approx(u @ u * scene.duration / 40, rel=1e-4)
+
+
+def least_time_of_oscillator(frequency, reach, goal):
+    """From rest to rest at a deflection, by a force that is switched once; ``reach`` is its static deflection."""
+    switch = (goal**2 + 2 * reach * goal) / (4 * reach)
+    first = np.arccos(1 - switch / reach) / frequency
+    return first + np.arccos((switch + reach) / (goal + reach)) / frequency
+
+
+@pytest.mark.parametrize("share", [0.3, 0.8, 1.5])
+def test_least_time_of_one_mode_is_that_of_the_bang_bang_oscillator(share):
+    """An undamped mode from rest to rest; ``share``: deflection per that of the steady greatest moment."""
+    a, b = linearised(small(damping=0.0))
+    frequency, most = np.sqrt(-a[1, 0]), 1e-3
+    reach = -b[1, 0] * most / a[1, 0]
+    scene = small(
+        damping=0.0,
+        goal={"bending": (share * reach,)},
+        objective="least_time",
+        input={"moment_max": most},
+        duration={"least": 0.1 / frequency, "most": 6.0 / frequency},
+        intervals=60,
+        smoothing=1e-6,
+    )
+    found = plan(scene)
+    assert found.objective == pytest.approx(least_time_of_oscillator(frequency, reach, share * reach), rel=1e-3)
+    assert np.sum(np.abs(found.u[:-1, 0]) < 0.99 * most) <= 2  # one interval at the switch
+
+
+def test_least_time_of_a_damped_mode_is_that_of_two_arcs_by_matrix_exponential():
+    a, b = linearised(small(damping=3e-4))
+    most, goal = 1e-3, -0.7 * b[1, 0] * 1e-3 / a[1, 0]
+
+    def end(first, last):
+        _, gamma1 = held(a, b, first)
+        phi2, gamma2 = held(a, b, last)
+        return phi2 @ gamma1[:, 0] * most - gamma2[:, 0] * most
+
+    def last_of(first):
+        """When the finger comes to rest after the switch."""
+        return brentq(lambda last: end(first, last)[1], 0.0, np.pi / np.sqrt(-a[1, 0]))
+
+    first = brentq(lambda t: end(t, last_of(t))[0] - goal, 1e-3, 0.04)
+    scene = small(
+        damping=3e-4,
+        goal={"bending": (goal,)},
+        objective="least_time",
+        input={"moment_max": most},
+        duration={"least": 0.01, "most": 0.3},
+        intervals=60,
+        smoothing=1e-6,
+    )
+    assert plan(scene).objective == pytest.approx(first + last_of(first), rel=1e-3)
+
+
+def test_least_input_rate_without_a_need_to_move_is_none():
+    found = plan(small(goal={"bending": (0.0,), "end": "held"}, objective="least_input_rate"))
+    assert found.objective == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(found.x).max() < 1e-6
+
+
+def test_held_posture_is_that_of_the_moment_over_stiffness():
+    """A weightless rod under a tip moment bends by M L / (E I)."""
+    scene = small(goal={"bending": (0.8,), "end": "held"})
+    found = plan(scene)
+    assert found.u[-1, 0] == pytest.approx(0.8 * scene.finger.rod.stiffness / scene.finger.rod.length, rel=1e-6)
+
+
+def test_tracking_follows_a_reference_that_the_finger_can_run():
+    """The inputs of a plan reproduce its bending, whatever the price of the input, if that is small."""
+    made = plan(small(objective="least_effort", intervals=30))
+    rows = tuple((float(v),) for v in made.bending[:, 0])
+    scene = small(
+        objective="tracking",
+        cost={"bending": {"running": 1e6, "terminal": 1e4}, "effort": 1e-6},
+        reference={"bending": {"times": tuple(made.t.tolist()), "values": rows, "interpolation": "linear"}},
+        goal={"end": "moving"},
+        intervals=30,
+    )
+    assert plan(scene).bending == pytest.approx(made.bending, abs=5e-3)  # its kinks cannot be run

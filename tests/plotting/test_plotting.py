@@ -1,0 +1,364 @@
+"""Pictures: what is drawn is what was given, axes carry units, and nothing global changes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from continuum_grasp import plotting
+from continuum_grasp.errors import InputError, SolverError
+
+LENGTH = 0.6
+
+
+class Motion:
+    """A finger that stays one circular arc: everything about it is known in closed form."""
+
+    length = LENGTH
+    n = 2
+    name = "one arc"
+    x_names = ("theta_1 [rad]", "theta_2 [rad]", "theta_1 rate [rad/s]", "theta_2 rate [rad/s]")
+
+    def __init__(self, count: int = 101, forces: bool = True, mass: float = 0.02) -> None:
+        self.t = np.linspace(0.0, 1.0, count)
+        self.bend = 0.8 * np.cos(7.0 * self.t) + 0.1
+        self.x = np.column_stack([self.bend / 2, self.bend / 2, -2.8 * np.sin(7.0 * self.t), self.t])
+        self.kinetic = 0.1 * self.t
+        self.potential = 0.3 - 0.2 * self.t
+        self.tip = self.backbone(range(count))[:, -1]
+        self.forces = forces
+        masses = (SimpleNamespace(at=LENGTH / 2, mass=mass), SimpleNamespace(at=LENGTH, mass=mass))
+        self.scene = SimpleNamespace(finger=SimpleNamespace(masses=masses))
+
+    def backbone(self, indices: object, points: int = 50) -> np.ndarray:
+        s = np.linspace(0.0, 1.0, points)
+        theta = self.bend[np.asarray(indices, dtype=int)][:, None]
+        # clamped along world +X: base angle -pi/2
+        return LENGTH / theta[..., None] * np.stack([np.sin(theta * s), 1 - np.cos(theta * s)], axis=-1)
+
+    def loads_at(self, index: int) -> list[tuple[np.ndarray, np.ndarray, str]]:
+        if not self.forces:
+            return []
+        shape = self.backbone([index], 3)[0]
+        return [(shape[1], np.array([0.0, 0.2]), "contact"), (shape[2], np.array([0.4, 0.0]), "load")]
+
+
+def some_modes(count: int = 3, stable: bool = True) -> SimpleNamespace:
+    s = np.linspace(0.0, 1.0, 40)
+    bend = np.stack([np.sin((k + 0.5) * np.pi * s) * s for k in range(count)])
+    shapes = np.stack([0 * bend, bend / np.abs(bend).max(axis=1, keepdims=True)], axis=-1)
+    return SimpleNamespace(
+        frequencies_hz=2.5 * (1 + np.arange(count)) ** 2,
+        damping_ratios=np.where(np.arange(count) == 1, np.nan, 0.01),
+        backbone=np.column_stack([LENGTH * s, 0 * s]),
+        shapes=shapes,
+        stable=stable,
+    )
+
+
+def new_axes(count: int = 1) -> list:
+    from matplotlib.figure import Figure
+
+    return list(Figure().subplots(1, count, squeeze=False)[0])
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    return Motion()
+
+
+PLOTS = {
+    "tip_path": (plotting.plot_tip_path, "x [m]", "y [m]"),
+    "coordinates": (plotting.plot_coordinates, "time [s]", "bending angle [rad]"),
+    "energy": (plotting.plot_energy, "time [s]", "energy [J]"),
+    "snapshots": (plotting.plot_snapshots, "x [m]", "y [m]"),
+}
+
+
+@pytest.mark.parametrize("name", PLOTS)
+def test_axes_are_labelled_with_units_and_used_where_given(motion: Motion, name: str) -> None:
+    plot, x_label, y_label = PLOTS[name]
+    given = new_axes()[0]
+    for ax in (plot(motion), plot(motion, ax=given)):
+        assert (ax.get_xlabel(), ax.get_ylabel()) == (x_label, y_label)
+        assert ax.get_title("left") == "one arc"
+    assert ax is given
+
+
+def test_a_title_given_by_the_user_stays(motion: Motion) -> None:
+    ax = new_axes()[0]
+    ax.set_title("mine")
+    plotting.plot_energy(motion, ax=ax)
+    assert (ax.get_title(), ax.get_title("left")) == ("mine", "")
+
+
+def test_tip_path_is_the_tip(motion: Motion) -> None:
+    path = plotting.plot_tip_path(motion).collections[0]
+    segments = np.array(path.get_segments())
+    np.testing.assert_allclose(segments[:, 0], motion.tip[:-1], atol=1e-15)
+    np.testing.assert_allclose(segments[:, 1], motion.tip[1:], atol=1e-15)
+    np.testing.assert_allclose(path.get_array(), (motion.t[1:] + motion.t[:-1]) / 2)
+
+
+def test_coordinates_are_drawn_with_their_names(motion: Motion) -> None:
+    ax = plotting.plot_coordinates(motion)
+    np.testing.assert_array_equal([line.get_ydata() for line in ax.lines], motion.x[:, :2].T)
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == [r"$\theta_{1}$", r"$\theta_{2}$"]
+
+
+def test_curvatures_carry_their_unit(motion: Motion) -> None:
+    other = Motion()
+    other.n, other.x_names = 1, ("kappa_1 [1/m]",)
+    assert plotting.plot_coordinates(other).get_ylabel() == r"curvature $\kappa_{1}$ [1/m]"
+
+
+def test_energies_and_their_sum(motion: Motion) -> None:
+    ax = plotting.plot_energy(motion)
+    drawn = {line.get_label(): line.get_ydata() for line in ax.lines}
+    np.testing.assert_array_equal(drawn["kinetic"], motion.kinetic)
+    np.testing.assert_array_equal(drawn["potential"], motion.potential)
+    np.testing.assert_allclose(drawn["total"], 0.3 - 0.1 * motion.t)
+
+
+def quivers(ax: object) -> list:
+    from matplotlib.quiver import Quiver
+
+    return [one for one in ax.collections if isinstance(one, Quiver)]  # type: ignore[attr-defined]
+
+
+def test_snapshots_draw_finger_forces_masses_and_clamp(motion: Motion) -> None:
+    ax = plotting.plot_snapshots(motion, times=[0.0, 0.25, 1.0])
+    lines = ax.collections[0]
+    np.testing.assert_allclose(lines.get_array(), [0.0, 0.25, 1.0])
+    np.testing.assert_allclose(np.array(lines.get_segments()), motion.backbone([0, 25, 100], 60), atol=1e-15)
+
+    contact, load = quivers(ax)
+    np.testing.assert_allclose(contact.get_offsets(), motion.backbone([0, 25, 100], 3)[:, 1])
+    # the greatest force, 0.4 N, is a quarter of the finger long; the other is half of that: one scale for all
+    np.testing.assert_allclose([load.U, load.V], [[0.25 * LENGTH] * 3, [0.0] * 3])
+    np.testing.assert_allclose([contact.U, contact.V], [[0.0] * 3, [0.125 * LENGTH] * 3])
+    assert load.scale == 1.0
+    assert load.angles == "xy"
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert legend == ["20 g", r"contact $\leq$ 0.2 N", r"load $\leq$ 0.4 N"]
+
+    spots = ax.collections[1].get_offsets()
+    expected = motion.backbone([0, 25, 100], 3)[:, 1:].reshape(-1, 2)
+    np.testing.assert_allclose(spots, expected, atol=1e-4 * LENGTH)  # chords of 59 pieces
+
+    corners = ax.patches[0].get_xy()[:4]  # behind the base, across its direction (world +X)
+    np.testing.assert_allclose(corners[:, 0].max(), 0.0, atol=1e-4 * LENGTH)
+    assert corners[:, 0].min() < -0.02 * LENGTH
+    for points in (
+        np.concatenate([q.get_offsets() + np.column_stack([q.U, q.V]) for q in quivers(ax)]),
+        motion.tip[[0, 25, 100]],
+    ):
+        assert np.all(points[:, 0] < ax.get_xlim()[1])
+        assert np.all(points[:, 1] > ax.get_ylim()[0])
+    assert ax.get_aspect() == 1.0
+
+
+def test_snapshots_without_forces_and_masses() -> None:
+    ax = plotting.plot_snapshots(Motion(forces=False, mass=0.0), times=5)
+    assert quivers(ax) == []
+    assert ax.get_legend() is None
+    np.testing.assert_allclose(ax.collections[0].get_array(), [0.0, 0.25, 0.5, 0.75, 1.0])
+
+
+@pytest.mark.parametrize("times", [[], [2.0], [-0.1], [float("nan")], 0])
+def test_instants_outside_are_refused(motion: Motion, times: object) -> None:
+    with pytest.raises(InputError):
+        plotting.plot_snapshots(motion, times=times)  # type: ignore[arg-type]
+
+
+def test_modes_swing_about_the_equilibrium() -> None:
+    modes = some_modes()
+    axes = plotting.plot_modes(modes, amplitude=0.1)
+    assert len(axes) == 3
+    for k, ax in enumerate(axes):
+        rest, plus, minus = (np.column_stack(line.get_data()) for line in ax.lines[:3])
+        np.testing.assert_allclose(rest, modes.backbone)
+        np.testing.assert_allclose(plus - rest, 0.1 * LENGTH * modes.shapes[k])
+        np.testing.assert_allclose(plus + minus, 2 * rest)
+        assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [m]", "y [m]")
+    titles = [ax.get_title() for ax in axes]
+    assert titles == [r"mode 1: 2.5 Hz, $\zeta$ = 0.01", "mode 2: 10 Hz", r"mode 3: 22.5 Hz, $\zeta$ = 0.01"]
+    assert axes[0].figure.get_suptitle() == ""
+    assert "unstable" in plotting.plot_modes(some_modes(stable=False))[0].figure.get_suptitle()
+
+
+def test_modes_in_given_axes() -> None:
+    given = new_axes(2)
+    assert plotting.plot_modes(some_modes(), ax=given) == given
+    assert plotting.plot_modes(some_modes(), ax=given[0]) == given[:1]
+    for wrong in ({"ax": given, "count": 3}, {"count": 0}, {"count": 4}):
+        with pytest.raises(InputError):
+            plotting.plot_modes(some_modes(), **wrong)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 9])
+def test_any_number_of_modes(count: int, tmp_path: Path) -> None:
+    axes = plotting.plot_modes(some_modes(count))
+    assert len(axes) == min(count, 6)
+    plotting.save_picture(axes, tmp_path / "modes.png")
+
+
+def test_files_of_a_simulation(motion: Motion, tmp_path: Path) -> None:
+    files = plotting.save_simulation_pictures(motion, tmp_path / "run")
+    assert [f.name for f in files] == ["snapshots.png", "tip_path.png", "coordinates.png", "energy.png"]
+    assert sorted(tmp_path.joinpath("run").iterdir()) == sorted(files)
+    for file in files:
+        with Image.open(file) as picture:
+            picture.load()
+            grey = np.asarray(picture.convert("L"))
+        assert min(grey.shape) > 300
+        assert 0.005 < np.mean(grey < 250) < 0.5
+
+
+@pytest.mark.parametrize("suffix", ["pdf", "svg"])
+def test_other_formats(motion: Motion, tmp_path: Path, suffix: str) -> None:
+    file = plotting.save_picture(plotting.plot_energy(motion), tmp_path / f"energy.{suffix}")
+    assert file.stat().st_size > 1000
+
+
+def test_one_instant_and_a_run_that_ended_in_nan(tmp_path: Path) -> None:
+    plotting.save_simulation_pictures(Motion(count=1), tmp_path)
+    broken = Motion()
+    for name in ("bend", "x", "tip", "kinetic", "potential"):
+        getattr(broken, name)[60:] = np.nan
+    plotting.save_simulation_pictures(broken, tmp_path)
+    plotting.animate(broken, tmp_path / "a.gif", fps=5, width=200)
+
+
+def gif(path: Path) -> tuple[list[int], list[np.ndarray]]:
+    durations, pictures = [], []
+    with Image.open(path) as animation:
+        for k in range(animation.n_frames):
+            animation.seek(k)
+            pictures.append(np.asarray(animation.convert("RGB")))
+            durations.append(animation.info["duration"])
+    return durations, pictures
+
+
+def test_animation_plays_at_the_right_speed(motion: Motion, tmp_path: Path) -> None:
+    for fps, speed, count in ((30.0, 1.0, 31), (12.0, 0.5, 25)):
+        durations, pictures = gif(plotting.animate(motion, tmp_path / "a.gif", fps, speed=speed, width=240))
+        assert len(durations) == count
+        assert abs(sum(durations[:-1]) - 1000.0 / speed) <= 5.0  # to the half of a hundredth of a second
+        assert max(durations[:-1]) - min(durations[:-1]) <= 10
+        assert pictures[0].shape[1] == 240
+    assert [p.name for p in tmp_path.iterdir()] == ["a.gif"]
+
+
+def test_animation_shows_the_finger_where_it_is(tmp_path: Path) -> None:
+    """Blue pixels of the backbone: highest at the start, where the bend is greatest, and mirrored later."""
+    motion = Motion(forces=False, mass=0.0)
+    _, pictures = gif(plotting.animate(motion, tmp_path / "a.gif", 10.0, width=300))
+    heights = []
+    for picture in pictures:
+        rows, columns = np.nonzero((picture[..., 2] > 130) & (picture[..., 0] < 60))
+        heights.append(rows[columns == columns.max()].mean())
+    tips = motion.tip[[np.argmin(abs(motion.t - k / 10)) for k in range(11)], 1]
+    slope, offset = np.polyfit(tips, heights, 1)
+    assert slope < 0
+    np.testing.assert_allclose(heights, slope * tips + offset, atol=3.0)
+    assert (pictures[0][2, 2] == 255).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "key"),
+    [
+        ("a.avi", {}, "path"),
+        ("a.gif", {"fps": 0.0}, "fps"),
+        ("a.gif", {"fps": 60.0}, "fps"),
+        ("a.gif", {"speed": -1.0}, "speed"),
+        ("a.gif", {"width": 40}, "width"),
+        ("a.gif", {"fps": float("nan")}, "fps"),
+    ],
+)
+def test_animation_refuses(motion: Motion, tmp_path: Path, name: str, settings: dict, key: str) -> None:
+    with pytest.raises(InputError) as caught:
+        plotting.animate(motion, tmp_path / name, **settings)
+    assert caught.value.key == key
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_mp4_without_ffmpeg_says_what_to_do(motion: Motion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(InputError, match=r"use \.gif"):
+        plotting.animate(motion, tmp_path / "a.mp4")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a shell script on the path")
+@pytest.mark.parametrize("works", [True, False])
+def test_mp4_gives_ffmpeg_every_frame(
+    motion: Motion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, works: bool
+) -> None:
+    tools = tmp_path / "bin"
+    tools.mkdir()
+    script = tools / "ffmpeg"
+    last = 'for last; do :; done; cat > "$last"; echo "$@" > "$0.said"' if works else "echo no coder >&2; exit 3"
+    script.write_text(f"#!/bin/sh\n{last}\n")
+    script.chmod(script.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("PATH", f"{tools}{os.pathsep}{os.environ['PATH']}")
+    path = tmp_path / "out" / "a.mp4"
+    if not works:
+        with pytest.raises(SolverError, match="no coder"):
+            plotting.animate(motion, path, 10.0, width=161)
+        assert list(path.parent.iterdir()) == []
+        return
+    plotting.animate(motion, path, 10.0, width=161)
+    said = (tools / "ffmpeg.said").read_text().split()
+    width, height = (int(v) for v in said[said.index("-s") + 1].split("x"))
+    assert width == 160
+    assert height % 2 == 0
+    assert said[said.index("-r") + 1] == "10"
+    assert path.stat().st_size == 11 * 3 * width * height
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs ffmpeg")
+def test_mp4(motion: Motion, tmp_path: Path) -> None:
+    content = plotting.animate(motion, tmp_path / "a.mp4", width=160).read_bytes()
+    assert content[4:8] == b"ftyp"
+
+
+GLOBAL_STATE = """
+import sys
+import continuum_grasp.plotting
+assert "matplotlib" not in sys.modules, "matplotlib is imported before a picture is drawn"
+assert "PIL" not in sys.modules
+import matplotlib
+# reading the backend would import pyplot
+state = lambda: {k: matplotlib.rcParams[k] for k in matplotlib.rcParams if k != "backend"}
+before = state()
+sys.path.insert(0, sys.argv[1])
+import test_plotting as given
+from pathlib import Path
+given.plotting.save_simulation_pictures(given.Motion(), Path(sys.argv[2]))
+given.plotting.plot_modes(given.some_modes())
+given.plotting.animate(given.Motion(), Path(sys.argv[2]) / "a.gif", fps=5, width=160)
+assert "matplotlib.pyplot" not in sys.modules, "pyplot keeps global figures"
+assert state() == before, "the global style changed"
+"""
+
+
+def test_nothing_global_is_touched(tmp_path: Path) -> None:
+    tests = Path(__file__).resolve().parent
+    done = subprocess.run(
+        [sys.executable, "-c", GLOBAL_STATE, str(tests), str(tmp_path)],
+        env={**os.environ, "PYTHONPATH": str(tests.parents[1])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""

@@ -1,0 +1,391 @@
+"""A folder holds one run: what an earlier one wrote goes, what anybody else wrote stays; and full disks on the way."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from continuum_grasp.cli import app
+from continuum_grasp.core import codegen
+from continuum_grasp.core.cache import cache_folder, library_for
+from continuum_grasp.core.compiler import find_compiler
+from continuum_grasp.errors import InputError
+from continuum_grasp.export.folder import write_package
+from continuum_grasp.model import FingerModel
+from continuum_grasp.results import begin_run, kind_of_run, note_part, read_run, replacing, write_run
+from continuum_grasp.results.atomic import naming
+from continuum_grasp.scene.load import load
+from continuum_grasp.sweeps.folder import write_run_files
+
+ROOT = Path(__file__).resolve().parents[2]
+RELEASE = ROOT / "configs/simulate/nitinol_release_020g.yaml"
+SHORT = ("--set", "time.duration=0.02", "--set", "time.step=0.01")
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def draw(folder: Path, name: str, text: str = "drawn") -> None:
+    with replacing(folder / name) as temporary:
+        temporary.write_text(text)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def save(folder: Path, value: float, kind: str | None = None) -> Path:
+    return write_run(folder, {"a": np.full(3, value)}, {"kind": kind})
+
+
+RUN = [".run.json", "meta.json", "result.npz"]
+
+
+def test_a_new_run_removes_what_the_old_one_wrote_and_nothing_else(tmp_path):
+    (tmp_path / "notes.txt").write_text("of the user")
+    save(tmp_path, 1.0)
+    for name in ("picture.png", "report.html", "edited.png", "replaced.png"):
+        draw(tmp_path, name)
+    (tmp_path / "edited.png").write_text("drawn, and changed by the user")
+    (tmp_path / "replaced.png").unlink()
+    (tmp_path / "replaced.png").symlink_to(tmp_path / "notes.txt")
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "picture.png").write_text("drawn")
+    save(tmp_path, 2.0)
+    left = ["edited.png", "notes.txt", "own/picture.png", "replaced.png"]
+    assert names(tmp_path) == sorted([*RUN, *left])
+    assert read_run(tmp_path).arrays["a"][0] == 2.0
+
+
+def test_pictures_without_a_run_are_not_recorded(tmp_path):
+    draw(tmp_path, "picture.png")
+    assert names(tmp_path) == ["picture.png"]
+    save(tmp_path, 1.0)
+    save(tmp_path, 2.0)
+    assert names(tmp_path) == [*RUN[:2], "picture.png", RUN[2]]
+
+
+def test_a_run_of_another_kind_leaves_nothing_behind(tmp_path):
+    """A mission with its grasp, then a table."""
+    save(tmp_path, 1.0, "mpc")
+    note_part(tmp_path, "grasp")
+    save(tmp_path / "grasp", 1.0, "grasp")
+    draw(tmp_path / "grasp", "grasp.png")
+    assert (kind_of_run(tmp_path), kind_of_run(tmp_path / "grasp")) == ("mpc", "grasp")
+    draw(begin_run(tmp_path, "accuracy"), "accuracy.md")
+    assert names(tmp_path) == [".run.json", "accuracy.md"]
+    assert not (tmp_path / "grasp").exists()
+    assert kind_of_run(tmp_path) == "accuracy"
+
+
+def test_a_part_with_files_of_the_user_stays(tmp_path):
+    save(tmp_path, 1.0)
+    note_part(tmp_path, "grasp")
+    save(tmp_path / "grasp", 1.0)
+    (tmp_path / "grasp" / "notes.txt").write_text("of the user")
+    save(tmp_path, 2.0)
+    assert names(tmp_path) == [".run.json", "grasp/notes.txt", "meta.json", "result.npz"]
+
+
+@pytest.mark.parametrize("record", ["", "[]", "{", '{"files": {"a": ["x"]}}', '{"kind": 1, "files": 3, "parts": 0}'])
+def test_a_damaged_record_removes_nothing(tmp_path, record):
+    (tmp_path / "a.txt").write_text("of the user")
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / ".run.json").write_text(record)
+    (folder / "b.txt").write_text("of the user")
+    save(folder, 1.0)
+    assert names(tmp_path) == ["a.txt", "run/.run.json", "run/b.txt", "run/meta.json", "run/result.npz"]
+
+
+def test_a_record_names_files_of_its_folder_only(tmp_path):
+    (tmp_path / "a.txt").write_text("of the user")
+    digest = "9a271f2a916b0b6ee6cecb2426f0b3206ef074578be55d9bc94f6f3fe3ab86aa"
+    folder = save(tmp_path / "run", 1.0)
+    (folder / ".run.json").write_text(f'{{"kind": null, "files": {{"../a.txt": ["{digest}"]}}, "parts": ["..", "."]}}')
+    save(folder, 2.0)
+    assert (tmp_path / "a.txt").exists()
+    assert names(folder) == RUN
+
+
+@pytest.mark.skipif(os.name != "posix", reason="processes")
+def test_what_killed_processes_left_is_removed(tmp_path):
+    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+        pass
+    dead, alive = (f".tmp-{pid}-0123456789ab-a.png" for pid in (ended.pid, os.getpid()))
+    for name in (dead, alive, ".tmp-mine"):
+        (tmp_path / name).touch()
+    save(tmp_path, 1.0)
+    assert names(tmp_path) == [".run.json", *sorted((alive, ".tmp-mine")), "meta.json", "result.npz"]
+
+
+# the command line
+def test_commands_have_folders_of_their_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run("simulate", RELEASE, *SHORT, "--no-pictures").exit_code == 0
+    assert run("codegen", RELEASE).exit_code == 0
+    assert run("export-c", RELEASE, "--what", "kinematics").exit_code == 0
+    folders = [f"runs/{command}/nitinol_release_020g" for command in ("codegen", "export-c", "simulate")]
+    assert [kind_of_run(folder) for folder in folders] == ["codegen", "export-c", "simulate"]
+
+
+def test_without_pictures_none_of_an_earlier_run_stay(tmp_path):
+    assert run("modes", RELEASE, "--out", tmp_path).exit_code == 0
+    assert names(tmp_path) == [*RUN[:2], "modes.png", RUN[2]]
+    draw(tmp_path, "report.html")
+    assert run("modes", RELEASE, "--out", tmp_path).exit_code == 0
+    assert "report.html" not in names(tmp_path)
+
+
+COMMANDS = {
+    "simulate": ("simulate", RELEASE, *SHORT),
+    "modes": ("modes", RELEASE),
+    "accuracy": ("accuracy", RELEASE),
+    "grasp": ("grasp", ROOT / "configs/grasp/mug.yaml"),
+    "plan": ("plan", ROOT / "configs/plan/tip_to_point.yaml"),
+    "mpc": ("mpc", ROOT / "configs/mpc/pulse.yaml"),
+    "sweep": ("sweep", ROOT / "configs/sweep/finger_design.yaml"),
+    "identify": ("identify", ROOT / "configs/identify/belendez_strip.yaml", "--data", "x.csv"),
+    "codegen": ("codegen", RELEASE),
+    "export-c": ("export-c", RELEASE),
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_folder_of_another_command_is_refused_before_anything_is_computed(command, tmp_path):
+    save(tmp_path, 1.0, "other")
+    result = run(*COMMANDS[command], "--out", tmp_path)
+    assert result.exit_code == 2
+    assert result.stderr == (
+        f"error: {tmp_path}: the folder holds what continuum-grasp other wrote; take another one, or remove it\n"
+    )
+    assert names(tmp_path) == RUN
+
+
+def test_c_packages_and_generated_code_do_not_mix(tmp_path):
+    model = FingerModel(load(RELEASE))
+    write_package(tmp_path / "package", {"a.c": "1", "MANIFEST.json": '{"configuration_hash": "0", "sha256": {}}'})
+    with pytest.raises(InputError, match="holds a run of export-c"):
+        codegen(model, tmp_path / "package")
+    codegen(model, tmp_path / "code")
+    with pytest.raises(InputError, match="holds a run of codegen"):
+        write_package(tmp_path / "code", {"a.c": "1"})
+
+
+# what cannot be read or written
+@pytest.mark.parametrize("command", COMMANDS)
+def test_an_empty_name_is_no_folder(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run(*COMMANDS[command], "--out", "")
+    assert result.exit_code == 2
+    assert "expected a path, got an empty text" in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_empty_name_is_no_folder_in_python_either(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="got an empty one"):
+        write_run("", {}, {})
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes")
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("simulate", "PIPE"),
+        ("validate", "PIPE"),
+        ("simulate", RELEASE, "--out", "PIPE"),
+        ("simulate", RELEASE, "--out", "PIPE/run"),
+        ("identify", ROOT / "configs/identify/belendez_strip.yaml", "--data", "PIPE"),
+        ("schema", "--out", "PIPE"),
+        ("plan", ROOT / "configs/plan/tip_to_point.yaml", "--warm", "PIPE"),
+        ("sweep", ROOT / "configs/sweep/finger_design.yaml", "--plot-only", "--out", "HOLDS sweep.json"),
+        ("sweep", ROOT / "configs/sweep/finger_design.yaml", "--out", "HOLDS .lock"),
+        ("export-c", RELEASE, "--what", "kinematics", "--out", "HOLDS README.md"),
+        ("export-c", RELEASE, "--what", "kinematics", "--out", "HOLDS CMakeLists.txt"),
+    ],
+)
+def test_a_pipe_is_refused_and_not_waited_for(arguments, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "holds").mkdir()
+    for name in ("sweep.json", ".lock", "README.md", "CMakeLists.txt"):
+        if arguments[-1] == f"HOLDS {name}":
+            os.mkfifo(tmp_path / "holds" / name)
+    places = {"PIPE": tmp_path / "pipe", "PIPE/run": tmp_path / "pipe/run"}
+    given = [tmp_path / "holds" if str(a).startswith("HOLDS") else places.get(a, a) for a in arguments]
+    env = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
+    command = [sys.executable, "-m", "continuum_grasp", *map(str, given)]
+    done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    assert str(tmp_path) in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "limit"),
+    [("simulate", 0), ("modes", 600), ("codegen", 0), ("codegen", 20_000), ("export-c", 20_000), ("schema", 80_000)],
+)
+def test_a_full_disk_is_one_line_and_leaves_whole_files(command, limit, tmp_path):
+    """Files that cannot grow beyond a size stand for the disk; the cache is elsewhere, and full too."""
+    arguments = COMMANDS.get(command, (command,))
+    code = "import sys; from continuum_grasp.__main__ import main; import resource as r\n"
+    code += "import casadi, numpy, matplotlib\n"
+    code += f"r.setrlimit(r.RLIMIT_FSIZE, ({limit}, {limit})); main()"
+    env = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg", "CC": "", "PYTHONDONTWRITEBYTECODE": "1"}
+    line = [sys.executable, "-c", code, *map(str, arguments), "--out", str(tmp_path / "run")]
+    done = subprocess.run(line, env=env, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 2, done.stderr
+    said = [line for line in done.stderr.splitlines() if not line.startswith("warning: ")]
+    assert len(said) == 1, done.stderr
+    assert said[0].startswith("error: ")
+    expected = (os.strerror(errno.EFBIG), os.strerror(errno.ENOSPC))
+    assert said[0].endswith(expected) or "No usable temporary directory" in said[0]
+    assert not list(tmp_path.rglob(".tmp-*"))
+    for file in tmp_path.rglob("*.json"):
+        assert file.read_text().endswith("}\n")
+
+
+def fail_from(monkeypatch, count):
+    """Let the count-th writing to the disk fail, and every later one, as a full disk does."""
+    left = [count]
+
+    def failing(real):
+        def write(*arguments, **named):
+            left[0] -= 1
+            if left[0] < 0:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return real(*arguments, **named)
+
+        return write
+
+    for owner, name in ((os, "fsync"), (os, "replace"), (Path, "write_bytes"), (Path, "write_text"), (Path, "mkdir")):
+        monkeypatch.setattr(owner, name, failing(getattr(owner, name)))
+
+
+@pytest.mark.parametrize("old", [False, True])
+def test_every_writing_may_fail(tmp_path, monkeypatch, old):
+    for count in range(40):
+        folder = tmp_path / str(count)
+        if old:
+            draw(save(folder, 1.0), "picture.png")
+        with monkeypatch.context() as patch:
+            fail_from(patch, count)
+            raised = None
+            try:
+                save(folder, 2.0)
+            except OSError as error:
+                raised = error
+        if raised is None:
+            break
+        assert raised.errno == errno.ENOSPC
+        assert str(raised.filename).startswith(str(folder))
+        if (folder / "result.npz").exists():
+            found = read_run(folder)
+            assert found.arrays["a"][0] in ((1.0, 2.0) if old else (2.0,))
+            if found.arrays["a"][0] == 2.0:
+                assert not (folder / "picture.png").exists()
+        else:
+            assert not old
+        assert not list(folder.glob(".tmp-*"))
+    assert 10 <= count < 39
+
+
+def test_the_files_of_a_sweep_are_whole_or_not_there(tmp_path, monkeypatch):
+    for count in range(10):
+        with monkeypatch.context() as patch:
+            fail_from(patch, count)
+            try:
+                write_run_files(tmp_path, 7, {"result.npz": b"whole"})
+            except OSError:
+                done = False
+            else:
+                done = True
+        assert names(tmp_path) == (["runs/0000/0000007/result.npz"] if done else [])
+        if done:
+            break
+    assert 2 <= count < 9
+
+
+def test_errors_of_the_system_name_the_file(tmp_path):
+    with pytest.raises(OSError, match="No space") as caught, naming(tmp_path / "a.txt"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert caught.value.filename == str(tmp_path / "a.txt")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("arguments", [("schema", "finger"), ("modes", RELEASE), ("modes", RELEASE, "--json")])
+def test_standard_output_that_takes_no_more(arguments):
+    env = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "continuum_grasp", *map(str, arguments)]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, env=env, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, "error: standard output: No space left on device\n")
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root writes everywhere")
+def test_a_folder_that_cannot_be_written_is_refused_at_once(tmp_path):
+    tmp_path.chmod(0o500)
+    result = run("simulate", RELEASE, "--out", tmp_path / "run")
+    assert (result.exit_code, result.stderr) == (2, f"error: {tmp_path}: this folder cannot be written\n")
+
+
+# the cache of compiled code
+BUILD = """
+import os, sys
+from continuum_grasp.core.cache import library_for
+from continuum_grasp.core.compiler import find_compiler
+library_for(sys.argv[1], find_compiler())
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="processes")
+def test_folders_of_killed_builds_are_removed_and_those_of_others_are_not(tmp_path, monkeypatch):
+    monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
+    slow, asked = tmp_path / "slow", 'case "$*" in *--version*) echo cc 1.0; exit;; esac'
+    slow.write_text(f"#!/bin/sh\n{asked}\necho > {tmp_path}/begun-$$\nexec sleep 60\n")
+    slow.chmod(0o755)
+    env = {**os.environ, "PYTHONPATH": str(ROOT), "CC": str(slow)}
+    killed, other = (subprocess.Popen([sys.executable, "-c", BUILD, f"int f{k};"], env=env) for k in range(2))
+    try:
+        for _ in range(600):
+            if len(list(tmp_path.glob("begun-*"))) == 2:
+                break
+            time.sleep(0.05)
+        assert len(list(cache_folder().glob("build-*"))) == 2
+        killed.kill()
+        killed.wait()
+        subprocess.run([sys.executable, "-c", BUILD, "int f2;"], env={**env, "CC": "cc"}, check=True)
+        assert len(list(cache_folder().glob("build-*"))) == 1
+    finally:
+        for process in (killed, other):
+            process.kill()
+            process.wait()
+        for path in tmp_path.glob("begun-*"):
+            os.kill(int(path.name.removeprefix("begun-")), 9)
+    subprocess.run([sys.executable, "-c", BUILD, "int f2;"], env={**env, "CC": "cc"}, check=True)  # compiles nothing
+    assert sorted({path.suffix for path in cache_folder().iterdir()}) == [".json", ".so"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits")
+def test_a_full_disk_while_compiling_is_an_error_of_the_system(tmp_path, monkeypatch):
+    monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
+    compiler = tmp_path / "cc"
+    compiler.write_text(
+        '#!/bin/sh\ncase "$*" in *--version*) echo cc 1.0; exit;; esac\n'
+        "echo 'fatal error: error writing to /tmp/x.s: No space left on device' >&2; exit 1\n"
+    )
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
+    with pytest.raises(OSError, match="No space left") as caught:
+        library_for("int x;", find_compiler())
+    assert caught.value.errno == errno.ENOSPC

@@ -1,0 +1,85 @@
+"""Natural frequencies of the exact rod: beam theory, and the finger model that converges to them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from continuum_grasp.rod.elastica import solve_elastica
+from continuum_grasp.rod.frequencies import natural_frequencies
+from continuum_grasp.simulation import modes
+from tests.rods import HANGING, HORIZONTAL, NITINOL, UNIT, UPRIGHT, force, order, rod_scene
+
+FREE = (0.0, 0.0)
+
+
+def exact(scene, count=2):
+    return natural_frequencies(scene.finger, solve_elastica(scene), count)
+
+
+def beam(count: int, mass: float = 0.0) -> np.ndarray:
+    """Hertz of the clamped unit beam with a tip mass: 1 + cos cosh + mass b (cos sinh - sin cosh) = 0."""
+
+    def characteristic(b: float) -> float:
+        return math.cos(b) + 1.0 / math.cosh(b) + mass * b * (math.cos(b) * math.tanh(b) - math.sin(b))
+
+    ends = np.linspace(1e-3, (count + 1) * math.pi, 4000)
+    signs = [characteristic(b) for b in ends]
+    roots = [
+        brentq(characteristic, a, b, xtol=1e-15)
+        for a, b, x, y in zip(ends, ends[1:], signs, signs[1:], strict=False)
+        if x * y < 0.0
+    ]
+    return np.array(roots[:count]) ** 2 / (2.0 * math.pi)
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.1, 1.0, 100.0])
+def test_the_straight_rod_is_the_beam(mass):
+    scene = rod_scene(UNIT, gravity=FREE, tip_mass=mass)
+    assert exact(scene, 3) == pytest.approx(beam(3, mass), rel=1e-9)
+
+
+def test_a_mass_inside_counts_with_the_square_of_the_mode():
+    """Rayleigh: to first order in the mass, its kinetic energy in the unchanged mode lowers the frequency."""
+    bare = exact(rod_scene(UNIT, gravity=FREE), 1)[0]
+    b = math.sqrt(2.0 * math.pi * bare)
+    sigma = (math.cosh(b) + math.cos(b)) / (math.sinh(b) + math.sin(b))
+
+    def mode(s: float) -> float:
+        return math.cosh(b * s) - math.cos(b * s) - sigma * (math.sinh(b * s) - math.sin(b * s))
+
+    mass, at = 1e-5, 0.6
+    scene = rod_scene(UNIT, gravity=FREE, finger={"masses": [{"at": at, "mass": mass}]})
+    # The mode is normalised: the integral of its square over the unit rod is one.
+    assert (exact(scene, 1)[0] / bare - 1.0) / mass == pytest.approx(-0.5 * mode(at) ** 2, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("angle", "keys"),
+    [
+        (HORIZONTAL, {"tip_mass": 0.02}),
+        (HANGING, {"loads": [force(0.6, (0.0, 0.1)), force(0.35, (0.05, -0.1))], "contacts": [0.35]}),
+        (UPRIGHT, {"finger": {"rest_curvature": 3.0}}),
+        (HORIZONTAL, {"loads": [force(0.6, (0.05, 0.02), follows=True)]}),
+    ],
+    ids=["mass", "loads", "preshape", "following"],
+)
+def test_the_finger_model_converges_to_it_at_the_familys_order(angle, keys):
+    counts = (3, 6, 12)
+    errors = []
+    for elements in counts:
+        scene = rod_scene(NITINOL, "clothoid", elements, angle=angle, fidelity={"accuracy": 1e-13}, **keys)
+        errors.append(np.abs(modes(scene).frequencies_hz[:2] / exact(scene) - 1.0))
+    assert np.all(errors[-1] < [3e-6, 3e-4])
+    if "contacts" not in keys:  # whose elements are unequal in other ways each time
+        assert order(np.array(errors)[:, 1])[-1] == pytest.approx(4.0, abs=0.6)
+
+
+def test_an_unstable_pose_has_a_frequency_of_zero():
+    column = rod_scene(UNIT, angle=UPRIGHT, gravity=FREE, loads=[force(1.0, (0.0, -2.6))])
+    standing = natural_frequencies(column.finger, solve_elastica(column, stable=False))
+    assert standing[0] == 0.0
+    assert standing[1] > 0.0

@@ -1,0 +1,115 @@
+"""The shipped configurations and schemas."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from continuum_grasp.scene.load import kind_of, load
+from continuum_grasp.scene.schema import KINDS, json_schema
+from continuum_grasp.scene.yaml_loader import read_yaml
+
+ROOT = Path(__file__).parents[2]
+CONFIGS = sorted((ROOT / "configs").glob("*/*.yaml"))
+ANYTHING: dict[str, object] = {}
+FOLDER_OF = {**{kind: kind for kind in KINDS}, "finger": "fingers"}
+
+
+def test_there_are_configurations():
+    names = {path.stem for path in CONFIGS}
+    assert {"nitinol_60cm", "hand_finger", "tendon_step", "midpoint_contact", "hanging", "standing"} <= names
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_configuration_is_valid_and_names_its_schema(path):
+    load(path)
+    kind = kind_of(read_yaml(path).value)
+    assert path.parent.name == FOLDER_OF[kind]
+    head, target = path.read_text(encoding="utf-8").splitlines()[0].split("=", 1)
+    assert head == "# yaml-language-server: $schema"
+    assert (path.parent / target).resolve() == ROOT / "schema" / f"{kind}.json"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_schema_file_is_current(kind):
+    shipped = json.loads((ROOT / "schema" / f"{kind}.json").read_text(encoding="utf-8"))
+    assert shipped == json_schema(kind), "run: continuum-grasp schema --out schema"
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_schema_allows_every_key_of_the_configuration(path):
+    data = read_yaml(path).value
+    schema = json_schema(kind_of(data))
+    check(data, schema, schema["$defs"])
+
+
+def check(data, node, definitions):
+    """What an editor checks: keys known, required keys there, nested mappings and lists likewise."""
+    branches = node.get("anyOf") or node.get("oneOf")
+    if not node:
+        return
+    if "$ref" in node:
+        check(data, definitions[node["$ref"].rpartition("/")[2]], definitions)
+    elif branches and "properties" not in node:
+        assert any(fits(data, branch, definitions) for branch in branches), data
+    elif isinstance(data, dict):
+        assert node.get("type") == "object"
+        known, other = node.get("properties", {}), node.get("additionalProperties", False)
+        assert other is not False or set(data) <= set(known)
+        assert set(node.get("required", [])) <= set(data)
+        for key, value in data.items():
+            check(value, known.get(key, ANYTHING if other is True else other), definitions)
+    elif isinstance(data, list):
+        assert node.get("type") == "array"
+        for k, value in enumerate(data):
+            inner = node["prefixItems"][k] if "prefixItems" in node else node["items"]
+            check(value, inner, definitions)
+    else:
+        kinds = {
+            str: {"string"},
+            bool: {"boolean"},
+            int: {"integer", "number"},
+            float: {"number"},
+            type(None): {"null"},
+        }
+        assert "const" in node or node.get("type") in kinds[type(data)]
+
+
+def fits(data, node, definitions):
+    """Whether a branch of a union takes the data."""
+    try:
+        check(data, node, definitions)
+    except AssertionError:
+        return False
+    return True
+
+
+def test_the_papers_rod():
+    finger = load(ROOT / "configs/fingers/nitinol_60cm.yaml")
+    assert finger.rod.stiffness == pytest.approx(60e9 * math.pi * 0.002**4 / 64)
+    assert finger.rod.mass_per_length * finger.rod.length == pytest.approx(12.16e-3, rel=1e-3)  # weighs 12 g
+    assert finger.base.angle == -math.pi / 2
+
+
+def test_the_hand_fingers_lumped_values_are_those_of_its_comments():
+    rod = load(ROOT / "configs/fingers/hand_finger.yaml").rod
+    area, second_moment = math.pi / 4 * 0.0012**2, math.pi / 64 * 0.0012**4
+    disc, radius, thickness, pitch = 0.4e-3, 0.006, 0.003, 0.015
+    assert rod.mass_per_length == pytest.approx(6450 * area + disc / pitch, rel=2e-3)
+    assert rod.stiffness == pytest.approx(60e9 * second_moment, rel=2e-3)
+    disc_inertia = disc * (3 * radius**2 + thickness**2) / 12
+    assert rod.inertia_per_length == pytest.approx(6450 * second_moment + disc_inertia / pitch, rel=1e-2)
+
+
+@pytest.mark.parametrize("grams", [0, 10, 20, 50])
+def test_releases_start_alike(grams):
+    """Held by the same net force at the tip, whatever the tip mass."""
+    scene = load(ROOT / f"configs/simulate/nitinol_release_{grams:03d}g.yaml")
+    weight = 9.81 * sum(mass.mass for mass in scene.finger.masses)
+    assert sum(mass.mass for mass in scene.finger.masses) == pytest.approx(grams * 1e-3)
+    (hold,) = scene.initial.held_by
+    assert hold.at == scene.finger.rod.length
+    assert hold.force == pytest.approx((0.0, 0.2 + weight))

@@ -1,0 +1,363 @@
+"""Equilibria against elliptic integrals, closed forms of buckling, and the capstan law."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import integrate, optimize, special
+
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.model import FingerModel
+from continuum_grasp.rod.elastica import solve_elastica
+from continuum_grasp.scene import ForceLoad
+from continuum_grasp.simulation import equilibrium, equilibrium_path
+from tests.rods import HANGING, HORIZONTAL, UNIT, UPRIGHT, force, order, rod_scene, without_compiler  # noqa: F401
+
+pytestmark = pytest.mark.usefixtures("without_compiler")
+
+NONE = (0.0, 0.0)
+EULER, GREENHILL = math.pi**2 / 4, 7.8373474
+BECK, BECK_SLIGHTLY_DAMPED = 20.0510, 10.94
+"""Follower loads per EI / L^2; with vanishing internal damping: V. V. Bolotin, N. I. Zhinzher, 1969."""
+
+
+def pushed(load: float, family: str = "matched_clothoid", elements: int = 2, **keys):
+    """Unit rod along +X with a dead force across it at its tip."""
+    return rod_scene(UNIT, family, elements, gravity=NONE, loads=[force(1.0, (0.0, load))], **keys)
+
+
+def pressed(load: float, family: str, elements: int, follows: bool = False, **keys):
+    """Unit rod along +Y with a force against its tip."""
+    loads = [force(1.0, (0.0, -load), follows)]
+    return rod_scene(UNIT, family, elements, angle=UPRIGHT, gravity=NONE, loads=loads, **keys)
+
+
+def bent_by_force(alpha: float) -> np.ndarray:
+    """Tip of the unit cantilever under a dead force alpha across it (K. E. Bisshopp, D. C. Drucker, 1945)."""
+
+    def modulus(slope: float) -> tuple[float, float]:
+        m = 0.5 * (1.0 + math.sin(slope))
+        return m, math.asin(1.0 / math.sqrt(2.0 * m))
+
+    def missing(slope: float) -> float:
+        m, start = modulus(slope)
+        return special.ellipk(m) - special.ellipkinc(start, m) - math.sqrt(alpha)
+
+    slope = optimize.brentq(missing, 1e-9, math.pi / 2 - 1e-12, xtol=1e-15)
+    m, start = modulus(slope)
+    deflection = 1.0 - 2.0 / math.sqrt(alpha) * (special.ellipe(m) - special.ellipeinc(start, m))
+    return np.array([math.sqrt(2.0 * math.sin(slope) / alpha), deflection])
+
+
+def buckled(slope: float) -> tuple[float, np.ndarray]:
+    """Load of the unit column whose tip has turned by ``slope``, and the tip (across, along)."""
+    m = math.sin(slope / 2.0) ** 2
+    whole = special.ellipk(m)
+    return whole**2, np.array([2.0 * math.sqrt(m) / whole, 2.0 * special.ellipe(m) / whole - 1.0])
+
+
+def test_the_elliptic_integrals_solve_the_rods_equation():
+    slopes = np.linspace(0.0, 1.0, 201)
+
+    def rate(s, state):
+        return np.array([state[1], -5.0 * np.cos(state[0]), np.cos(state[0]), np.sin(state[0])])
+
+    def ends(a, b):
+        return np.array([a[0], b[1], a[2], a[3]])
+
+    found = integrate.solve_bvp(rate, ends, slopes, np.vstack([slopes, 1.0 - slopes, slopes, 0 * slopes]), tol=1e-9)
+    assert found.y[2:, -1] == pytest.approx(bent_by_force(5.0), abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("family", "elements", "errors"),
+    [
+        ("arc", 2, (1.8e-2, 2.6e-2, 3.7e-2, 5.1e-2)),
+        ("clothoid", 1, (9e-5, 9e-4, 7e-3, 2e-2)),
+        ("matched_clothoid", 2, (6e-6, 6e-5, 5e-4, 2e-3)),
+        ("matched_clothoid", 4, (3e-7, 3e-6, 3e-5, 9e-5)),
+    ],
+)
+def test_tip_force_has_the_error_of_the_table(family, elements, errors):
+    for alpha, expected in zip((1.0, 2.0, 5.0, 10.0), errors, strict=True):
+        found = equilibrium(pushed(alpha, family, elements))
+        assert found.stable
+        error = np.linalg.norm(found.tip - bent_by_force(alpha))
+        assert expected / 1.2 <= error <= 1.2 * expected, alpha
+
+
+@pytest.mark.parametrize(("family", "expected", "counts"), [("arc", 2.0, (4, 8, 16)), ("clothoid", 4.0, (2, 4, 8))])
+def test_static_error_falls_with_the_familys_order(family, expected, counts):
+    errors = [np.linalg.norm(equilibrium(pushed(2.0, family, n)).tip - bent_by_force(2.0)) for n in counts]
+    assert order(errors) == pytest.approx(expected, abs=0.35)
+
+
+CIRCLES = {
+    "moment": {"actuation": {"tip_moment": 1.7}},
+    "couple": {"loads": [{"kind": "moment", "at": 1.0, "moment": 1.7}]},
+    "preshape": {"finger": {"rest_curvature": 1.7}},
+    "both": {"finger": {"rest_curvature": 2.0}, "actuation": {"tip_moment": -0.3}},
+}
+"""What gives the unit rod a curvature of 1.7: the input, a load on the tip, the unloaded shape, or two of them."""
+
+
+@pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
+@pytest.mark.parametrize("elements", [1, 2, (0.2, 0.7, 0.1)], ids=["1", "2", "unequal"])
+@pytest.mark.parametrize("keys", CIRCLES.values(), ids=CIRCLES)
+def test_an_end_moment_and_a_preshape_bend_a_circle(family, elements, keys):
+    circle = np.array([math.sin(1.7), 1.0 - math.cos(1.7)]) / 1.7
+    found = equilibrium(rod_scene(UNIT, family, elements, gravity=NONE, fidelity={"accuracy": 1e-13}, **keys))
+    assert found.tip == pytest.approx(circle, abs=1e-12)
+    assert found.stable
+    assert found.margin > 0.0
+    assert found.residual < 1e-10
+
+
+REST = {"breaks": [0.3, 0.8], "values": [2.0, -1.0, 0.5]}
+
+
+@pytest.mark.parametrize(
+    ("family", "q"),
+    [("arc", [0.6, -0.5, 0.1]), ("clothoid", [2.0, 0.5, -0.25, 0.5]), ("matched_clothoid", [2.0, 0.5, -0.25])],
+)
+@pytest.mark.parametrize("elements", [None, (0.3, 0.5, 0.2)])
+def test_piecewise_rest_curvature_is_met_exactly(family, elements, q):
+    """Elements end at its jumps, unless they are told otherwise."""
+    finger, fidelity = {"rest_curvature": REST}, {"accuracy": 1e-13}
+    found = equilibrium(rod_scene(UNIT, family, elements, gravity=NONE, finger=finger, fidelity=fidelity))
+    assert found.q == pytest.approx(q, abs=1e-12)
+    assert np.array(found.model.bending(found.q, found.u, found.p)).ravel() == pytest.approx([0.6, -0.5, 0.1])
+    ends = [0.3, 0.55, 0.8, 1.0]
+    angles = [float(found.model.orientation(found.q, found.u, at, found.p)) for at in ends]
+    assert np.array(angles) - HORIZONTAL == pytest.approx([0.6, 0.35, 0.1, 0.2], abs=1e-12)
+    energy = found.model.energy([*found.q, *np.zeros(found.model.n)], found.u, found.p)[1]
+    assert float(energy) == pytest.approx(0.0, abs=1e-13)
+    s = np.linspace(0.0, 1.0, 40001)
+    slope = np.interp(s, [0.0, 0.3, 0.8, 1.0], [0.0, 0.6, 0.1, 0.2])
+    assert found.tip == pytest.approx([integrate.simpson(f(slope), x=s) for f in (np.cos, np.sin)], abs=1e-8)
+    assert found.backbone(11)[-1] == pytest.approx(found.tip, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("family", "elements", "euler", "greenhill"),
+    [
+        ("arc", 2, 5.3e-2, 7.6e-2),
+        ("arc", 4, 1.3e-2, 1.95e-2),
+        ("clothoid", 1, 7.6e-3, 6.6e-3),
+        ("clothoid", 2, 5.8e-4, 4.4e-3),
+        ("matched_clothoid", 2, 6.1e-4, 8.2e-3),
+        ("matched_clothoid", 4, 3.5e-5, 3.3e-4),
+    ],
+)
+def test_critical_loads_are_bounded_from_above(family, elements, euler, greenhill):
+    """Euler's load, as a force and as a weight, and Greenhill's own weight: where the stiffness turns singular."""
+    light = {**UNIT, "linear_density": 1e-9}
+    columns = {
+        "force": (lambda load: pressed(load, family, elements), EULER, euler),
+        "weight": (
+            lambda load: rod_scene(light, family, elements, angle=UPRIGHT, gravity=(0.0, -1.0), tip_mass=load),
+            EULER,
+            euler,
+        ),
+        "own weight": (
+            lambda load: rod_scene(UNIT, family, elements, angle=UPRIGHT, gravity=(0.0, -load)),
+            GREENHILL,
+            greenhill,
+        ),
+    }
+    for name, (column, exact, error) in columns.items():
+        critical = optimize.brentq(
+            lambda load, column=column: equilibrium(column(load), stable=False).margin,
+            0.8 * exact,
+            1.2 * exact,
+            xtol=1e-6,
+        )
+        assert -1e-6 <= critical / exact - 1.0 <= error, name
+        below, above = (equilibrium(column(critical * (1.0 + e)), stable=False).stable for e in (-1e-4, 1e-4))
+        assert below, name
+        assert not above, name
+
+
+def test_the_path_leaves_the_straight_one_where_it_buckles():
+    """The weight grows; before the critical one the rod stands, beyond it has the elastica's tip."""
+    slopes = (1.0, 1.5, 2.0, 2.5)
+    truth = [buckled(slope) for slope in slopes]
+    factors = [0.5, 0.9, 0.99, *[load / EULER for load, _ in truth]]
+    for side in (1, -1):
+        scene = pressed(EULER, "matched_clothoid", 4)
+        path = equilibrium_path(scene, factors, side=side)
+        assert all(one.stable for one in path)
+        for one in path[:3]:
+            assert one.tip == pytest.approx([0.0, 1.0], abs=1e-12)
+        for one, (_, (across, along)) in zip(path[3:], truth, strict=True):
+            assert one.tip == pytest.approx([-side * across, along], abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("family", "elements", "error"),
+    [("arc", 2, 0.15), ("arc", 4, 0.035), ("clothoid", 2, 2.3e-3), ("matched_clothoid", 2, 2.7e-3)],
+)
+def test_after_buckling_two_mirrored_shapes_are_stable_and_the_straight_one_is_not(family, elements, error):
+    for slope in (1.0, 2.0):
+        load, tip = buckled(slope)
+        scene = pressed(load, family, elements)
+        left, right = equilibrium(scene), equilibrium(scene, side=-1)
+        assert left.stable
+        assert right.stable
+        assert left.q == pytest.approx(-right.q, rel=1e-7)
+        assert left.q[0] > 0.0
+        assert np.linalg.norm(left.tip * [-1.0, 1.0] - tip) <= error
+        kept = equilibrium(scene, stable=False)
+        assert not kept.stable
+        assert kept.margin < 0.0
+        assert np.array_equal(kept.q, np.zeros(kept.model.n))
+
+
+def test_a_guess_selects_the_shape_and_must_fit():
+    load, _ = buckled(1.5)
+    scene = pressed(load, "matched_clothoid", 2)
+    left = equilibrium(scene)
+    assert equilibrium(scene, guess=-left.q).q == pytest.approx(-left.q, rel=1e-7)
+    with pytest.raises(InputError, match="guess: expected real numbers"):
+        equilibrium(scene, guess=left.q + 0j)
+    with pytest.raises(InputError, match="guess: expected 2 finite entries"):
+        equilibrium(scene, guess=[1.0])
+
+
+def test_extra_loads_act_besides_the_scenes():
+    half = ForceLoad(at=1.0, force=(0.0, 1.0))
+    assert equilibrium(pushed(1.0), extra_loads=(half,)).tip == pytest.approx(equilibrium(pushed(2.0)).tip, abs=1e-10)
+
+
+def test_hanging_needs_no_bending():
+    found = equilibrium(rod_scene(UNIT, angle=HANGING, tip_mass=3.0))
+    assert found.tip == pytest.approx([0.0, -1.0], abs=1e-14)
+    assert found.stable
+
+
+def critical_follower(family: str, elements: int, damping: float, low: float, high: float) -> float:
+    finger = {"damping": {"material": damping}}
+    for _ in range(8):
+        middle = 0.5 * (low + high)
+        found = equilibrium(pressed(middle, family, elements, follows=True, finger=finger), stable=False)
+        low, high = (middle, high) if found.stable else (low, middle)
+    return low
+
+
+@pytest.mark.parametrize(
+    ("family", "elements", "error", "error_damped"),
+    [("arc", 8, 5e-2, 3e-2), ("clothoid", 2, 6e-3, 2e-2), ("matched_clothoid", 4, 2e-2, 5e-3)],
+)
+def test_a_following_load_flutters(family, elements, error, error_damped):
+    """M. Beck, 1952: never singular stiffness, unstable all the same; a little internal damping halves the load."""
+    assert critical_follower(family, elements, 0.0, 15.0, 25.0) == pytest.approx(BECK, rel=error)
+    slight = critical_follower(family, elements, 1e-3, 9.0, 13.0)
+    assert slight == pytest.approx(BECK_SLIGHTLY_DAMPED, rel=error_damped)
+    for load in (5.0, 25.0):
+        found = equilibrium(pressed(load, family, elements, follows=True), stable=False)
+        assert found.stable == (load < BECK)
+        assert np.array_equal(found.q, np.zeros(found.model.n))
+        stiffness = np.array(found.model.statics(found.q, found.u, found.w, found.p)[1])
+        assert np.linalg.det(stiffness) > 0.0
+
+
+def test_a_following_force_across_the_tip_keeps_its_angle_to_it():
+    """EI theta'' = -P cos(theta - theta_L): integrated from the tip, where theta' = 0."""
+    load = 3.0
+
+    def rate(s, state):
+        return [state[1], -load * math.cos(state[0]), math.cos(state[0]), math.sin(state[0])]
+
+    # From the tip backwards, in the tip's axes: slope relative to the tip's.
+    shot = integrate.solve_ivp(rate, (1.0, 0.0), [0.0, 0.0, 0.0, 0.0], "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    turn = -shot[0]
+    to_tip = -shot[2:]
+    tip = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]) @ to_tip
+    # The section's X axis points to the right of the tangent.
+    loads = [force(1.0, (-load, 0.0), follows=True)]
+    found = equilibrium(rod_scene(UNIT, "clothoid", 8, gravity=NONE, loads=loads))
+    assert found.tip == pytest.approx(tip, abs=1e-5)
+
+
+class TestTendonFriction:
+    """EI kappa(s) = tau exp(-mu * bend up to s), so exp(mu bend(s)) = 1 + mu tau s / EI."""
+
+    friction, tension, offset = 0.4, 15.0, 0.1
+
+    def error(self, family: str | None, elements: int | None) -> tuple[float, float]:
+        """Of the whole bend [rad] and of the tip [m]."""
+        tendons = {"offset": self.offset, "max_tension": 100.0, "friction": self.friction}
+        scene = rod_scene(
+            UNIT, family, elements, gravity=NONE, finger={"tendons": tendons}, actuation={"tensions": [self.tension, 0]}
+        )
+        found = equilibrium(scene)
+        assert found.stable
+        s = np.linspace(0.0, 1.0, 4001)
+        bend = np.log1p(self.friction * self.tension * self.offset * s) / self.friction
+        tip = [integrate.simpson(f(bend), x=s) for f in (np.cos, np.sin)]
+        total = float(np.array(found.model.bending(found.q, found.u, found.p)).sum())
+        return abs(total - bend[-1]), float(np.linalg.norm(found.tip - tip))
+
+    @pytest.mark.parametrize("family", ["arc", "clothoid", None])
+    def test_two_elements(self, family):
+        bend, tip = self.error(family, 2)
+        assert bend <= 6e-3
+        assert tip <= 1e-2
+
+    @pytest.mark.parametrize("family", ["arc", "clothoid"])
+    def test_refining_converges(self, family):
+        errors = np.array([self.error(family, n) for n in (4, 8, 16)])
+        assert np.all(order(errors[:, 1]) > 1.5)
+        assert np.all(errors[-1] < 2e-4)
+
+
+@pytest.mark.parametrize("family", ["clothoid", "matched_clothoid"])
+def test_an_absurd_load_says_so(family):
+    with pytest.raises(SolverError, match="no equilibrium found") as caught:
+        equilibrium(pushed(1e9, family))
+    assert caught.value.status == "iteration limit"
+    assert "generalised force missing" in caught.value.violated[0]
+    assert "lower them" in caught.value.advice
+
+
+@pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
+def test_bends_beyond_the_range_are_said_and_far_beyond_it_are_refused(family):
+    assert equilibrium(pushed(1.0, family)).warnings == ()
+    (warning, *_) = equilibrium(pushed(5.0, family, fidelity={"bending_range": 0.5})).warnings
+    assert warning.startswith("element 1 is bent beyond its declared range of 0.5 rad (greatest: ")
+    with pytest.raises(SolverError, match=r"element 1 is bent .* times its range of 0\.1 rad") as caught:
+        equilibrium(pushed(5.0, family, fidelity={"bending_range": 0.1}))
+    assert caught.value.status == "beyond the bending range"
+
+
+@pytest.mark.parametrize("family", ["clothoid", "matched_clothoid"])
+def test_a_loaded_preshape_with_jumps_converges_like_one_without(family):
+    """Fourth order, as the curvature jumps where the rest curvature does; the truth is the elastica."""
+    keys = {"gravity": (0.3, -1.0), "loads": [force(1.0, (1.0, 0.5))], "finger": {"rest_curvature": REST}}
+    exact = solve_elastica(rod_scene(UNIT, "arc", 1, **keys)).tip
+    errors = []
+    for count in (2, 4, 8):
+        lengths = [h / count for h in (0.3, 0.5, 0.2) for _ in range(count)]
+        scene = rod_scene(UNIT, family, lengths, fidelity={"accuracy": 1e-13, "bending_range": 2.1}, **keys)
+        errors.append(np.linalg.norm(equilibrium(scene).tip - exact))
+    assert order(errors)[-1] == pytest.approx(4.0, abs=0.5)
+    assert errors[-1] < 1e-7
+
+
+@pytest.mark.parametrize("family", ["clothoid", "matched_clothoid"])
+def test_forces_are_gradients_also_where_the_rest_curvature_jumps(family):
+    scene = rod_scene(UNIT, family, None, finger={"rest_curvature": REST, "masses": [{"at": 0.9, "mass": 0.3}]})
+    model = FingerModel(scene, parameters=(), accuracy=1e-13)
+    q, h = np.array([0.7, -1.2, 0.9, 0.4, -0.5][: model.n]), 1e-5
+    rest = np.zeros(model.n)
+    slope, columns = [], []
+    for unit in np.eye(model.n):
+        up, down = (float(model.energy([*(q + s * h * unit), *rest], [0.0], [])[1]) for s in (1, -1))
+        slope.append((up - down) / (2 * h))
+        ahead, behind = (np.array(model.position(q + s * h * unit, [0.0], 0.7, [])).ravel() for s in (1, -1))
+        columns.append((ahead - behind) / (2 * h))
+    forces = np.array(model.gravity(q, [0.0], []) + model.elastic(q, [0.0], [])).ravel()
+    assert forces == pytest.approx(slope, rel=1e-7, abs=1e-9)
+    assert np.array(model.jacobian(q, [0.0], 0.7, [])) == pytest.approx(np.array(columns).T, rel=1e-7, abs=1e-9)
