@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, minus, plus, times
+from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.surroundings import Surroundings
 
@@ -103,18 +103,15 @@ class Body:
         total = Vec(self.wrench[0], self.wrench[1])
         moment: Scalar = self.wrench[2]
         for point, force in forces:
-            total = total + force
-            moment = plus(moment, (point - center).cross(force))
+            total += force
+            moment += (point - center).cross(force)
         spin = moment / self.inertia
-        back = self.arm.perp().scaled(spin) - self.arm.scaled(times(self.omega, self.omega))
+        back = self.arm.perp().scaled(spin) - self.arm.scaled(self.omega * self.omega)
         acceleration = total.scaled(1.0 / mass) + gravity - back
         rates = [self.rates[k] for k in range(self.rates.numel())]
         found = [*rates, acceleration.x, acceleration.y, spin]
         if self.sinks:
-            lift: Scalar = 0.0
-            for each in lifts:
-                lift = plus(lift, each)
-            found.append(times(1.0 / mass, lift) - self._around.out_of_plane_gravity)
+            found.append(1.0 / mass * sum(lifts) - self._around.out_of_plane_gravity)
         return found
 
     def energy(self, gravity: Vec) -> tuple[Scalar, Scalar]:
@@ -122,10 +119,10 @@ class Body:
         if not self.moves:
             return 0.0, 0.0
         mass, center = self.mass, self.velocity + self.arm.perp().scaled(self.omega)
-        square = plus(center.dot(center), times(self.climb, self.climb))
+        square = center.dot(center) + self.climb * self.climb
         kinetic = 0.5 * mass * square + 0.5 * self.inertia * self.omega**2
-        weight = times(mass, gravity.dot(self.position + self.arm))
-        potential = minus(0.0, weight)
+        weight = mass * gravity.dot(self.position + self.arm)
+        potential = -weight
         if self.sinks:
-            potential = plus(potential, mass * self._around.out_of_plane_gravity * self.pose[3])
+            potential += mass * self._around.out_of_plane_gravity * self.pose[3]
         return kinetic, potential

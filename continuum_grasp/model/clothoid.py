@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.model.link import Bias, Inertia, Link, Section
-from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, combine, minus, plus, times
+from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, weighted_sum
 from continuum_grasp.model.quadrature import collocation
 from continuum_grasp.model.stumpff import rotation
 
@@ -74,22 +74,22 @@ class Clothoid(Link):
         end_mass: float = 0.0,
     ) -> None:
         self._start = start
-        self._slope = minus(end, start)
+        self._slope = end - start
         self._length = length
         self._rotary_inertia = rotary_inertia
         self._angle_range = angle_range
         self._rule = collocation(nodes)
         u = self._rule.nodes
         self._shape = np.array([_rising(float(v)) for v in u]).T
-        self._mass = times(linear_density, length)
-        self._first_scale = times(self._mass, length)
-        self._kernel_scale = times(self._first_scale, length)
+        self._mass = linear_density * length
+        self._first_scale = self._mass * length
+        self._kernel_scale = self._first_scale * length
         self._kernel, self._mean = self._rule.kernel, self._rule.mean_weights
         if isinstance(length, float) and isinstance(self._mass, float):
             w = self._rule.weights
             self._kernel = self._kernel * self._kernel_scale + end_mass * length**2 * np.outer(w, w)
             self._mean = self._mean * self._first_scale + end_mass * length * w
-            self._mass = self._mass + end_mass
+            self._mass += end_mass
             self._first_scale = self._kernel_scale = 1.0
 
     # -- kinematics ----------------------------------------------------------------------------------------------
@@ -104,14 +104,14 @@ class Clothoid(Link):
         The turns between neighbours are small, so their series are short, and they are wanted for themselves. The mean
         curvature between two nodes is that at the middle, and the rule is symmetric, so products are shared.
         """
-        rise = times(self._slope, fraction)
-        reach = times(fraction, self._length)
-        middle = times(reach, plus(self._start, times(0.5, rise)))
-        lean = times(reach, rise)
+        rise = self._slope * fraction
+        reach = fraction * self._length
+        middle = reach * (self._start + 0.5 * rise)
+        lean = reach * rise
         turns = []
         for step, offset in zip(self._rule.steps, self._rule.offsets, strict=True):
-            join = plus if offset > 0.0 else minus
-            angle = join(times(float(step), middle), times(float(abs(offset)), lean))
+            bend, shift = float(step) * middle, float(abs(offset)) * lean
+            angle = bend + shift if offset > 0.0 else bend - shift
             turns.append(rotation(ca.SX(angle), self._angle_range * float(step)))
         # Products of two turns first: half the depth, so the processor can work on them side by side.
         doubled = [a @ b for a, b in itertools.pairwise(turns)]
@@ -137,28 +137,28 @@ class Clothoid(Link):
         )
 
     def _section(self, fraction: Scalar, nodes: _Nodes) -> Section:
-        reach = times(fraction, self._length)
+        reach = fraction * self._length
         weights, tangents = self._rule.weights, nodes.tangents
-        shapes = zip(*[_rising(times(fraction, float(u))) for u in self._rule.nodes], strict=True)
+        shapes = zip(*[_rising(fraction * float(u)) for u in self._rule.nodes], strict=True)
         return Section(
             position=_weigh(weights, tangents, reach),
             rotation=nodes.end,
-            arms=tuple(_weigh_products(weights, s, tangents, times(reach, self._length)) for s in shapes),
-            angles=tuple(times(phi, self._length) for phi in _rising(fraction)),
+            arms=tuple(_weigh_products(weights, s, tangents, reach * self._length) for s in shapes),
+            angles=tuple(phi * self._length for phi in _rising(fraction)),
         )
 
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
         whole = isinstance(fraction, float) and fraction == 1.0
         nodes = self._whole if whole else self._nodes_up_to(fraction)
-        spins = [self._spin(times(fraction, float(u)), omega, rates) for u in self._rule.nodes]
-        return _weigh_products(self._rule.weights, spins, nodes.tangents, times(fraction, self._length))
+        spins = [self._spin(fraction * float(u), omega, rates) for u in self._rule.nodes]
+        return _weigh_products(self._rule.weights, spins, nodes.tangents, fraction * self._length)
 
     def _spin(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Scalar:
         """Squared angular velocity of the section at a fraction of the length."""
         total = omega
         for rate, phi in zip(rates, _rising(fraction), strict=True):
-            total = plus(total, times(times(phi, self._length), rate))
-        return times(total, total)
+            total += phi * self._length * rate
+        return total * total
 
     # -- kinetics ------------------------------------------------------------------------------------------------
 
@@ -180,27 +180,26 @@ class Clothoid(Link):
     def _form(self, f: NDArray[np.float64], g: NDArray[np.float64], scale: Scalar) -> Scalar:
         """sum_jk f_j K_jk g_k cos(phi_j - phi_k)."""
         kernel = np.outer(f, g) * self._kernel
-        kernel = kernel + kernel.T
-        terms: list[tuple[float, Scalar]] = [(0.5 * float(np.trace(kernel)), 1.0)]
-        terms += [(float(kernel[pair]), turn.c) for pair, turn in self._differences.items()]
-        return combine(scale, terms)
+        kernel += kernel.T
+        weights = [0.5 * float(np.trace(kernel)), *[float(kernel[pair]) for pair in self._differences]]
+        return weighted_sum(weights, [1.0, *[turn.c for turn in self._differences.values()]], scale)
 
     @cached_property
     def inertia(self) -> Inertia:
         h, scale, shape, weights = self._length, self._kernel_scale, self._shape, self._rule.weights
         one = np.ones(len(weights))
-        rotary = times(self._rotary_inertia, h)
-        rotary_swing = [times(times(float(f @ weights), rotary), h) for f in shape]
-        rotary_matrix = [[times(times(times(float((f * weights) @ g), rotary), h), h) for g in shape] for f in shape]
+        rotary = self._rotary_inertia * h
+        rotary_swing = [float(f @ weights) * rotary * h for f in shape]
+        rotary_matrix = [[float(f * weights @ g) * rotary * h * h for g in shape] for f in shape]
         tangents = self._whole.tangents
         return Inertia(
             mass=self._mass,
             first=_weigh(self._mean, tangents, self._first_scale),
-            second=plus(self._form(one, one, scale), rotary),
-            arms=tuple(_weigh(self._mean * f, tangents, times(self._first_scale, h)) for f in shape),
-            swing=tuple(plus(self._form(one, f, times(scale, h)), r) for f, r in zip(shape, rotary_swing, strict=True)),
+            second=self._form(one, one, scale) + rotary,
+            arms=tuple(_weigh(self._mean * f, tangents, self._first_scale * h) for f in shape),
+            swing=tuple(self._form(one, f, scale * h) + r for f, r in zip(shape, rotary_swing, strict=True)),
             matrix=tuple(
-                tuple(plus(self._form(f, g, times(times(scale, h), h)), r) for g, r in zip(shape, row, strict=True))
+                tuple(self._form(f, g, scale * h * h) + r for g, r in zip(shape, row, strict=True))
                 for f, row in zip(shape, rotary_matrix, strict=True)
             ),
         )
@@ -210,30 +209,29 @@ class Clothoid(Link):
         spins = [self._spin(float(u), omega, rates) for u in self._rule.nodes]
         loads: list[Scalar] = [0.0 for _ in nodes]
         for (j, k), turn in self._differences.items():
-            sine = times(float(self._kernel[j, k]), turn.s)
-            loads[j] = plus(loads[j], times(sine, spins[k]))
-            loads[k] = minus(loads[k], times(sine, spins[j]))
+            sine = float(self._kernel[j, k]) * turn.s
+            loads[j] += sine * spins[k]
+            loads[k] -= sine * spins[j]
         scale, h = self._kernel_scale, self._length
         return Bias(
             end=_weigh_products(self._rule.weights, spins, tangents, h),
             force=_weigh_products(self._mean, spins, tangents, self._first_scale),
-            moment=combine(scale, [(1.0, load) for load in loads]),
-            generalized=tuple(combine(times(scale, h), [(float(f[k]), loads[k]) for k in nodes]) for f in self._shape),
+            moment=weighted_sum([1.0 for _ in nodes], loads, scale),
+            generalized=tuple(weighted_sum(map(float, f), loads, scale * h) for f in self._shape),
         )
 
 
 def _rising(u: Scalar) -> tuple[Scalar, Scalar]:
     """Bending angle at a fraction of a link of length one, per curvature at its start and at its end."""
-    late = times(0.5, times(u, u))
-    return minus(u, late), late
+    late = 0.5 * (u * u)
+    return u - late, late
 
 
 def _weigh(weights: NDArray[np.float64], vectors: Sequence[Vec], scale: Scalar) -> Vec:
     """Scale * sum of weight times vector."""
-    pairs = [(float(w), v) for w, v in zip(weights, vectors, strict=True)]
+    numbers: list[float] = weights.tolist()
     return Vec(
-        combine(scale, [(w, v.x) for w, v in pairs]),
-        combine(scale, [(w, v.y) for w, v in pairs]),
+        weighted_sum(numbers, [v.x for v in vectors], scale), weighted_sum(numbers, [v.y for v in vectors], scale)
     )
 
 
@@ -244,5 +242,5 @@ def _weigh_products(
     constant = scale if isinstance(scale, float) else 1.0
     total = ZERO
     for w, factor, vector in zip(weights, factors, vectors, strict=True):
-        total = total + vector.scaled(times(float(w) * constant, factor))
+        total += vector.scaled(float(w) * constant * factor)
     return total if isinstance(scale, float) else total.scaled(scale)

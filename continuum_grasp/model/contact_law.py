@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from continuum_grasp.model.planar import Scalar, plus, times
+from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.surroundings import ContactLaw
 
 __all__ = ["friction_rate", "friction_share", "normal_force", "stored_energy"]
@@ -50,9 +50,7 @@ def stored_energy(law: ContactLaw, gap: Scalar) -> Scalar:
     """Energy of the spring in normal direction [J]."""
     rounding = law.rounding
     t, beyond = _onset(law, gap)
-    return law.stiffness * (
-        (2.0 * rounding) ** 2 * t**4 * (0.25 - 0.1 * t) + beyond * (plus(times(0.5, beyond), rounding))
-    )
+    return law.stiffness * ((2.0 * rounding) ** 2 * t**4 * (0.25 - 0.1 * t) + beyond * (0.5 * beyond + rounding))
 
 
 def _onset(law: ContactLaw, gap: Scalar) -> tuple[ca.SX, ca.SX]:
@@ -74,12 +72,12 @@ def friction_share(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) ->
         Velocities of slip [m/s].
     """
     if law.displacement is None:
-        size = ca.sqrt(plus(_square(v), law.slip_speed**2 if law.slip_speed else 0.0))
+        size = ca.sqrt(_square(v) + (law.slip_speed**2 if law.slip_speed else 0.0))
         return [each / size for each in v]
     if law.dissipation == 0.0:
         return list(z)
     elastic = _elastic_velocity(law, z, v)
-    damped = [plus(each, times(law.dissipation, rate)) for each, rate in zip(z, elastic, strict=True)]
+    damped = [each + law.dissipation * rate for each, rate in zip(z, elastic, strict=True)]
     size = ca.sqrt(ca.fmax(1.0, _square(damped)))
     return [each / size for each in damped]
 
@@ -108,9 +106,7 @@ def _elastic_velocity(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar])
     """Part of the slip that goes into the elastic displacement [m/s]."""
     low = _ELASTIC**2
     t = ca.fmin(ca.fmax((_square(z) - low) / (1.0 - low), 0.0), 1.0)
-    outward: Scalar = 0.0
-    for a, b in zip(z, v, strict=True):
-        outward = plus(outward, times(a, b))
+    outward = sum(a * b for a, b in zip(z, v, strict=True))
     fast, speed = _fast(law, v)
     slow_loss = t * t * (3.0 - 2.0 * t) * ca.fmax(0.0, outward)
     lost = slow_loss + fast * (speed - slow_loss)
@@ -121,12 +117,9 @@ def _fast(law: ContactLaw, v: Sequence[Scalar]) -> tuple[Scalar, Scalar]:
     """Whether a slip is fast, from 0 to 1, and its speed [m/s]."""
     square = _square(v)
     limit = (_SLOW * (law.displacement or 0.0)) ** 4
-    fourth = times(square, square)
-    return fourth / plus(fourth, limit), ca.sqrt(plus(square, _TINY))
+    fourth = square * square
+    return fourth / (fourth + limit), ca.sqrt(square + _TINY)
 
 
 def _square(values: Sequence[Scalar]) -> Scalar:
-    total: Scalar = 0.0
-    for value in values:
-        total = plus(total, times(value, value))
-    return total
+    return sum(value * value for value in values)

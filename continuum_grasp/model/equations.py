@@ -18,7 +18,7 @@ from continuum_grasp.model.family import Rod
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.ldl import solve_ldl
 from continuum_grasp.model.link import Section
-from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, minus, plus, times
+from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.loads import ForceLoad
 
@@ -85,7 +85,7 @@ class Equations:
         q: list[Scalar] = [self.q[k] for k in range(self._made.n)]
         if not self._made.matched:
             return q
-        return [*q, plus(self._per_stiffness(plus(self.drive.moment, self.drive.couple)), self._tip_rest)]
+        return [*q, self._per_stiffness(self.drive.moment + self.drive.couple) + self._tip_rest]
 
     @cached_property
     def full_rates(self) -> list[Scalar]:
@@ -95,7 +95,7 @@ class Equations:
 
     def _per_stiffness(self, moment: Scalar) -> Scalar:
         stiffness = self._par["bending_stiffness"]
-        return times(1.0 / stiffness, moment) if isinstance(stiffness, float) else moment / stiffness
+        return 1.0 / stiffness * moment if isinstance(stiffness, float) else moment / stiffness
 
     @cached_property
     def _tip_rest(self) -> Scalar:
@@ -131,7 +131,7 @@ class Equations:
     def to_world(self, v: Vec) -> Vec:
         """World position of a point given from the base in the chain's axes."""
         turned, (x, y) = self.turn.apply(v), self._made.finger.base.position
-        return Vec(plus(turned.x, x), plus(turned.y, y))
+        return Vec(turned.x + x, turned.y + y)
 
     @cached_property
     def tip_position(self) -> Vec:
@@ -145,10 +145,10 @@ class Equations:
         turn, total, parts = IDENTITY, ZERO, []
         for link, h in zip(self.chain.links, self.lengths, strict=True):
             section = link.link.section(ca.fmin(ca.fmax((self.s - start) / h, 0.0), 1.0))
-            total = total + turn.apply(section.position)
+            total += turn.apply(section.position)
             parts.append((turn, section, total))
             turn = turn @ section.rotation
-            start = plus(start, h)
+            start += h
         return parts
 
     @cached_property
@@ -161,7 +161,7 @@ class Equations:
         """Angle in the world [rad] of the section at the run-time position s."""
         angle: Scalar = self._par["base_angle"]
         for k, (_, section, _) in enumerate(self._partial_chain):
-            angle = plus(angle, _dot(section.angles, self._family.shape(k, self.full)))
+            angle += _dot(section.angles, self._family.shape(k, self.full))
         return angle
 
     @cached_property
@@ -180,7 +180,7 @@ class Equations:
         """World position [m] and angle [rad] of the end section of each element."""
         angle, found = self._par["base_angle"], []
         for k, bend in enumerate(self.bends):
-            angle = plus(angle, bend)
+            angle += bend
             found.append((self.to_world(self.chain.position(Place(k))), angle))
         return found
 
@@ -190,7 +190,7 @@ class Equations:
         start, found = ZERO, []
         for link, turn, span in zip(self.chain.links, self.chain.rotations, self.chain.spans, strict=False):
             found += [self.to_world(start + turn.apply(at)) for _, at in link.link.waypoints]
-            start = start + span
+            start += span
         return found
 
     def inside(self, fractions: ca.SX) -> list[Vec]:
@@ -203,9 +203,9 @@ class Equations:
         """World position [m] and angle [rad] of a section."""
         angle: Scalar = self._par["base_angle"]
         for bend in self.bends[: place.link]:
-            angle = plus(angle, bend)
+            angle += bend
         section = self.chain.links[place.link].link.section(place.fraction)
-        angle = plus(angle, _dot(section.angles, self._family.shape(place.link, self.full)))
+        angle += _dot(section.angles, self._family.shape(place.link, self.full))
         return self.to_world(self.chain.position(place)), angle
 
     @cached_property
@@ -260,7 +260,7 @@ class Equations:
     def rest(self) -> list[Scalar]:
         """Integral of the rest curvature times the curvature shapes."""
         if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
-            return [times(self._tip_rest, r) for r in self._family.rest_uniform(self.lengths)]
+            return [self._tip_rest * r for r in self._family.rest_uniform(self.lengths)]
         return list(self._family.rest(self._made.lengths, self._made.finger.curvature_pieces))
 
     @cached_property
@@ -268,7 +268,7 @@ class Equations:
         """Gradient of the elastic energy; equation (32)."""
         stiffness = self._par["bending_stiffness"]
         force = _product(self._family.stiffness(self.lengths), self.full, stiffness)
-        return [minus(f, times(stiffness, r)) for f, r in zip(force, self.rest, strict=True)]
+        return [f - stiffness * r for f, r in zip(force, self.rest, strict=True)]
 
     @cached_property
     def damping(self) -> list[Scalar]:
@@ -279,8 +279,8 @@ class Equations:
             return force
         for k in range(len(self.lengths)):
             gradient = self._family.bend_gradient(k, self.lengths)
-            moment = times(per_arc, _dot(gradient, rates))
-            force = [plus(f, times(g, moment)) for f, g in zip(force, gradient, strict=True)]
+            moment = per_arc * _dot(gradient, rates)
+            force = [f + g * moment for f, g in zip(force, gradient, strict=True)]
         return force
 
     @cached_property
@@ -288,15 +288,15 @@ class Equations:
         """Generalised forces of the drive."""
         drive, count = self.drive, len(self.lengths)
         gradients = [self._family.bend_gradient(k, self.lengths) for k in range(count)]
-        whole = [_sum(column) for column in zip(*gradients, strict=True)]
+        whole = [sum(column) for column in zip(*gradients, strict=True)]
         if not self._made.rubs:
-            return [times(g, plus(drive.moment, drive.couple)) for g in whole]
-        total = [times(g, drive.couple) for g in whole]
-        shares = [times(1.0 / self._made.length, h) for h in self.lengths]
+            return [g * (drive.moment + drive.couple) for g in whole]
+        total = [g * drive.couple for g in whole]
+        shares = [1.0 / self._made.length * h for h in self.lengths]
         factors = friction_factors(self._par["tendon_friction"], self.bends, shares)
         for gradient, factor in zip(gradients, factors, strict=True):
-            moment = times(factor, drive.moment)
-            total = [plus(t, times(g, moment)) for t, g in zip(total, gradient, strict=True)]
+            moment = factor * drive.moment
+            total = [t + g * moment for t, g in zip(total, gradient, strict=True)]
         return total
 
     # -- motion --------------------------------------------------------------------------------------------------
@@ -310,19 +310,19 @@ class Equations:
     def tip_inertia_force(self) -> list[Scalar]:
         """Inertia of the matched tip's own motion: M_qN kappa_N''."""
         acceleration = self._per_stiffness(self.drive.acceleration) if self._made.matched else 0.0
-        return [times(row[-1], acceleration) for row in self.chain.mass_matrix[: self._made.n]]
+        return [row[-1] * acceleration for row in self.chain.mass_matrix[: self._made.n]]
 
     @cached_property
     def bias(self) -> list[Scalar]:
         """Velocity products, and what the motion of a matched tip adds."""
         motion = self.chain.motion_forces(self.full_rates, ZERO)
-        return [minus(f, m) for f, m in zip(self.tip_inertia_force, motion, strict=False)]
+        return [f - m for f, m in zip(self.tip_inertia_force, motion, strict=False)]
 
     @cached_property
     def gravity(self) -> list[Scalar]:
         """Gradient of the weight's potential; equation (29)."""
         weight = self.chain.motion_forces(None, self.gravity_vector)
-        return [minus(0.0, f) for f in weight[: self._made.n]]
+        return [-f for f in weight[: self._made.n]]
 
     @cached_property
     def external_force(self) -> list[Scalar]:
@@ -335,8 +335,8 @@ class Equations:
         motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, *self.loads)
         net = []
         for k in range(self._made.n):
-            internal = plus(self.elastic[k], self.damping[k])
-            value = minus(minus(plus(motion[k], self.actuation[k]), internal), self.tip_inertia_force[k])
+            internal = self.elastic[k] + self.damping[k]
+            value = motion[k] + self.actuation[k] - internal - self.tip_inertia_force[k]
             net.append(value)
         return net
 
@@ -350,7 +350,7 @@ class Equations:
     @cached_property
     def kinetic_energy(self) -> Scalar:
         """Kinetic energy [J], with the motion of a matched tip."""
-        return times(0.5, _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates))
+        return 0.5 * _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates)
 
     @cached_property
     def potential_energy(self) -> Scalar:
@@ -358,30 +358,23 @@ class Equations:
         stiffness, pieces = self._par["bending_stiffness"], self._made.finger.curvature_pieces
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
         if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
-            constant = times(0.5, times(_sum(self.lengths), times(self._tip_rest, self._tip_rest)))
+            constant = 0.5 * (sum(self.lengths) * self._tip_rest**2)
         else:
             constant = self._family.rest_energy(self._made.lengths, pieces)
-        elastic = times(stiffness, plus(minus(_dot(product, self.full), _dot(self.rest, self.full)), constant))
+        elastic = stiffness * (_dot(product, self.full) - _dot(self.rest, self.full) + constant)
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
         x, y = self._made.finger.base.position
-        weight = plus(first.dot(self.gravity_vector), times(mass, plus(times(gx, x), times(gy, y))))
-        return minus(elastic, weight)
-
-
-def _sum(values: Sequence[Scalar]) -> Scalar:
-    total: Scalar = 0.0
-    for value in values:
-        total = plus(total, value)
-    return total
+        weight = first.dot(self.gravity_vector) + mass * (gx * x + gy * y)
+        return elastic - weight
 
 
 def _dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
-    return _sum([times(u, v) for u, v in zip(a, b, strict=True)])
+    return sum((u * v for u, v in zip(a, b, strict=True)), 0.0)
 
 
 def _product(matrix: Sequence[Sequence[Scalar]], vector: Sequence[Scalar], scale: Scalar) -> list[Scalar]:
     """Scale * matrix * vector, with a numeric scale folded into a numeric matrix."""
     if isinstance(scale, float):
-        return [_dot([times(scale, entry) for entry in row], vector) for row in matrix]
-    return [times(scale, _dot(row, vector)) for row in matrix]
+        return [_dot([scale * entry for entry in row], vector) for row in matrix]
+    return [scale * _dot(row, vector) for row in matrix]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from continuum_grasp.model.arc import Arc
 from continuum_grasp.model.clothoid import Clothoid
 from continuum_grasp.model.link import LoadedLink
-from continuum_grasp.model.planar import Scalar, plus, times
+from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import node_count
 from continuum_grasp.model.stumpff import ROUNDING
 
@@ -145,7 +145,7 @@ class ClothoidFamily(Family):
         """What is added to the curvatures at both ends of each element [1/m]."""
 
     def shape(self, element: int, q: Sequence[Scalar]) -> list[Scalar]:
-        return [plus(q[element + k], step) for k, step in enumerate(self._steps[element])]
+        return [q[element + k] + step for k, step in enumerate(self._steps[element])]
 
     @property
     def size(self) -> int:
@@ -187,7 +187,7 @@ class ClothoidFamily(Family):
         matrix: list[list[Scalar]] = [[0.0] * self.size for _ in range(self.size)]
         for k, h in enumerate(lengths):
             for i, j, weight in ((0, 0, 1 / 3), (0, 1, 1 / 6), (1, 0, 1 / 6), (1, 1, 1 / 3)):
-                matrix[k + i][k + j] = plus(matrix[k + i][k + j], times(weight, h))
+                matrix[k + i][k + j] += weight * h
         return matrix
 
     def rest(self, lengths: Sequence[float], pieces: Sequence[tuple[float, float, float]]) -> list[float]:
@@ -220,12 +220,12 @@ class ClothoidFamily(Family):
     def rest_uniform(self, lengths: Sequence[Scalar]) -> list[Scalar]:
         result: list[Scalar] = [0.0] * self.size
         for k, h in enumerate(lengths):
-            result[k] = plus(result[k], times(0.5, h))
-            result[k + 1] = plus(result[k + 1], times(0.5, h))
+            result[k] += 0.5 * h
+            result[k + 1] += 0.5 * h
         return result
 
     def bend_gradient(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
-        half = times(0.5, lengths[element])
+        half = 0.5 * lengths[element]
         return [half if k in (element, element + 1) else 0.0 for k in range(self.size)]
 
 

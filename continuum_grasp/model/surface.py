@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import casadi as ca
 
-from continuum_grasp.model.planar import Rotation, Scalar, Vec, plus, times
+from continuum_grasp.model.planar import Rotation, Scalar, Vec
 from continuum_grasp.scene.parts import Part
 
 __all__ = ["Nearest", "lowest_points", "nearest"]
@@ -121,9 +121,7 @@ def _from_rectangle(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     normal = _chosen(inside, Vec(x > y, x <= y), beyond.scaled(1.0 / size))
     # Signs that are never zero: on an axis of the rectangle either side will do.
     signs = Vec(2.0 * (local.x >= 0.0) - 1.0, 2.0 * (local.y >= 0.0) - 1.0)
-    return Nearest(
-        ca.if_else(inside, deepest, size), turn.apply(Vec(times(signs.x, normal.x), times(signs.y, normal.y)))
-    )
+    return Nearest(ca.if_else(inside, deepest, size), turn.apply(Vec(signs.x * normal.x, signs.y * normal.y)))
 
 
 def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
@@ -139,7 +137,7 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
         over = s - ca.fmin(ca.fmax(s, 0.0), length)
         offset = along.scaled(over) + normal.scaled(height)
         heights.append(height)
-        square = plus(over * over, height * height)
+        square = over * over + height * height
         if best is None:
             best = (square, offset, normal)
             continue
@@ -147,7 +145,7 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
         best = (ca.fmin(square, best[0]), _chosen(nearer, offset, best[1]), _chosen(nearer, normal, best[2]))
     if best is None:
         raise ValueError("a polygon without edges")
-    size = ca.sqrt(plus(best[0], _TINY))
+    size = ca.sqrt(best[0] + _TINY)
     outward = best[1].scaled(1.0 / size)
     if len(core) == 2:
         return Nearest(size, outward)
@@ -208,7 +206,7 @@ def _turn(angle: float) -> Rotation:
 
 
 def _length(v: Vec) -> ca.SX:
-    return ca.sqrt(plus(v.dot(v), _TINY))
+    return ca.sqrt(v.dot(v) + _TINY)
 
 
 def _chosen(condition: ca.SX | bool, first: Vec, second: Vec) -> Vec:

@@ -11,7 +11,7 @@ from continuum_grasp.model.body import Body
 from continuum_grasp.model.chain import Force, Moment, Place
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.layout import place_at
-from continuum_grasp.model.planar import Scalar, Vec, plus
+from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.table import TablePair, table_pair
 from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs
@@ -122,7 +122,7 @@ class SystemEquations(Equations):
         kinetic, potential = self.kinetic_energy, self.potential_energy
         if self.body is not None:
             moving, weight = self.body.energy(self._world_gravity)
-            kinetic, potential = plus(kinetic, moving), plus(potential, weight)
+            kinetic, potential = kinetic + moving, potential + weight
             for pair in self.pairs:
-                potential = plus(potential, pair.stored_energy)
+                potential += pair.stored_energy
         return kinetic, potential
