@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Unpack
 
 import casadi as ca
 
 from continuum_grasp.model.chain import column
+from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["FUNCTIONS", "MATRICES", "FingerModel"]
@@ -124,34 +125,8 @@ class FingerModel(Remade):
         If the pieces do not fit together.
     """
 
-    def __init__(
-        self,
-        finger: Scene | Finger,
-        *,
-        contacts: Sequence[float] | None = None,
-        gravity: Sequence[float] | None = None,
-        family: str | None = None,
-        elements: int | Sequence[float] | None = None,
-        bending_range: float | None = None,
-        accuracy: float | None = None,
-        parameters: Sequence[str] | None = None,
-        loads: Sequence[Load] | None = None,
-        tip_force: bool | None = None,
-        input_rates: bool | None = None,
-    ) -> None:
-        made = Structure(
-            finger,
-            contacts=contacts,
-            gravity=gravity,
-            family=family,
-            elements=elements,
-            bending_range=bending_range,
-            accuracy=accuracy,
-            parameters=parameters,
-            loads=loads,
-            tip_force=tip_force,
-            input_rates=input_rates,
-        )
+    def __init__(self, finger: Scene | Finger, **options: Unpack[ModelOptions]) -> None:
+        made = Structure(finger, options)
         self.structure = made
         self.finger = made.finger
         self.family = made.family_name

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import InputLayout
 from continuum_grasp.model.chain import Place
-from continuum_grasp.model.choices import Choices
+from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import ArcFamily, ClothoidFamily, Family
 from continuum_grasp.model.layout import element_lengths, element_ranges, place_at, with_breaks
 from continuum_grasp.model.parameters import Parameters
@@ -24,44 +23,18 @@ FAMILIES = ("arc", "clothoid", "matched_clothoid")
 
 
 class Structure:
-    """The resolved make-up of a model; arguments and errors as in ``FingerModel``."""
+    """The resolved structure of a model; arguments and errors as in ``FingerModel``."""
 
-    def __init__(
-        self,
-        finger: Scene | Finger,
-        *,
-        contacts: Sequence[float] | None,
-        gravity: Sequence[float] | None,
-        family: str | None,
-        elements: int | Sequence[float] | None,
-        bending_range: float | None,
-        accuracy: float | None,
-        parameters: Sequence[str] | None,
-        loads: Sequence[Load] | None,
-        tip_force: bool | None,
-        input_rates: bool | None,
-    ) -> None:
-        keywords = {
-            "contacts": contacts,
-            "gravity": gravity,
-            "family": family,
-            "elements": elements,
-            "bending_range": bending_range,
-            "accuracy": accuracy,
-            "parameters": parameters,
-            "loads": loads,
-            "tip_force": tip_force,
-            "input_rates": input_rates,
-        }
-        self.asked: tuple[Scene | Finger, dict[str, Any]] = (finger, keywords)
-        choices = Choices(finger, keywords)
+    def __init__(self, finger: Scene | Finger, options: ModelOptions) -> None:
+        self.asked = finger, options
+        choices = Choices(finger, options)
         try:
             self._resolve(choices)
         except InputError as error:
             raise choices.located(error) from None
 
     def _resolve(self, choices: Choices) -> None:
-        """Set everything; errors name keywords."""
+        """Set all attributes; errors are keyed by option."""
         scene = choices.scene
         if scene is not None and scene.fidelity.tolerance is not None:
             raise InputError(
@@ -101,7 +74,7 @@ class Structure:
                 "a piecewise rest curvature needs element_lengths that are not run-time arguments",
                 key=f"parameters[{self.parameters.names.index('element_lengths')}]",
             )
-        if scene is not None and not choices.said("family", "elements", "contacts", "loads", "parameters"):
+        if scene is not None and not choices.given("family", "elements", "contacts", "loads", "parameters"):
             self.check_initial(scene.initial)
 
     def check_initial(self, initial: Initial) -> None:

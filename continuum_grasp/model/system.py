@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, Unpack
 
 import casadi as ca
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.chain import column
+from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.finger_model import FingerModel
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.planar import Scalar, Vec
@@ -42,7 +43,7 @@ class System(Remade):
         What of the object stays a run-time argument, after the finger's in ``p``: ``object_mass`` [kg] of one that
         moves, ``friction_factor`` [1] of all its friction coefficients, ``object_x`` and ``object_y`` [m] of one that
         is fixed.
-    **keywords
+    **options
         As of ``FingerModel``.
 
     Attributes
@@ -105,9 +106,9 @@ class System(Remade):
         *,
         surroundings: Surroundings | None = None,
         object_parameters: Sequence[str] = (),
-        **keywords: Any,
+        **options: Unpack[ModelOptions],
     ) -> None:
-        self.finger_model = FingerModel(given, **keywords)
+        self.finger_model = FingerModel(given, **options)
         if surroundings is None and isinstance(given, Scene):
             surroundings = given
         self.surroundings = surroundings if surroundings is not None and surroundings.object is not None else None
