@@ -11,12 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any
 
-from continuum_grasp.model.link import Bias, Inertia, Link, Section
+from continuum_grasp.model.family import Array, Family, Pieces, Rod
+from continuum_grasp.model.link import Bias, Inertia, Link, LoadedLink, Section
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, weighted_sum
-from continuum_grasp.model.stumpff import stumpff
+from continuum_grasp.model.stumpff import ROUNDING, stumpff
 
-__all__ = ["Arc"]
+__all__ = ["Arc", "ArcFamily"]
 
 WAYPOINTS = 8
 """Parts of an arc between which its waypoints lie."""
@@ -150,3 +152,74 @@ class Arc(Link):
     def _sum(self, first: int, weights: Sequence[float], scale: Scalar = 1.0) -> Scalar:
         """Scale * (w_0 c_first + w_1 c_first+1 + ...)."""
         return weighted_sum(weights, self._c[first : first + len(weights)], scale)
+
+
+class ArcFamily(Family):
+    """Constant curvature on each element; the coordinates are the bending angles [rad]."""
+
+    degree = 0
+    continuous = False
+    order = 2
+    force_unit = "N m"
+
+    @property
+    def size(self) -> int:
+        return self.elements
+
+    @property
+    def default_accuracy(self) -> float:
+        return ROUNDING
+
+    @property
+    def labels(self) -> list[str]:
+        return [f"theta_{k + 1} [rad]" for k in range(self.elements)]
+
+    def local(self, element: int) -> tuple[int, ...]:
+        return (element,)
+
+    def curvature(self, element: int, q: Sequence[Scalar], length: Scalar) -> list[Scalar]:
+        return [q[element] / length]
+
+    def bends(self, element: int, q: Sequence[Scalar], length: Scalar) -> list[Scalar]:
+        return [q[element]]
+
+    def profile(self, q: Sequence[Scalar], lengths: Sequence[Scalar]) -> list[Scalar]:
+        return [theta / h for theta, h in zip(q, lengths, strict=True)]
+
+    def coordinate_size(self, bend: Any, length: float) -> Any:
+        return bend
+
+    def coordinates(self, bends: Array, curvatures: Array) -> Array:
+        return bends
+
+    def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
+        accuracy = self.accuracy or self.default_accuracy
+        return [
+            LoadedLink(
+                Arc(q[k], h, rod.linear_density, rod.rotary_inertia, reach, accuracy),
+                tuple((fraction, mass) for element, fraction, mass in rod.masses if element == k),
+            )
+            for k, (h, reach) in enumerate(zip(rod.lengths, rod.ranges, strict=True))
+        ]
+
+    def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
+        n = self.elements
+        return [[1.0 / lengths[i] if i == j else 0.0 for j in range(n)] for i in range(n)]
+
+    def rest(self, lengths: Sequence[float], pieces: Pieces) -> list[float]:
+        result = []
+        start = 0.0
+        for h in lengths:
+            result.append(sum(_overlap(start, start + h, a, b) * value for a, b, value in pieces) / h)
+            start += h
+        return result
+
+    def rest_uniform(self, lengths: Sequence[Scalar]) -> list[Scalar]:
+        return [1.0 for _ in lengths]
+
+    def bend_gradient(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
+        return [1.0 if k == element else 0.0 for k in range(self.elements)]
+
+
+def _overlap(a: float, b: float, c: float, d: float) -> float:
+    return max(0.0, min(b, d) - max(a, c))

@@ -208,14 +208,26 @@ class Equations:
         angle += _dot(section.angles, self._family.shape(place.link, self.full))
         return self.to_world(self.chain.position(place)), angle
 
+    @property
+    def curvature(self) -> list[Scalar]:
+        """Curvature [1/m] that belongs to each full coordinate, from base to tip."""
+        return self._family.profile(self.full, self.lengths)
+
+    @property
+    def curvatures(self) -> list[list[Scalar]]:
+        """Curvature [1/m] at the places of each element."""
+        return [self._family.curvature(k, self.full, h) for k, h in enumerate(self.lengths)]
+
+    @property
+    def greatest_bends(self) -> list[list[Scalar]]:
+        """The same times the element's length [rad], which its bending range limits."""
+        return [self._family.bends(k, self.full, h) for k, h in enumerate(self.lengths)]
+
     @cached_property
     def range_use(self) -> list[Scalar]:
         """Share of the declared bending range that each element uses."""
         use: list[Scalar] = []
-        for k, reach in enumerate(self._made.ranges):
-            bends = self._family.shape(k, self.full)
-            if self._made.family_name != "arc":
-                bends = [self.lengths[k] * bend for bend in bends]
+        for bends, reach in zip(self.greatest_bends, self._made.ranges, strict=True):
             peak = ca.fabs(ca.SX(bends[0]))
             for bend in bends[1:]:
                 peak = ca.fmax(peak, ca.fabs(ca.SX(bend)))

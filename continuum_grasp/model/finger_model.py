@@ -148,10 +148,17 @@ class FingerModel(Remade):
         names = inputs.split()
         arguments = [getattr(eq, key) for key in names]
         expressions = [_dense(value) for value in outputs.values()]
-        if eq.lag.numel() and "x" not in names:
-            commanded = ca.vertcat(ca.SX(eq.commanded.moment), 0.0)
-            expressions = ca.substitute(expressions, [eq.lag], [commanded])
+        if "x" not in names:
+            expressions = self._at_command(expressions)
         return ca.Function(name, arguments, ca.cse(expressions), names, list(outputs))
+
+    def _at_command(self, expressions: list[ca.SX]) -> list[ca.SX]:
+        """Expressions with the tip moment that u commands in place of the one that lags."""
+        eq = self._equations
+        if not eq.lag.numel():
+            return expressions
+        commanded = ca.vertcat(ca.SX(eq.commanded.moment), 0.0)
+        return list(ca.substitute(expressions, [eq.lag], [commanded]))
 
     @cached_property
     def forward_dynamics(self) -> ca.Function:
@@ -260,7 +267,21 @@ class FingerModel(Remade):
         eq = self._equations
         f = ca.SX.sym("f", count, len(self.lengths))
         r = ca.horzcat(*[at.column() for at in eq.inside(f)])
-        return ca.Function("probes", [eq.q, eq.u, f, eq.p], [r], ["q", "u", "f", "p"], ["r"])
+        return ca.Function("probes", [eq.q, eq.u, f, eq.p], self._at_command([r]), ["q", "u", "f", "p"], ["r"])
+
+    def curvatures(self) -> ca.Function:
+        """Curvature and bends of the elements.
+
+        Returns
+        -------
+        casadi.Function
+            ``(q, u, p) -> kappa, at, bend``: curvature (size) [1/m] that belongs to each coordinate of the family, the
+            tip's included where it is none; curvature (degree + 1, N) [1/m] at the ``places`` of the N elements; the
+            same times the elements' lengths [rad].
+        """
+        eq = self._equations
+        at, bends = (_matrix(list(zip(*rows, strict=True))) for rows in (eq.curvatures, eq.greatest_bends))
+        return self._function("curvatures", "q u p", kappa=eq.curvature, at=at, bend=bends)
 
     @cached_property
     def energy(self) -> ca.Function:

@@ -267,11 +267,8 @@ class System(Remade):
 
     @cached_property
     def curvature(self) -> ca.Function:
-        """Curvature [1/m]: at the nodes of clothoids from base to tip, or of each arc."""
-        eq = self._equations
-        arcs = self.finger_model.family == "arc"
-        values = [q / h for q, h in zip(eq.full, eq.lengths, strict=True)] if arcs else eq.full
-        return self._function("curvature", "x u p", kappa=values)
+        """Curvature [1/m] that belongs to each coordinate of the family: of each arc, or at the nodes of clothoids."""
+        return self._function("curvature", "x u p", kappa=self._equations.curvature)
 
     @cached_property
     def range_use(self) -> ca.Function:

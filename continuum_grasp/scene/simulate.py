@@ -7,14 +7,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, Load, Samples
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.value import Length, Positive, Real, Value, Vector2, doubt
 
 __all__ = ["Fidelity", "Initial", "Scene", "Timing"]
-
-Family = Literal["arc", "clothoid", "matched_clothoid"]
 
 
 def _share(value: Any) -> Any:
@@ -35,7 +34,7 @@ class Fidelity(Value):
     The cheapest model that keeps it in this scene is found by measurement; what else is given stays fixed."""
     frequencies: Annotated[int, Field(ge=0, le=2)] = 1
     """How many natural frequencies, from the first on, must keep the tolerance where the scene moves."""
-    family: Family | None = None
+    family: FamilyName | None = None
     """Curvature family; None: matched_clothoid, or clothoid where the tip balance is not given by the input alone
     (tendon friction, a moment on the tip that varies in time) or, at time zero, does not fit the initial pose."""
     elements: (

@@ -254,7 +254,7 @@ def test_arcs_as_accurate_as_asked_for(accuracy, reach):
 def element(reach: float, nodes: int) -> ca.Function:
     """Mass matrix, bias, gravity and end point of one clothoid of length and density 1 along X."""
     q, qd, g = ca.SX.sym("q", 2), ca.SX.sym("qd", 2), ca.SX.sym("g", 2)
-    link = LoadedLink(Clothoid(q[0], q[1], 1.0, 1.0, 0.0, reach, nodes), ())
+    link = LoadedLink(Clothoid([q[0], q[1]], 1.0, 1.0, 0.0, reach, nodes), ())
     chain = Chain([link], [(0, 1)], 2)
     mass = ca.vertcat(*[ca.horzcat(*row) for row in chain.mass_matrix])
     bias = -column(chain.motion_forces([qd[0], qd[1]], ZERO))
