@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.structure import tip_is_thrown
+from continuum_grasp.model.structure import tip_moment_jumps
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.signals import Signals
@@ -63,11 +64,11 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
 
 def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:
     """What the user must know of a start that a matched tip cannot have."""
-    if model.family != "matched_clothoid" or not tip_is_thrown(scene):
+    if not model.structure.matched or not tip_moment_jumps(scene):
         return ()
     return (
-        "the motion starts with the tip curvature that the moments on the tip impose on matched clothoids, not with "
-        "that of the initial pose: use fidelity.family: clothoid, or moments that grow from zero",
+        f"the motion starts with the tip curvature that the moments on the tip impose on {model.family}, not with that "
+        f"of the initial pose: use fidelity.family: {default_family(free_tip=True)}, or moments that grow from zero",
     )
 
 

@@ -22,8 +22,9 @@ _MAX_ITERATIONS = 500
 _IMPERFECTION = 1e-3
 _NEAR_BUCKLING, _NEAR_BUCKLING_ARCS = 0.02, 0.25
 """Least stiffness per that of the unloaded finger [1] below which the shape is sensitive to the model's own error; the
-second for arcs, divided by the square of their number. Column under P: below 0.02, 2 matched clothoids have errors of
-4e-3 to 4e-2 of the length; arcs shift the buckling load by 0.21 of it over the square of their number."""
+second for families of order 2, arcs, divided by the square of their number. Column under P: below 0.02, 2 matched
+clothoids have errors of 4e-3 to 4e-2 of the length; arcs shift the buckling load by 0.21 of it over the square of their
+number."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,8 @@ class Search:
         """What to know of a shape whose least stiffness the loads have nearly used up."""
         root = np.linalg.inv(np.linalg.cholesky(self._core.mass_matrix(q, self._u, self._p)))
         unloaded = float(np.linalg.eigvalsh(root @ self._elasticity()[1] @ root.T)[0])
-        arcs = _NEAR_BUCKLING_ARCS / len(self._model.lengths) ** 2 if self._model.family == "arc" else 0.0
+        coarse = self._model.structure.family.order <= 2
+        arcs = _NEAR_BUCKLING_ARCS / len(self._model.lengths) ** 2 if coarse else 0.0
         if not abs(margin) < max(_NEAR_BUCKLING, arcs) * unloaded:
             return ()
         return (
@@ -142,8 +144,7 @@ class Search:
 
     def _reach(self) -> float:
         """Typical size of a bending coordinate."""
-        reach = min(self._model.ranges)
-        return reach if self._model.family == "arc" else reach / max(self._model.lengths)
+        return self._model.structure.family.coordinate_size(min(self._model.ranges), max(self._model.lengths))
 
     def _descend(self, start: Array, iterations: int) -> tuple[Array, int]:
         q = start.copy()

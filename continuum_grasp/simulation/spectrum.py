@@ -66,11 +66,8 @@ def stable_steps(model: FingerModel, x0: Array, u: Array, w: Array) -> int:
 
 def sample_shapes(model: FingerModel, start: Array) -> Array:
     """Shapes to estimate the spectral radius at: the start, straight, and some over the bending range."""
-    reach = np.array(model.ranges)
-    if model.family != "arc":
-        per_length = reach / np.array(model.lengths)
-        reach = np.minimum(np.append(per_length, per_length[-1]), np.append(per_length[0], per_length))
-    spread = np.random.default_rng(0).uniform(-0.5, 0.5, (_POSES, model.n)) * reach[: model.n]
+    reach = np.array(model.structure.coordinate_limits())
+    spread = np.random.default_rng(0).uniform(-0.5, 0.5, (_POSES, model.n)) * reach
     return np.vstack([start, np.zeros(model.n), spread])
 
 
