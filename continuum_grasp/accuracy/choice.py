@@ -10,12 +10,12 @@ from functools import cached_property
 from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.layout import element_lengths
+from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.finger import PiecewiseCurvature
-from continuum_grasp.scene.simulate import Family, Fidelity, Scene
+from continuum_grasp.scene.simulate import Fidelity, Scene
 
-__all__ = ["ACCURACIES", "COUNTS", "Choice", "choices"]
+__all__ = ["ACCURACIES", "COUNTS", "Choice", "choices", "open_families"]
 
-FAMILIES: tuple[Family, ...] = ("matched_clothoid", "clothoid", "arc")
 COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
 """Numbers of elements that are tried."""
 ACCURACIES = (1e-2, 2e-3, 1e-4, 1e-6, 1e-9, 1e-13)
@@ -35,7 +35,7 @@ class Choice:
     Attributes
     ----------
     scene : Scene
-    family : {"arc", "clothoid", "matched_clothoid"}
+    family : str
     lengths : tuple of float
         Element lengths [m].
     aligned : bool
@@ -47,7 +47,7 @@ class Choice:
     """
 
     scene: Scene
-    family: Family
+    family: str
     lengths: tuple[float, ...]
     aligned: bool
     accuracy: float | None
@@ -85,8 +85,14 @@ class Choice:
         return f"{self.elements} {self.family}{even}{terms}, range {self.bending_range:g} rad"
 
 
+def open_families(scene: Scene) -> tuple[str, ...]:
+    """Families that a scene can have, fine first."""
+    matched = FingerModel(scene.model_copy(update={"fidelity": Fidelity()})).structure.matched
+    return tuple(name for name in reversed(FAMILIES) if matched or not FAMILIES[name].matches_tip)
+
+
 def choices(
-    scene: Scene, truth: Truth, family: Family, accuracy: float | None, *, counts: Sequence[int] = COUNTS
+    scene: Scene, truth: Truth, family: str, accuracy: float | None, *, counts: Sequence[int] = COUNTS
 ) -> Iterator[Choice]:
     """All numbers and placements of elements of one family, few elements first.
 
@@ -95,7 +101,7 @@ def choices(
     scene : Scene
     truth : Truth
         Of that scene: how far elements bend.
-    family : {"arc", "clothoid", "matched_clothoid"}
+    family : str
     accuracy : float or None
         Relative accuracy of the evaluation; None: the family's own.
     counts : sequence of int

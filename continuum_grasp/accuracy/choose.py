@@ -10,13 +10,12 @@ from time import perf_counter
 import numpy as np
 
 from continuum_grasp import interrupt
-from continuum_grasp.accuracy.choice import ACCURACIES, COUNTS, FAMILIES, Choice, choices
+from continuum_grasp.accuracy.choice import ACCURACIES, COUNTS, Choice, choices, open_families
 from continuum_grasp.accuracy.measure import Measured, measure
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.simulate import Family, Fidelity, Scene
+from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["Chosen", "allowed_accuracies", "allowed_families", "choose_fidelity"]
 
@@ -117,12 +116,11 @@ def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None 
     return Chosen(search.best, asked, tuple(search.tried), truth, perf_counter() - began)
 
 
-def allowed_families(scene: Scene) -> tuple[Family, ...]:
+def allowed_families(scene: Scene) -> tuple[str, ...]:
     """Families that a scene can have."""
     if scene.fidelity.family is not None:
         return (scene.fidelity.family,)
-    bare = scene.model_copy(update={"fidelity": Fidelity()})
-    return FAMILIES if FingerModel(bare).family == "matched_clothoid" else FAMILIES[1:]
+    return open_families(scene)
 
 
 def allowed_accuracies(scene: Scene, tolerance: float) -> tuple[float, ...]:
@@ -146,7 +144,7 @@ class _Search:
         self.best: Measured | None = None
         self.tried: list[Measured] = []
 
-    def through(self, family: Family, *, only_most: bool = False) -> None:
+    def through(self, family: str, *, only_most: bool = False) -> None:
         """Try the choices of a family, from few to many elements, until they cost more than the best.
 
         Those that cannot do by the order of convergence are skipped, unless only the most elements are asked for.
@@ -175,7 +173,7 @@ class _Search:
         """Number of elements that cannot do, with a margin, by the order with which the family converges."""
         if not math.isfinite(probe.shape):
             return 0.0
-        order = 2 if probe.choice.family == "arc" else 4
+        order = probe.choice.model.structure.family.order
         return float(0.6 * probe.choice.elements * (probe.shape / self._tolerance) ** (1.0 / order))
 
     def _cheapest_terms(self, coarse: Choice, accuracies: tuple[float, ...], radius: float) -> None:

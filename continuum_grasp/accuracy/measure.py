@@ -123,12 +123,11 @@ def _at_rest(true: TruePose, model: FingerModel) -> Equilibrium:
     """The model's equilibrium, sought from the exact shape."""
     edges = np.concatenate([[0.0], np.cumsum(model.lengths)])
     edges[-1] = model.finger.rod.length
-    if model.family == "arc":
-        guess = np.diff(true.rod.angle(edges))
-    else:
-        short = 1e-9 * edges[-1]
-        sides = [true.rod.curvature(np.clip(edges + side, short, edges[-1] - short)) for side in (-short, short)]
-        guess = 0.5 * (sides[0] + sides[1])[: model.n]
+    family, short = model.structure.family, 1e-9 * edges[-1]
+    first, last = edges[:-1, None], edges[1:, None]
+    inside = np.clip(first + (last - first) * family.places, first + short, last - short)
+    curvatures = true.rod.curvature(inside.ravel()).reshape(inside.shape)
+    guess = family.coordinates(np.diff(true.rod.angle(edges)), curvatures)[: model.n]
     signals = Signals(true.pose.scene, model, true.pose.scene.loads)
     return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], guess=guess)
 

@@ -15,6 +15,7 @@ from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
@@ -101,7 +102,7 @@ def reference_motion(scene: Scene, truth: Truth) -> Motion:
         If the motion stops.
     """
     timing = timing_of_comparison(scene).model_copy(update={"method": "rk4"})
-    fine = {c.elements: c for c in choices(scene, truth, "clothoid", 1e-9)}
+    fine = {c.elements: c for c in choices(scene, truth, default_family(free_tip=True), 1e-9)}
     tips = []
     for count in _FINE:
         fidelity = fine[count].fidelity

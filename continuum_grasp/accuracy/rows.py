@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.paper import VARIANTS, PaperModel
-from continuum_grasp.accuracy.choice import ACCURACIES, FAMILIES, Choice, choices
+from continuum_grasp.accuracy.choice import ACCURACIES, Choice, choices, open_families
 from continuum_grasp.accuracy.measure import errors_of, measure
 from continuum_grasp.accuracy.motion import INSTANTS, Motion, Runs, pace, rms
 from continuum_grasp.accuracy.timing import evaluation_error, evaluation_ns
@@ -17,7 +17,8 @@ from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.core import Core
 from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.simulate import Fidelity, Scene
+from continuum_grasp.scene.families import PAPER_FAMILY
+from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["NOTES", "Measuring", "columns_of"]
 
@@ -72,15 +73,14 @@ class Measuring:
 
     def __init__(self, scene: Scene, truth: Truth, reference: Motion | None) -> None:
         self.scene, self.truth, self.reference = scene, truth, reference
-        bare = FingerModel(scene.model_copy(update={"fidelity": Fidelity()}))
-        self.families = FAMILIES if bare.family == "matched_clothoid" else FAMILIES[1:]
+        self.families = open_families(scene)
 
     def jobs(self, counts: Sequence[int]) -> Iterator[tuple[str, Job]]:
         """Title of the table and what gives its next row."""
         for family in reversed(self.families):
             for choice in choices(self.scene, self.truth, family, None, counts=counts):
                 yield "choices", lambda choice=choice: self._choice(choice)  # type: ignore[misc]
-        for family in ("arc", self.families[0]):
+        for family in (PAPER_FAMILY, self.families[0]):
             two = [c for c in choices(self.scene, self.truth, family, None) if c.elements >= 2]
             if not two:
                 continue
@@ -142,7 +142,7 @@ class Measuring:
         return (f"{choice.elements} {choice.family}", method, round(substeps / runs.step), factor, error)
 
     def _paper(self, variant: str) -> tuple[Any, ...] | None:
-        two = [c for c in choices(self.scene, self.truth, "arc", None) if c.elements == 2]
+        two = [c for c in choices(self.scene, self.truth, PAPER_FAMILY, None) if c.elements == 2]
         if not two:
             return None
         scene = self.scene.model_copy(update={"fidelity": two[0].fidelity})
