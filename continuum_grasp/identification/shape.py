@@ -44,8 +44,7 @@ class Shapes:
 
     def __init__(self, rows: Rows, count: int) -> None:
         self._model = rows.model
-        reach = min(self._model.ranges)
-        self._reach = reach if self._model.family == "arc" else reach / max(self._model.lengths)
+        self._reach = self._model.structure.family.coordinate_size(min(self._model.ranges), max(self._model.lengths))
         start = equilibrium(rows.scene, model=self._model)
         self._last: list[tuple[Array, Array]] = [(start.q, rows.nominal)] * count
 
