@@ -14,6 +14,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model import System
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
@@ -81,7 +82,8 @@ class PlantModel(Remade):
         self._lag = moment_lag if tendons is None else tendons.time_constant
         self._order = scene.plant.drive_order
         family = scene.plant.fidelity.family
-        if family == "matched_clothoid" and (self._lag is None or self._order == 1):
+        matches_tip = family is not None and FAMILIES[family].matches_tip
+        if matches_tip and (self._lag is None or self._order == 1):
             raise InputError(
                 "a matched tip is thrown by inputs that jump: give the drive a lag of second order, or take clothoid",
                 key="plant.fidelity.family",
@@ -89,7 +91,7 @@ class PlantModel(Remade):
         if self._order == 1 and self._lag is None:
             raise InputError("a drive of first order needs plant.time_constant", key="plant.drive_order")
         own_lag = tendons is None and self._lag is not None
-        rates = family == "matched_clothoid" and own_lag
+        rates = matches_tip and own_lag
         self.system = System(
             self.scene if self._order == 2 else _without_lag(self.scene),
             family=family,

@@ -197,8 +197,7 @@ def measurement_std(scene: ControlScene, name: str) -> float:
 def _state_range(scene: ControlScene, model: Prediction, stages: Stages) -> Array:
     """Coordinates well beyond the bending range, and rates at which the fastest mode swings that far."""
     finger, n = model.system.finger_model, model.system.finger_model.n
-    arcs = finger.family == "arc"
-    bend = max(finger.ranges) if arcs else max(r / h for r, h in zip(finger.ranges, finger.lengths, strict=True))
+    bend = max(map(finger.structure.family.coordinate_size, finger.ranges, finger.lengths))
     most = np.full(model.nx, _ABSURD)
     moment = _greatest_moment(scene)
     most[:n] = _MARGIN * bend

@@ -12,6 +12,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model import System
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.loads import MomentLoad
 from continuum_grasp.simulation.spectrum import sample_shapes
 
@@ -59,7 +60,8 @@ class Prediction(Remade):
         moved = estimated is not None and estimated.object_position is not None
         self._own_lag = scene.controller.input.time_constant if finger.tendons is None else None
         family = fidelity.family or self._default_family()
-        if family == "matched_clothoid" and scene.lag is None:
+        matches_tip = FAMILIES[family].matches_tip
+        if matches_tip and scene.lag is None:
             raise InputError(
                 "a matched tip moves with the tip moment and cannot follow one that jumps: give the drive a lag "
                 "(controller.input.time_constant or finger.tendons.time_constant), or take clothoid or arc",
@@ -78,7 +80,7 @@ class Prediction(Remade):
             parameters=scene.parameters,
             loads=[MomentLoad(at=finger.rod.length, moment=0.0)] if self._couple else [],
             tip_force=tip_force,
-            input_rates=(family == "matched_clothoid" and self._own_lag is not None) or None,
+            input_rates=(matches_tip and self._own_lag is not None) or None,
         )
         system = self.system
         own = ["tip_moment [N m]", "tip_moment_rate [N m/s]"] if self._own_lag is not None else []
@@ -93,7 +95,7 @@ class Prediction(Remade):
     def _default_family(self) -> str:
         tendons = self.scene.finger.tendons
         rubs = tendons is not None and tendons.friction > 0.0
-        return "clothoid" if rubs or self.scene.lag is None else "matched_clothoid"
+        return default_family(free_tip=rubs or self.scene.lag is None)
 
     # -- what the system takes ----------------------------------------------------------------------------------------
 

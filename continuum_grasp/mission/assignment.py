@@ -13,6 +13,7 @@ from continuum_grasp.grasp.result import FingerPosture, GraspResult
 from continuum_grasp.model import System
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Controller, Cost, ForceWeight, Weight
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import BasePose, Finger
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
@@ -176,7 +177,9 @@ def _control_scene(
         contacts=(middle,),
         object=thing,
         contact_law=mission.contact_law.model_copy(update={"friction": 0.0}),
-        fidelity=Fidelity(family="matched_clothoid", elements=lengths, bending_range=_reach(finger, lengths)),
+        fidelity=Fidelity(
+            family=default_family(free_tip=False), elements=lengths, bending_range=_reach(finger, lengths)
+        ),
         parameters=("bending_stiffness",) if mission.estimator.disturbances.bending_stiffness is not None else (),
         controller=Controller(
             period=asked.period,
@@ -205,12 +208,14 @@ def _about_to_touch(control: ControlScene, side: float) -> float:
     finger, thing = control.finger, control.object
     if thing is None or finger.tendons is None:
         return 0.0
-    system = System(finger, gravity=(0.0, 0.0), family="clothoid", elements=1, tip_force=False)
+    system = System(finger, gravity=(0.0, 0.0), family=default_family(free_tip=True), elements=1, tip_force=False)
+    family = system.finger_model.structure.family
     where = system.sections(tuple(np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]))
     most = (finger.tendons.max_tension - finger.tendons.min_tension) * finger.tendons.offset
     reached = 0.0
     for moment in np.linspace(0.0, most, _STEPS + 1):
-        shape = [side * moment / finger.rod.stiffness] * system.n
+        kappa = side * moment / finger.rod.stiffness
+        shape = family.coordinates(np.array([kappa * finger.rod.length]), np.full((1, family.degree + 1), kappa))
         points = np.array(where(system.state(q=shape), [0.0, 0.0], [])[0]).T
         gap = min(thing.distance((float(x), float(y))) for x, y in points) - finger.thickness_radius
         if gap < _CLEARANCE:
