@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any, Protocol
 
 from continuum_grasp.plotting.drawing.axes import BLUE, GREEN, GREY, INK, ORANGE, new_figure, quiet
+from continuum_grasp.scene.families import FAMILIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["DrawableReport", "plot_accuracy"]
 
-_COLORS = {"arc": BLUE, "clothoid": GREEN, "matched_clothoid": ORANGE}
-_MARKERS = {"arc": "o", "clothoid": "s", "matched_clothoid": "D"}
+_LOOKS = ((BLUE, "o"), (GREEN, "s"), (ORANGE, "D"), (INK, "^"))
+"""Color and marker of the families, in the order of their table."""
 _PANELS = (
     ("evaluation [ns]", "tip / L", "static tip error / L"),
     ("evaluation [ns]", "frequency 1", "error of the first frequency"),
@@ -63,13 +65,13 @@ def plot_accuracy(report: DrawableReport, *, axes: Sequence[Axes] | None = None)
         i, j = columns.index(cost), columns.index(error)
         front = report.front(cost, error)
         ax.plot([row[i] for row in front], [row[j] for row in front], color=GREY, linewidth=5.0, alpha=0.35, zorder=1)
-        for family, color in _COLORS.items():
+        for family, (color, marker) in zip(FAMILIES, cycle(_LOOKS), strict=False):
             own = [row for row in rows if row[0].split(",")[0] == family and _drawn(row[i]) and _drawn(row[j])]
             ax.plot(
                 [row[i] for row in own],
                 [row[j] for row in own],
                 color=color,
-                marker=_MARKERS[family],
+                marker=marker,
                 markersize=4.5,
                 linewidth=0.0,
                 label=family.replace("_", " "),
