@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.found import start_from
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger
 from continuum_grasp.scene.simulate import Fidelity
@@ -81,7 +82,7 @@ def with_elements(scene: GraspScene, per_stretch: int, family: str | None = None
     ----------
     scene : GraspScene
     per_stretch : int
-    family : {"arc", "clothoid", "matched_clothoid"}, optional
+    family : str, optional
         None: each finger keeps its own.
     """
 
@@ -223,6 +224,6 @@ def _words(scene: GraspScene) -> str:
 
 
 def _smooth(scene: GraspScene) -> str:
-    """A family of clothoids that all fingers can have."""
-    rubs = any(f.tendons is not None and f.tendons.friction > 0.0 for f in scene.named_fingers.values())
-    return "clothoid" if rubs else "matched_clothoid"
+    """The finest family that all fingers can have."""
+    has_friction = any(f.tendons is not None and f.tendons.friction > 0.0 for f in scene.named_fingers.values())
+    return default_family(free_tip=has_friction)

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.certificate import Certificate
+from continuum_grasp.model.family import family_class
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import GraspScene
 
 if TYPE_CHECKING:
@@ -223,8 +225,9 @@ class GraspResult:
             return ()
         found, error = [], self.certificate.model_error
         if not error.small:
-            arcs = any(finger.family == "arc" for finger in self.fingers.values())
-            other = " or take fidelity.family: matched_clothoid" if arcs else ""
+            fine = default_family(free_tip=False)
+            coarse = any(family_class(f.family).order < family_class(fine).order for f in self.fingers.values())
+            other = f" or take fidelity.family: {fine}" if coarse else ""
             found.append(f"{error}: raise fidelity.elements{other}")
         if not self.certificate.stability.stable:
             found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
