@@ -17,8 +17,9 @@ from continuum_grasp.export.header import calls_of, codes_of_package, kept_of, s
 from continuum_grasp.export.layer import kernels_of
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
+from continuum_grasp.model import FingerModel
 
-__all__ = ["FLAGS", "manifest", "manifest_text"]
+__all__ = ["FLAGS", "manifest", "manifest_text", "model_description"]
 
 FLAGS = {
     "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],
@@ -50,12 +51,7 @@ def manifest(
         "real": subject.real.name,
         "target": target,
         "parts": [part.name for part in parts],
-        "model": {
-            "family": model.family,
-            "element_lengths_m": [float(h) for h in model.lengths],
-            "bending_ranges_rad": [float(r) for r in model.ranges],
-            "contacts_m": [float(c) for c in model.contacts],
-        },
+        "model": model_description(model),
         "flags": FLAGS,
         "dimensions": {"n": subject.n, "nx": subject.nx, "nu": model.nu, "nw": model.nw, "np": model.np},
         "structs": {s.name: [_entry(field) for field in s.fields] for s in structs_of(subject, parts)},
@@ -92,6 +88,16 @@ def manifest(
         "measured": measured,
         "configuration": configuration,
         "sha256": {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(files.items())},
+    }
+
+
+def model_description(model: FingerModel) -> dict[str, Any]:
+    """Family and elements."""
+    return {
+        "family": model.family,
+        "element_lengths_m": [float(h) for h in model.lengths],
+        "bending_ranges_rad": [float(r) for r in model.ranges],
+        "contacts_m": [float(c) for c in model.contacts],
     }
 
 
