@@ -13,7 +13,7 @@ import casadi as ca
 from continuum_grasp import __version__
 from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.fields import Field
-from continuum_grasp.export.header import calls_of, codes_of_package, kept_of, structs_of
+from continuum_grasp.export.header import calls_of, codes_of_package, stateful_of, structs_of
 from continuum_grasp.export.layer import kernels_of
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
@@ -75,7 +75,7 @@ def manifest(
                 **_errors(errors.get(function.name, ()), "greatest_seen"),
                 "memory_bytes": {name: int(words[f"{name}_bytes"]) for name in function.types},
             }
-            for function in kept_of(parts)
+            for function in stateful_of(parts)
         },
         "codes": {code.name: {"value": int(code), "text": code.text} for code in codes_of_package(parts)},
         "operations": {kernel.name: dict(sorted(kernel.operations.items())) for kernel in kernels_of(parts)},
