@@ -13,7 +13,7 @@ from continuum_grasp.cli.output import Output
 
 __all__ = ["doctor"]
 
-_PACKAGES = ("casadi", "numpy", "matplotlib", "pydantic", "pyyaml", "typer", "rich")
+_PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "pydantic", "pyyaml", "typer", "rich")
 
 
 def doctor(as_json: Json = False) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import column
-from continuum_grasp.identification.levenberg import least_squares
+from continuum_grasp.identification.least_squares import least_squares
 
 __all__ = ["DampedSine", "fit_damped_sine"]
 

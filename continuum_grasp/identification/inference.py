@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.identification.student import t_quantile
 from continuum_grasp.identification.unknowns import Unknown
 
 __all__ = ["Inference", "infer"]
@@ -70,6 +69,8 @@ def infer(
     inflation : float
         Further factor of the covariance, for a robust loss.
     """
+    from scipy.special import stdtrit
+
     count, rows = len(unknowns), len(residuals)
     sizes = np.array([one.typical for one in unknowns])
     freedom = rows - count
@@ -90,7 +91,7 @@ def infer(
     correlation[np.outer(lost, lost) | np.outer(lost, ~lost) | np.outer(~lost, lost)] = np.nan
     np.fill_diagonal(correlation, 1.0)
     deviations = spread * sizes
-    reach = t_quantile(0.975, freedom) * deviations if freedom > 0 else np.full(count, np.inf)
+    reach = stdtrit(freedom, 0.975) * deviations if freedom > 0 else np.full(count, np.inf)
     intervals = np.stack([values - reach, values + reach], axis=1)
     warnings = [*_blindness(unknowns, directions[blind], jacobian * sizes)]
     warnings += _weakness(unknowns, values, deviations, correlation, lost)

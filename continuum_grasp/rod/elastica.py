@@ -13,11 +13,11 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.rod.dimensionless import RodProblem, read_problem
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.rod.equilibrium_path import descend, follow, newton, weakest
-from continuum_grasp.rod.mesh import Mesh
+from continuum_grasp.rod.mesh import Mesh, panel_edges
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["Elastica", "solve_elastica"]
+__all__ = ["Elastica", "deformed", "solve_elastica"]
 
 Array = NDArray[np.float64]
 Guess = Callable[[Array], ArrayLike] | ArrayLike
@@ -167,18 +167,42 @@ def solve_elastica(
     return _refine(equations, curvature, iterations, tolerance, side if descends else 0)
 
 
+def deformed(problem: RodProblem, curvature: Callable[[Array], Array], *, tolerance: float = 1e-6) -> Elastica:
+    """The equilibrium, stable or not, into which a shape deforms when the couples that hold it are taken away.
+
+    Parameters
+    ----------
+    problem : RodProblem
+        The rod and its loads.
+    curvature : callable
+        Curvature [1/m] of the shape at lengths (n,) [m].
+    tolerance : float
+        Greatest estimated error of position, per length.
+
+    Returns
+    -------
+    Elastica
+
+    Raises
+    ------
+    SolverError
+        If the way there ends at a fold or is lost, or the equilibrium is not as accurate as asked.
+    """
+    equations = RodEquations(problem, _first_mesh(problem))
+    start = problem.length * curvature(problem.length * equations.mesh.nodes)
+    found, steps = follow(equations, start, loads=False, folds=False)
+    return _refine(equations, found, steps, tolerance, 0)
+
+
 def _first_mesh(problem: RodProblem) -> Mesh:
     """Panels between breaks, no longer than what forces and moments bend by an angle of about one."""
     forces = [problem.weight, *(value for _, value in (*problem.dead, *problem.following))]
     moments = [problem.drive, *(value for _, value in problem.couples)]
     curvature = sum(abs(m) for m in moments) + max(abs(k) for *_, k in problem.rest)
     longest = min(0.5, 1.5 / math.sqrt(max(sum(abs(f) for f in forces), 1e-9)), 2.5 / max(curvature, 1e-9))
-    edges = [0.0]
-    for start, end in zip(problem.breaks, problem.breaks[1:], strict=False):
-        count = math.ceil((end - start) / longest - 1e-9)
-        if (len(edges) + count) * _COARSE > _MAX_NODES:
-            raise _too_many("the loads bend the rod on too small a scale; check their units")
-        edges += [start + (end - start) * k / count for k in range(1, count)] + [end]
+    edges = panel_edges(problem.breaks, max(longest, _COARSE / _MAX_NODES))
+    if len(edges) * _COARSE > _MAX_NODES:
+        raise _too_many("the loads bend the rod on too small a scale; check their units")
     return Mesh(edges, _COARSE)
 
 

@@ -83,7 +83,7 @@ def newton(equations: RodEquations, start: Array, *, limit: int = 40) -> tuple[A
     )
 
 
-def follow(equations: RodEquations, start: Array, *, loads: bool) -> tuple[Array, int]:
+def follow(equations: RodEquations, start: Array, *, loads: bool, folds: bool = True) -> tuple[Array, int]:
     """The path of equilibria by pseudo-arclength (H. B. Keller, 1977), round folds, from a share 0 to 1.
 
     Parameters
@@ -95,6 +95,8 @@ def follow(equations: RodEquations, start: Array, *, loads: bool) -> tuple[Array
     loads : bool
         True: a share of the loads acts, and the start is the unloaded shape; False: all act, and what balances the
         start is taken away.
+    folds : bool
+        Whether the path goes on round folds, or is lost there.
 
     Returns
     -------
@@ -128,6 +130,8 @@ def follow(equations: RodEquations, start: Array, *, loads: bool) -> tuple[Array
             size *= min(max((1.0 - share) / (reached - share), 0.1), 0.9)
             continue
         x, share, direction, rate = trial, reached, ahead, ahead_rate
+        if rate <= 0.0 and not folds:
+            raise _lost(share, "path turned back", "no equilibrium is connected to the start")
         if share < (-1e-6 if loads else -_FARTHEST_BACK):
             raise _lost(share, "path turned back", "no equilibrium is connected to the start")
         if corrections <= 3:

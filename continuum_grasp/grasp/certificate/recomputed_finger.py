@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.dense_rod import DenseRod
+from continuum_grasp.rod.dense_rod import DenseRod, curvature_ends
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.grasp_options import GraspGravity, PlanarGravity
 
@@ -77,13 +77,7 @@ class RecomputedFinger:
 
     def curvature_ends(self, q: Array) -> Array:
         """Curvature at start and end of each element (..., N, 2) [1/m] from coordinates (..., n)."""
-        if self.family == "arc":
-            return np.repeat((q / self.lengths)[..., None], 2, axis=-1)
-        nodes = q
-        if self.family == "matched_clothoid":
-            tip = np.full((*q.shape[:-1], 1), self.stored_tip_curvature, dtype=q.dtype)
-            nodes = np.concatenate([q, tip], axis=-1)
-        return np.stack([nodes[..., :-1], nodes[..., 1:]], axis=-1)
+        return curvature_ends(self.family, q, self.lengths, self.stored_tip_curvature)
 
     @property
     def tip_moment(self) -> float:

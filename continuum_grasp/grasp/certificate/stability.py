@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.dense_rod import DenseRod
 from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, RecomputedGrasp, across
 from continuum_grasp.grasp.certificate.recomputed_finger import RecomputedFinger
+from continuum_grasp.rod.dense_rod import DenseRod
 
 __all__ = ["Stability", "contact_stability"]
 
