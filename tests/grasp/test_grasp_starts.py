@@ -11,9 +11,11 @@ from scipy.optimize import lsq_linear
 
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
 from continuum_grasp.grasp.starts.scan.task import ALLOWED
-from continuum_grasp.grasp.starts.shapes import Frame, make_shape
 from continuum_grasp.grasp.starts.starts import make_starts, reach_report, support_contacts, touching_supports
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.surface import Frame
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.parts import OffsetPolygon
 
 pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
 LENGTH = 0.2
@@ -85,7 +87,7 @@ def world_curve(finger):
 
 def outline(part, count=1200):
     """Fine points on the outline of a part."""
-    if part.is_superellipse or part.radius > 0.0:
+    if not isinstance(part, OffsetPolygon) or part.radius > 0.0:
         z = np.array([complex(*p) for p in part.outline(count)])
     else:
         z = np.array([complex(*p) for p in part.vertices])
@@ -328,7 +330,7 @@ def test_distances_from_parts():
     for thing in SHAPES.values():
         for part in scene_of(thing, {"f": finger_at(9.0, 9.0, 0.0)}).object.parts:
             for frame in (Frame(), Frame(np.exp(0.3j), 0.1 + 0.2j, 5.0, True)):
-                shape = make_shape(part, frame, 0.01 * frame.scale)
+                shape = surface_of(part).outline(part, frame, 0.01 * frame.scale)
                 old = rng.uniform(-0.08, 0.08, (300, 2)) @ [1.0, 1.0j]
                 gap, walk = shape.nearest(frame.point(old))
                 angles = np.linspace(0.0, math.tau, 20000, endpoint=False)
