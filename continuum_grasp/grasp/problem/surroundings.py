@@ -13,7 +13,7 @@ from continuum_grasp.grasp.problem.limits import guarded
 from continuum_grasp.grasp.problem.problem import FingerState, GraspProblem
 from continuum_grasp.grasp.problem.values import Units
 from continuum_grasp.grasp.starts.scan.curves import sample
-from continuum_grasp.model.surfaces import outline_of, surface_of
+from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import CORNERS
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.parts import OffsetPolygon, Part
@@ -239,7 +239,6 @@ def _local(points: Array, pose: Array) -> Array:
 
 def _nearest(part: Part, points: Array, units: Units) -> Nearest:
     """What of a part is nearest to points of its frame (K, 2), in units of the problem."""
-    at, outline = points * units.length, outline_of(part)
-    gap, walk = outline.nearest(at @ [1.0, 1.0j])
-    direction = np.remainder(outline.walk(walk).angle + np.pi, 2.0 * np.pi) - np.pi
-    return direction, gap / units.length, surface_of(part).near_corners(part, at) / units.length
+    at, surface = points * units.length, surface_of(part)
+    direction, gap = surface.nearest_places(part, at)
+    return direction, gap / units.length, surface.near_corners(part, at) / units.length

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -44,6 +45,9 @@ then exact to 1e-7 of the shorter half axis for points nearer than 0.4 of it."""
 _LONGEST = 0.5
 """Longest step of the search on superellipses, as an angle of its parameter [rad]: Newton's method overshoots where the
 curvature changes by its own size, which it does within half a radian."""
+_COUNT = 129
+_SPACING = 0.5 * math.pi / (_COUNT - 1)
+"""Places of a quadrant that are scanned before Newton's method, and their distance [rad]."""
 _SETTLED = 1e-7
 """Change of the polar angle, whose square is left, up to which a nearest place counts as found [rad]."""
 
@@ -120,6 +124,19 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
         x, y = point[0] - part.center[0], point[1] - part.center[1]
         return (c * x + s * y) / part.semi_axes[0], (c * y - s * x) / part.semi_axes[1]
 
+    def nearest_places(self, part: SuperellipsePart, points: Array) -> tuple[Array, Array]:
+        (a, b), power = part.semi_axes, part.exponent
+        c, s = np.cos(part.angle), np.sin(part.angle)
+        turn = np.array([[c, -s], [s, c]])
+        local = (points - part.center) @ turn
+        t = _nearest_parameter(np.abs(local), a, b, power)
+        sign = np.where(local < 0.0, -1.0, 1.0)
+        foot, normal, _ = _at(t, a, b, power)
+        foot, normal = foot * sign, normal * sign
+        distance = ((local - foot) * normal).sum(axis=1)
+        world = normal @ turn.T
+        return np.arctan2(world[:, 1], world[:, 0]), distance
+
     # -- search of a grasp
 
     def outline(self, part: SuperellipsePart, frame: Frame, grown: float) -> Outline:
@@ -177,6 +194,45 @@ def _on_superellipse(a: float, b: float, power: float, way: Vec) -> tuple[Vec, V
 
 def _turn(angle: float) -> Rotation:
     return Rotation(math.cos(angle), math.sin(angle)) if angle != 0.0 else Rotation(1.0, 0.0)
+
+
+def _at(t: Array, a: float, b: float, power: float) -> tuple[Array, Array, Array]:
+    """Point, normal and radius of curvature in the first quadrant at a parameter from 0 to pi/2."""
+    c, s = np.cos(t), np.sin(t)
+    norm = (c**power + s**power) ** (-1.0 / power)
+    xi, eta = c * norm, s * norm
+    fx, fy = xi ** (power - 1.0) / a, eta ** (power - 1.0) / b
+    size = np.hypot(fx, fy)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fxx = (power - 1.0) * xi ** (power - 2.0) / a**2
+        fyy = (power - 1.0) * eta ** (power - 2.0) / b**2
+        radius = size**3 / (fxx * fy**2 + fyy * fx**2)
+    radius = np.where(np.isfinite(radius), radius, np.inf)
+    return np.stack([a * xi, b * eta], axis=1), np.stack([fx, fy], axis=1) / size[:, None], radius
+
+
+def _nearest_parameter(points: Array, a: float, b: float, power: float) -> Array:
+    """Parameter of the surface point nearest to each point of the first quadrant: a scan, then Newton's method along
+    the circle of curvature.
+    """
+    grid, foot = _scan(a, b, power)
+    t = grid[((points[:, None, :] - foot) ** 2).sum(axis=2).argmin(axis=1)]
+    for _ in range(8):
+        at, normal, radius = _at(t, a, b, power)
+        step = 1e-6 * np.where(t > 0.7, -1.0, 1.0)
+        speed = np.linalg.norm(_at(t + step, a, b, power)[0] - at, axis=1) / np.abs(step)
+        away = points - at
+        along = away[:, 1] * normal[:, 0] - away[:, 0] * normal[:, 1]  # counter-clockwise, as t grows
+        bent = np.maximum(1.0 + (away * normal).sum(axis=1) / radius, 0.2)
+        change = np.clip(along / bent / np.maximum(speed, 1e-300), -_SPACING, _SPACING)
+        t = np.clip(t + change, 0.0, 0.5 * np.pi)
+    return np.asarray(t)
+
+
+@lru_cache(maxsize=64)
+def _scan(a: float, b: float, power: float) -> tuple[Array, Array]:
+    grid = np.linspace(0.0, 0.5 * np.pi, _COUNT)
+    return grid, _at(grid, a, b, power)[0]
 
 
 class _SuperellipseOutline(Outline):

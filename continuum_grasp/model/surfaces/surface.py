@@ -294,6 +294,14 @@ class Surface(ABC, Generic[P]):
         """Index among the features of that on which a surface point with this outward normal lies best."""
         return 0
 
+    def nearest_places(self, part: P, points: Array) -> tuple[Array, Array]:
+        """Angles (K,) of the outward normals [rad] at the surface points nearest to points (K, 2) of the object's
+        frame, and the distances (K,) [m], negative inside.
+        """
+        outline = self.outline(part, Frame(), 0.0)
+        gap, walk = outline.nearest(points @ [1.0, 1.0j])
+        return np.remainder(outline.walk(walk).angle + np.pi, 2.0 * np.pi) - np.pi, gap
+
     def near_corners(self, part: P, points: Array) -> Array:
         """Nearest corner of the core to each point (K, 2) and its neighbors, x and y one after the other
         (K, 2 * CORNERS) [m]; zeros where the surface does not look at corners.
