@@ -26,6 +26,7 @@ SHAPES = {
     "box": {"shape": "box", "width": 0.08, "height": 0.06},
     "rounded box": {"shape": "box", "width": 0.08, "height": 0.06, "corner_radius": 0.012},
     "polygon": {"shape": "polygon", "vertices": [(-0.04, -0.03), (0.045, -0.02), (0.03, 0.04), (-0.02, 0.045)]},
+    "stadium": {"shape": "stadium", "length": 0.04, "radius": 0.03},
     "union": {
         "shape": "union",
         "center_of_mass": (0.0, 0.0),
@@ -309,7 +310,7 @@ def reachable(rng, shape, kind):
 
 
 @pytest.mark.parametrize("kind", TOUCHES)
-@pytest.mark.parametrize("shape", ["circle", "ellipse", "superellipse", "box", "rounded box", "polygon"])
+@pytest.mark.parametrize("shape", ["circle", "ellipse", "superellipse", "box", "rounded box", "polygon", "stadium"])
 def test_postures_are_found_where_there_are_some(shape, kind):
     rng = np.random.default_rng(5)
     hits, made = 0, 0

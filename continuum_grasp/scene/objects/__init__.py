@@ -24,6 +24,7 @@ from continuum_grasp.scene.objects.shapes import (
     Superellipse,
     SuperellipseMember,
 )
+from continuum_grasp.scene.objects.stadium import Stadium, StadiumMember
 from continuum_grasp.scene.parts import Part
 
 __all__ = [
@@ -34,13 +35,20 @@ __all__ = [
     "GraspObject",
     "Polygon",
     "RoundedPolygon",
+    "Stadium",
     "Superellipse",
     "Union",
     "UnionMember",
 ]
 
 UnionMember = Annotated[
-    CircleMember | EllipseMember | SuperellipseMember | BoxMember | PolygonMember | RoundedPolygonMember,
+    CircleMember
+    | EllipseMember
+    | SuperellipseMember
+    | BoxMember
+    | PolygonMember
+    | RoundedPolygonMember
+    | StadiumMember,
     Field(discriminator="shape"),
 ]
 
@@ -64,6 +72,6 @@ class Union(ObjectBody):
 
 
 GraspObject = Annotated[
-    Circle | Ellipse | Superellipse | Box | Polygon | RoundedPolygon | Union, Field(discriminator="shape")
+    Circle | Ellipse | Superellipse | Box | Polygon | RoundedPolygon | Stadium | Union, Field(discriminator="shape")
 ]
 """What can be grasped."""
