@@ -15,9 +15,9 @@ from continuum_grasp.grasp.certificate.certificate import Certificate, certify
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.ipopt import Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemMake
-from continuum_grasp.grasp.problem.surface import Feature, features
 from continuum_grasp.grasp.starts.found import start_from
 from continuum_grasp.grasp.starts.starts import Start, make_starts
+from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["Search", "Tried", "branch_of"]
@@ -206,10 +206,10 @@ def _neighbours(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Fea
     attempt, parts = tried.attempt, scene.object.parts
     for contact in tried.solver.problem.make.contacts:
         variable = tried.solver.problem.parts.variables.get(f"place, {contact.name}")
-        if variable is None or contact.smooth or contact.finger < 0:
+        if variable is None or contact.surface.is_smooth or contact.finger < 0:
             continue
         part = parts[attempt.start.contacts[contact.name].part]
-        ring, now = features(part), attempt.features[contact.name]
+        ring, now = contact.surface.features(part), attempt.features[contact.name]
         if len(ring) < 2:
             continue
         at, index = attempt.x[variable.start : variable.stop], ring.index(now)

@@ -16,11 +16,11 @@ from continuum_grasp.grasp.quality.quality import grasp_quality
 from continuum_grasp.grasp.quality.resistance import resistance, resistance_polygon
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.quality.response_limits import difference_range
-from continuum_grasp.grasp.quality.rolling import Rolling, surface_curvature
+from continuum_grasp.grasp.quality.rolling import Rolling
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspContacts, NoGravity, OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects import Box, Circle, Ellipse
-from continuum_grasp.scene.parts import Part
+from continuum_grasp.scene.parts import OffsetPolygon
 from continuum_grasp.scene.supports import Palm, Point
 
 RADIUS = 0.04
@@ -251,17 +251,20 @@ def test_two_ends_of_a_face_on_a_wall_share_alike():
 
 
 def test_curvatures_of_surfaces():
-    disc, box = Part(((0.0, 0.0),), 0.04), Part(((-0.03, -0.02), (0.03, -0.02), (0.03, 0.02), (-0.03, 0.02)), 0.005)
+    disc, box = (
+        OffsetPolygon(((0.0, 0.0),), 0.04),
+        OffsetPolygon(((-0.03, -0.02), (0.03, -0.02), (0.03, 0.02), (-0.03, 0.02)), 0.005),
+    )
     ellipse = Ellipse(shape="ellipse", width=0.1, height=0.06, mass=0.1, position=(0.0, 0.0)).parts[0]
     tilted = ellipse.placed((0.01, 0.02), 0.7)
-    assert surface_curvature(disc, np.array([0.04, 0.0]), 0.04) == pytest.approx(25.0)
-    assert surface_curvature(box, np.array([0.01, 0.025]), 0.04) == 0.0
-    assert surface_curvature(box, np.array([0.03, 0.02]) + 0.005 / math.sqrt(2), 0.04) == pytest.approx(200.0)
-    assert surface_curvature(ellipse, np.array([0.05, 0.0]), 0.05) == pytest.approx(0.05 / 0.03**2)
+    assert disc.curvature(np.array([0.04, 0.0]), 1e-6 * 0.04) == pytest.approx(25.0)
+    assert box.curvature(np.array([0.01, 0.025]), 1e-6 * 0.04) == 0.0
+    assert box.curvature(np.array([0.03, 0.02]) + 0.005 / math.sqrt(2), 1e-6 * 0.04) == pytest.approx(200.0)
+    assert ellipse.curvature(np.array([0.05, 0.0]), 1e-6 * 0.05) == pytest.approx(0.05 / 0.03**2)
     end = np.array([0.01 + 0.05 * math.cos(0.7), 0.02 + 0.05 * math.sin(0.7)])
-    assert surface_curvature(tilted, end, 0.05) == pytest.approx(0.05 / 0.03**2)
-    sharp = Part(((0.0, 0.0), (0.04, 0.0), (0.0, 0.04)))
-    assert surface_curvature(sharp, np.array([0.04, 0.0]), 0.04) == math.inf
+    assert tilted.curvature(end, 1e-6 * 0.05) == pytest.approx(0.05 / 0.03**2)
+    sharp = OffsetPolygon(((0.0, 0.0), (0.04, 0.0), (0.0, 0.04)))
+    assert sharp.curvature(np.array([0.04, 0.0]), 1e-6 * 0.04) == math.inf
 
 
 def test_rolling_of_two_discs_and_of_surfaces_that_fit():
@@ -272,10 +275,8 @@ def test_rolling_of_two_discs_and_of_surfaces_that_fit():
     assert Rolling.of(math.inf, 3.0, 0.04) == Rolling(0.0, 1.0, 0.0)
 
 
-def test_a_disc_between_pegs_and_a_wrapping_finger_is_measured_in_time():
-    """A finger with a tangent middle contact; figures of time are generous, the machine may be busy."""
-    import time
-
+def test_a_disc_between_pegs_and_a_wrapping_finger_resists_all_disturbances():
+    """A finger with a tangent middle contact."""
     kappa = -1 / 0.06
     scene = GraspScene(
         schema_version=1,
@@ -297,11 +298,4 @@ def test_a_disc_between_pegs_and_a_wrapping_finger_is_measured_in_time():
             )
         },
     )
-    best = math.inf
-    for _ in range(3):
-        start = time.perf_counter()
-        quality = grasp_quality(scene, arrays)
-        assert quality.resistance.least > 0.0
-        quality.resistance_polygon  # noqa: B018
-        best = min(best, time.perf_counter() - start)
-    assert best < 0.3
+    assert grasp_quality(scene, arrays).resistance.least > 0.0

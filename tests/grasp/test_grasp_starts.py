@@ -11,9 +11,11 @@ from scipy.optimize import lsq_linear
 
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
 from continuum_grasp.grasp.starts.scan.task import ALLOWED
-from continuum_grasp.grasp.starts.shapes import Frame, make_shape
 from continuum_grasp.grasp.starts.starts import make_starts, reach_report, support_contacts, touching_supports
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.surface import Frame
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.parts import OffsetPolygon
 
 pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
 LENGTH = 0.2
@@ -24,6 +26,7 @@ SHAPES = {
     "box": {"shape": "box", "width": 0.08, "height": 0.06},
     "rounded box": {"shape": "box", "width": 0.08, "height": 0.06, "corner_radius": 0.012},
     "polygon": {"shape": "polygon", "vertices": [(-0.04, -0.03), (0.045, -0.02), (0.03, 0.04), (-0.02, 0.045)]},
+    "stadium": {"shape": "stadium", "length": 0.04, "radius": 0.03},
     "union": {
         "shape": "union",
         "center_of_mass": (0.0, 0.0),
@@ -85,7 +88,7 @@ def world_curve(finger):
 
 def outline(part, count=1200):
     """Fine points on the outline of a part."""
-    if part.is_superellipse or part.radius > 0.0:
+    if not isinstance(part, OffsetPolygon) or part.radius > 0.0:
         z = np.array([complex(*p) for p in part.outline(count)])
     else:
         z = np.array([complex(*p) for p in part.vertices])
@@ -307,7 +310,7 @@ def reachable(rng, shape, kind):
 
 
 @pytest.mark.parametrize("kind", TOUCHES)
-@pytest.mark.parametrize("shape", ["circle", "ellipse", "superellipse", "box", "rounded box", "polygon"])
+@pytest.mark.parametrize("shape", ["circle", "ellipse", "superellipse", "box", "rounded box", "polygon", "stadium"])
 def test_postures_are_found_where_there_are_some(shape, kind):
     rng = np.random.default_rng(5)
     hits, made = 0, 0
@@ -328,7 +331,7 @@ def test_distances_from_parts():
     for thing in SHAPES.values():
         for part in scene_of(thing, {"f": finger_at(9.0, 9.0, 0.0)}).object.parts:
             for frame in (Frame(), Frame(np.exp(0.3j), 0.1 + 0.2j, 5.0, True)):
-                shape = make_shape(part, frame, 0.01 * frame.scale)
+                shape = surface_of(part).outline(part, frame, 0.01 * frame.scale)
                 old = rng.uniform(-0.08, 0.08, (300, 2)) @ [1.0, 1.0j]
                 gap, walk = shape.nearest(frame.point(old))
                 angles = np.linspace(0.0, math.tau, 20000, endpoint=False)

@@ -98,7 +98,7 @@ class _Roll:
 def _curvatures(problem: GraspProblem, contact: TouchState) -> tuple[ca.SX, ca.SX]:
     """Curvatures of the object's surface and of what touches it, convex positive."""
     make, name = contact.make, contact.make.name
-    ours = contact.local.curvature if make.smooth and contact.local.curvature is not None else None
+    ours = contact.local.curvature
     if ours is None:
         ours = problem.numbers(f"{name}.curvature")
     if make.finger < 0:

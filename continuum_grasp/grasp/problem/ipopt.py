@@ -19,10 +19,10 @@ from continuum_grasp.grasp.problem.points import PointReader, starting_point
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.structure import ProblemMake
-from continuum_grasp.grasp.problem.surface import Feature
 from continuum_grasp.grasp.problem.surroundings import Sight, Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values
 from continuum_grasp.grasp.starts.starts import Start
+from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["Attempt", "GraspSolverRun", "solver_for"]

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import casadi as ca
 
 from continuum_grasp.grasp.problem.numbers import APEX
-from continuum_grasp.grasp.problem.obstacles import CORNERS, separation, smooth_support
 from continuum_grasp.grasp.problem.unit_finger import rotation
+from continuum_grasp.model.surfaces.surface import CORNERS, separation
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.problem.problem import FingerState, GraspProblem
 
-__all__ = ["add_limits", "guarded", "part_numbers"]
+__all__ = ["add_limits", "guarded"]
 
 
 def add_limits(problem: GraspProblem) -> None:
@@ -75,14 +75,15 @@ def _keep_clear(problem: GraspProblem, finger: FingerState) -> None:
     tolerance, half = problem.numbers("tolerance"), problem.thickness(finger)
     back = rotation(-problem.pose[2])
     free = [j for j, touching in enumerate(touches) if not touching]
-    for part in range(problem.make.parts):
+    for part, surface in enumerate(problem.make.surfaces):
         slack = problem.give["room at the object"] + tolerance - half
-        beta = _directions(problem, f"{make.name}.separating_{part}", len(free), problem.make.corners[part] != 1)
+        beta = _directions(problem, f"{make.name}.separating_{part}", len(free), surface.has_directions)
         room = []
         for k, j in enumerate(free):
             local = back @ (points[:, j] - problem.pose[:2])
-            near = number(f"corners_{part}_{j}", 2 * CORNERS) if problem.make.corners[part] > CORNERS else None
-            room.append(_room(problem, part, local, beta[k] if beta.numel() else None, near) + slack)
+            near = number(f"corners_{part}_{j}", 2 * CORNERS) if surface.looks_at_corners else None
+            away = surface.clearance(local, beta[k] if beta.numel() else beta, _part_numbers(problem, part), near)
+            room.append(away + slack)
         require(f"penetration into the object, {make.name}", ca.vertcat(*room), "m", "object", upper=ca.inf)
     slack = problem.give["room at the supports"] + tolerance
     room = []
@@ -107,21 +108,8 @@ def _reach(arm: ca.SX) -> ca.SX:
     return ca.sqrt(ca.sumsqr(arm) + 1e-24)
 
 
-def _room(problem: GraspProblem, part: int, point: ca.SX, beta: ca.SX | None, near: ca.SX | None) -> ca.SX:
-    """Distances of a point from a part, all of which must be kept; both in the object's frame."""
-    shape, count = part_numbers(problem, part), problem.make.corners[part]
-    if beta is None:
-        return _reach(point - shape[:2]) - shape[2]
-    if problem.make.smooth_parts[part]:
-        return ca.cos(beta) * point[0] + ca.sin(beta) * point[1] - smooth_support(beta, shape)
-    corners = shape[: 2 * count] if near is None else near
-    return separation(point, beta, ca.reshape(corners, 2, corners.numel() // 2)) - shape[-1]
-
-
-def part_numbers(problem: GraspProblem, part: int) -> ca.SX:
-    """Numbers of a part: (A, B, p, centre, angle) of a superellipse, or corners of the core and radius."""
-    size = 6 if problem.make.smooth_parts[part] else 2 * problem.make.corners[part] + 1
-    return problem.numbers(f"part_{part}", size)
+def _part_numbers(problem: GraspProblem, part: int) -> ca.SX:
+    return problem.numbers(f"part_{part}", problem.make.surfaces[part].number_count)
 
 
 def _keep_limits(problem: GraspProblem, finger: FingerState) -> None:
@@ -146,24 +134,19 @@ def _keep_limits(problem: GraspProblem, finger: FingerState) -> None:
 
 def _keep_object_clear(problem: GraspProblem) -> None:
     number, make, tolerance = problem.numbers, problem.make, problem.numbers("tolerance")
-    turn, back = rotation(problem.pose[2]), rotation(-problem.pose[2])
+    back = rotation(-problem.pose[2])
     room = []
     for k in range(make.planes):
         normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
-        for part in range(make.parts):
-            shape = part_numbers(problem, part)
-            if make.smooth_parts[part]:
-                beta = number(f"plane_{k}.angle") + ca.pi - problem.pose[2]
-                room.append(ca.dot(normal, problem.pose[:2] - at) - smooth_support(beta, shape))
-            for c in range(make.corners[part]):
-                corner = problem.pose[:2] + turn @ shape[2 * c : 2 * c + 2]
-                room.append(ca.dot(normal, corner - at) - shape[-1])
+        for part, surface in enumerate(make.surfaces):
+            angle, shape = number(f"plane_{k}.angle"), _part_numbers(problem, part)
+            room += surface.wall_clearance(normal, at, angle, problem.pose, shape)
     for k in range(make.pegs):
         local = back @ (number(f"peg_{k}.position", 2) - problem.pose[:2])
-        for part in range(make.parts):
-            beta = _directions(problem, f"peg_{k}.separating_{part}", 1, make.corners[part] != 1)
-            near = number(f"peg_{k}.corners_{part}", 2 * CORNERS) if make.corners[part] > CORNERS else None
-            away = _room(problem, part, local, beta if beta.numel() else None, near)
+        for part, surface in enumerate(make.surfaces):
+            beta = _directions(problem, f"peg_{k}.separating_{part}", 1, surface.has_directions)
+            near = number(f"peg_{k}.corners_{part}", 2 * CORNERS) if surface.looks_at_corners else None
+            away = surface.clearance(local, beta, _part_numbers(problem, part), near)
             room.append(away - number(f"peg_{k}.radius"))
     if room:
         problem.parts.require("object in a support", ca.vertcat(*room) + tolerance, "m", "supports", upper=ca.inf)

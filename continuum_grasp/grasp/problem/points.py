@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.problem.problem import FingerState, GraspProblem
-from continuum_grasp.grasp.problem.surface import Feature
 from continuum_grasp.grasp.problem.values import Units
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, turning
 from continuum_grasp.grasp.starts.starts import Start
+from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 __all__ = ["PointReader", "starting_point"]
@@ -37,8 +37,8 @@ def starting_point(problem: GraspProblem, scene: GraspScene, start: Start, featu
     values["greatest normal force"] = force
     for contact in problem.make.contacts:
         at = start.contacts[contact.name]
-        part = scene.object.parts[at.part]
-        values[f"place, {contact.name}"] = features[contact.name].place(part, at.point, at.normal_angle)
+        part, feature = scene.object.parts[at.part], features[contact.name]
+        values[f"place, {contact.name}"] = contact.surface.place(part, feature, at.point, at.normal_angle)
         pressed = (force, 0.0, lift if scene.weight else 0.0)
         if contact.name in start.forces:
             n, f, carried = (component / units.force for component in start.forces[contact.name])

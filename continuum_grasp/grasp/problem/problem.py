@@ -26,8 +26,8 @@ from continuum_grasp.grasp.problem.numbers import Numbers
 from continuum_grasp.grasp.problem.objective import add_objective
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import ContactMake, ProblemMake
-from continuum_grasp.grasp.problem.surface import SurfacePoint
 from continuum_grasp.grasp.problem.unit_finger import FingerMake, UnitFinger, rotation
+from continuum_grasp.model.surfaces.surface import SurfacePoint
 
 __all__ = ["FingerState", "GraspProblem", "TouchState"]
 
@@ -185,8 +185,8 @@ class GraspProblem:
             local = SurfacePoint(number(f"{contact.name}.point", 2), number(f"{contact.name}.normal", 2), ca.SX(0, 1))
         else:
             place = self.parts.unknown(f"place, {contact.name}", 2)
-            shape = SurfacePoint.on_superellipse if contact.smooth else SurfacePoint.on_polygon
-            local = shape(place, number(f"{contact.name}.feature", 6 if contact.smooth else 5))
+            surface = contact.surface
+            local = surface.point(place, number(f"{contact.name}.feature", surface.feature_count))
         self.parts.require(f"contact on the surface, {contact.name}", local.on_surface, "1", "object")
         turn = rotation(self.pose[2])
         point = self.pose[:2] + turn @ local.point

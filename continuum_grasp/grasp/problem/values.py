@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import support_of
-from continuum_grasp.grasp.problem.surface import SHARP, Feature, features, nearest_feature
 from continuum_grasp.grasp.problem.unit_finger import finger_numbers
 from continuum_grasp.grasp.starts.starts import ContactStart, Start
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.offset_polygon import SHARP
+from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.objects import Freedom
@@ -62,7 +64,8 @@ def contact_features(scene: GraspScene, contacts: dict[str, ContactStart]) -> di
     found = {}
     for name, start in contacts.items():
         part = scene.object.parts[start.part]
-        found[name] = features(part)[nearest_feature(part, start.point, start.normal_angle)]
+        surface = surface_of(part)
+        found[name] = surface.features(part)[surface.nearest_feature(part, start.point, start.normal_angle)]
     return found
 
 
@@ -112,7 +115,9 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
     for contact in problem.make.contacts:
         name, feature = contact.name, features[contact.name]
         low[f"place, {name}"], high[f"place, {name}"] = list(feature.lower), list(feature.upper)
-        if contact.finger < 0 and not contact.smooth:  # the wall's normal decides, also at the end of a corner's cone
+        if (
+            contact.finger < 0 and not contact.surface.is_smooth
+        ):  # the wall's normal decides, also at the end of a corner's cone
             low[f"place, {name}"][1], high[f"place, {name}"][1] = -np.inf, np.inf
         least = HELD * max(scene.weight / units.force, 1.0) if steady else 0.0
         low[f"force, {name}"] = (
@@ -183,11 +188,7 @@ def _object_values(scene: GraspScene, units: Units) -> Values:
         "weight": weight,
     }
     for k, part in enumerate(thing.parts):
-        if part.is_superellipse:
-            (a, b), (x, y) = part.semi_axes, part.center
-            values[f"part_{k}"] = [a / m, b / m, part.exponent, x / m, y / m, part.angle]
-        else:
-            values[f"part_{k}"] = [*(c / m for v in part.vertices for c in v), part.radius / m]
+        values[f"part_{k}"] = surface_of(part).numbers(part, m)
     planes = (wall for wall in scene.walls if math.isinf(wall.half_length))
     for k, wall in enumerate(planes):
         values |= {f"plane_{k}.normal": wall.normal, f"plane_{k}.point": [c / m for c in wall.point]}
@@ -201,16 +202,15 @@ def _object_values(scene: GraspScene, units: Units) -> Values:
 
 
 def _contact_values(scene: GraspScene, name: str, start: ContactStart, feature: Feature, units: Units) -> Values:
-    m, numbers = units.length, feature.numbers
-    scales = (m, m, 1.0, m, m, 1.0) if len(numbers) == 6 else (m,) * 5
+    m, surface = units.length, surface_of(scene.object.parts[start.part])
     values: Values = {
         f"{name}.friction": scene.friction(name),
         f"{name}.normal_force_max": scene.normal_force_max(name) / units.force,
-        f"{name}.feature": [c / s for c, s in zip(numbers, scales, strict=True)],
+        f"{name}.feature": surface.feature_numbers(feature, m),
         f"{name}.point": [c / m for c in start.point],
         f"{name}.normal": [math.cos(start.normal_angle), math.sin(start.normal_angle)],
     }
-    values[f"{name}.curvature"] = 0.0 if len(numbers) == 6 else feature.curvature * m
+    values[f"{name}.curvature"] = feature.curvature * m
     values[f"{name}.support curvature"] = 0.0
     support = support_of(name, scene)
     for wall in scene.walls:

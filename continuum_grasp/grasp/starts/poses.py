@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from continuum_grasp.grasp.starts.shapes import PolygonShape, Shape
-from continuum_grasp.grasp.starts.supports import object_shapes, wall_gap
+from continuum_grasp.grasp.starts.supports import object_outlines, wall_gap
+from continuum_grasp.model.surfaces.surface import Outline
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects import Freedom
 from continuum_grasp.scene.supports import Peg, Wall
@@ -43,16 +43,16 @@ def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
     own, free = scene.object.pose, scene.object.free
     if free is None:
         return [own]
-    shapes = object_shapes(scene)
+    shapes = object_outlines(scene)
     bounds = _bounds(own, free)
-    round_ = len(shapes) == 1 and isinstance(shapes[0], PolygonShape) and len(shapes[0].vertices) == 1
+    is_round = len(shapes) == 1 and shapes[0].is_round
     flat = [] if free.angle is None else _flat_angles(scene, on, shapes, bounds[2], own[2])
     tries: list[tuple[Pose, list[Interval]]] = []
     for angle in flat[:_FLAT]:
         tries.append(((own[0], own[1], angle), [bounds[0], bounds[1], (angle, angle)]))
     tries.insert(min(1, len(tries)), (own, bounds))
     for k, pose in enumerate(_spread(bounds, _MORE_POSES)):
-        angle = own[2] if round_ else flat[k % len(flat)] if flat and k % 2 else pose[2]
+        angle = own[2] if is_round else flat[k % len(flat)] if flat and k % 2 else pose[2]
         held = [bounds[0], bounds[1], (angle, angle) if flat and k % 2 else bounds[2]]
         tries.append(((pose[0], pose[1], angle), held))
     found: list[Pose] = []
@@ -73,7 +73,7 @@ def base_poses(setup: FingerSetup, number: int) -> list[Pose]:
 
 
 def settle(
-    scene: GraspScene, shapes: tuple[Shape, ...], on: frozenset[str], pose: Pose, within: list[Interval]
+    scene: GraspScene, shapes: tuple[Outline, ...], on: frozenset[str], pose: Pose, within: list[Interval]
 ) -> Pose | None:
     """Move the object, within bounds, so that it touches the supports wanted and enters no other.
 
@@ -104,7 +104,7 @@ def settle(
 
 
 def _gaps(
-    scene: GraspScene, shapes: tuple[Shape, ...], on: frozenset[str], pose: Pose
+    scene: GraspScene, shapes: tuple[Outline, ...], on: frozenset[str], pose: Pose
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gaps of wanted supports, and of others where the object enters them, with slopes along the pose."""
     gaps: list[float] = []
@@ -119,7 +119,7 @@ def _gaps(
     return np.array(gaps), np.array(slopes).reshape(-1, 3)
 
 
-def _wall(shapes: tuple[Shape, ...], wall: Wall, pose: Pose) -> tuple[float, complex, complex]:
+def _wall(shapes: tuple[Outline, ...], wall: Wall, pose: Pose) -> tuple[float, complex, complex]:
     """Height of the lowest point, normal along which it grows, and arm of that point."""
     turn, normal = cmath.exp(1j * pose[2]), complex(*wall.normal)
     down = -normal / turn
@@ -129,7 +129,7 @@ def _wall(shapes: tuple[Shape, ...], wall: Wall, pose: Pose) -> tuple[float, com
     return wall.height((world.real, world.imag)), normal, arm
 
 
-def _peg(shapes: tuple[Shape, ...], peg: Peg, pose: Pose) -> tuple[float, complex, complex]:
+def _peg(shapes: tuple[Outline, ...], peg: Peg, pose: Pose) -> tuple[float, complex, complex]:
     turn = cmath.exp(1j * pose[2])
     local = np.array([(complex(*peg.position) - complex(pose[0], pose[1])) / turn])
     gap, walk, shape = min(
@@ -139,12 +139,12 @@ def _peg(shapes: tuple[Shape, ...], peg: Peg, pose: Pose) -> tuple[float, comple
     return gap - peg.radius, -cmath.exp(1j * (float(at.angle[0]) + pose[2])), complex(at.point[0]) * turn
 
 
-def _beside(shapes: tuple[Shape, ...], thing: Wall | Peg, pose: Pose) -> bool:
+def _beside(shapes: tuple[Outline, ...], thing: Wall | Peg, pose: Pose) -> bool:
     return isinstance(thing, Wall) and math.isinf(wall_gap(shapes, thing, pose, 0.0))
 
 
 def _flat_angles(
-    scene: GraspScene, on: frozenset[str], shapes: tuple[Shape, ...], bounds: Interval, own: float
+    scene: GraspScene, on: frozenset[str], shapes: tuple[Outline, ...], bounds: Interval, own: float
 ) -> list[float]:
     """Angles of the object at which a face lies on a wall that is wanted, the nearest to its own first."""
     found: list[float] = []
@@ -152,8 +152,6 @@ def _flat_angles(
         if wall.name not in on:
             continue
         for shape in shapes:
-            if not isinstance(shape, PolygonShape) or len(shape.vertices) < 2:
-                continue
             for normal in shape.face_normals:
                 angle = wall.normal_angle + math.pi - normal
                 angle = own + math.remainder(angle - own, math.tau)

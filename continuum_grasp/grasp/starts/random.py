@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.shapes import Frame, make_shape
-from continuum_grasp.grasp.starts.supports import support_contacts
+from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
@@ -46,7 +45,7 @@ def fallback(scene: GraspScene, setups: tuple[FingerSetup, ...], on: frozenset[s
 def nearest_contact(scene: GraspScene, pose: tuple[float, float, float], world: complex) -> ContactStart:
     """The place on the object nearest to a world point [m]."""
     local = np.array([(world - complex(pose[0], pose[1])) * np.exp(-1j * pose[2])])
-    shapes = [make_shape(part, Frame(), 0.0) for part in scene.object.parts]
+    shapes = object_outlines(scene)
     part = int(np.argmin([float(shape.distance(local)[0]) for shape in shapes]))
     _, walk = shapes[part].nearest(local)
     place = shapes[part].walk(walk)

@@ -9,7 +9,8 @@ from heapq import heappop, heappush
 
 import numpy as np
 
-from continuum_grasp.grasp.starts.shapes import Frame, make_shape
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.surface import Frame
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects import Freedom
 from continuum_grasp.scene.parts import Part
@@ -87,9 +88,7 @@ def _over_angles(part: Part, box: tuple[Interval, Interval], turn: Interval) -> 
 
     A turn by an angle moves no point of the part by more than that times its extent, which bounds what lies between.
     """
-    extent = max((math.hypot(*v) for v in part.vertices), default=0.0) + part.radius
-    if part.is_superellipse:
-        extent = math.hypot(*part.center) + math.hypot(*part.semi_axes)
+    extent = part.extent
     low, high = turn
     high = min(high, low + math.tau)
     values = {angle: _to_box(part, box, angle) for angle in (low, high)}
@@ -109,9 +108,9 @@ def _to_box(part: Part, box: tuple[Interval, Interval], angle: float) -> float:
     """Least distance of a part, turned by an angle, from a box: by projections to and fro, then by the line that they
     find between the two, which is a bound.
     """
-    shape = make_shape(part, Frame(cmath.exp(1j * angle)), 0.0)
+    shape = surface_of(part).outline(part, Frame(cmath.exp(1j * angle)), 0.0)
     (x0, x1), (y0, y1) = box
-    q = complex(min(max(shape.centre.real, x0), x1), min(max(shape.centre.imag, y0), y1))
+    q = complex(min(max(shape.center.real, x0), x1), min(max(shape.center.imag, y0), y1))
     best = 0.0
     for _ in range(500):
         gap, walk = shape.nearest(np.array([q]))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.starts.scan.curves import guess_table, sample, stretch
 from continuum_grasp.grasp.starts.scan.task import ALLOWED, FingerTask, Postures, join, touching_family, unique
 from continuum_grasp.grasp.starts.scan.touch import arc_tangent, tangent
-from continuum_grasp.grasp.starts.shapes import Shape, SuperellipseShape
+from continuum_grasp.model.surfaces.surface import Outline
 
 __all__ = ["ends_of", "first_joint", "moved_joint", "next_joint"]
 
@@ -79,11 +79,11 @@ def _table() -> tuple[Array, Array, Array]:
 
 
 def _guesses(
-    task: FingerTask, shape: Shape, positions: Array, bent: Array, ends: Array, turns: Array
+    task: FingerTask, shape: Outline, positions: Array, bent: Array, ends: Array, turns: Array
 ) -> tuple[Array, Array, Array]:
     """Curves of a table that come near to being tangent at given positions: positions, curvatures and walks."""
     points = positions[:, None] * ends
-    row, column = np.nonzero(np.abs(points - shape.centre) < shape.extent + task.half + _OFF * positions[:, None])
+    row, column = np.nonzero(np.abs(points - shape.center) < shape.extent + task.half + _OFF * positions[:, None])
     gap, walk = shape.nearest(points[row, column])
     tilt = np.remainder(turns[column] - shape.walk(walk).angle + math.pi, math.tau) - math.pi
     merit = ((gap - task.half) / (_OFF * positions[row])) ** 2 + (tilt / _TILT) ** 2
@@ -101,14 +101,13 @@ def _arcs(task: FingerTask, part: int, positions: Array) -> Postures:
     return _even(task, part, ell, guess[:, 0], walk)
 
 
-def _round_corners(shape: Shape) -> tuple[Array, Array, Array]:
-    """Arcs from the base that are tangent to the circles round the corners of a grown polygon."""
-    if isinstance(shape, SuperellipseShape):
-        return np.zeros(0), np.zeros(0), np.zeros(0)
-    radius = (shape.grown**2 - np.abs(shape.vertices) ** 2) / (2.0 * _away_from_zero(shape.vertices.real + shape.grown))
-    turn = np.angle((shape.vertices + radius) / _away_from_zero(radius - shape.grown))
+def _round_corners(shape: Outline) -> tuple[Array, Array, Array]:
+    """Arcs from the base that are tangent to the circles round the corners of a grown outline."""
+    corners, grown = shape.corners, shape.grown
+    radius = (grown**2 - np.abs(corners) ** 2) / (2.0 * _away_from_zero(corners.real + grown))
+    turn = np.angle((corners + radius) / _away_from_zero(radius - grown))
     ell = np.mod(turn * np.sign(radius), math.tau) * np.abs(radius)
-    _, walk = shape.nearest(shape.vertices + shape.grown * np.exp(1j * turn))
+    _, walk = shape.nearest(corners + grown * np.exp(1j * turn))
     return ell, 1.0 / _away_from_zero(radius), walk
 
 
@@ -154,7 +153,7 @@ def _joined(task: FingerTask, part: int, ell: Array, guess: Array, walk: Array) 
     return _to_joint(part, shape, ell[good], bent[good], walk[good])
 
 
-def _to_joint(part: int, shape: Shape, ell: Array, bent: Array, walk: Array) -> Postures:
+def _to_joint(part: int, shape: Outline, ell: Array, bent: Array, walk: Array) -> Postures:
     knots = np.stack([np.zeros_like(ell), ell], axis=1)
     return unique(touching_family(knots, bent, ell[:, None], part, shape, walk))
 

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan.curves import bends, sample
-from continuum_grasp.grasp.starts.shapes import Frame, Shape, make_shape
 from continuum_grasp.model.family import family_class
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.surface import Frame, Outline
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 __all__ = ["ALLOWED", "FingerTask", "Postures", "join", "make_task", "touching_family", "unique", "violation"]
@@ -35,7 +36,7 @@ class FingerTask:
 
     Attributes
     ----------
-    shapes : tuple of Shape
+    shapes : tuple of Outline
     half : float
         Half the finger's thickness.
     limit : float
@@ -60,7 +61,7 @@ class FingerTask:
         From the object's frame.
     """
 
-    shapes: tuple[Shape, ...]
+    shapes: tuple[Outline, ...]
     half: float
     limit: float
     rest: float
@@ -134,7 +135,7 @@ def join(groups: list[Postures]) -> Postures | None:
     return Postures(*(np.concatenate([getattr(g, n) for g in padded]) for n in Postures.__dataclass_fields__))
 
 
-def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, shape: Shape, walk: Array) -> Postures:
+def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, shape: Outline, walk: Array) -> Postures:
     """Postures whose ends touch a part at the given walks."""
     at = shape.walk(walk)
     return Postures(
@@ -170,7 +171,7 @@ def make_task(scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, sid
     rest = setup.finger.rest_curvature
     few = setup.elements if setup.elements <= _FINE else _FINE
     return FingerTask(
-        shapes=tuple(make_shape(part, frame, half) for part in scene.object.parts),
+        shapes=tuple(surface_of(part).outline(part, frame, half) for part in scene.object.parts),
         half=half,
         limit=setup.finger.curvature_limit / scale,
         rest=side * rest / scale if isinstance(rest, int | float) else 0.0,

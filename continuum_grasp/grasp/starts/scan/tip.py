@@ -13,7 +13,7 @@ from continuum_grasp.grasp.starts.scan.elastica import elastica_table, projectio
 from continuum_grasp.grasp.starts.scan.joint import ends_of
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, touching_family, unique
 from continuum_grasp.grasp.starts.scan.touch import touch
-from continuum_grasp.grasp.starts.shapes import Shape
+from continuum_grasp.model.surfaces.surface import Outline
 
 __all__ = ["bent_by_tip", "moved_tip", "tip_only", "with_tip"]
 
@@ -65,7 +65,7 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     return None if found is None else unique(found)
 
 
-def _in_front(shape: Shape, walk: Array, facing: Array) -> Array:
+def _in_front(shape: Outline, walk: Array, facing: Array) -> Array:
     """Whether the front half of the rounded tip touches."""
     return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= _BESIDE)
 
@@ -79,7 +79,7 @@ def _stepped(kept: Postures, bent: Array) -> Postures:
     return Postures(knots, curvatures, kept.joints, kept.parts, kept.points, kept.angles, kept.violation)
 
 
-def _ended(kept: Postures, bent: Array, part: int, shape: Shape, walk: Array) -> Postures:
+def _ended(kept: Postures, bent: Array, part: int, shape: Outline, walk: Array) -> Postures:
     at = shape.walk(walk)
     count = len(kept)
     return Postures(
@@ -130,7 +130,7 @@ def tip_only(task: FingerTask, joint: float | None, sparse: bool = False) -> Pos
 
 
 def _crossings(
-    part: int, shape: Shape, knots: Array, grids: tuple[Array, Array], table: tuple[Array, Array, Array, Array]
+    part: int, shape: Outline, knots: Array, grids: tuple[Array, Array], table: tuple[Array, Array, Array, Array]
 ) -> list[Postures]:
     """Curves whose tip touches, between neighbours on a grid of first and last curvatures."""
     gap, ends, turns, sane = table
@@ -170,7 +170,7 @@ def bent_by_tip(task: FingerTask) -> Postures | None:
     groups = [_at_nodes(tip_only(task, None, sparse=True), knots)]
     cone = math.atan(task.friction) + _BESIDE_CONE
     for part, shape in enumerate(task.shapes):
-        near = np.abs(table.tips - shape.centre) < shape.extent + task.half + 0.7
+        near = np.abs(table.tips - shape.center) < shape.extent + task.half + 0.7
         gap = np.full(table.tips.shape, np.nan)
         gap[near] = shape.distance(table.tips[near]) - task.half
         with np.errstate(invalid="ignore"):
@@ -208,14 +208,14 @@ def _at_nodes(family: Postures | None, knots: Array) -> Postures | None:
     return Postures(every, bent, family.joints, family.parts, family.points, family.angles, family.violation)
 
 
-def _straight(shape: Shape) -> Array | None:
+def _straight(shape: Outline) -> Array | None:
     """The place where the tip of the straight finger touches."""
     _, walk = shape.nearest(np.array([1j]))
     touches = abs(complex(shape.walk(walk).point[0]) - 1j) < 1e-9
     return walk if touches and _in_front(shape, walk, np.zeros(1)).all() else None
 
 
-def _tips(knots: Array, bent: Array, part: int, shape: Shape, walk: Array) -> Postures:
+def _tips(knots: Array, bent: Array, part: int, shape: Outline, walk: Array) -> Postures:
     count = len(walk)
     return touching_family(np.broadcast_to(knots, (count, len(knots))), bent, np.zeros((count, 0)), part, shape, walk)
 

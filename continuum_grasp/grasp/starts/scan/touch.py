@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan.curves import stretch
-from continuum_grasp.grasp.starts.shapes import Shape
+from continuum_grasp.model.surfaces.surface import Outline
 
 __all__ = ["arc_tangent", "tangent", "touch"]
 
@@ -23,13 +23,13 @@ _BEND_STEP = 3.0
 
 
 def tangent(
-    shape: Shape, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, int], walk: Array
+    shape: Outline, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, int], walk: Array
 ) -> tuple[Array, Array, Array]:
     """Curves whose end lies on the grown outline with the section's X axis along its outward normal.
 
     Parameters
     ----------
-    shape : Shape
+    shape : Outline
     start : (ndarray of complex (B,), ndarray (B,))
         Point and angle where the curves start.
     lengths : ndarray, (B, K - 1)
@@ -71,7 +71,7 @@ def tangent(
 
 
 def touch(
-    shape: Shape, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, ...], walk: Array
+    shape: Outline, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, ...], walk: Array
 ) -> tuple[Array, Array, Array]:
     """Curves whose end lies on the grown outline, as :func:`tangent` does; the curvatures of the columns ``free`` all
     change by the same amount.
@@ -96,7 +96,7 @@ def touch(
     return out, found[:, 1], good
 
 
-def arc_tangent(shape: Shape, length: Array, curvature: Array, walk: Array) -> tuple[Array, Array, Array, Array]:
+def arc_tangent(shape: Outline, length: Array, curvature: Array, walk: Array) -> tuple[Array, Array, Array, Array]:
     """Circular arcs from the base, tangent to the grown outline at their ends: lengths, curvatures, walks, good."""
 
     def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:

@@ -1,0 +1,334 @@
+"""What contacts, grasp problem and grasp search ask of the surface of a convex part, whatever its form.
+
+A surface is stateless but for what decides how its expressions look, so that problems of equal structure share one
+compiled solver; the numbers of a part are handed in.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.model.planar import Scalar, Vec
+from continuum_grasp.scene.parts import Part
+
+__all__ = ["CORNERS", "Feature", "Frame", "Nearest", "Outline", "Surface", "SurfacePoint", "Walk", "chosen", "length"]
+
+Array = NDArray[Any]
+P = TypeVar("P", bound=Part)
+
+CORNERS = 3
+"""Corners of a polygon that a place is kept clear of: the nearest one and its two neighbors, which the search renews;
+the others cannot be nearest before it looks again."""
+_TINY = 1e-30
+"""Keeps the root of a squared distance differentiable at zero [m2]; far below rounding."""
+
+
+# -- contact in motion -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Signed distance from a surface [m], negative inside, and the outward normal at the nearest point."""
+
+    distance: Scalar
+    normal: Vec
+
+    def or_nearer(self, other: Nearest) -> Nearest:
+        """The one with the smaller distance."""
+        own = ca.SX(self.distance) <= ca.SX(other.distance)
+        return Nearest(ca.fmin(self.distance, other.distance), chosen(own, self.normal, other.normal))
+
+
+def length(v: Vec) -> ca.SX:
+    """Length of a vector, with a finite derivative where it is zero."""
+    return ca.sqrt(v.dot(v) + _TINY)
+
+
+def chosen(condition: ca.SX | bool, first: Vec, second: Vec) -> Vec:
+    """The first vector where a condition holds, else the second."""
+    return second + (first - second).scaled(ca.SX(condition))
+
+
+# -- contact of a grasp ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class SurfacePoint:
+    """A point on a part, as expressions in the object's frame.
+
+    Attributes
+    ----------
+    point, normal : casadi.SX
+        (2, 1) each.
+    on_surface : casadi.SX
+        Zero on the surface; empty where that is so by construction.
+    curvature : casadi.SX or None
+        Of the surface; None where it is a number of the feature.
+    """
+
+    point: ca.SX
+    normal: ca.SX
+    on_surface: ca.SX
+    curvature: ca.SX | None = None
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A face, a corner, or a whole smooth part: numbers and bounds of a contact on it.
+
+    Attributes
+    ----------
+    numbers : tuple of float
+        Of `Surface.point`; lengths in m.
+    lower, upper : (float, float)
+        Bounds of the two unknowns of the contact's place.
+    curvature : float
+        Of the surface [1/m]: 0 on a face, a large number on a sharp corner; 0 where it depends on the place.
+    """
+
+    numbers: tuple[float, ...]
+    lower: tuple[float, float]
+    upper: tuple[float, float]
+    curvature: float = 0.0
+
+
+# -- search of a grasp -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A change of coordinates z -> turn * z + shift, or turn * conj(z) + shift where mirrored, times a scale.
+
+    Attributes
+    ----------
+    turn : complex
+        Of modulus one.
+    shift : complex
+        In the new coordinates.
+    scale : float
+        New lengths per old ones.
+    mirrored : bool
+    """
+
+    turn: complex = 1.0 + 0.0j
+    shift: complex = 0.0j
+    scale: float = 1.0
+    mirrored: bool = False
+
+    def point(self, z: Array | complex) -> Any:
+        """New coordinates of points."""
+        return self.turn * self.scale * (np.conj(z) if self.mirrored else z) + self.shift
+
+    def angle(self, angle: float | Array) -> Any:
+        """New angle of directions [rad]."""
+        return math.atan2(self.turn.imag, self.turn.real) + (-angle if self.mirrored else angle)
+
+    def back(self, z: Array | complex) -> Any:
+        """Old coordinates of points."""
+        old = (z - self.shift) / (self.turn * self.scale)
+        return np.conj(old) if self.mirrored else old
+
+    def angle_back(self, angle: float | Array) -> Any:
+        """Old angle of directions [rad]."""
+        old = angle - math.atan2(self.turn.imag, self.turn.real)
+        return -old if self.mirrored else old
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Places on a grown outline.
+
+    Attributes
+    ----------
+    point : ndarray of complex
+        On the grown outline.
+    angle : ndarray
+        Of the outward normal [rad].
+    dpoint, dangle : ndarray
+        Derivatives with respect to w.
+    """
+
+    point: Array
+    angle: Array
+    dpoint: Array
+    dangle: Array
+
+
+class Outline(ABC):
+    """A part grown by the fingers' half thickness: distances and walks along its outline, many points at once.
+
+    Planar vectors are complex numbers x + i y. A walk is a number w that runs once round in [0, period): along faces
+    it counts metres, on corners it turns the normal while the point stays (or runs along the rounding). So faces and
+    corners are one smooth family of contacts.
+
+    Attributes
+    ----------
+    center : complex
+    extent : float
+        No point of the part is farther from the center.
+    grown : float
+        Distance of the outline from ``corners``, or from the part where there are none.
+    corners : ndarray of complex
+        Centers of the rounded corners; empty for a smooth part.
+    face_normals : tuple of float
+        Angles of the normals of flat faces [rad].
+    period : float
+        Of walks.
+    """
+
+    center: complex
+    extent: float
+    grown: float
+    corners: Array
+    face_normals: tuple[float, ...] = ()
+    period: float = math.tau
+
+    @property
+    def is_round(self) -> bool:
+        """Whether it looks the same from all directions."""
+        return len(self.corners) == 1
+
+    @abstractmethod
+    def walk(self, w: Array) -> Walk:
+        """Places at walks ``w`` (any shape)."""
+
+    @abstractmethod
+    def nearest(self, points: Array) -> tuple[Array, Array]:
+        """Signed distances of points from the part itself (not grown), and the walks of the nearest places."""
+
+    def distance(self, points: Array) -> Array:
+        """Signed distances of points from the part itself (not grown)."""
+        return self.nearest(points)[0]
+
+    @abstractmethod
+    def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:
+        """Outermost points of the part in a direction, and how much less far out they are: one, or the two ends of a
+        face that is level to within ``flat``.
+        """
+
+
+class Surface(ABC, Generic[P]):
+    """The surface of one kind of part.
+
+    In the expressions of the grasp problem, ``place`` are the two unknowns of a contact, ``feature`` the numbers of the
+    feature that it sits on, ``numbers`` those of the part, and ``beta`` is the angle of a separating line's normal
+    [rad], empty where the surface has no such directions.
+
+    Attributes
+    ----------
+    number_count, feature_count : int
+        Numbers of a part, and of a feature.
+    is_smooth : bool
+        Whether it is one feature, of which each place has its own normal.
+    has_directions : bool
+        Whether a place that is kept clear needs the angle of a separating line as an unknown.
+    looks_at_corners : bool
+        Whether a place is kept clear of the nearest corners alone.
+    """
+
+    number_count: int
+    feature_count: int
+    is_smooth = False
+    has_directions = True
+    looks_at_corners = False
+
+    @classmethod
+    @abstractmethod
+    def of(cls, part: P) -> Surface[P]:
+        """The surface of a part."""
+
+    # -- contact in motion
+
+    @abstractmethod
+    def nearest(self, part: P, at: Vec) -> Nearest:
+        """Distance of a point of the object's frame [m], and the normal at the nearest point of the surface."""
+
+    @abstractmethod
+    def lowest_points(self, part: P, direction: Vec) -> list[Vec]:
+        """Points that may reach farthest in a direction (a unit vector), one of which does."""
+
+    # -- contact of a grasp
+
+    @abstractmethod
+    def point(self, place: ca.SX, feature: ca.SX) -> SurfacePoint:
+        """The surface point of a contact."""
+
+    @abstractmethod
+    def clearance(self, point: ca.SX, beta: ca.SX, numbers: ca.SX, near: ca.SX | None) -> ca.SX:
+        """Lengths that are all at most the distance of a point, and equal to it in the best direction.
+
+        ``near`` are the nearest corners, where the surface looks at these.
+        """
+
+    @abstractmethod
+    def wall_clearance(self, normal: ca.SX, point: ca.SX, angle: ca.SX, pose: ca.SX, numbers: ca.SX) -> list[ca.SX]:
+        """Heights above a wall, through a point with a normal in the direction of an angle, that must not be
+        negative.
+        """
+
+    @abstractmethod
+    def numbers(self, part: P, unit: float) -> list[float]:
+        """The numbers of a part, lengths in a unit [m]."""
+
+    @abstractmethod
+    def feature_numbers(self, feature: Feature, unit: float) -> list[float]:
+        """The numbers of a feature, lengths in a unit [m]."""
+
+    @abstractmethod
+    def features(self, part: P) -> list[Feature]:
+        """What contacts can sit on, counter-clockwise."""
+
+    @abstractmethod
+    def place(self, part: P, feature: Feature, point: tuple[float, float], normal_angle: float) -> tuple[float, float]:
+        """The unknowns of a contact on a feature, next to a point of the object's frame [m]."""
+
+    def nearest_feature(self, part: P, point: tuple[float, float], normal_angle: float) -> int:
+        """Index among the features of that on which a surface point with this outward normal lies best."""
+        return 0
+
+    def nearest_places(self, part: P, points: Array) -> tuple[Array, Array]:
+        """Angles (K,) of the outward normals [rad] at the surface points nearest to points (K, 2) of the object's
+        frame, and the distances (K,) [m], negative inside.
+        """
+        outline = self.outline(part, Frame(), 0.0)
+        gap, walk = outline.nearest(points @ [1.0, 1.0j])
+        return np.remainder(outline.walk(walk).angle + np.pi, 2.0 * np.pi) - np.pi, gap
+
+    def near_corners(self, part: P, points: Array) -> Array:
+        """Nearest corner of the core to each point (K, 2) and its neighbors, x and y one after the other
+        (K, 2 * CORNERS) [m]; zeros where the surface does not look at corners.
+        """
+        return np.zeros((len(points), 2 * CORNERS))
+
+    # -- search of a grasp
+
+    @abstractmethod
+    def outline(self, part: P, frame: Frame, grown: float) -> Outline:
+        """The outline in other coordinates, grown by a distance of these coordinates."""
+
+
+def separation(point: ca.SX, beta: ca.SX, corners: ca.SX) -> ca.SX:
+    """Heights (M,) of a point above lines through the corners (2, M) whose normal is in direction ``beta``.
+
+    A point x is at least d away from a convex part if there is a direction n(beta) with n . x - H(beta) >= d, where H
+    is the part's support function; the distance itself is the greatest of these. So beta is an unknown of the problem,
+    one per place that is kept clear. For an offset polygon H is the greatest of n . v + r over its corners v.
+    """
+    normal = ca.vertcat(ca.cos(beta), ca.sin(beta))
+    return ca.vertcat(*(ca.dot(normal, point - corners[:, k]) for k in range(corners.shape[1])))
+
+
+def nearest_of(candidates: Sequence[Nearest]) -> Nearest:
+    """The one with the smallest distance."""
+    best = candidates[0]
+    for other in candidates[1:]:
+        best = best.or_nearer(other)
+    return best
