@@ -166,7 +166,9 @@ class GraspResult:
         One sentence on how it ended.
     arrays : dict of str to ndarray
         The numbers, as stored in a run folder. Per finger F: ``F.family``, ``F.q``, ``F.lengths``,
-        ``F.tip_curvature``, ``F.tensions``, ``F.base`` and ``F.backbone`` (see `FingerPosture`); ``object.pose``;
+        ``F.curvature_shapes`` (curvature at places spread evenly along each element per coordinate, see
+        `continuum_grasp.model.family.Family`), ``F.tip_curvature``, ``F.tensions``, ``F.base`` and ``F.backbone`` (see
+        `FingerPosture`); ``object.pose``;
         per contact: ``contact_names``, ``contact_positions``, ``contact_normals``, ``contact_forces`` (N, f, lift),
         ``contact_stations``, ``contact_parts`` (see `Contact`). Where there is no grasp: the point that comes
         closest, or empty.

@@ -11,27 +11,32 @@ from numpy.typing import NDArray
 from continuum_grasp.rod.mesh import Mesh, panel_edges, with_places
 from continuum_grasp.scene.finger import Finger
 
-__all__ = ["DenseRod", "curvature_ends"]
+__all__ = ["DenseRod", "curvature_profile"]
 
 Array = NDArray[Any]
 
 
-def curvature_ends(family: str, q: Array, lengths: Array, tip_curvature: float) -> Array:
-    """Curvature at start and end of each element (..., N, 2) [1/m] from coordinates (..., n).
+def curvature_profile(shapes: Array, q: Array, tip_curvature: float) -> Array:
+    """Compute the curvature (..., N, D) [1/m] at D places spread evenly along each element.
 
-    A matched clothoid's curvature at the tip is no coordinate; it is given.
+    Between them it is the polynomial through these values; a single value holds for the whole element.
+
+    Parameters
+    ----------
+    shapes : ndarray, shape (N, D, M)
+        Curvature there per coordinate.
+    q : ndarray, shape (..., n)
+        Coordinates; all M, or all but the last, which is then the curvature at the tip.
+    tip_curvature : float
+        [1/m]
     """
-    if family == "arc":
-        return np.repeat((q / lengths)[..., None], 2, axis=-1)
-    nodes = q
-    if family == "matched_clothoid":
-        tip = np.full((*q.shape[:-1], 1), tip_curvature, dtype=q.dtype)
-        nodes = np.concatenate([q, tip], axis=-1)
-    return np.stack([nodes[..., :-1], nodes[..., 1:]], axis=-1)
+    if q.shape[-1] < shapes.shape[-1]:
+        q = np.concatenate([q, np.full((*q.shape[:-1], 1), tip_curvature, dtype=q.dtype)], axis=-1)
+    return np.asarray(np.einsum("kda,...a->...kd", shapes, q))
 
 
 class DenseRod:
-    """Position and angle of a planar rod whose curvature is linear in each element.
+    """Position and angle of a planar rod whose curvature is a polynomial in each element.
 
     The elements are cut into short panels; joints and marks are panel edges. All shapes may have leading axes, one for
     each of several rods, and may be complex, for derivatives by complex steps.
@@ -76,26 +81,31 @@ class DenseRod:
         steps = np.array([end for _, end, _ in pieces[:-1]])
         self.rest = np.array([value for *_, value in pieces])[np.searchsorted(steps, self.mesh.nodes)]
 
-    def curvature(self, ends: Array, s: Array | None = None) -> Array:
+    def curvature(self, profile: Array, s: Array | None = None) -> Array:
         """Curvature (..., G) [1/m] at the Gauss points, or at places (G,) [m].
 
-        ``ends`` (..., N, 2) is the curvature at both ends of each element.
+        ``profile`` (..., N, D) is the curvature at places along each element, as `curvature_profile` gives.
         """
         element, share = self._inside if s is None else self._place(s)
-        a, b = ends[..., element, 0], ends[..., element, 1]
-        return np.asarray(a + (b - a) * share)
+        return _horner(_coefficients(profile)[..., element, :], share)
 
-    def angle(self, ends: Array) -> Array:
+    def bends(self, profile: Array) -> Array:
+        """Bending angle of each element (..., N) [rad]."""
+        degrees = np.arange(profile.shape[-1])
+        weights = (1.0 / (degrees + 1.0)) @ _polynomials(profile.shape[-1])
+        return np.asarray(self.lengths * (profile @ weights))
+
+    def angle(self, profile: Array) -> Array:
         """World angle of the section's X axis at the Gauss points (..., G) [rad]."""
-        return self._angle(ends, *self._inside)
+        return self._angle(profile, *self._inside)
 
-    def edge_angle(self, ends: Array) -> Array:
+    def edge_angle(self, profile: Array) -> Array:
         """World angle of the section's X axis at the panel edges (..., P + 1) [rad]."""
-        return self._angle(ends, *self._at_edges)
+        return self._angle(profile, *self._at_edges)
 
-    def edge_points(self, ends: Array, angle: Array | None = None) -> Array:
+    def edge_points(self, profile: Array, angle: Array | None = None) -> Array:
         """World positions of the panel edges (..., P + 1, 2) [m]; ``angle`` as `angle` gives, where it is known."""
-        angle = self.angle(ends) if angle is None else angle
+        angle = self.angle(profile) if angle is None else angle
         walked = [self.mesh.to_edges(-np.sin(angle)), self.mesh.to_edges(np.cos(angle))]
         return np.asarray(self.start + np.stack(walked, axis=-1))
 
@@ -103,29 +113,44 @@ class DenseRod:
         """Index of the panel edge at a position, for joints, ends and marks."""
         return int(np.argmin(np.abs(self.edges - s)))
 
-    def mean_point(self, ends: Array, angle: Array | None = None) -> Array:
+    def mean_point(self, profile: Array, angle: Array | None = None) -> Array:
         """Integral of the position over the length (..., 2) [m2]."""
-        angle = self.angle(ends) if angle is None else angle
+        angle = self.angle(profile) if angle is None else angle
         lever = self.weights * (self.joints[-1] - self.mesh.nodes)
         walked = np.stack([-np.sin(angle) @ lever, np.cos(angle) @ lever], axis=-1)
         return np.asarray(self.start * self.joints[-1] + walked)
 
-    def at(self, ends: Array, s: Array) -> tuple[Array, Array]:
+    def at(self, profile: Array, s: Array) -> tuple[Array, Array]:
         """World positions (K, 2) [m] and angles (K,) [rad] of one rod at any places (K,) [m] along it."""
         s = np.asarray(s, dtype=float)
-        walked = self.mesh.integrate(1j * np.exp(1j * self.angle(ends)), s)
-        return self.start + np.stack([walked.real, walked.imag], axis=-1), self._angle(ends, *self._place(s))
+        walked = self.mesh.integrate(1j * np.exp(1j * self.angle(profile)), s)
+        return self.start + np.stack([walked.real, walked.imag], axis=-1), self._angle(profile, *self._place(s))
 
     def _place(self, s: Array) -> tuple[Array, Array]:
         """Elements in which positions lie, and how far along them [1]."""
         element = np.clip(np.searchsorted(self.joints, s) - 1, 0, self.lengths.size - 1)
         return element, (s - self.joints[element]) / self.lengths[element]
 
-    def _angle(self, ends: Array, element: Array, share: Array) -> Array:
-        a, b = ends[..., 0], ends[..., 1]
-        bends = 0.5 * self.lengths * (a + b)
+    def _angle(self, profile: Array, element: Array, share: Array) -> Array:
+        coefficients = _coefficients(profile)
+        integrals = self.lengths[:, None] * (coefficients / np.arange(1.0, coefficients.shape[-1] + 1.0))
+        bends = self.bends(profile)
         before = np.cumsum(bends, axis=-1) - bends
-        first, second = self.lengths * a, 0.5 * self.lengths * (b - a)
-        return np.asarray(
-            self.start_angle + before[..., element] + share * (first[..., element] + share * second[..., element])
-        )
+        return np.asarray(self.start_angle + before[..., element] + share * _horner(integrals[..., element, :], share))
+
+
+def _coefficients(profile: Array) -> Array:
+    """Coefficients (..., D) of 1, u, u^2 ... of the polynomials of each element."""
+    return np.asarray(profile @ _polynomials(profile.shape[-1]).T)
+
+
+def _polynomials(count: int) -> Array:
+    """Coefficients (D, D) of 1, u, u^2 ... on [0, 1], by value at the places spread evenly."""
+    return np.asarray(np.linalg.inv(np.vander(np.linspace(0.0, 1.0, count), increasing=True)))
+
+
+def _horner(coefficients: Array, u: Array) -> Array:
+    total = coefficients[..., -1]
+    for k in range(coefficients.shape[-1] - 2, -1, -1):
+        total = coefficients[..., k] + total * u
+    return np.asarray(total)

@@ -98,6 +98,8 @@ WRAPPED = [
     ("finger.q", 1, 9.0, "bending range, finger"),
     ("finger.q", 1, 1e-3, "stored backbone, finger"),
     ("finger.lengths", 0, 1e-5, "element lengths, finger"),
+    ("finger.curvature_shapes", (0, 0, 0), 0.01, "stored backbone, finger"),
+    ("finger.curvature_shapes", (0, 0, 0), np.nan, "numbers that are not finite"),
     ("finger.tip_curvature", (), 0.01, "stored tip curvature, finger"),
     ("finger.tensions", 0, 0.01, "finger equilibrium, finger"),
     ("finger.tensions", 0, 90.0, "tendon tension, finger"),

@@ -68,6 +68,7 @@ def made_up(scene, curvature=12.0):
             f"{name}.family": np.array("arc"),
             f"{name}.q": np.full(2, 0.5 * line[-1, 3]),
             f"{name}.lengths": np.full(2, 0.5 * finger.rod.length),
+            f"{name}.curvature_shapes": np.diag([2.0 / finger.rod.length] * 2)[:, None],
             f"{name}.tip_curvature": np.array(curvature),
             f"{name}.tensions": np.array([12.25, 1.0]),
             f"{name}.base": base,

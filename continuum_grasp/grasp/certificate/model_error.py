@@ -98,7 +98,7 @@ def model_error(grasp: RecomputedGrasp) -> ModelError:
         problem = _problem(finger)
         moment = float(np.maximum(moment, _moment_left_out(finger, problem)))
         try:
-            exact = deformed(problem, lambda s, finger=finger: finger.rod.curvature(finger.ends, s))
+            exact = deformed(problem, lambda s, finger=finger: finger.rod.curvature(finger.profile, s))
         except SolverError:
             lost.append(finger.name)
             continue
@@ -125,7 +125,7 @@ def _problem(bent: RecomputedFinger) -> RodProblem:
 def _moment_left_out(bent: RecomputedFinger, problem: RodProblem) -> float:
     """Moment of the shape against that of everything beyond a section, greatest relative difference."""
     equations = RodEquations(problem, Mesh(panel_edges(problem.breaks, 2.0 / SECTIONS), 2))
-    shape = bent.length * bent.rod.curvature(bent.ends, bent.length * equations.mesh.nodes)
+    shape = bent.length * bent.rod.curvature(bent.profile, bent.length * equations.mesh.nodes)
     gap = equations.balance(shape).missing
     least = LEAST_MOMENT * bent.moment_scale(0.0) * bent.length / bent.stiffness
     return float(np.abs(gap).max() / max(np.abs(shape - equations.rest - gap).max(), least))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.rod.dense_rod import DenseRod, curvature_ends
+from continuum_grasp.rod.dense_rod import DenseRod, curvature_profile
 from continuum_grasp.scene.finger import Finger
 
 __all__ = ["BentFinger", "Section"]
@@ -57,7 +57,7 @@ class BentFinger:
     ----------
     finger : Finger
     arrays : mapping
-        Of the finger: ``family``, ``q``, ``lengths``, ``tip_curvature``, ``base``.
+        Of the finger: ``q``, ``lengths``, ``curvature_shapes``, ``tip_curvature``, ``base``.
     stations : sequence of float, optional
         Positions of contacts along the finger [m].
 
@@ -76,15 +76,14 @@ class BentFinger:
     def __init__(self, finger: Finger, arrays: Mapping[str, Any], stations: Sequence[float] = ()) -> None:
         self.finger = finger
         lengths = np.asarray(arrays["lengths"], dtype=float)
-        self._ends = curvature_ends(
-            str(arrays["family"]), np.asarray(arrays["q"], dtype=float), lengths, float(arrays["tip_curvature"])
-        )
+        q, tip = np.asarray(arrays["q"], dtype=float), float(arrays["tip_curvature"])
+        self._profile = curvature_profile(arrays["curvature_shapes"], q, tip)
         self.length = float(lengths.sum())
         inner = [s for s in stations if 1e-9 < s / self.length < 1.0 - 1e-9]
         marks = [*inner, *(mass.at for mass in finger.masses)]
         self.rod = DenseRod(finger, lengths, 1.0 / CELLS, arrays["base"], marks=marks, nodes=_NODES)
-        self.angles = self.rod.edge_angle(self._ends)
-        self.points = self.rod.edge_points(self._ends)
+        self.angles = self.rod.edge_angle(self._profile)
+        self.points = self.rod.edge_points(self._profile)
         self._motions(self._unknowns(inner))
 
     def section(self, station: float) -> Section:
@@ -137,7 +136,7 @@ class BentFinger:
 
     def _motions(self, hats: Array) -> None:
         """Turns and shifts of the sections per unknown, stiffness, and what the tendons feel."""
-        mesh, angle = self.rod.mesh, self.rod.angle(self._ends)
+        mesh, angle = self.rod.mesh, self.rod.angle(self._profile)
         self.size = hats.shape[1]
         self.turns = mesh.to_edges(hats.T).T
         self._spins = mesh.forward @ hats
@@ -155,5 +154,5 @@ class BentFinger:
         """Of the section at an edge [1/m], the mean of both sides where it jumps."""
         s = self.rod.edges[edge]
         for k in np.flatnonzero(self.rod.joints[1:-1] == s):
-            return float(0.5 * (self._ends[k, 1] + self._ends[k + 1, 0]))
-        return float(self.rod.curvature(self._ends, s))
+            return float(0.5 * (self._profile[k, 1] + self._profile[k + 1, 0]))
+        return float(self.rod.curvature(self._profile, s))
