@@ -108,14 +108,14 @@ class _PaperEquations(Equations):
     @cached_property
     def base(self) -> Rotation:
         """From the axes of the base to the world's."""
-        angle = self._made.finger.base.angle
+        angle = self._structure.finger.base.angle
         return Rotation(*(0.0 if abs(v) < 1e-15 else v for v in (math.cos(angle), math.sin(angle))))
 
     @cached_property
     def arcs(self) -> TwoArcs:
         """The finger as the paper describes it."""
         masses: list[Scalar] = [0.0, 0.0]
-        for name, place in self._made.masses():
+        for name, place in self._structure.masses():
             masses[place.link] = masses[place.link] + self._par[name]
         gx, gy = self._par.vector("gravity")
         weight = self.base.transposed().apply(Vec(gx, gy))
@@ -138,7 +138,7 @@ class _PaperEquations(Equations):
     @cached_property
     def point_forces(self) -> tuple[ca.SX, ca.SX]:
         """Forces of ``w`` on contact and tip [N, base axes]."""
-        made, back = self._made, self.base.transposed()
+        made, back = self._structure, self.base.transposed()
         starts = [(k, 2 * k) for k in range(len(made.contacts))]
         if made.tip_force:
             starts.append((1, 2 * len(made.contacts)))

@@ -1,4 +1,4 @@
-"""From the input u to the tip moment, and the moment along the finger where tendons rub."""
+"""From the input u to the tip moment, and its loss along the finger by tendon friction."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from continuum_grasp.model.planar import Scalar
 __all__ = ["Drive", "InputLayout", "friction_factors"]
 
 _BEND_ROUNDING = 1e-3
-"""Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]."""
+"""Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]: with a coefficient of 0.5
+the tension is off by a share of 5e-4 at most."""
 
 
 @dataclass(frozen=True)

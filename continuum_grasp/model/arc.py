@@ -21,7 +21,7 @@ from continuum_grasp.model.stumpff import ROUNDING, stumpff
 __all__ = ["Arc", "ArcFamily"]
 
 WAYPOINTS = 8
-"""Parts of an arc between which its waypoints lie."""
+"""Parts of an arc between which its waypoints lie [1]: about as many as a clothoid has nodes, 3 to 16."""
 _MOMENTS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 2.0))
 """Weights of c_1, c_2, ... in the cosine part of J_0, J_1, J_2, by integration by parts."""
 _MEANS = ((1.0,), (1.0, -2.0), (1.0, -4.0, 6.0))
@@ -58,6 +58,7 @@ class Arc(Link):
         self._rotary_inertia = rotary_inertia
         self._angle_range = angle_range
         self._accuracy = accuracy
+        # All integrals are combinations of these few: no sine, no division, and exact at theta = 0.
         self._c = stumpff(theta, angle_range, accuracy)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""A chain of flexible links on a fixed base: kinematics, mass matrix and generalised forces by recursion.
+"""A chain of flexible links on a fixed base: kinematics, mass matrix and generalized forces by recursion.
 
 The chain does not know which family a link is from. Vectors are in the base's axes with X along the undeformed
 backbone. The recursions are those of a composite rigid body (mass matrix) and of Newton and Euler (velocity products,
@@ -59,7 +59,7 @@ class Chain:
     links : sequence of LoadedLink
         From base to tip.
     coordinates : sequence of tuple of int
-        Per link, the global coordinate of each of its local ones; neighbours may share one.
+        Per link, the global coordinate of each of its local ones; neighbors may share one.
     size : int
         Number of global coordinates.
     """
@@ -166,6 +166,8 @@ class Chain:
             if a != b:
                 matrix[b][a] = matrix[a][b]
 
+        # Mass, first and second moment of everything beyond the link, about its end: from the tip inwards each link is
+        # added once, so the cost grows with the square of the number of links, not with its cube.
         mass: Scalar = 0.0
         first: Vec = ZERO
         second: Scalar = 0.0
@@ -200,7 +202,7 @@ class Chain:
         forces: Sequence[Force] = (),
         moments: Sequence[Moment] = (),
     ) -> list[Scalar]:
-        """Generalised forces that velocity products, weight and point loads exert on the coordinates.
+        """Generalized forces that velocity products, weight and point loads exert on the coordinates.
 
         Parameters
         ----------
@@ -214,7 +216,7 @@ class Chain:
         Returns
         -------
         list
-            Per global coordinate; M qdd = this + other generalised forces.
+            Per global coordinate; M qdd = this + other generalized forces.
         """
         weight = gravity is not ZERO
         biases, fields = self._forward(rates, gravity)

@@ -31,11 +31,11 @@ class Equations:
     Parameters
     ----------
     structure : Structure
-        The make-up of the model.
+        Of the model.
     """
 
     def __init__(self, structure: Structure) -> None:
-        self._made = structure
+        self._structure = structure
         self._par = structure.parameters
         self._family = structure.family
         self.q = ca.SX.sym("q", structure.n)
@@ -53,20 +53,20 @@ class Equations:
     @cached_property
     def commanded(self) -> Drive:
         """The drive as the input gives it."""
-        offset = self._par["tendon_offset"] if self._made.inputs.tendons else 0.0
-        return Drive.from_input(self.u, self._made.inputs, offset)
+        offset = self._par["tendon_offset"] if self._structure.inputs.tendons else 0.0
+        return Drive.from_input(self.u, self._structure.inputs, offset)
 
     @cached_property
     def drive(self) -> Drive:
         """The drive that acts: the commanded one, or the one that follows it."""
-        if not self._made.lagged:
+        if not self._structure.lagged:
             return self.commanded
         return Drive(self.lag[0], self.commanded.couple, self.lag[1], self.lag_acceleration)
 
     @cached_property
     def lag_acceleration(self) -> Scalar:
         """Second derivative of the lagged tip moment: a critically damped second-order lag."""
-        tendons = self._made.finger.tendons
+        tendons = self._structure.finger.tendons
         if tendons is None or tendons.time_constant is None:
             return 0.0
         pole = 1.0 / tendons.time_constant
@@ -82,16 +82,16 @@ class Equations:
     @cached_property
     def full(self) -> list[Scalar]:
         """Full coordinates: q, and the tip's curvature where it is matched."""
-        q: list[Scalar] = [self.q[k] for k in range(self._made.n)]
-        if not self._made.matched:
+        q: list[Scalar] = [self.q[k] for k in range(self._structure.n)]
+        if not self._structure.matched:
             return q
         return [*q, self._per_stiffness(self.drive.moment + self.drive.couple) + self._tip_rest]
 
     @cached_property
     def full_rates(self) -> list[Scalar]:
         """Rates of the full coordinates."""
-        rates: list[Scalar] = [self.qd[k] for k in range(self._made.n)]
-        return [*rates, self._per_stiffness(self.drive.rate)] if self._made.matched else rates
+        rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
+        return [*rates, self._per_stiffness(self.drive.rate)] if self._structure.matched else rates
 
     def _per_stiffness(self, moment: Scalar) -> Scalar:
         stiffness = self._par["bending_stiffness"]
@@ -101,7 +101,7 @@ class Equations:
     def _tip_rest(self) -> Scalar:
         if self._par.is_runtime("rest_curvature"):
             return self._par["rest_curvature"]
-        return self._made.finger.curvature_pieces[-1][2]
+        return self._structure.finger.curvature_pieces[-1][2]
 
     @cached_property
     def bends(self) -> list[Scalar]:
@@ -115,8 +115,8 @@ class Equations:
     def chain(self) -> Chain:
         """The chain of links."""
         family, par = self._family, self._par
-        masses = tuple((place.link, float(place.fraction), par[name]) for name, place in self._made.masses())
-        rod = Rod(self.lengths, self._made.ranges, par["linear_density"], par["rotary_inertia"], masses)
+        masses = tuple((place.link, float(place.fraction), par[name]) for name, place in self._structure.masses())
+        rod = Rod(self.lengths, self._structure.ranges, par["linear_density"], par["rotary_inertia"], masses)
         local = [family.local(k) for k in range(len(self.lengths))]
         return Chain(family.links(self.full, rod), local, family.size)
 
@@ -125,18 +125,18 @@ class Equations:
         """From the chain's axes (X along the undeformed finger) to the world's."""
         if self._par.is_runtime("base_angle"):
             return Rotation(-ca.sin(self._par["base_angle"]), ca.cos(self._par["base_angle"]))
-        angle = self._made.finger.base.angle + math.pi / 2
+        angle = self._structure.finger.base.angle + math.pi / 2
         return Rotation(*(0.0 if abs(v) < 1e-15 else v for v in (math.cos(angle), math.sin(angle))))
 
     def to_world(self, v: Vec) -> Vec:
         """World position of a point given from the base in the chain's axes."""
-        turned, (x, y) = self.turn.apply(v), self._made.finger.base.position
+        turned, (x, y) = self.turn.apply(v), self._structure.finger.base.position
         return Vec(turned.x + x, turned.y + y)
 
     @cached_property
     def tip_position(self) -> Vec:
         """World position of the tip [m]."""
-        return self.to_world(self.chain.position(self._made.tip))
+        return self.to_world(self.chain.position(self._structure.tip))
 
     @cached_property
     def _partial_chain(self) -> list[tuple[Rotation, Section, Vec]]:
@@ -173,7 +173,7 @@ class Equations:
             beyond = tip - end
             for a, arm, angle in zip(local, section.arms, section.angles, strict=True):
                 arms[a] = arms[a] + turn.apply(arm) + beyond.scaled(angle)
-        return [self.turn.apply(arm.perp()) for arm in arms[: self._made.n]]
+        return [self.turn.apply(arm.perp()) for arm in arms[: self._structure.n]]
 
     @cached_property
     def joints(self) -> list[tuple[Vec, Scalar]]:
@@ -227,7 +227,7 @@ class Equations:
     def range_use(self) -> list[Scalar]:
         """Share of the declared bending range that each element uses."""
         use: list[Scalar] = []
-        for bends, reach in zip(self.greatest_bends, self._made.ranges, strict=True):
+        for bends, reach in zip(self.greatest_bends, self._structure.ranges, strict=True):
             peak = ca.fabs(ca.SX(bends[0]))
             for bend in bends[1:]:
                 peak = ca.fmax(peak, ca.fabs(ca.SX(bend)))
@@ -247,7 +247,7 @@ class Equations:
     @cached_property
     def loads(self) -> tuple[list[Force], list[Moment]]:
         """Point forces and moments of ``w``."""
-        back, made = self.turn.transposed(), self._made
+        back, made = self.turn.transposed(), self._structure
         forces, moments = [], []
         places = [place_at(at, made.lengths) for at in made.contacts]
         for k, place in enumerate([*places, made.tip] if made.tip_force else places):
@@ -273,7 +273,7 @@ class Equations:
         """Integral of the rest curvature times the curvature shapes."""
         if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
             return [self._tip_rest * r for r in self._family.rest_uniform(self.lengths)]
-        return list(self._family.rest(self._made.lengths, self._made.finger.curvature_pieces))
+        return list(self._family.rest(self._structure.lengths, self._structure.finger.curvature_pieces))
 
     @cached_property
     def elastic(self) -> list[Scalar]:
@@ -297,14 +297,14 @@ class Equations:
 
     @cached_property
     def actuation(self) -> list[Scalar]:
-        """Generalised forces of the drive."""
+        """Generalized forces of the drive."""
         drive, count = self.drive, len(self.lengths)
         gradients = [self._family.bend_gradient(k, self.lengths) for k in range(count)]
         whole = [sum(column) for column in zip(*gradients, strict=True)]
-        if not self._made.rubs:
+        if not self._structure.has_tendon_friction:
             return [g * (drive.moment + drive.couple) for g in whole]
         total = [g * drive.couple for g in whole]
-        shares = [1.0 / self._made.length * h for h in self.lengths]
+        shares = [1.0 / self._structure.length * h for h in self.lengths]
         factors = friction_factors(self._par["tendon_friction"], self.bends, shares)
         for gradient, factor in zip(gradients, factors, strict=True):
             moment = factor * drive.moment
@@ -316,13 +316,13 @@ class Equations:
     @cached_property
     def mass_matrix(self) -> list[list[Scalar]]:
         """Mass matrix of the unknowns."""
-        return [row[: self._made.n] for row in self.chain.mass_matrix[: self._made.n]]
+        return [row[: self._structure.n] for row in self.chain.mass_matrix[: self._structure.n]]
 
     @cached_property
     def tip_inertia_force(self) -> list[Scalar]:
         """Inertia of the matched tip's own motion: M_qN kappa_N''."""
-        acceleration = self._per_stiffness(self.drive.acceleration) if self._made.matched else 0.0
-        return [row[-1] * acceleration for row in self.chain.mass_matrix[: self._made.n]]
+        acceleration = self._per_stiffness(self.drive.acceleration) if self._structure.matched else 0.0
+        return [row[-1] * acceleration for row in self.chain.mass_matrix[: self._structure.n]]
 
     @cached_property
     def bias(self) -> list[Scalar]:
@@ -334,19 +334,19 @@ class Equations:
     def gravity(self) -> list[Scalar]:
         """Gradient of the weight's potential; equation (29)."""
         weight = self.chain.motion_forces(None, self.gravity_vector)
-        return [-f for f in weight[: self._made.n]]
+        return [-f for f in weight[: self._structure.n]]
 
     @cached_property
     def external_force(self) -> list[Scalar]:
-        """Generalised forces of ``w``; equation (41)."""
-        return self.chain.motion_forces(None, ZERO, *self.loads)[: self._made.n]
+        """Generalized forces of ``w``; equation (41)."""
+        return self.chain.motion_forces(None, ZERO, *self.loads)[: self._structure.n]
 
     @cached_property
     def net_force(self) -> list[Scalar]:
         """M qdd."""
         motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, *self.loads)
         net = []
-        for k in range(self._made.n):
+        for k in range(self._structure.n):
             internal = self.elastic[k] + self.damping[k]
             value = motion[k] + self.actuation[k] - internal - self.tip_inertia_force[k]
             net.append(value)
@@ -355,9 +355,9 @@ class Equations:
     @cached_property
     def state_rate(self) -> list[Scalar]:
         """Derivative of the state."""
-        rates: list[Scalar] = [self.qd[k] for k in range(self._made.n)]
+        rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
         rates += solve_ldl(self.mass_matrix, self.net_force)
-        return [*rates, self.lag[1], self.lag_acceleration] if self._made.lagged else rates
+        return [*rates, self.lag[1], self.lag_acceleration] if self._structure.lagged else rates
 
     @cached_property
     def kinetic_energy(self) -> Scalar:
@@ -367,16 +367,16 @@ class Equations:
     @cached_property
     def potential_energy(self) -> Scalar:
         """Elastic energy above the rest shape and potential of the weight above the world's origin [J]."""
-        stiffness, pieces = self._par["bending_stiffness"], self._made.finger.curvature_pieces
+        stiffness, pieces = self._par["bending_stiffness"], self._structure.finger.curvature_pieces
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
         if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
             constant = 0.5 * (sum(self.lengths) * self._tip_rest**2)
         else:
-            constant = self._family.rest_energy(self._made.lengths, pieces)
+            constant = self._family.rest_energy(self._structure.lengths, pieces)
         elastic = stiffness * (_dot(product, self.full) - _dot(self.rest, self.full) + constant)
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
-        x, y = self._made.finger.base.position
+        x, y = self._structure.finger.base.position
         weight = first.dot(self.gravity_vector) + mass * (gx * x + gy * y)
         return elastic - weight
 

@@ -10,7 +10,7 @@ __all__ = ["solve_ldl"]
 
 
 def solve_ldl(matrix: Sequence[Sequence[Scalar]], right: Sequence[Scalar]) -> list[Scalar]:
-    """Solve ``matrix x = right`` by an L D L' factorisation without pivoting.
+    """Solve ``matrix x = right`` by an L D L' factorization without pivoting.
 
     Parameters
     ----------
@@ -22,13 +22,15 @@ def solve_ldl(matrix: Sequence[Sequence[Scalar]], right: Sequence[Scalar]) -> li
     -------
     list of n scalars
     """
+    # Written out in scalars, since CasADi's own linear solvers cannot be expanded to SX and generated as straight code;
+    # no pivots are needed for a mass matrix, which is positive definite, and the code then has no branches.
     n = len(right)
     a = [list(row) for row in matrix]
     inverse: list[Scalar] = [0.0] * n
     factor: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
     y = list(right)
     for j in range(n):
-        inverse[j] = 1.0 / a[j][j]
+        inverse[j] = 1.0 / a[j][j]  # the only divisions of the dynamics: one per coordinate
         for i in range(j + 1, n):
             factor[i][j] = a[i][j] * inverse[j]
         for i in range(j + 1, n):

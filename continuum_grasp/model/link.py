@@ -1,6 +1,6 @@
 """What the chain needs to know of a flexible link, whatever curvature it has.
 
-A link is a stretch of rod with a few bending coordinates of its own (its *local coordinates*). All vectors are in the
+A link is a piece of rod with a few bending coordinates of its own (its *local coordinates*). All vectors are in the
 axes of its start section (X along the tangent there) and from its start. The derivative of a point with respect to a
 bending coordinate is stored *before* its turn by a right angle: ``dr/dq = perp(arm)``, because the derivative of a
 tangent is the tangent turned by 90 degrees. Scalar products of derivatives are then scalar products of arms, and no

@@ -1,4 +1,4 @@
-"""What a model is made of: elements, family, inputs, forces and their names; resolved once from scene and keywords."""
+"""Structure of a model: elements, family, inputs, forces and their names; resolved once from scene and options."""
 
 from __future__ import annotations
 
@@ -108,8 +108,8 @@ class Structure:
         return self.matched and not self.inputs.rates and not self.lagged
 
     @property
-    def rubs(self) -> bool:
-        """Whether tendon friction is modelled."""
+    def has_tendon_friction(self) -> bool:
+        """Whether tendon friction is modeled."""
         tendons = self.finger.tendons
         return tendons is not None and (tendons.friction > 0.0 or self.parameters.is_runtime("tendon_friction"))
 
@@ -155,7 +155,7 @@ class Structure:
         # A bare finger leaves open whether its tip moment varies, which a matched tip without rates would not follow.
         unknown = scene is None and input_rates is None and not self.lagged
         jumps = scene is not None and scene.time is not None and scene.initial.q is None and tip_moment_jumps(scene)
-        free = self.rubs or self._tip_couple_varies() or jumps or unknown
+        free = self.has_tendon_friction or self._tip_couple_varies() or jumps or unknown
         return default_family(free_tip=free)
 
     def _tip_couple_varies(self) -> bool:
@@ -170,7 +170,7 @@ class Structure:
         return any(isinstance(value, Samples) for value in inputs)
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
-        if self.matched and self.rubs:
+        if self.matched and self.has_tendon_friction:
             raise InputError(
                 f"{self.family_name} cannot carry tendon friction (the moment at the tip then depends on the whole "
                 f"shape): use family {default_family(free_tip=True)}",

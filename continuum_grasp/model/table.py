@@ -19,7 +19,7 @@ __all__ = ["TablePair", "table_pair"]
 class TablePair:
     """The object's base on a table parallel to the plane; the attributes are those of a ``Pair``.
 
-    The normal force lifts the object; friction acts in the plane at the centre of mass, along world x and y.
+    The normal force lifts the object; friction acts in the plane at the center of mass, along world x and y.
     """
 
     name: str

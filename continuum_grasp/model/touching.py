@@ -20,7 +20,7 @@ __all__ = ["Pair", "Station", "disc_pair", "support_pairs"]
 
 @dataclass(frozen=True)
 class Station:
-    """A disc of the finger: world centre, its velocity, angular velocity, and radius [m]."""
+    """A disc of the finger: world center, its velocity, angular velocity, and radius [m]."""
 
     name: str
     center: Vec
@@ -133,7 +133,7 @@ class Pair:
 
 def disc_pair(body: Body, law: ContactLaw, disc: Station, friction: float | None = None) -> Pair:
     """A disc against the nearest part of the object."""
-    found = nearest(body.thing.parts, body.local(disc.center))
+    found = nearest(body.object.parts, body.local(disc.center))
     normal = body.turn.apply(found.normal)
     lever = normal.scaled(-disc.radius)
     point = disc.center + lever
@@ -152,7 +152,7 @@ def support_pairs(body: Body, law: ContactLaw, walls: Sequence[Wall], pegs: Sequ
     for wall in walls:
         down = Vec(*(-v for v in wall.normal))
         local = body.turn.transposed().apply(down)
-        points = [p for part in body.thing.parts for p in surface_of(part).lowest_points(part, local)]
+        points = [p for part in body.object.parts for p in surface_of(part).lowest_points(part, local)]
         for k, place in enumerate(points):
             point = body.position + body.turn.apply(place)
             offset = point - Vec(*wall.point)

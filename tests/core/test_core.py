@@ -21,7 +21,8 @@ from continuum_grasp.core import cache, core
 from continuum_grasp.core.cache import cache_folder, library_for
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
 from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.model.finger_model import FUNCTIONS, MATRICES
+from continuum_grasp.model.finger_model import FUNCTIONS
+from continuum_grasp.model.functions import MATRICES
 from continuum_grasp.scene import Finger, PointMass, Tendons
 from tests.finger_cases import FAMILIES, LOADS, ROD, Case, evaluate, relative_error, state
 

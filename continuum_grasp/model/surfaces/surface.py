@@ -166,7 +166,7 @@ class Outline(ABC):
     """A part grown by the fingers' half thickness: distances and walks along its outline, many points at once.
 
     Planar vectors are complex numbers x + i y. A walk is a number w that runs once round in [0, period): along faces
-    it counts metres, on corners it turns the normal while the point stays (or runs along the rounding). So faces and
+    it counts meters, on corners it turns the normal while the point stays (or runs along the rounding). So faces and
     corners are one smooth family of contacts.
 
     Attributes
