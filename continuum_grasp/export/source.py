@@ -13,7 +13,7 @@ from continuum_grasp.control.estimator import Estimator
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.reals import Real
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, ModelOptions
 from continuum_grasp.model.stumpff import ROUNDING
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
@@ -88,7 +88,8 @@ def _of_precision(model: FingerModel, real: Real) -> FingerModel:
     if not _is_cut(model, real):
         return model
     finger, options = model.structure.asked
-    return FingerModel(finger, **{**options, "accuracy": _CUT * real.epsilon})
+    cut: ModelOptions = {**options, "accuracy": _CUT * real.epsilon}
+    return FingerModel(finger, **cut)
 
 
 def _is_cut(model: FingerModel, real: Real) -> bool:

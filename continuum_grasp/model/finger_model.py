@@ -159,7 +159,7 @@ class FingerModel(Functions):
         return self._function("inverse_dynamics", "q qd qdd u w p", Q=inertia - column(eq.net_force))
 
     @cached_property
-    def massmatrix(self) -> ca.Function:
+    def mass_matrix(self) -> ca.Function:
         """Mass matrix, equation (37)."""
         return self._function("mass_matrix", "q u p", M=matrix(self._equations.mass_matrix))
 

@@ -38,7 +38,7 @@ class Functions(Remade):
 
     _equations: Equations
 
-    def _function(self, name: str, inputs: str, **outputs: ca.SX | Vec | Scalar | Sequence[Scalar]) -> ca.Function:
+    def _function(self, name: str, inputs: str, **outputs: ca.SX | Vec | Scalar | list[Scalar]) -> ca.Function:
         """A function of space-separated inputs, which are symbols of the equations."""
         names = inputs.split()
         arguments = [getattr(self._equations, key) for key in names]
@@ -79,9 +79,7 @@ def matrix(rows: Sequence[Sequence[Scalar]]) -> ca.SX:
     return ca.vertcat(*[ca.horzcat(*[ca.SX(v) for v in row]) for row in rows])
 
 
-def _dense(value: ca.SX | Vec | Scalar | Sequence[Scalar]) -> ca.SX:
+def _dense(value: ca.SX | Vec | Scalar | list[Scalar]) -> ca.SX:
     if isinstance(value, Vec):
         return value.column()
-    if isinstance(value, list | tuple):
-        return ca.densify(column(value))
-    return ca.densify(ca.SX(value))
+    return ca.densify(column(value) if isinstance(value, list) else ca.SX(value))

@@ -144,7 +144,7 @@ class Search:
 
     def _reach(self) -> float:
         """Typical size of a bending coordinate."""
-        return self._model.structure.family.coordinate_size(min(self._model.ranges), max(self._model.lengths))
+        return float(self._model.structure.family.coordinate_size(min(self._model.ranges), max(self._model.lengths)))
 
     def _descend(self, start: Array, iterations: int) -> tuple[Array, int]:
         q = start.copy()

@@ -82,7 +82,7 @@ class RecomputedFinger:
     @property
     def matches_tip(self) -> bool:
         """Whether the curvature at the tip is no coordinate, but set by the moment balance there."""
-        return self._shapes.shape[-1] > self.q.size
+        return bool(self._shapes.shape[-1] > self.q.size)
 
     @property
     def tip_moment(self) -> float:

@@ -103,7 +103,7 @@ class PointReader:
                 f"{name}.family": np.array(setup.family),
                 f"{name}.q": family.coordinate_size(q.ravel(), length),
                 f"{name}.lengths": elements,
-                f"{name}.curvature_shapes": family.curvature_shapes(elements),
+                f"{name}.curvature_shapes": family.curvature_shapes(elements.tolist()),
                 f"{name}.tip_curvature": np.array(float(tip.ravel()[0]) / length),
                 f"{name}.tensions": pulls.ravel() * finger.rod.stiffness / length / offset,
                 f"{name}.base": base.ravel() * [m, m, 1.0],
