@@ -16,6 +16,7 @@ from continuum_grasp.export.template import fill, filled
 __all__ = ["abi_of", "calls_of", "codes_of_package", "header", "prototype", "stateful_of", "structs_of"]
 
 _LINE = 118
+"""Characters of a line in the header, which is as wide as the sources of this package."""
 
 
 def structs_of(subject: Subject, parts: Sequence[Part]) -> list[Struct]:

@@ -18,6 +18,7 @@ __all__ = ["TOOLS", "measure"]
 TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")
 """Programs that measuring needs."""
 _TIMEOUT = 600.0
+"""After which an emulator is taken to hang [s]; it counts every instruction."""
 _LINE = re.compile(r"^(\w+) (\d+) (\d+) (\d+) (\d+)$", re.MULTILINE)
 _COUNTED = ("least_instructions", "mean_instructions", "most_instructions", "stack_bytes")
 _SIZE = re.compile(r"^\s*(\d+)\s+(\d+)\s+(\d+)\s+\d+\s+\w+\s+(\w+)\.o$", re.MULTILINE)

@@ -24,7 +24,9 @@ __all__ = ["controller_vectors", "estimator_vectors", "replayed"]
 Array = NDArray[Any]
 
 _EPISODE = 70
+"""Calls from one start to the next: three times ``_HELD``, so that setpoints change in each, and some at the end."""
 _EPISODES = 3
+"""One with usual rows, one with faults, one in which the loop is hard pressed."""
 _HELD = 20
 """Calls for which setpoints stay."""
 _FLAGS = 4
