@@ -26,7 +26,7 @@ Array = NDArray[Any]
 _EPISODE = 70
 """Calls from one start to the next: three times ``_HELD``, so that setpoints change in each, and some at the end."""
 _EPISODES = 3
-"""One with usual rows, one with faults, one in which the loop is hard pressed."""
+"""Each with harder knocks than the one before; from the second on, commands that were applied differ too."""
 _HELD = 20
 """Calls for which setpoints stay."""
 _FLAGS = 4
