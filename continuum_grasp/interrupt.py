@@ -21,7 +21,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-__all__ = ["held", "kept_from_children", "leave", "listening", "pressed", "was_pressed"]
+__all__ = ["held", "ignored_by_children", "leave", "listening", "pressed", "was_pressed"]
 
 STATUS = 130
 """Exit status of a command that Ctrl-C ended: 128 and the signal's number, as in shells."""
@@ -137,7 +137,7 @@ def held(*, quietly: bool = False) -> Iterator[Callable[[], bool]]:
 
 
 @contextmanager
-def kept_from_children() -> Iterator[None]:
+def ignored_by_children() -> Iterator[None]:
     """Processes that are started within the block never see Ctrl-C, which a terminal sends to all of them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield

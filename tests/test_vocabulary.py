@@ -17,7 +17,7 @@ OWN = {Path(__file__).resolve()}
 REPLACED = {
     r"programmes?": "NLP, QP, LP or SOCP; in prose problem",
     r"rubs|rub|rubbing|rubbed": "tendon friction",
-    r"thrown|throws": "needs a continuous tip moment",
+    r"thrown": "needs a continuous tip moment",
     r"told": "reported or stated",
     r"is meant|nothing is said": "default",
     r"prices?|priced|dear|dearer": "penalty, weight, expensive",

@@ -49,7 +49,7 @@ def sweep(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Find the grasps of many scenes: a grid or random draws of any keys; goes on where it was stopped."""
+    """Find the grasps of many scenes: a grid or random draws of any keys; resumes after an interruption."""
     from continuum_grasp.errors import InputError
 
     output = Output(as_json, quiet, verbose)

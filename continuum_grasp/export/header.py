@@ -7,9 +7,8 @@ import textwrap
 from collections.abc import Mapping, Sequence
 
 from continuum_grasp import __version__
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.fields import Struct
-from continuum_grasp.export.part import Call, Part, Stateful
+from continuum_grasp.export.part import Call, Code, Part, Stateful
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill, filled
 

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.setpoints import set_points
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.part import Vectors
+from continuum_grasp.export.part import Code, Vectors
 from continuum_grasp.export.reals import Real
 from continuum_grasp.export.vectors import bad_entries
 
