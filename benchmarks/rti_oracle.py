@@ -1,9 +1,9 @@
 """QPs of the real-time iteration against an active-set solver, and random states in great number.
 
-Run ``python -m benchmarks.rti_oracle`` in the root of the repository (10 min). Random stages of the tests (penalties over
-five orders, absent bounds, states up to ten times the bounds) are linearised at random plans; each problem is solved
-by the C and by qpOASES, which has the slacks of the rows as variables. ``--problems`` and ``--states`` say how many;
-``--precision float`` does the same in single precision.
+Run ``python -m benchmarks.rti_oracle`` in the root of the repository (10 min). Random stages of the tests (penalties
+over five orders, absent bounds, states up to ten times the bounds) are linearised at random plans; each problem is
+solved by the C and by qpOASES, which has the slacks of the rows as variables. ``--problems`` and ``--states`` say how
+many; ``--precision float`` does the same in single precision.
 """
 
 from __future__ import annotations
