@@ -177,9 +177,9 @@ class Structure:
                 key="family",
             )
         if input_rates and not self.matched:
+            matched = " or ".join(name for name, family in FAMILIES.items() if family.matches_tip)
             raise InputError(
-                f"input_rates needs a family that matches the tip, such as {default_family(free_tip=False)}; "
-                f"{self.family_name} has no use for them",
+                f"input_rates needs family {matched}; {self.family_name} has no use for them",
                 key="input_rates",
             )
         if input_rates and self.lagged:
