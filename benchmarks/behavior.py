@@ -343,7 +343,8 @@ def record(arguments: argparse.Namespace) -> bool:
     """Add items to the file, each as soon as it is there."""
     with tempfile.TemporaryDirectory() as place:
         for name, make in items(Path(place)):
-            if any(fnmatch(name, some) for some in arguments.items):
+            known = arguments.missing and name in read(arguments.file)["items"]
+            if not known and any(fnmatch(name, some) for some in arguments.items):
                 began = time.perf_counter()
                 values, whole = make(), read(arguments.file)
                 whole["items"][name], whole["seconds"][name] = values, round(time.perf_counter() - began, 1)
@@ -381,6 +382,7 @@ def main() -> None:
     one = verbs.add_parser("record")
     one.add_argument("file", type=Path)
     one.add_argument("--items", nargs="+", default=["*"], help="patterns of names")
+    one.add_argument("--missing", action="store_true", help="only what the file lacks")
     one.set_defaults(run=record)
     two = verbs.add_parser("compare")
     two.add_argument("before", type=Path)
