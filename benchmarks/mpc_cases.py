@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import continuum_grasp as cg
+from continuum_grasp.control.ocp.stages import Stages, stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.problem import stages_of
-from continuum_grasp.control.stages import Stages
 from continuum_grasp.scene.control import ControlScene
 
 Array = NDArray[np.float64]
@@ -68,8 +67,8 @@ class Case:
         """The same, step by step, (steps)."""
         stages, steps = self.stages, len(u)
         cost = stages.cost.map(steps)
-        set_points = self.references[:steps, 0].T
-        value, _, _, c, _ = cost(x[:steps].T, u.T, self.p, set_points, stages.weights)
+        setpoints = self.references[:steps, 0].T
+        value, _, _, c, _ = cost(x[:steps].T, u.T, self.p, setpoints, stages.weights)
         left = outside(stages, np.array(c).T)
         found: Array = np.array(value)[0] + left @ stages.linear + 0.5 * left**2 @ stages.quadratic
         return found

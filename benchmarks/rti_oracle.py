@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import Report, Table
-from continuum_grasp.control.rti import STATUS, RealTimeIteration
+from continuum_grasp.control.rti.iteration import STATUS, RealTimeIteration
 from continuum_grasp.errors import SolverError
 from tests.rti_cases import SIZES, change_of_plan, disturb, programme, random_stages
 

@@ -17,7 +17,7 @@ _ROOMS = {
     "continuum_grasp.model": ("FingerModel", "System"),
     "continuum_grasp.export": ("export_c",),
     "continuum_grasp.control.controller": ("Controller",),
-    "continuum_grasp.control.estimator": ("Estimator",),
+    "continuum_grasp.control.estimation.estimator": ("Estimator",),
     "continuum_grasp.closed_loop.run": ("closed_loop",),
     "continuum_grasp.mission.run": ("run_mission",),
     "continuum_grasp.mission.trials": ("run_trials",),
@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     from continuum_grasp.accuracy.report import accuracy as accuracy
     from continuum_grasp.closed_loop.run import closed_loop as closed_loop
     from continuum_grasp.control.controller import Controller as Controller
-    from continuum_grasp.control.estimator import Estimator as Estimator
+    from continuum_grasp.control.estimation.estimator import Estimator as Estimator
     from continuum_grasp.core import compile as compile
     from continuum_grasp.errors import ContinuumGraspError as ContinuumGraspError
     from continuum_grasp.errors import InputError as InputError

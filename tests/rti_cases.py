@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.control.rti import RealTimeIteration
-from continuum_grasp.control.stages import ABSENT, Stages
-from continuum_grasp.control.transcription import cost_function, terminal_function
+from continuum_grasp.control.ocp.bounds import ABSENT
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.ocp.transcription import cost_function, terminal_function
+from continuum_grasp.control.rti.iteration import RealTimeIteration
 
 LOOSE = (
     "-fassociative-math",

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.arrays import control_scene, numbers, shown, slices, vector
+from continuum_grasp.control.arguments import control_scene, numbers, shown, slices, vector
 from continuum_grasp.control.command import Command, Estimate, Plan
-from continuum_grasp.control.compiled import Compiled
-from continuum_grasp.control.controller_source import Field, controller_source
-from continuum_grasp.control.estimation import estimation_of
-from continuum_grasp.control.estimator_settings import controller_fields, delay_periods
+from continuum_grasp.control.compiled.library import Compiled
+from continuum_grasp.control.compiled.settings import controller_fields, delay_periods
+from continuum_grasp.control.compiled.source import Field, controller_source
+from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.first_state import first_state, rest_input
+from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
+from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.problem import stages_of
-from continuum_grasp.control.setpoints import SetPoints, set_points
 from continuum_grasp.control.statistics import Statistics
 from continuum_grasp.control.status import Status
 from continuum_grasp.core.precision import precision_of
@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 _STATUS = tuple(Status)
 _CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
 _CHUNK = 128
-"""Periods for which set-points are evaluated at once."""
+"""Periods for which setpoints are evaluated at once."""
 _LATE, _APPLIED = 1, 2
 
 
@@ -131,7 +131,7 @@ class Controller(Remade):
             "measurement": len(self.measurement_names),
             "p": s.np,
             "applied": s.nu,
-            "set_points": (n + 1) * s.nr,
+            "setpoints": (n + 1) * s.nr,
             "elapsed": 1,
         }
         parts = {
@@ -150,7 +150,7 @@ class Controller(Remade):
         self._measurement, self._p, self._applied, rows, self._elapsed = (
             self._c.input[part] for part in inputs.values()
         )
-        self._set_points = rows.reshape(n + 1, s.nr)
+        self._setpoints = rows.reshape(n + 1, s.nr)
         self._call = self._c.function("cg_controller_step")
         self.first = first_state(self.scene, self.prediction)
         self._nz = max(nz, s.nd)
@@ -195,7 +195,7 @@ class Controller(Remade):
         measurement : (ny,) array_like or None
             What was measured, in the order of ``measurement_names``; NaN marks what was not, None stands for nothing.
         reference : (nr,) or (N + 1, nr) array_like, optional
-            Set-points in the order of ``stages.r_names``, constant or of every node from now on; those of the scene at
+            Setpoints in the order of ``stages.r_names``, constant or of every node from now on; those of the scene at
             its own clock (number of steps times the period) where not given.
         p : (np,) array_like, optional
             Parameters; nominal where not given.
@@ -221,7 +221,7 @@ class Controller(Remade):
             _put(self._measurement, np.nan if measurement is None else measurement, measurement is None)
             _put(self._p, self.stages.p_nominal if p is None else p)
             rows = self._scheduled() if reference is None else reference
-            _put(self._set_points, rows, np.ndim(rows) == 1 and np.size(rows) == self.stages.nr)
+            _put(self._setpoints, rows, np.ndim(rows) == 1 and np.size(rows) == self.stages.nr)
             flags = _LATE if (self._late if late is None else late) else 0
             if applied is not None:
                 _put(self._applied, applied)
@@ -331,11 +331,11 @@ class Controller(Remade):
         self._c.configure(tuple(self._fields.values()))
         self.restore(saved)
 
-    # -- set-points ---------------------------------------------------------------------------------------------------
+    # -- setpoints ---------------------------------------------------------------------------------------------------
 
     @cached_property
-    def _reference(self) -> SetPoints:
-        return set_points(self.scene, self.stages, self.prediction)
+    def _reference(self) -> Setpoints:
+        return setpoints(self.scene, self.stages, self.prediction)
 
     def _scheduled(self) -> Array:
         chunk, at = divmod(self._step, _CHUNK)
@@ -348,7 +348,7 @@ class Controller(Remade):
         return rows
 
     def _shape_error(self, *given: Any) -> InputError:
-        s, rows = self.stages, self._set_points.shape
+        s, rows = self.stages, self._setpoints.shape
         shapes: tuple[tuple[tuple[int, ...], ...], ...] = (
             ((len(self._measurement),),),
             ((s.nr,), rows),

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import System
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
@@ -18,6 +18,10 @@ from continuum_grasp.simulation.spectrum import sample_shapes
 __all__ = ["Prediction"]
 
 Array = NDArray[np.float64]
+
+_PRESSED = 10.0
+"""Normal force at which the stiffness of closed contacts is taken [N]: twice that of configs/mission/mug.yaml, 5.4 N;
+the damping of a contact, which sets the fastest rate, grows with it."""
 
 
 class Prediction(Remade):
@@ -186,6 +190,48 @@ class Prediction(Remade):
         given[: inputs.size] = inputs
         return np.array([*self.system.state(q=shape.tolist(), u=given.tolist()), *own])
 
-    def shapes(self, count: int) -> Array:
+    def shapes(self, count: int | None = None) -> Array:
         """Coordinates (count, n) of the straight finger and of shapes within half the bending range."""
         return sample_shapes(self.system.finger_model, np.zeros(self.system.finger_model.n))[:count]
+
+    def fastest_rate(self, u_min: Array, u_max: Array) -> float:
+        """Find the largest absolute eigenvalue of the linearized motion [1/s].
+
+        Taken over shapes within half the bending range at rest, with all contacts closed where there is an object.
+
+        Parameters
+        ----------
+        u_min, u_max : (nu,) ndarray
+            Limits of the input.
+
+        Raises
+        ------
+        NumericalError
+            If the model's numbers are not finite.
+        """
+        jacobian = self._jacobian if self.system.surroundings is None else self._pressed_jacobian
+        rng = np.random.default_rng(0)
+        largest = 0.0 if self.scene.lag is None else 1.0 / self.scene.lag
+        for shape in self.shapes():
+            u = rng.uniform(u_min, u_max)
+            a = np.array(jacobian(self.at_rest(shape, u), u, self.p_nominal))
+            if not np.all(np.isfinite(a)):
+                raise NumericalError("the linearized motion is not finite", state=shape)
+            largest = max(largest, float(np.abs(np.linalg.eigvals(a)).max()))
+        return largest
+
+    @property
+    def _jacobian(self) -> ca.Function:
+        """Jacobian of the motion as it is."""
+        given = [self.x, self.u, self.p]
+        return ca.Function("jacobian", given, [ca.jacobian(self.dynamics(*given), self.x)])
+
+    @property
+    def _pressed_jacobian(self) -> ca.Function:
+        """Jacobian of the system's motion as if every contact were pressed: open contacts are not stiff."""
+        law = None if self.system.surroundings is None else self.system.surroundings.contact_law
+        depth = 0.0 if law is None else law.rounding + _PRESSED / law.stiffness
+        x, u, w, p = self.arguments
+        gap = self.system.touch(x, u, w, p)[0]
+        jacobian = self.system.pressed_linearization(x, u, w, p, gap + depth)
+        return ca.Function("jacobian", [self.x, self.u, self.p], [jacobian])

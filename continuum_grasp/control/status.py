@@ -65,7 +65,7 @@ class Anomaly(IntFlag):
     BLIND = 16
     ESTIMATE_LIMITED = 32
     ESTIMATE_RESTARTED = 64
-    BAD_SET_POINTS = 128
+    BAD_SETPOINTS = 128
     BAD_PARAMETERS = 256
     BAD_APPLIED = 512
     LATE = 1024
@@ -99,7 +99,7 @@ _OF_THE_REST = {
     Anomaly.BLIND: "nothing was measured for as long as a plan lasts",
     Anomaly.ESTIMATE_LIMITED: "an estimated disturbance was moved into its limits",
     Anomaly.ESTIMATE_RESTARTED: "the estimate was not finite or beyond its limits, the estimator started again",
-    Anomaly.BAD_SET_POINTS: "a set-point is not finite or beyond its limits",
+    Anomaly.BAD_SETPOINTS: "a setpoint is not finite or beyond its limits",
     Anomaly.BAD_PARAMETERS: "a parameter is not finite or beyond its limits; the last good ones are used",
     Anomaly.BAD_APPLIED: "the input said to be applied is not finite or beyond its limits; the last command is assumed",
     Anomaly.LATE: "the last command was late",

@@ -7,14 +7,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from continuum_grasp.scene.controller import (
-    Controller,
-)
+from continuum_grasp.scene.controller import Controller
+from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.plant import Plant
-from continuum_grasp.scene.reference import CircleReference, Reference, RowSamples
 from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.value import Length, Positive, Vector2, doubt
@@ -87,24 +85,16 @@ class ControlScene(Surroundings):
 
     def _check_references(self) -> None:
         cost, given = self.controller.cost, self.reference
-        for name in ("tip", "shape", "contact_force"):
-            if getattr(cost, name) is not None and getattr(given, name) is None:
-                raise ValueError(f"reference.{name} is needed: controller.cost.{name} tracks it")
-            if getattr(cost, name) is None and getattr(given, name) is not None:
-                raise ValueError(f"reference.{name} is tracked by nothing: give controller.cost.{name} a weight")
+        given.check(cost, "controller.cost")
         if cost.contact_force is not None and self.object is None:
             raise ValueError("controller.cost.contact_force needs an object that is touched")
         for name in (cost.contact_force.of if cost.contact_force is not None else None) or ():
             if name not in self.contact_names:
                 known = ", ".join(self.contact_names)
                 raise ValueError(f"controller.cost.contact_force.of: expected some of {known}, got {name!r:.60}")
-        if cost.shape is not None and given.shape is not None:
-            width = given.shape.width if isinstance(given.shape, RowSamples) else len(given.shape)
-            if width != 2 * len(cost.shape.at):
-                raise ValueError(f"reference.shape needs x, y of {len(cost.shape.at)} sections, got {width} numbers")
-            for k, at in enumerate(cost.shape.at):
-                if at > self.finger.rod.length * (1 + 1e-9):
-                    raise ValueError(f"controller.cost.shape.at[{k}] = {at} m is beyond the finger")
+        for k, at in enumerate(cost.shape.at if cost.shape is not None else ()):
+            if at > self.finger.rod.length * (1 + 1e-9):
+                raise ValueError(f"controller.cost.shape.at[{k}] = {at} m is beyond the finger")
         self._doubt_reach()
         if given.input is not None:
             width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
@@ -112,7 +102,7 @@ class ControlScene(Surroundings):
                 raise ValueError(f"reference.input: expected the tip moment or two tensions, got {width} numbers")
 
     def _doubt_reach(self) -> None:
-        """Warn of set-points of the tip that are farther from the base than the finger is long."""
+        """Warn of setpoints of the tip that are farther from the base than the finger is long."""
         tip, length = self.reference.tip, self.finger.rod.length
         if tip is None:
             return
@@ -182,7 +172,7 @@ class ControlScene(Surroundings):
         return (*[f"finger.{k + 1}" for k in range(len(self.contacts))], "finger.tip")
 
     @property
-    def followed_contacts(self) -> tuple[str, ...]:
+    def tracked_contacts(self) -> tuple[str, ...]:
         """Contacts whose normal force is tracked."""
         weight = self.controller.cost.contact_force
         return () if weight is None else weight.of or self.contact_names

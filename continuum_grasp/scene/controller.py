@@ -1,91 +1,24 @@
-"""Cost, bounds and horizon of a nonlinear model predictive controller."""
+"""Bounds, horizon and input limits of a nonlinear model predictive controller."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from continuum_grasp.scene.value import Length, NonNegative, Positive, Real, Value, Vector2
+from continuum_grasp.scene.cost import Cost
+from continuum_grasp.scene.value import NonNegative, Positive, Real, Value, Vector2
 
 __all__ = [
     "Bounds",
     "Controller",
-    "Cost",
     "DiscZone",
-    "ForceWeight",
     "HalfPlaneZone",
     "Horizon",
     "InputLimits",
     "Penalty",
-    "ShapeWeight",
-    "Weight",
     "Zone",
 ]
-
-
-def _running(value: Any) -> Any:
-    """A bare number is the running weight."""
-    return {"running": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-class Weight(Value):
-    """What an error costs."""
-
-    running: NonNegative = 0.0
-    """Cost per second of half the squared error, per unit squared."""
-    terminal: NonNegative = 0.0
-    """The same at the end of the horizon, once."""
-
-
-Weighted = Annotated[Weight, BeforeValidator(_running, json_schema_input_type=float | Weight)]
-
-
-class ShapeWeight(Weight):
-    """Positions along the finger that are to follow set-points."""
-
-    at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
-    """Positions along the finger [m]."""
-
-
-class ForceWeight(Weight):
-    """Contacts whose normal forces are to follow set-points."""
-
-    of: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] | None = None
-    """Names of the contacts: finger.1 and so on at ``contacts``, finger.tip; None: all of these."""
-
-
-ForcesWeighted = Annotated[ForceWeight, BeforeValidator(_running, json_schema_input_type=float | ForceWeight)]
-
-
-class Cost(Value):
-    """Weights of half the squared errors; what has no weight costs no instruction."""
-
-    tip: Weighted | None = None
-    """World position of the tip [1/m2]."""
-    bending: Weighted | None = None
-    """Bending angle of each element [1/rad2]."""
-    shape: ShapeWeight | None = None
-    """World positions along the finger [1/m2]."""
-    speed: Weighted | None = None
-    """Bending rate of each element, towards zero [s2/rad2]."""
-    contact_force: ForcesWeighted | None = None
-    """Normal force at each place where the finger may touch the object [1/N2]."""
-    effort: NonNegative | None = None
-    """Input away from ``reference.input`` [1/N2, or 1/(N m)2 of the tip moment]."""
-    input_rate: NonNegative | None = None
-    """Change of the input per time, towards zero [s2/N2, or s2/(N m)2]."""
-
-    @model_validator(mode="after")
-    def _something(self) -> Cost:
-        followed = [w for w in (self.tip, self.bending, self.shape, self.contact_force) if w is not None]
-        if not followed:
-            raise ValueError("a controller needs something to follow: tip, bending, shape or contact_force")
-        if not any(w.running or w.terminal for w in followed):
-            raise ValueError("give tip, bending, shape or contact_force a weight greater than 0: nothing is followed")
-        if not self.effort and not self.input_rate:
-            raise ValueError("give effort or input_rate a weight greater than 0: without either inputs are not unique")
-        return self
 
 
 class Penalty(Value):

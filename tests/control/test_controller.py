@@ -10,12 +10,12 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from continuum_grasp.control.arrays import numbers
+from continuum_grasp.control.arguments import numbers
+from continuum_grasp.control.compiled.settings import controller_fields
+from continuum_grasp.control.compiled.source import controller_source
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.controller_source import controller_source
-from continuum_grasp.control.estimation import estimation_of
-from continuum_grasp.control.estimator_settings import controller_fields
-from continuum_grasp.control.rti import RealTimeIteration
+from continuum_grasp.control.estimation.model import estimation_of
+from continuum_grasp.control.rti.iteration import RealTimeIteration
 from continuum_grasp.control.status import Anomaly, Health, Status
 from continuum_grasp.errors import InputError
 from tests.control_cases import TARGET, Reality, swing_scene
@@ -117,7 +117,7 @@ def given_state(control):
     ("name", "size", "anomaly"),
     [
         ("measurement", 4, Anomaly.ABSURD),
-        ("reference", 3, Anomaly.BAD_SET_POINTS),
+        ("reference", 3, Anomaly.BAD_SETPOINTS),
         ("p", 1, Anomaly.BAD_PARAMETERS),
         ("applied", 1, Anomaly.BAD_APPLIED),
     ],
@@ -392,7 +392,7 @@ def test_numbers_beyond_doubles_are_infinite(value):
     control = given()
     for name, usual, anomaly in (
         ("measurement", [0.1, 0.1, 0.0, 0.0], Anomaly.ABSURD),
-        ("reference", [*TARGET, 0.0], Anomaly.BAD_SET_POINTS),
+        ("reference", [*TARGET, 0.0], Anomaly.BAD_SETPOINTS),
         ("p", [0.0471], Anomaly.BAD_PARAMETERS),
         ("applied", [0.0], Anomaly.BAD_APPLIED),
     ):

@@ -13,11 +13,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.control.problem import stages_of
-from continuum_grasp.control.rti import STATUS, RealTimeIteration
-from continuum_grasp.control.source import iteration_source
-from continuum_grasp.control.stages import ABSENT, Stages
-from continuum_grasp.control.transcription import cost_function, step_function, terminal_function
+from continuum_grasp.control.ocp.bounds import ABSENT
+from continuum_grasp.control.ocp.stages import Stages, stages_of
+from continuum_grasp.control.ocp.transcription import cost_function, step_function, terminal_function
+from continuum_grasp.control.rti.iteration import STATUS, RealTimeIteration
+from continuum_grasp.control.rti.source import iteration_source
 from continuum_grasp.core import compiler as compilers
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError, SolverError
@@ -141,7 +141,7 @@ def test_iterations_from_one_state_end_at_the_optimum(lanes):
 
 
 def test_iterations_of_a_finger_end_at_the_optimum():
-    """Two arcs with bounded moment and rate of moment, far from their set-point."""
+    """Two arcs with bounded moment and rate of moment, far from their setpoint."""
     s = stages_of(rod_scene())
     rti = RealTimeIteration(s)
     x0, refs = np.zeros(s.nx), np.zeros(s.nr)

@@ -45,7 +45,7 @@ static uint32_t controller_check(controller_state *state, const controller_setti
 #endif
 #if RTI_NR > 0
   for (int k = 0; k <= RTI_N; ++k)
-    if (!cg_within(in->set_points + k * RTI_NR, o->r_min, o->r_max, RTI_NR)) anomalies |= CONTROLLER_BAD_SET_POINTS;
+    if (!cg_within(in->setpoints + k * RTI_NR, o->r_min, o->r_max, RTI_NR)) anomalies |= CONTROLLER_BAD_SETPOINTS;
 #endif
   if (in->applied) {
     if (cg_within(in->applied, o->applied_min, o->applied_max, RTI_NU)) memcpy(state->u, in->applied, sizeof state->u);
@@ -129,7 +129,7 @@ static int controller_iterate(controller_work *work, const rti_settings *o, cons
   int status = 0;
   for (int k = 0; k < iterations && status >= 0; ++k) {
     const uint32_t begin = CONTROLLER_TICKS();
-    status = rti_prepare(&work->rti, &work->plan, o, out->p, in->set_points);
+    status = rti_prepare(&work->rti, &work->plan, o, out->p, in->setpoints);
     const uint32_t prepared = CONTROLLER_TICKS();
     if (status >= 0) status = rti_feedback(&work->rti, &work->plan, o, out->x, &out->rti);
     out->ticks[1] += prepared - begin;
@@ -172,8 +172,8 @@ static int controller_plan(controller_state *state, controller_work *work, const
 static real controller_distance(const controller_settings *o, const controller_input *in, const real *y)
 {
   const int tip = o->supervisor.tip, setpoint = o->supervisor.setpoint;
-  if (tip < 0 || setpoint < 0 || !cg_finite(y + tip, 2) || !cg_finite(in->set_points + setpoint, 2)) return -1;
-  const real dx = y[tip] - in->set_points[setpoint], dy = y[tip + 1] - in->set_points[setpoint + 1];
+  if (tip < 0 || setpoint < 0 || !cg_finite(y + tip, 2) || !cg_finite(in->setpoints + setpoint, 2)) return -1;
+  const real dx = y[tip] - in->setpoints[setpoint], dy = y[tip + 1] - in->setpoints[setpoint + 1];
   return CG_SQRT(dx * dx + dy * dy);
 }
 
@@ -246,7 +246,7 @@ int controller_step(controller_state *state, controller_work *work, const contro
   if (state->age > (real)RTI_N - (real)1e-3 || state->blind > patience || !trusted) state->planned = 0;
   output->ticks[0] = CONTROLLER_TICKS() - begin;
 
-  const uint32_t stops = CONTROLLER_BAD_SET_POINTS | CONTROLLER_BAD_PARAMETERS | CONTROLLER_LATE;
+  const uint32_t stops = CONTROLLER_BAD_SETPOINTS | CONTROLLER_BAD_PARAMETERS | CONTROLLER_LATE;
   int planned = 0;
   if (known && trusted && !(given & stops) && state->blind <= patience) {
     planned = controller_plan(state, work, settings, input, output);

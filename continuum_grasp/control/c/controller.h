@@ -2,7 +2,7 @@
  *
  * Each call of controller_step takes a measurement and gives the input to apply until the next call:
  *
- *   1. Parameters and set-points are checked: finite and within their limits. Bad parameters are replaced by the last
+ *   1. Parameters and setpoints are checked: finite and within their limits. Bad parameters are replaced by the last
  *      good ones.
  *   2. Readings that do not move are left out. The estimator takes the measurement and tells the state now and the disturbances, which go into the parameters
  *      over the whole horizon. Without an estimator (CONTROLLER_ESTIMATES 0) the measurement is the state.
@@ -37,7 +37,7 @@
  *  16 CONTROLLER_BLIND         nothing was measured for as long as a plan lasts
  *  32 CONTROLLER_ESTIMATE_LIMITED      an estimated disturbance was moved into its limits
  *  64 CONTROLLER_ESTIMATE_RESTARTED    the estimate was not finite or beyond its limits; the estimator started again
- * 128 CONTROLLER_BAD_SET_POINTS        a set-point is not finite or beyond its limits
+ * 128 CONTROLLER_BAD_SETPOINTS        a setpoint is not finite or beyond its limits
  * 256 CONTROLLER_BAD_PARAMETERS        a parameter is
  * 512 CONTROLLER_BAD_APPLIED   the input that is said to have been applied is; the last command is assumed
  * 1024 CONTROLLER_LATE         the last command was late
@@ -78,7 +78,7 @@ enum {
   CONTROLLER_BLIND = 16,
   CONTROLLER_ESTIMATE_LIMITED = 32,
   CONTROLLER_ESTIMATE_RESTARTED = 64,
-  CONTROLLER_BAD_SET_POINTS = 128,
+  CONTROLLER_BAD_SETPOINTS = 128,
   CONTROLLER_BAD_PARAMETERS = 256,
   CONTROLLER_BAD_APPLIED = 512,
   CONTROLLER_LATE = 1024,
@@ -130,7 +130,7 @@ typedef struct {
 
 typedef struct {
   const real *measurement;    /* CONTROLLER_NM */
-  const real *set_points;     /* RTI_N + 1 rows of RTI_NR */
+  const real *setpoints;     /* RTI_N + 1 rows of RTI_NR */
   const real *p;              /* RTI_NP */
   const real *applied;        /* RTI_NU: input that was applied since the last call; null: the last command */
   int late;                   /* whether the last command came late */

@@ -7,7 +7,7 @@ typedef struct {
   controller_work work;
   controller_output output;
   real measurement[CONTROLLER_NM], p[RTI_SIZE(RTI_NP)], applied[RTI_NU];
-  real set_points[RTI_SIZE((RTI_N + 1) * RTI_NR)];
+  real setpoints[RTI_SIZE((RTI_N + 1) * RTI_NR)];
 } cg_object;
 
 #if CONTROLLER_ESTIMATES
@@ -30,18 +30,18 @@ void cg_start(cg_object *o, const double *in)
 
 int cg_rearm(cg_object *o) { return controller_rearm(&o->state, &o->settings); }
 
-/* in: measurement, p, applied, set-points, elapsed; flags: 1 late, 2 applied is given;
+/* in: measurement, p, applied, setpoints, elapsed; flags: 1 late, 2 applied is given;
  * out: anomalies, iterations, violation, residual, cost, health (with sensor, entry, reason, rung), mismatch, activity,
  * ticks, u, x, p, verdicts, variances, innovations, their
  * variances, plan */
 int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
 {
-  controller_input given = {o->measurement, o->set_points, o->p, flags & 2 ? o->applied : 0, flags & 1, -1};
+  controller_input given = {o->measurement, o->setpoints, o->p, flags & 2 ? o->applied : 0, flags & 1, -1};
   controller_output *found = &o->output;
   in = cg_take(o->measurement, in, CONTROLLER_NM);
   in = cg_take(o->p, in, RTI_NP);
   in = cg_take(o->applied, in, RTI_NU);
-  in = cg_take(o->set_points, in, (RTI_N + 1) * RTI_NR);
+  in = cg_take(o->setpoints, in, (RTI_N + 1) * RTI_NR);
   cg_take(&given.elapsed, in, 1);
   const int status = controller_step(&o->state, &o->work, &o->settings, &given, found);
   *out++ = (double)found->anomalies;

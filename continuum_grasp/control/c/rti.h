@@ -34,7 +34,7 @@ enum {
   RTI_SOLVED = 0,
   RTI_ITERATION_LIMIT = 1,    /* usable: what was reached */
   RTI_ROW_VIOLATED = 2,       /* solved, and a soft row is violated */
-  RTI_BAD_INPUT = -1,         /* state, parameters, set-points, plan or settings are not finite, or bounds cross */
+  RTI_BAD_INPUT = -1,         /* state, parameters, setpoints, plan or settings are not finite, or bounds cross */
   RTI_BAD_LINEARISATION = -2, /* model or cost are not finite at the plan */
   RTI_BAD_SOLUTION = -3,      /* the new plan or its cost is not finite */
   RTI_NOT_PREPARED = -4       /* no preparation succeeded before */

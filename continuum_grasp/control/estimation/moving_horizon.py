@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.estimator import Estimator
+from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.core.call import real_array
 from continuum_grasp.errors import InputError, SolverError
 

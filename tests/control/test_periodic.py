@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.control import realtime
+from continuum_grasp.control import periodic
 from continuum_grasp.control.status import Status
 from continuum_grasp.errors import InputError
 
@@ -44,14 +44,14 @@ class Steps:
 @pytest.fixture
 def clock(monkeypatch):
     made = Clock()
-    monkeypatch.setattr(realtime, "time", made)
+    monkeypatch.setattr(periodic, "time", made)
     return made
 
 
 def run(clock, durations, **options):
     control = Steps(clock, durations)
     written = []
-    found = realtime.run_periodic(control, lambda: "y", written.append, duration=0.1, **options)
+    found = periodic.run_periodic(control, lambda: "y", written.append, duration=0.1, **options)
     return found, control.calls, written
 
 
@@ -88,4 +88,4 @@ def test_the_rest_of_a_period_may_be_used_and_overrun(clock):
 @pytest.mark.parametrize("wrong", [{"duration": 0.0}, {"duration": 1.0, "spin": 0.01}, {"duration": 1.0, "spin": -1.0}])
 def test_times_are_checked(clock, wrong):
     with pytest.raises(InputError):
-        realtime.run_periodic(Steps(clock, []), lambda: None, lambda u: None, **wrong)
+        periodic.run_periodic(Steps(clock, []), lambda: None, lambda u: None, **wrong)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.control.stages import Stages
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.errors import InputError
 
 __all__ = ["Settings"]

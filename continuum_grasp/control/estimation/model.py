@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.implicit import implicit_step
+from continuum_grasp.control.ocp.implicit import implicit_step
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene

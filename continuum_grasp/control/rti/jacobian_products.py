@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.stages import Stages
+from continuum_grasp.control.ocp.stages import Stages
 
 __all__ = ["jacobian_products"]
 

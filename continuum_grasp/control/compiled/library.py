@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.controller_source import Field, settings_values
+from continuum_grasp.control.compiled.source import Field, settings_values
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
 from continuum_grasp.errors import InputError

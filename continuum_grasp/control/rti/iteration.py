@@ -8,9 +8,9 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.settings import Settings
-from continuum_grasp.control.source import PROBLEM, library_source
-from continuum_grasp.control.stages import Stages
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.rti.settings import Settings
+from continuum_grasp.control.rti.source import PROBLEM, library_source
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
 from continuum_grasp.core.precision import precision_of
@@ -32,7 +32,7 @@ STATUS = {
 """Names of the statuses; those from 0 on come with a usable plan, the others leave the plan as it was."""
 
 _ADVICE = {
-    -1: "state, parameters, set-points, plan and settings must be finite, and no lower bound above its upper one",
+    -1: "state, parameters, setpoints, plan and settings must be finite, and no lower bound above its upper one",
     -2: "model or cost is not finite at the plan: reset it, or take more substeps",
     -3: "the quadratic programme has no finite solution: raise the regularisation, or bound the inputs",
     -4: "prepare first",
@@ -163,7 +163,7 @@ class RealTimeIteration:
         x0 : (nx,) array_like
             The state.
         refs : (N + 1, nr) or (nr,) array_like, optional
-            Set-points of the nodes, or one for all; those given last (zero at first) where not given.
+            Setpoints of the nodes, or one for all; those given last (zero at first) where not given.
         p : (np,) array_like, optional
             Parameters; those given last (nominal at first) where not given.
 

@@ -7,8 +7,8 @@ from importlib.resources import files
 
 import casadi as ca
 
-from continuum_grasp.control.products import jacobian_products
-from continuum_grasp.control.stages import Stages
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.rti.jacobian_products import jacobian_products
 from continuum_grasp.core.lanes import lane_function, lane_prelude
 from continuum_grasp.core.precision import single
 from continuum_grasp.errors import InputError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from continuum_grasp.control.implicit import implicit_step
+from continuum_grasp.control.ocp.implicit import implicit_step
 
 __all__ = ["cost_function", "step_function", "terminal_function"]
 

@@ -7,14 +7,14 @@ from os import PathLike
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.arrays import control_scene, slices, vector
-from continuum_grasp.control.compiled import Compiled
-from continuum_grasp.control.controller_source import estimator_source
-from continuum_grasp.control.estimation import estimation_of
-from continuum_grasp.control.estimator_settings import delay_periods, estimator_fields
+from continuum_grasp.control.arguments import control_scene, slices, vector
+from continuum_grasp.control.compiled.library import Compiled
+from continuum_grasp.control.compiled.settings import delay_periods, estimator_fields
+from continuum_grasp.control.compiled.source import estimator_source
+from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.first_state import first_state, rest_input
+from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.problem import stages_of
 from continuum_grasp.control.status import Anomaly, Verdict, texts
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError

@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.estimation import Estimation
+from continuum_grasp.control.estimation.model import Estimation
+from continuum_grasp.control.ocp.cost_terms import UNLIMITED, cost_terms
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.stages import Stages
-from continuum_grasp.control.stiffness import fastest_rate
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 
@@ -25,8 +25,6 @@ _DRIVE = 0.01
 _DRIVE_AT_START = 0.1
 _MARGIN = 1.5
 """Limits of estimates and measurements beyond those of the model."""
-_ABSURD = 1e6
-"""Limit of what has no other."""
 _FORCES = 100.0
 """Greatest unknown force in multiples of EI/L2."""
 _MOMENT = 2.0
@@ -115,7 +113,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
 
 
 def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None) -> Ranges:
-    """Limits of states, disturbances, measurements, set-points and parameters of a scene.
+    """Limits of states, disturbances, measurements, setpoints and parameters of a scene.
 
     Parameters
     ----------
@@ -143,7 +141,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
         disturbances=np.array([_disturbance_range(scene, name) for name in unknown]).reshape(-1, 2),
         measurement=measured,
         applied=np.stack([np.minimum(applied[:, 0], stages.u_min), np.maximum(applied[:, 1], stages.u_max)], axis=1),
-        r=np.array([_set_point_range(scene, name) for name in stages.r_names]).reshape(-1, 2),
+        r=np.vstack([term.ranges(scene, model) for term in cost_terms(scene.controller.cost)]),
         p=np.array([_parameter_range(scene, *v) for v in zip(model.p_names, model.p_nominal, strict=True)]).reshape(
             -1, 2
         ),
@@ -199,10 +197,10 @@ def _state_range(scene: ControlScene, model: Prediction, stages: Stages) -> Arra
     finger, n = model.system.finger_model, model.system.finger_model.n
     arcs = finger.family == "arc"
     bend = max(finger.ranges) if arcs else max(r / h for r, h in zip(finger.ranges, finger.lengths, strict=True))
-    most = np.full(model.nx, _ABSURD)
+    most = np.full(model.nx, UNLIMITED)
     moment = _greatest_moment(scene)
     most[:n] = _MARGIN * bend
-    most[n : 2 * n] = _MARGIN * bend * fastest_rate(model, stages.u_min, stages.u_max)
+    most[n : 2 * n] = _MARGIN * bend * model.fastest_rate(stages.u_min, stages.u_max)
     if scene.lag is not None:
         at = model.x_names.index("tip_moment [N m]")
         most[at], most[at + 1] = 2.0 * moment, 10.0 * moment / scene.lag
@@ -235,19 +233,11 @@ def _measurable(scene: ControlScene, model: Prediction, name: str) -> tuple[floa
     return (-most, most)
 
 
-def _set_point_range(scene: ControlScene, name: str) -> tuple[float, float]:
-    if name.endswith("[m]"):
-        axis = 0 if "_x " in name else 1
-        centre, reach = scene.finger.base.position[axis], 10.0 * scene.finger.rod.length
-        return (centre - reach, centre + reach)
-    return (-_ABSURD, _ABSURD)
-
-
 def _parameter_range(scene: ControlScene, name: str, nominal: float) -> tuple[float, float]:
     unit = name[name.index("[") + 1 : -1]
     if unit in ("N", "N m"):
         most = _KNOWN * _disturbance_range(scene, name)[1]
         return (-most, most)
     if name.startswith(("gravity", "base_angle", "rest_curvature", "object_")):
-        return (-_ABSURD, _ABSURD)
-    return (1e-3 * nominal, 1e3 * nominal) if nominal > 0.0 else (0.0, _ABSURD)
+        return (-UNLIMITED, UNLIMITED)
+    return (1e-3 * nominal, 1e3 * nominal) if nominal > 0.0 else (0.0, UNLIMITED)

@@ -10,9 +10,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.estimation import Estimation
-from continuum_grasp.control.source import iteration_source, template
-from continuum_grasp.control.stages import Stages
+from continuum_grasp.control.estimation.model import Estimation
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.rti.source import iteration_source, template
 from continuum_grasp.core.precision import single
 
 __all__ = ["Field", "controller_source", "estimator_functions", "estimator_source", "settings_values"]
