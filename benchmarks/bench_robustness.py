@@ -27,7 +27,8 @@ from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import closed_loop
 from continuum_grasp.closed_loop.schedule import Phase
-from continuum_grasp.control.controller import Command, Controller
+from continuum_grasp.control.command import Command
+from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.errors import NumericalError
 

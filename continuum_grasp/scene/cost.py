@@ -124,7 +124,7 @@ class CircleReference(Value):
     """A circle traversed at constant speed."""
 
     center: Vector2
-    """World position of the centre [m]."""
+    """World position of the center [m]."""
     radius: Positive
     """[m]"""
     frequency: Real

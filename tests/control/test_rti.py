@@ -179,7 +179,7 @@ def test_products_over_what_differs_from_zero_are_those_of_loops(substeps):
     plans = []
     for lanes in (False, True):
         rti = RealTimeIteration(problem, lanes=lanes)
-        assert ("RTI_CARRIED 1" in iteration_source(problem, lanes=lanes)) is not lanes
+        assert ("RTI_UNROLLED_CONGRUENCE 1" in iteration_source(problem, lanes=lanes)) is not lanes
         rti.reset(np.zeros(problem.nx), problem.u_min)
         for _ in range(4):
             rti.step(np.full(problem.nx, 0.1), np.full(problem.nr, 0.05))

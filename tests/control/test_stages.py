@@ -131,7 +131,7 @@ def test_cost_gradient_and_rows(name):
 
 
 def test_a_matched_tip_needs_a_lag():
-    with pytest.raises(InputError, match="give the drive a lag"):
+    with pytest.raises(InputError, match="needs a continuous tip moment"):
         stages_of(scene(ROD, family="matched_clothoid", input=MOMENT))
 
 

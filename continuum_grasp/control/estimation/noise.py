@@ -1,4 +1,4 @@
-"""How uncertain states and measurements are, and within which limits they mean something."""
+"""Noise of states and measurements, and the ranges beyond which numbers are implausible."""
 
 from __future__ import annotations
 
@@ -21,21 +21,26 @@ __all__ = ["Noise", "Ranges", "measurement_std", "noise_of", "ranges_of"]
 Array = NDArray[np.float64]
 
 _DRIVE = 0.01
-"""Share of the greatest tip moment by which a drive at rest differs from its lag."""
+"""Standard deviation of a drive at rest from the model of its lag, as a share of the greatest tip moment [1]: four
+times the noise of the tension sensors in configs/mpc, so that the filter trusts these more than the model."""
 _DRIVE_AT_START = 0.1
+"""The same at the start [1], where the tensions before are unknown."""
 _MARGIN = 1.5
-"""Limits of estimates and measurements beyond those of the model."""
+"""Limits of estimates and measurements as multiples of those of the model [1]: an estimate may overshoot by noise, but
+the model's series are accurate within its range only."""
 _FORCES = 100.0
-"""Greatest unknown force in multiples of EI/L2."""
+"""Greatest unknown force as a multiple of EI/L2 [1]: 2.5 EI/L2 buckles a clamped rod, so this is far beyond any
+touch."""
 _MOMENT = 2.0
-"""Greatest missing tip moment in multiples of the greatest one that can be commanded."""
+"""Greatest missing tip moment as a multiple of the greatest one that can be commanded [1]: more is not a model
+error."""
 _KNOWN = 10.0
-"""Greatest known force or moment in multiples of the greatest unknown one."""
+"""Greatest known force or moment as a multiple of the greatest unknown one [1]: larger than an error."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Uncertainty of an estimator's states and measurements.
+    """Noise of an estimator's states and measurements.
 
     Attributes
     ----------
@@ -54,9 +59,9 @@ class Noise:
 
 @dataclass(frozen=True)
 class Ranges:
-    """Limits beyond which numbers are absurd: least and most of each entry, (size, 2).
+    """Limits beyond which numbers are implausible: least and most of each entry, (size, 2).
 
-    ``applied`` are those of an input that was applied, which may be off (0 N) or beyond what can be commanded.
+    ``applied`` are those of an applied input, which may be off (0 N) or beyond what can be commanded.
     """
 
     x: Array
@@ -68,11 +73,12 @@ class Ranges:
 
 
 def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> Noise:
-    """The noise of a scene's estimator.
+    """Compute the noise of a scene's estimator.
 
-    The rate of each coordinate is driven so that the bending angles (root of the sum of squares over the elements) have
-    the acceleration of ``acceleration_std``; a drive with a lag differs from it by a hundredth of the greatest tip
-    moment; disturbances drift, and start as uncertain as after one second of their drift.
+    White noise drives the rate of each coordinate so that the bending angles (root of the sum of squares over the
+    elements) have the acceleration of ``acceleration_std``, and a lagging drive so that it differs from its model by a
+    hundredth of the greatest tip moment. Disturbances are random walks; their variance at the start is that after one
+    second.
 
     Parameters
     ----------
@@ -93,7 +99,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
         If the scene has no estimator.
     """
     if scene.estimator is None:
-        raise InputError("an estimator is needed: say what is measured", key="estimator")
+        raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
     asked = scene.estimator
     process, initial = np.zeros(estimation.nz), np.zeros(estimation.nz)
     n = model.system.finger_model.n
@@ -113,7 +119,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
 
 
 def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None) -> Ranges:
-    """Limits of states, disturbances, measurements, setpoints and parameters of a scene.
+    """Compute the limits of states, disturbances, measurements, setpoints and parameters of a scene.
 
     Parameters
     ----------
@@ -149,7 +155,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
 
 
 def _bending_slopes(model: Prediction) -> Array:
-    """Root of the sum of squares of what the elements bend per unit of each coordinate."""
+    """Euclidean norm of the bending angles per unit of each coordinate."""
     n = model.system.finger_model.n
     slope = ca.Function(
         "slope", [model.x, model.u, model.p], [ca.jacobian(model.bending(model.x, model.u, model.p), model.x)]
@@ -183,7 +189,7 @@ def _drifts(scene: ControlScene, estimation: Estimation) -> Array:
 
 
 def measurement_std(scene: ControlScene, name: str) -> float:
-    """Standard deviation of a measurement, by its name."""
+    """Return the standard deviation of a measurement, by its name."""
     if scene.estimator is None:
         return math.inf
     asked = scene.estimator.measured
@@ -193,7 +199,7 @@ def measurement_std(scene: ControlScene, name: str) -> float:
 
 
 def _state_range(scene: ControlScene, model: Prediction, stages: Stages) -> Array:
-    """Coordinates well beyond the bending range, and rates at which the fastest mode swings that far."""
+    """Coordinates well beyond the bending range, and rates of the fastest mode at that amplitude."""
     finger, n = model.system.finger_model, model.system.finger_model.n
     arcs = finger.family == "arc"
     bend = max(finger.ranges) if arcs else max(r / h for r, h in zip(finger.ranges, finger.lengths, strict=True))

@@ -73,7 +73,7 @@ def _unlimited(_: Finger) -> Limits:
 
 def _near_base(finger: Finger) -> Limits:
     reach = _REACH * finger.rod.length
-    x, y = ((centre - reach, centre + reach) for centre in finger.base.position)
+    x, y = ((base - reach, base + reach) for base in finger.base.position)
     return x, y
 
 

@@ -1,4 +1,4 @@
-"""From the references of a scene, or from functions of time, to setpoints of the controller's nodes."""
+"""Setpoints of a controller's nodes from the references of a scene, or from functions of time."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ class Setpoints:
         self._blocks = blocks
 
     def rows(self, times: ArrayLike) -> Array:
-        """Setpoints (len(times), nr) at instants [s].
+        """Evaluate setpoints (len(times), nr) at instants [s].
 
         Raises
         ------
         InputError
-            If a function of time gives another number of entries, or one that is not finite.
+            If a function of time returns another number of entries, or one that is not finite.
         """
         instants = np.atleast_1d(np.asarray(times, dtype=float))
         return np.hstack([_rows(given, width, instants) for width, given in self._blocks])
@@ -60,19 +60,18 @@ def setpoints(
     prediction: Prediction,
     functions: Mapping[str, Function] | None = None,
 ) -> Setpoints:
-    """Setpoints of a scene.
+    """Collect the setpoints of a scene.
 
     Parameters
     ----------
     scene : ControlScene
-        Its ``reference`` says what is to be followed; what it leaves out is zero, tensions are the least.
+        The scene with its ``reference``; what that does not have is zero, tensions are the least.
     stages : Stages
         The controller's problem.
     prediction : Prediction
         Its model.
     functions : mapping of str to callable, optional
-        Functions of time [s] that take the place of ``reference.tip``, ``bending``, ``shape``, ``contact_force`` or
-        ``input``, each giving all entries of one row.
+        Functions of time [s] that replace members of ``reference``, each returning all entries of one row.
 
     Returns
     -------
@@ -81,7 +80,18 @@ def setpoints(
     Raises
     ------
     InputError
-        If a reference has another number of entries than what it is for, or if nothing tracks it.
+        If a reference has another number of entries than its cost term, or if no term tracks it.
+
+    Examples
+    --------
+    >>> from continuum_grasp.control.ocp.setpoints import setpoints
+    >>> from continuum_grasp.control.ocp.stages import stages_of
+    >>> from continuum_grasp.control.prediction import Prediction
+    >>> from continuum_grasp.scene.load import load
+    >>> scene = load("configs/mpc/steady_tip.yaml")
+    >>> model = Prediction(scene)
+    >>> rows = setpoints(scene, stages_of(scene, model), model, {"tip": lambda t: (-0.05, 0.15 + 0.01 * t)}).rows([0.0,
+    1.0]) >>> rows[:, :2].round(3).tolist() [[-0.05, 0.15], [-0.05, 0.16]]
     """
     given: dict[str, _Given | None] = {name: getattr(scene.reference, name) for name in SETPOINTS}
     if given["input"] is None and scene.finger.tendons is not None:
