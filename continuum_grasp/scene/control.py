@@ -116,7 +116,7 @@ class ControlScene(Surroundings):
         if far > 2.0 * length:
             doubt(
                 f"reference.tip is up to {far:g} m from the base, the finger is {length:g} m long; is it in "
-                "millimetres? (expected: m)"
+                "millimeters? (expected: m)"
             )
 
     def _doubt_margin(self) -> None:

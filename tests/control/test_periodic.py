@@ -27,7 +27,7 @@ class Clock:
 
 
 class Steps:
-    """A controller of 10 ms whose steps take as long as they are told."""
+    """A controller of 10 ms whose steps take as long as they are set to."""
 
     period = 0.01
 
@@ -69,7 +69,7 @@ def test_spinning_takes_out_what_sleeping_adds(clock):
     assert run(clock, [0.002] * 10, spin=2e-5)[0].jitter == pytest.approx(0.0, abs=1e-7)
 
 
-def test_a_late_command_is_told_and_missed_cycles_are_made_up_for(clock):
+def test_a_late_command_is_reported_and_missed_cycles_are_replaced(clock):
     found, calls, _ = run(clock, [0.002, 0.035] + [0.002] * 6)
     assert (found.overruns, found.skipped, len(found.jitter)) == (1, 2, 8)
     assert [late for _, late, _ in calls] == [None, None, True, True, True] + [None] * 5

@@ -135,7 +135,7 @@ def test_a_matched_tip_needs_a_lag():
         stages_of(scene(ROD, family="matched_clothoid", input=MOMENT))
 
 
-def test_zones_are_kept_from_the_fingers_surface():
+def test_zones_hold_off_the_fingers_surface():
     zone = {"wall": {"type": "half_plane", "point": (0.0, 0.1), "normal_angle": -np.pi / 2, "clearance": 0.01}}
     made = scene(HAND, bounds={"keep_out": zone}, input={})
     stages = stages_of(made)

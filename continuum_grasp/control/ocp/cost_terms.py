@@ -30,10 +30,7 @@ UNLIMITED = 1e6
 below what overflows when squared in single precision (1e19)."""
 _REACH = 10.0
 """Greatest distance of a position setpoint from the base, in finger lengths [1]: a setpoint out of reach is allowed
-(the cost then points the finger at it), one in millimetres (1000 lengths) is not."""
-_TURNS = 10.0
-"""Greatest angle setpoint from that of the base, in turns [1]: a finger curls up at most a few times; an angle in
-degrees is beyond."""
+(the cost then points the finger at it), one in millimeters (1000 lengths) is not."""
 
 
 class Quantities(Protocol):
