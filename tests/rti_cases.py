@@ -94,7 +94,7 @@ def disturb(rti: RealTimeIteration, rng: np.random.Generator, spread: float = 0.
 
 @dataclass(frozen=True)
 class QP:
-    """min z'Hz/2 + g'z + penalties, s.t. E z = e, low <= z <= high, rows C z between c_min and c_max or with a penalty."""
+    """min z'Hz/2 + g'z + penalties, s.t. E z = e, low <= z <= high, rows C z in c_min to c_max or with a penalty."""
 
     H: np.ndarray
     g: np.ndarray
