@@ -37,7 +37,7 @@ def contact_modes(scene: GraspScene) -> list[frozenset[str]]:
             for choice in product(*(_CHOICES[s] for s in switches))
         ]
         fingers.append([s for s in sets if s])
-    supports = [(thing.name, thing.touch) for thing in scene.places]
+    supports = [(body.name, body.touch) for body in scene.places]
     if scene.object.free is None:
         touching = touching_supports(scene, scene.object.pose)
         chosen = [frozenset(name for name, touch in supports if touch != "off" and name in touching)]

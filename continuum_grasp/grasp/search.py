@@ -14,7 +14,7 @@ from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.ipopt import Attempt, GraspSolverRun, solver_for
-from continuum_grasp.grasp.problem.structure import ProblemMake
+from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.found import start_from
 from continuum_grasp.grasp.starts.starts import Start, make_starts
 from continuum_grasp.model.surfaces.surface import Feature
@@ -34,9 +34,9 @@ EDGE = 1e-7
 """How near a contact must be to the end of its face or corner for the next one to be tried."""
 HELD = 3
 """Grasps with least tension from which other aims start."""
-HURRIED = 60
+ITERATION_CAP = 60
 """Iterations of a start once there is a grasp."""
-WORSE = 1.5
+PRUNE_FACTOR = 1.5
 """Estimated tension, per that of the best grasp, up to which a start is worth trying."""
 SLIDES = 12
 """How often contacts may pass on to the next face or corner."""
@@ -44,7 +44,7 @@ SLIDES = 12
 
 @dataclass(frozen=True)
 class Tried:
-    """An attempt, its physical numbers and what the verification says.
+    """An attempt, its physical numbers and its verification.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class Search:
     def run(self) -> None:
         """Try the starts of all modes, one of each branch, then let contacts pass on to the next faces and corners.
 
-        Once there is a grasp, starts that do not touch and those that look much worse are left out, and the others get
+        Once there is a grasp, starts that do not touch and those that look much worse are skipped, and the others get
         few iterations.
         """
         plain = self.scene.objective == "least_tension"
@@ -116,14 +116,14 @@ class Search:
                     continue
                 if self.tried and self.budget.over:
                     return
-                found = self.attempt(start, iterations=HURRIED if self.good else None)
+                found = self.attempt(start, iterations=ITERATION_CAP if self.good else None)
                 if found is not None and found in self.good:
                     held.add(branch)
         self.slide()
 
     def _from_least_tension(self) -> None:
         """Other aims start from grasps with least tension, which are found more surely."""
-        before = Search(self.scene.model_copy(update={"objective": "least_tension"}), self.budget)
+        before = Search(self.scene.replaced(objective="least_tension"), self.budget)
         try:
             before.run()
         finally:  # also on Ctrl-C
@@ -144,7 +144,7 @@ class Search:
             return True
         wanted = sum(sum(tensions) for tensions in start.tensions.values())
         there = sum(float(best.arrays[f"{name}.tensions"].sum()) for name in self.scene.named_fingers)
-        return wanted <= WORSE * there
+        return wanted <= PRUNE_FACTOR * there
 
     def starts_of(self, mode: frozenset[str]) -> list[Start]:
         """The starts of a mode."""
@@ -170,7 +170,7 @@ class Search:
     def solver(self, start: Start) -> GraspSolverRun:
         """The solver for a start's contacts."""
         began = time.perf_counter()
-        solver = solver_for(ProblemMake.of(self.scene, start.contacts))
+        solver = solver_for(ProblemSpec.of(self.scene, start.contacts))
         solver.prepare(self.scene)
         self.build_seconds += time.perf_counter() - began
         return solver
@@ -181,7 +181,7 @@ class Search:
             best = self.best
             if best is None or self.budget.over:
                 return
-            for features_, x0 in _neighbours(self.scene, best):
+            for features_, x0 in _neighbors(self.scene, best):
                 found = self.attempt(replace(best.attempt.start, label="next face"), features=features_, x0=x0)
                 if found is not None and found in self.good and _better(found, best):
                     break
@@ -201,10 +201,10 @@ def _better(a: Tried, b: Tried) -> bool:
     return a.attempt.objective < b.attempt.objective - SAME * max(1.0, abs(b.attempt.objective))
 
 
-def _neighbours(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feature], Array]]:
+def _neighbors(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feature], Array]]:
     """Features and unknowns with one contact passed on to the face or corner that it is at the end of."""
     attempt, parts = tried.attempt, scene.object.parts
-    for contact in tried.solver.problem.make.contacts:
+    for contact in tried.solver.problem.spec.contacts:
         variable = tried.solver.problem.parts.variables.get(f"place, {contact.name}")
         if variable is None or contact.surface.is_smooth or contact.finger < 0:
             continue

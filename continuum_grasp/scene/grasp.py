@@ -1,4 +1,4 @@
-"""Fingers, an object and its supports: what the grasp optimiser needs."""
+"""Fingers, an object and its supports: what the grasp optimizer needs."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ class GraspScene(Value):
 
     @property
     def wrenches(self) -> tuple[tuple[float, float, float], ...]:
-        """The disturbances: world force x, y [N], moment about the centre of mass [N m]."""
+        """The disturbances: world force x, y [N], moment about the center of mass [N m]."""
         if self.disturbances.wrenches is not None:
             return self.disturbances.wrenches
         m = self.torque_scale

@@ -64,7 +64,7 @@ class Peg:
     ----------
     name : str
     position : (float, float)
-        World position of its centre [m].
+        World position of its center [m].
     radius : float
         [m]; zero for a point.
     friction : float or None
@@ -136,7 +136,7 @@ class Point(_Support):
 
     type: Literal["point"]
     position: Vector2
-    """World position of its centre [m]."""
+    """World position of its center [m]."""
     radius: NonNegative = 0.0
     """Radius [m]."""
 

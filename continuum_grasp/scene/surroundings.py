@@ -91,7 +91,7 @@ class Surroundings(Value):
     table: Table | None = None
     """What carries the weight out of the plane of an object that moves; None: nothing but friction."""
     moment_of_inertia: Positive | None = None
-    """Of a moving object about its centre of mass [kg m2]; None: that of its mass spread evenly over its shape (over
+    """Of a moving object about its center of mass [kg m2]; None: that of its mass spread evenly over its shape (over
     each part by its area, for a union)."""
 
     @model_validator(mode="after")
@@ -119,7 +119,7 @@ class Surroundings(Value):
 
     @property
     def inertia(self) -> float:
-        """Moment of inertia of the object about its centre of mass [kg m2]; zero without an object."""
+        """Moment of inertia of the object about its center of mass [kg m2]; zero without an object."""
         if self.moment_of_inertia is not None or self.object is None:
             return self.moment_of_inertia or 0.0
         return self.object.mass * _squared_gyration(self.object)
@@ -136,7 +136,7 @@ class Surroundings(Value):
 
 
 def _squared_gyration(thing: GraspObject) -> float:
-    """Mean squared distance of the shape from the centre of mass [m2]."""
+    """Mean squared distance of the shape from the center of mass [m2]."""
     area = second = 0.0
     for part in thing.parts:
         own, moment = _area_moment(part.outline(720), thing.com)

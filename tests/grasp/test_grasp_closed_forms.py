@@ -33,7 +33,7 @@ def planar(x, y):
 
 
 def finger(tip, towards, half=HALF, stiffness=0.05, loose=LOOSE):
-    """A finger that, straight, ends with the centre of its round tip at ``tip``, pointing at the angle ``towards``."""
+    """A finger that, straight, ends with the center of its round tip at ``tip``, pointing at the angle ``towards``."""
     direction = np.array([math.cos(towards), math.sin(towards)])
     x, y = (float(v) for v in np.asarray(tip, dtype=float) - LENGTH * direction)
     angle = math.remainder(towards - 0.5 * math.pi, 2.0 * math.pi)

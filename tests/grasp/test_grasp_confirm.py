@@ -83,7 +83,7 @@ def test_too_little_of_one_limit_where_another_is_short_is_no_number():
 
 
 def test_moment_that_tilts():
-    """Two contacts on a line that the centre of mass is beside: whatever their shares, the weight tilts by W d."""
+    """Two contacts on a line that the center of mass is beside: whatever their shares, the weight tilts by W d."""
     scene, arrays = pinched_box(mass=0.3, at=0.01)
     thing = scene.object.model_copy(update={"center_of_mass": (0.002, 0.014)})
     scene = scene.model_copy(update={"object": thing})

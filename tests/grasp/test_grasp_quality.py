@@ -12,11 +12,11 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.quality.conic_program import Cones, solve_conic
-from continuum_grasp.grasp.quality.linear_program import solve_linear
+from continuum_grasp.grasp.quality.lp import solve_lp
 from continuum_grasp.grasp.quality.mag_like import mag_like
 from continuum_grasp.grasp.quality.object_balance import greatest_mass, least_friction
 from continuum_grasp.grasp.quality.quality import grasp_quality
+from continuum_grasp.grasp.quality.socp import Cones, solve_socp
 from continuum_grasp.grasp.quality.wrench_space import WrenchSpace, wrench_space
 from continuum_grasp.results.plain import plain
 from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity, PlanarGravity
@@ -45,7 +45,7 @@ def test_linear_programmes_end_as_those_of_scipy():
         rows, high = rng.normal(size=(m, n)), rng.normal(size=m) + rng.uniform(-0.5, 2.0)
         low = np.where(np.arange(m) < equal, high, -np.inf)
         cost, least = rng.normal(size=n), (0.0 if k % 2 else -np.inf)
-        ours = solve_linear(cost, rows, low, high, least)
+        ours = solve_lp(cost, rows, low, high, least)
         theirs = linprog(
             cost, rows[equal:], high[equal:], rows[:equal], high[:equal], bounds=[(None if k % 2 == 0 else 0.0, None)]
         )
@@ -60,20 +60,20 @@ def test_linear_programmes_end_as_those_of_scipy():
 @pytest.mark.parametrize(("cost", "rows"), [([math.nan, 1.0], [[1.0, 1.0]]), ([1.0, 1.0], [[math.nan, 1.0]])])
 def test_a_number_that_is_none_is_refused(cost, rows):
     with pytest.raises(InputError):  # the solver itself calls such programmes optimal
-        solve_linear(cost, rows, 0.0, 1.0, 0.0, 1.0)
+        solve_lp(cost, rows, 0.0, 1.0, 0.0, 1.0)
     with pytest.raises(InputError):
-        solve_linear([1.0, 1.0], [[1.0, 1.0]], math.nan, 1.0)
+        solve_lp([1.0, 1.0], [[1.0, 1.0]], math.nan, 1.0)
 
 
 def test_crossed_bounds_are_infeasible_and_rows_of_rounding_do_no_harm():
-    assert solve_linear([1.0], [[1.0]], 0.0, 1.0, 2.0, 1.0).status == "infeasible"
-    found = solve_linear([-1.0, 0.0], [[1.0, -1.0], [0.0, 1e-16]], 0.0, 0.0, 0.0, 5.0)
+    assert solve_lp([1.0], [[1.0]], 0.0, 1.0, 2.0, 1.0).status == "infeasible"
+    found = solve_lp([-1.0, 0.0], [[1.0, -1.0], [0.0, 1e-16]], 0.0, 0.0, 0.0, 5.0)
     assert found.objective == pytest.approx(-5.0)
 
 
 def test_nothing_is_printed(capfd):
-    solve_linear([1.0, -1.0], [[1.0, 2.0]], 0.0, 1.0, 0.0, 3.0)
-    solve_linear([1.0, -1.0], [[1.0, 2.0]], 7.0, 9.0, 0.0, 1.0)
+    solve_lp([1.0, -1.0], [[1.0, 2.0]], 0.0, 1.0, 0.0, 3.0)
+    solve_lp([1.0, -1.0], [[1.0, 2.0]], 7.0, 9.0, 0.0, 1.0)
     assert capfd.readouterr() == ("", "")
 
 
@@ -81,7 +81,7 @@ def test_a_cone_is_met_exactly():
     matrix = np.zeros((1, 2, 3))
     matrix[0, 0, 0] = matrix[0, 1, 1] = 1.0
     cones = Cones.made(matrix, np.array([[0.3, -0.1]]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1))
-    found = solve_conic([-2.0, 1.0, 0.0], np.zeros((0, 3)), [], [], [-9.0, -9.0, 0.0], [9.0, 9.0, 2.0], cones)
+    found = solve_socp([-2.0, 1.0, 0.0], np.zeros((0, 3)), [], [], [-9.0, -9.0, 0.0], [9.0, 9.0, 2.0], cones)
     direction = np.array([2.0, -1.0]) / math.sqrt(5.0)
     np.testing.assert_allclose(found.x[:2], direction - [0.3, -0.1], atol=1e-4)
     assert found.objective == pytest.approx(-math.sqrt(5.0) + 0.6 + 0.1, abs=5e-8)
@@ -258,7 +258,7 @@ def test_at_the_greatest_mass_the_friction_is_the_least(gravity):
 
 
 def bent_pinch(shift=(0.0, 0.0), friction=0.5):
-    """Two bent fingers that hold a disc from both sides; its centre of mass may be off its centre."""
+    """Two bent fingers that hold a disc from both sides; its center of mass may be off its center."""
     curvatures = (4.0, 3.0, 2.0)
     left, right = (-0.15, -0.1, -0.4), (0.15, -0.1, 0.4)
     scene = make_scene(

@@ -41,7 +41,7 @@ def scene_of(name, /, **changes):
 
 
 def bent(base, length, curvature):
-    """A circular arc from its centre (points, 4): no integration."""
+    """A circular arc from its center (points, 4): no integration."""
     s = np.linspace(0.0, length, 60)
     angle = base[2] + curvature * s
     if abs(curvature) < 1e-12:

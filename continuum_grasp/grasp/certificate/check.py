@@ -1,4 +1,4 @@
-"""One verified property of a grasp, and the limits that all keep to."""
+"""One verified property of a grasp, and the limits of all checks."""
 
 from __future__ import annotations
 

@@ -32,11 +32,11 @@ class Relaxation:
     start : callable
         An amount to begin the search with, for a scene; well inside what it may be.
     most : float
-        Amount that makes no sense any more: nothing short of it is a repair.
+        Amount from which on a relaxation makes no sense.
     size : int
-        Components of what gives way; beyond one, the amount is their norm.
+        Components of the relaxation; beyond one, the amount is their norm.
     measured : bool
-        The amount is itself the number to tell; no key of the scene holds one.
+        The amount itself is the number to report; no key of the scene holds one.
     excuses : callable, optional
         Whether a check of the certificate, by its name, may then be off by the amount: where no key of the scene can
         be changed for it.
@@ -68,7 +68,7 @@ class Relaxation:
         return scene if self.measured else self.relaxed(scene, amount)
 
     def value(self, scene: GraspScene, amount: float) -> float:
-        """The limit after it has given way by ``amount``."""
+        """The limit after it is relaxed by ``amount``."""
         if self.measured:
             return amount
         return self.limit(self.relaxed(scene, amount))
@@ -168,8 +168,8 @@ def _unchanged(scene: GraspScene, amount: float) -> GraspScene:
 
 def _without_obstacles(scene: GraspScene) -> GraspScene:
     """Without the supports that the object must not touch."""
-    kept = {name: support for name, support in scene.supports.items() if support.touch != "off"}
-    return scene if len(kept) == len(scene.supports) else _with(scene, supports=kept)
+    retained = {name: support for name, support in scene.supports.items() if support.touch != "off"}
+    return scene if len(retained) == len(scene.supports) else _with(scene, supports=retained)
 
 
 def _max_tension(scene: GraspScene) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.postures import neighbours, postures
+from continuum_grasp.grasp.starts.scan.postures import neighbors, postures
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, make_task
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
@@ -61,7 +61,7 @@ class Candidates:
 
     @property
     def features(self) -> Array:
-        """Numbers that tell postures apart (P, F)."""
+        """Numbers in which different postures differ (P, F)."""
         return np.concatenate(
             [
                 2.0 * self.joints,
@@ -83,7 +83,7 @@ def find_candidates(
     middles: tuple[bool, ...],
     tip: bool,
 ) -> Candidates | None:
-    """Postures of a finger that touch the object at a pose of its, best kept apart first come first.
+    """Postures of a finger that touch the object at a pose of its, fewest violations first.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def near_candidates(
             angles,
             mine.violation,
         )
-        found = neighbours(task, family, middles, tip, scale)
+        found = neighbors(task, family, middles, tip, scale)
         if found is not None:
             groups.append(_as_candidates(task, found, base, side, middles, tip))
     return _join(groups)

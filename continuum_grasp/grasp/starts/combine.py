@@ -34,7 +34,7 @@ def combine(
         Of the fingers.
     supports : Block
     features : list of ndarray, (P, F)
-        That tell the postures of a finger apart.
+        In which different postures of a finger differ.
     paired : bool
         Only the first of each together, the second, and so on.
     """
@@ -69,7 +69,7 @@ def combine(
 
 def doubt(left: Array) -> Array:
     """How unlikely a grasp is where forces and tensions leave this imbalance: beyond a few parts in a hundred, how much
-    it is tells little.
+    it is means little.
     """
     return np.where(left < _CLOSE, 10.0 * left, 10.0 * _CLOSE + 2.0 * (left - _CLOSE))
 

@@ -30,7 +30,7 @@ Pose = tuple[float, float, float]
 _FINE = 6
 _X, _W = np.polynomial.legendre.leggauss(4)
 _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
-_PRICE, _STEPS = 1e-3, 14
+_COST_WEIGHT, _STEPS = 1e-3, 14
 _TILTS = 0.25 * math.pi * np.arange(5)
 
 
@@ -142,7 +142,7 @@ def _slopes(loads: Loads, friction: float) -> tuple[Array, Array]:
 
 
 def _onto(loads: Loads, arms: Array, edges: Array, lifts: Array) -> Array:
-    """Effect on the object (P, rows, C * E) of forces at ``arms`` (P, C) from its centre of mass."""
+    """Effect on the object (P, rows, C * E) of forces at ``arms`` (P, C) from its center of mass."""
     count = len(arms)
     out = np.zeros((count, loads.rows, *edges.shape[1:]))
     out[:, 0], out[:, 1] = -edges.real, -edges.imag
@@ -334,7 +334,7 @@ def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) ->
     span = np.maximum(high - low, 1e-12)
     scaled = system * span
     right = right - system @ low
-    price = _PRICE * cost * span + 1e-6
+    weight = _COST_WEIGHT * cost * span + 1e-6
     x = np.full((len(right), len(low)), 0.2)
     zl, zu = np.full(x.shape, 0.05), np.full(x.shape, 0.05)
     across = np.swapaxes(scaled, 1, 2)
@@ -343,7 +343,7 @@ def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) ->
     for _ in range(_STEPS):
         over = 1.0 - x
         left = (scaled @ x[..., None])[..., 0] - right
-        down = (across @ left[..., None])[..., 0] + price - barrier / x + barrier / over
+        down = (across @ left[..., None])[..., 0] + weight - barrier / x + barrier / over
         soft = 1.0 / (zl / x + zu / over + 1e-9)
         slim = scaled * soft[:, None, :]
         inner = np.linalg.solve(unit + slim @ across, (slim @ down[..., None]))[..., 0]

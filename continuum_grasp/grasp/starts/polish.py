@@ -159,10 +159,10 @@ class _Finger:
         for part, shape in enumerate(self.task.shapes):
             at = shape.walk(walk[parts == part])
             points[parts == part], angles[parts == part] = at.point, at.angle
-        kept = self.start.take(rows)
-        wrong = kept.violation
+        retained = self.start.take(rows)
+        wrong = retained.violation
         if judged:
-            wrong = violation(self.task, kept.knots, bent, kept.joints) + np.where(good, 0.0, 1.0)
+            wrong = violation(self.task, retained.knots, bent, retained.joints) + np.where(good, 0.0, 1.0)
         frame = self.task.frame
         surface = frame.back(points - self.task.half * np.exp(1j * angles))
         new = {
@@ -171,7 +171,7 @@ class _Finger:
             "angles": frame.angle_back(angles)[:, None],
             "violation": wrong,
         }
-        return Candidates(**{**kept.__dict__, **new})
+        return Candidates(**{**retained.__dict__, **new})
 
     def _balance(self, found: Candidates) -> tuple[Array, Array]:
         block = finger_block(self.scene, self.loads, self.setup, found, self.pose)

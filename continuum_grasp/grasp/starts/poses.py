@@ -109,11 +109,11 @@ def _gaps(
     """Gaps of wanted supports, and of others where the object enters them, with slopes along the pose."""
     gaps: list[float] = []
     slopes: list[tuple[float, float, float]] = []
-    things: list[Wall | Peg] = [*scene.walls, *scene.pegs]
-    for thing in things:
-        gap, normal, arm = _wall(shapes, thing, pose) if isinstance(thing, Wall) else _peg(shapes, thing, pose)
-        wanted = thing.name in on
-        if wanted or (gap < 0.0 and not _beside(shapes, thing, pose)):
+    bodies: list[Wall | Peg] = [*scene.walls, *scene.pegs]
+    for body in bodies:
+        gap, normal, arm = _wall(shapes, body, pose) if isinstance(body, Wall) else _peg(shapes, body, pose)
+        wanted = body.name in on
+        if wanted or (gap < 0.0 and not _beside(shapes, body, pose)):
             gaps.append(gap if wanted else gap - 1e-3 * scene.object.size)
             slopes.append((normal.real, normal.imag, (normal.conjugate() * 1j * arm).real))
     return np.array(gaps), np.array(slopes).reshape(-1, 3)
@@ -139,8 +139,8 @@ def _peg(shapes: tuple[Outline, ...], peg: Peg, pose: Pose) -> tuple[float, comp
     return gap - peg.radius, -cmath.exp(1j * (float(at.angle[0]) + pose[2])), complex(at.point[0]) * turn
 
 
-def _beside(shapes: tuple[Outline, ...], thing: Wall | Peg, pose: Pose) -> bool:
-    return isinstance(thing, Wall) and math.isinf(wall_gap(shapes, thing, pose, 0.0))
+def _beside(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose) -> bool:
+    return isinstance(body, Wall) and math.isinf(wall_gap(shapes, body, pose, 0.0))
 
 
 def _flat_angles(

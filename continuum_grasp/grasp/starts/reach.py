@@ -76,11 +76,11 @@ def reach_report(scene: GraspScene) -> tuple[Reach, ...]:
 
 def _distance(scene: GraspScene, setup: FingerSetup) -> float:
     """Least distance of the object from a finger's base over the poses allowed."""
-    base, thing = setup.finger.base, scene.object
-    x, y, turn = _bounds(thing.pose, thing.free)
+    base, body = setup.finger.base, scene.object
+    x, y, turn = _bounds(body.pose, body.free)
     bx, by, _ = _bounds((*base.position, base.angle), setup.finger.base_free)
     box = (bx[0] - x[1], bx[1] - x[0]), (by[0] - y[1], by[1] - y[0])
-    return max(0.0, min(_over_angles(part, box, turn) for part in thing.parts))
+    return max(0.0, min(_over_angles(part, box, turn) for part in body.parts))
 
 
 def _over_angles(part: Part, box: tuple[Interval, Interval], turn: Interval) -> float:

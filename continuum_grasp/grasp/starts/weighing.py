@@ -23,7 +23,7 @@ Array = NDArray[Any]
 Pose = tuple[float, float, float]
 
 _BALANCED = 3e-3
-"""What is left where a posture is in balance but for the price of its tension."""
+"""What is left where a posture is in balance but for the weight of its tension in the least squares."""
 _NEARLY = 0.05
 """Violation, about in lengths of the finger, up to which a posture may have a good one next to it."""
 _ENOUGH, _BEST, _POLISHED, _POSES, _FEW = 6, 12, 16, 2, 8

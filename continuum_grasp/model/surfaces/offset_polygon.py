@@ -164,6 +164,29 @@ class PolygonSurface(Surface[OffsetPolygon]):
                 best, index = cost, k
         return index
 
+    def nearest_places(self, part: OffsetPolygon, points: Array) -> tuple[Array, Array]:
+        core = np.array(part.vertices)
+        count = len(core)
+        off = points[:, None, :] - core
+        away = np.linalg.norm(off, axis=2)
+        rows = np.arange(len(points))
+        if count == 1:
+            return np.arctan2(off[:, 0, 1], off[:, 0, 0]), away[:, 0] - part.radius
+        edge = np.roll(core, -1, axis=0) - core
+        size = np.linalg.norm(edge, axis=1)
+        normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / size[:, None]
+        height = (off * normal).sum(axis=2)
+        share = np.clip((off * edge).sum(axis=2) / size**2, 0.0, 1.0)
+        arm = off - share[:, :, None] * edge
+        reach = np.linalg.norm(arm, axis=2)
+        inside = (height < 0.0).all(axis=1) if count > 2 else np.zeros(len(points), dtype=bool)
+        pick = np.where(inside, height.argmax(axis=1), reach.argmin(axis=1))
+        far = reach[rows, pick]
+        on = inside | (far < 1e-12)
+        direction = np.where(on[:, None], normal[pick], arm[rows, pick] / np.maximum(far, 1e-300)[:, None])
+        distance = np.where(inside, height[rows, pick], far)
+        return np.arctan2(direction[:, 1], direction[:, 0]), distance - part.radius
+
     def near_corners(self, part: OffsetPolygon, points: Array) -> Array:
         core = np.array(part.vertices)
         close = np.linalg.norm(points[:, None, :] - core, axis=2).argmin(axis=1)

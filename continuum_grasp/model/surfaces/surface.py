@@ -166,7 +166,7 @@ class Outline(ABC):
     """A part grown by the fingers' half thickness: distances and walks along its outline, many points at once.
 
     Planar vectors are complex numbers x + i y. A walk is a number w that runs once round in [0, period): along faces
-    it counts metres, on corners it turns the normal while the point stays (or runs along the rounding). So faces and
+    it counts meters, on corners it turns the normal while the point stays (or runs along the rounding). So faces and
     corners are one smooth family of contacts.
 
     Attributes
@@ -294,13 +294,11 @@ class Surface(ABC, Generic[P]):
         """Index among the features of that on which a surface point with this outward normal lies best."""
         return 0
 
+    @abstractmethod
     def nearest_places(self, part: P, points: Array) -> tuple[Array, Array]:
         """Angles (K,) of the outward normals [rad] at the surface points nearest to points (K, 2) of the object's
         frame, and the distances (K,) [m], negative inside.
         """
-        outline = self.outline(part, Frame(), 0.0)
-        gap, walk = outline.nearest(points @ [1.0, 1.0j])
-        return np.remainder(outline.walk(walk).angle + np.pi, 2.0 * np.pi) - np.pi, gap
 
     def near_corners(self, part: P, points: Array) -> Array:
         """Nearest corner of the core to each point (K, 2) and its neighbors, x and y one after the other

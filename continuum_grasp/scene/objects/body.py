@@ -51,7 +51,7 @@ class ObjectBody(Value):
     mass: NonNegative
     """Mass [kg]."""
     center_of_mass: Vector2 | None = None
-    """Centre of mass in the object's frame [m]; None: the centroid of the shape."""
+    """Center of mass in the object's frame [m]; None: the centroid of the shape."""
     position: Vector2
     """World position of the origin of the object's frame [m]."""
     angle: Real = 0.0
@@ -71,12 +71,12 @@ class ObjectBody(Value):
 
     @property
     def com(self) -> Point:
-        """Centre of mass in the object's frame [m]."""
+        """Center of mass in the object's frame [m]."""
         return self.centroid if self.center_of_mass is None else self.center_of_mass
 
     @property
     def size(self) -> float:
-        """Greatest distance of the boundary from the centre of mass [m]."""
+        """Greatest distance of the boundary from the center of mass [m]."""
         com = self.com
         return max(farthest(part, com) for part in self.parts)
 

@@ -1,8 +1,8 @@
 """Shapes that a rod takes under a force at its tip: the fingers that touch with their tips alone.
 
-A table of them, made once, in units of the finger's length L and of E I / L^2: initial curvature, force and its
+A table of them, computed once, in units of the finger's length L and of E I / L^2: initial curvature, force and its
 direction against the base. Where the tip of one touches an object and the force points out of it within the friction
-cone, a finger with the right tension is in balance there; its own weight is left out.
+cone, a finger with the right tension is in balance there; its own weight is neglected.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import guess_table, sample, stretch
+from continuum_grasp.grasp.starts.scan.curves import guess_table, sample, segment_end
 from continuum_grasp.grasp.starts.scan.task import ALLOWED, FingerTask, Postures, join, touching_family, unique
 from continuum_grasp.grasp.starts.scan.touch import arc_tangent, tangent
 from continuum_grasp.model.surfaces.surface import Outline
@@ -52,7 +52,7 @@ def first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None:
 
 
 def _between(task: FingerTask, family: Postures) -> Postures | None:
-    """Curves between neighbours of a family that differ much."""
+    """Curves between neighbors of a family that differ much."""
     groups = []
     for part, shape in enumerate(task.shapes):
         mine = family.take(family.parts[:, 0] == part)
@@ -87,16 +87,16 @@ def _guesses(
     gap, walk = shape.nearest(points[row, column])
     tilt = np.remainder(turns[column] - shape.walk(walk).angle + math.pi, math.tau) - math.pi
     merit = ((gap - task.half) / (_OFF * positions[row])) ** 2 + (tilt / _TILT) ** 2
-    keep = _best_per_row(row, merit, _GUESSES)
-    ell = positions[row[keep]]
-    return ell, bent[column[keep]] / ell[:, None], walk[keep]
+    best = _best_per_row(row, merit, _GUESSES)
+    ell = positions[row[best]]
+    return ell, bent[column[best]] / ell[:, None], walk[best]
 
 
 def _arcs(task: FingerTask, part: int, positions: Array) -> Postures:
     """Circular arcs from the base to the first contact."""
     bends = np.linspace(-_REACH, _REACH, _ARCS)
     bent = np.stack([bends, bends], axis=1)
-    ends, turns, _, _ = stretch(np.ones((_ARCS, 1)), bent)
+    ends, turns, _, _ = segment_end(np.ones((_ARCS, 1)), bent)
     ell, guess, walk = _guesses(task, task.shapes[part], positions, bent, ends, turns)
     return _even(task, part, ell, guess[:, 0], walk)
 
@@ -177,24 +177,24 @@ def next_joint(task: FingerTask, family: Postures, middles: tuple[bool, ...], he
                 curve = np.stack([begin, factor * begin, factor * begin], axis=1)
                 start = (point[rows], angle[rows])
                 lengths = np.stack([0.5 * ell, 0.5 * ell], axis=1)
-                end, _, _, _ = stretch(lengths, curve)
+                end, _, _, _ = segment_end(lengths, curve)
                 _, walk = shape.nearest(start[0] + np.exp(1j * start[1]) * end)
                 bent, walk, good = tangent(shape, start, lengths, curve, (1, 2), walk)
                 good &= np.abs(bent).max(axis=1) < 30.0
                 if not good.any():
                     continue
-                kept = family.take(rows[good])
+                retained = family.take(rows[good])
                 at = shape.walk(walk[good])
                 there = last[rows][good] + ell[good]
                 groups.append(
                     Postures(
-                        np.concatenate([kept.knots, (there - 0.5 * ell[good])[:, None], there[:, None]], axis=1),
-                        np.concatenate([kept.curvatures, bent[good, 1:]], axis=1),
-                        np.concatenate([kept.joints, there[:, None]], axis=1),
-                        np.concatenate([kept.parts, np.full((len(there), 1), part)], axis=1),
-                        np.concatenate([kept.points, at.point[:, None]], axis=1),
-                        np.concatenate([kept.angles, at.angle[:, None]], axis=1),
-                        kept.violation,
+                        np.concatenate([retained.knots, (there - 0.5 * ell[good])[:, None], there[:, None]], axis=1),
+                        np.concatenate([retained.curvatures, bent[good, 1:]], axis=1),
+                        np.concatenate([retained.joints, there[:, None]], axis=1),
+                        np.concatenate([retained.parts, np.full((len(there), 1), part)], axis=1),
+                        np.concatenate([retained.points, at.point[:, None]], axis=1),
+                        np.concatenate([retained.angles, at.angle[:, None]], axis=1),
+                        retained.violation,
                     )
                 )
     found = join(groups)
@@ -203,7 +203,7 @@ def next_joint(task: FingerTask, family: Postures, middles: tuple[bool, ...], he
 
 def ends_of(family: Postures) -> tuple[Array, Array]:
     """Where the curves end so far: point and angle."""
-    end, turn, _, _ = stretch(np.diff(family.knots, axis=1), family.curvatures)
+    end, turn, _, _ = segment_end(np.diff(family.knots, axis=1), family.curvatures)
     return end, turn
 
 
@@ -218,7 +218,7 @@ def _best_per_row(row: Array, merit: Array, most: int) -> Array:
 
 
 def _clear(task: FingerTask, family: Postures | None) -> Postures | None:
-    """Those that keep clear of the object so far, or the least deep ones where none does."""
+    """Those clear of the object so far, or the least deep ones where none is."""
     if family is None:
         return None
     share = np.linspace(0.0, 1.0, 33)

@@ -12,7 +12,7 @@ from continuum_grasp.grasp.starts.scan.joint import first_joint, moved_joint, ne
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, violation
 from continuum_grasp.grasp.starts.scan.tip import bent_by_tip, moved_tip, tip_only, with_tip
 
-__all__ = ["neighbours", "postures"]
+__all__ = ["neighbors", "postures"]
 
 Array = NDArray[Any]
 
@@ -51,7 +51,7 @@ def postures(task: FingerTask, middles: tuple[bool, ...], tip: bool) -> Postures
     return _finished(task, family, middles)
 
 
-def neighbours(
+def neighbors(
     task: FingerTask, family: Postures, middles: tuple[bool, ...], tip: bool, scale: float
 ) -> Postures | None:
     """Postures next to those of a family, with the same contacts, at changes of a relative size ``scale``.

@@ -1,5 +1,5 @@
 """One finger before one object, in numbers of the finger: lengths per its length, from its base, mirrored where the
-object should lie on its right. And postures in these numbers, with how well they keep clear of everything.
+object should lie on its right. And postures in these numbers, with their violation of clearances and limits.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class FingerTask:
     walls : tuple of (complex, complex, float)
         Point, normal and half length.
     pegs : tuple of (complex, float)
-        Centre and radius.
+        Center and radius.
     frame : Frame
         From the object's frame.
     """
@@ -210,8 +210,8 @@ def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) 
             over = np.maximum(np.abs(rel.imag) - half_length, 0.0)
             short = np.where(beyond, task.half, 0.0) - np.hypot(over, height)
         worst = np.maximum(worst, short.max(axis=1) - ALLOWED)
-    for centre, radius in task.pegs:
-        short = np.where(beyond, radius + task.half, radius) - np.abs(points - centre)
+    for center, radius in task.pegs:
+        short = np.where(beyond, radius + task.half, radius) - np.abs(points - center)
         worst = np.maximum(worst, short.max(axis=1) - ALLOWED)
     if math.isfinite(task.limit):
         worst = np.maximum(worst, 0.1 * (np.abs(curvatures).max(axis=1) - task.limit))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import guess_table, stretch, table_of
+from continuum_grasp.grasp.starts.scan.curves import guess_table, segment_end, table_of
 from continuum_grasp.grasp.starts.scan.elastica import elastica_table, projection
 from continuum_grasp.grasp.starts.scan.joint import ends_of
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, touching_family, unique
@@ -38,7 +38,7 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     grid = np.clip(grid, -25.0, 25.0)
     first = grid if one_arc else np.broadcast_to(begin[:, None], grid.shape)
     pairs = np.stack([first, grid], axis=2).reshape(-1, 2)
-    end, turn, _, _ = stretch(np.repeat(rest, tries)[:, None], pairs)
+    end, turn, _, _ = segment_end(np.repeat(rest, tries)[:, None], pairs)
     tips = point[:, None] + np.exp(1j * angle)[:, None] * end.reshape(count, tries)
     facing = angle[:, None] + turn.reshape(count, tries)
     groups = []
@@ -59,8 +59,8 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
         columns = (0, 1) if one_arc else (1,)
         bent, walk, good = touch(shape, (point[row], angle[row]), rest[row, None], curve, columns, walk)
         good &= _in_front(shape, walk, angle[row] + 0.5 * rest[row] * (bent[:, 0] + bent[:, 1]))
-        kept = family.take(row[good])
-        groups.append(_ended(_stepped(kept, bent[good, 0]), bent[good, 1], part, shape, walk[good]))
+        retained = family.take(row[good])
+        groups.append(_ended(_stepped(retained, bent[good, 0]), bent[good, 1], part, shape, walk[good]))
     found = join(groups)
     return None if found is None else unique(found)
 
@@ -70,26 +70,28 @@ def _in_front(shape: Outline, walk: Array, facing: Array) -> Array:
     return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= _BESIDE)
 
 
-def _stepped(kept: Postures, bent: Array) -> Postures:
+def _stepped(retained: Postures, bent: Array) -> Postures:
     """With a step of the curvature at the end."""
-    if np.array_equal(kept.curvatures[:, -1], bent):
-        return kept
-    knots = np.concatenate([kept.knots, kept.knots[:, -1:]], axis=1)
-    curvatures = np.concatenate([kept.curvatures, bent[:, None]], axis=1)
-    return Postures(knots, curvatures, kept.joints, kept.parts, kept.points, kept.angles, kept.violation)
-
-
-def _ended(kept: Postures, bent: Array, part: int, shape: Outline, walk: Array) -> Postures:
-    at = shape.walk(walk)
-    count = len(kept)
+    if np.array_equal(retained.curvatures[:, -1], bent):
+        return retained
+    knots = np.concatenate([retained.knots, retained.knots[:, -1:]], axis=1)
+    curvatures = np.concatenate([retained.curvatures, bent[:, None]], axis=1)
     return Postures(
-        np.concatenate([kept.knots, np.ones((count, 1))], axis=1),
-        np.concatenate([kept.curvatures, bent[:, None]], axis=1),
-        kept.joints,
-        np.concatenate([kept.parts, np.full((count, 1), part)], axis=1),
-        np.concatenate([kept.points, at.point[:, None]], axis=1),
-        np.concatenate([kept.angles, at.angle[:, None]], axis=1),
-        kept.violation,
+        knots, curvatures, retained.joints, retained.parts, retained.points, retained.angles, retained.violation
+    )
+
+
+def _ended(retained: Postures, bent: Array, part: int, shape: Outline, walk: Array) -> Postures:
+    at = shape.walk(walk)
+    count = len(retained)
+    return Postures(
+        np.concatenate([retained.knots, np.ones((count, 1))], axis=1),
+        np.concatenate([retained.curvatures, bent[:, None]], axis=1),
+        retained.joints,
+        np.concatenate([retained.parts, np.full((count, 1), part)], axis=1),
+        np.concatenate([retained.points, at.point[:, None]], axis=1),
+        np.concatenate([retained.angles, at.angle[:, None]], axis=1),
+        retained.violation,
     )
 
 
@@ -132,7 +134,7 @@ def tip_only(task: FingerTask, joint: float | None, sparse: bool = False) -> Pos
 def _crossings(
     part: int, shape: Outline, knots: Array, grids: tuple[Array, Array], table: tuple[Array, Array, Array, Array]
 ) -> list[Postures]:
-    """Curves whose tip touches, between neighbours on a grid of first and last curvatures."""
+    """Curves whose tip touches, between neighbors on a grid of first and last curvatures."""
     gap, ends, turns, sane = table
     groups = []
     for axis in (0, 1):
@@ -157,7 +159,7 @@ def _crossings(
         start = (np.zeros(count, complex), np.zeros(count))
         lengths = np.broadcast_to(np.diff(knots), (count, len(knots) - 1))
         bent, walk, good = touch(shape, start, lengths, curve, columns, walk)
-        _, turn, _, _ = stretch(lengths, bent)
+        _, turn, _, _ = segment_end(lengths, bent)
         good &= _in_front(shape, walk, turn)
         groups.append(_tips(knots, bent[good], part, shape, walk[good]))
     return groups
@@ -181,9 +183,9 @@ def bent_by_tip(task: FingerTask) -> Postures | None:
         _, walk = shape.nearest(tips)
         normal = shape.walk(walk).angle
         facing = table.turns[i, j] + share * (table.turns[i, j + 1] - table.turns[i, j])
-        kept = np.cos(normal - facing - 0.5 * math.pi) < 0.1
-        kept &= (np.cos(table.directions[i] - normal) > math.cos(cone)) | (table.forces[i] == 0.0)
-        i, j, share, walk = i[kept], j[kept], share[kept], walk[kept]
+        retained = np.cos(normal - facing - 0.5 * math.pi) < 0.1
+        retained &= (np.cos(table.directions[i] - normal) > math.cos(cone)) | (table.forces[i] == 0.0)
+        i, j, share, walk = i[retained], j[retained], share[retained], walk[retained]
         if not len(i):
             continue
         bent = table.curvatures[i, j] + share[:, None] * (table.curvatures[i, j + 1] - table.curvatures[i, j])
@@ -192,7 +194,7 @@ def bent_by_tip(task: FingerTask) -> Postures | None:
         start = (np.zeros(count, complex), np.zeros(count))
         lengths = np.broadcast_to(np.diff(knots), (count, len(knots) - 1))
         bent, walk, good = touch(shape, start, lengths, bent, tuple(range(len(knots))), walk)
-        _, turn, _, _ = stretch(lengths, bent)
+        _, turn, _, _ = segment_end(lengths, bent)
         good &= _in_front(shape, walk, turn)
         groups.append(_tips(knots, bent[good], part, shape, walk[good]))
     found = join([g for g in groups if g is not None])
@@ -242,7 +244,7 @@ def moved_tip(task: FingerTask, family: Postures, step: float) -> Postures | Non
         lengths = np.broadcast_to(np.diff(knots), (count, size - 1))
         start = (np.zeros(count, complex), np.zeros(count))
         bent, walk, good = touch(shape, start, lengths, bent, columns, np.repeat(walk, len(changes)))
-        _, turn, _, _ = stretch(lengths, bent)
+        _, turn, _, _ = segment_end(lengths, bent)
         good &= _in_front(shape, walk, turn)
         groups.append(_tips(knots, bent[good], part, shape, walk[good]))
     return join(groups)

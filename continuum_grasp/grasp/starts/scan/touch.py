@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import stretch
+from continuum_grasp.grasp.starts.scan.curves import segment_end
 from continuum_grasp.model.surfaces.surface import Outline
 
 __all__ = ["arc_tangent", "tangent", "touch"]
@@ -53,7 +53,7 @@ def tangent(
     def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
         bent = out[rows]
         bent[:, free[0]], bent[:, free[1]] = u[:, 0], u[:, 1]
-        end, turn, dend, dturn = stretch(lengths[rows], bent)
+        end, turn, dend, dturn = segment_end(lengths[rows], bent)
         at = shape.walk(u[:, 2])
         off = point[rows] + phase[rows] * end - at.point
         tilt = _turned(angle[rows] + turn - at.angle)
@@ -84,7 +84,7 @@ def touch(
     def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
         bent = out[rows]
         bent[:, columns] += u[:, :1]
-        end, _, dend, _ = stretch(lengths[rows], bent)
+        end, _, dend, _ = segment_end(lengths[rows], bent)
         at = shape.walk(u[:, 1])
         off = point[rows] + phase[rows] * end - at.point
         move = phase[rows] * dend[:, columns].sum(axis=1)
@@ -101,7 +101,7 @@ def arc_tangent(shape: Outline, length: Array, curvature: Array, walk: Array) ->
 
     def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
         bent = u[:, 1]
-        end, turn, dend, _ = stretch(u[:, :1], np.stack([bent, bent], axis=1))
+        end, turn, dend, _ = segment_end(u[:, :1], np.stack([bent, bent], axis=1))
         at = shape.walk(u[:, 2])
         off = end - at.point
         move, on = dend.sum(axis=1), 1j * np.exp(1j * turn)

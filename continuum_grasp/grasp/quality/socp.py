@@ -1,4 +1,4 @@
-"""Linear programmes with friction cones, solved exactly by linear programmes to which tangent planes are added."""
+"""Second-order cone problems (SOCP), solved exactly by linear problems (LP) to which tangent planes are added."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.grasp.quality.linear_program import LinearOutcome, solve_linear
+from continuum_grasp.grasp.quality.lp import LPOutcome, solve_lp
 
-__all__ = ["Cones", "solve_conic"]
+__all__ = ["Cones", "solve_socp"]
 
 Array = NDArray[Any]
 
 VIOLATION = 1e-8
-"""Cones may be violated by this part of one and the greatest width of a cone: ten times what the linear programme's
+"""Cones may be violated by this part of one and the greatest width of a cone: ten times what the LP's
 tolerance lets through."""
 ROUNDS = 200
-"""Most linear programmes for one answer."""
+"""Most LPs for one answer."""
 _INWARD = 1e-7
 """What a point well inside a cone is worth beside the cost: where many points are best, corners of the planes, which
 lie outside the cones, are not taken."""
@@ -36,7 +36,7 @@ class Cones:
     room : ndarray, shape (K,)
     cuts : list of (int, ndarray)
         Cone and unit direction u of the planes u @ (A_k x + a_k) <= b_k @ x + c_k that stand for it so far. They
-        hold for any width, so they may be kept while widths change.
+        hold for any width, so they stay valid while widths change.
     """
 
     matrix: Array
@@ -76,7 +76,7 @@ class Cones:
         return outside.size > 0
 
 
-def solve_conic(
+def solve_socp(
     cost: ArrayLike,
     rows: ArrayLike,
     row_lower: ArrayLike,
@@ -84,8 +84,8 @@ def solve_conic(
     lower: ArrayLike,
     upper: ArrayLike,
     cones: Cones,
-) -> LinearOutcome:
-    """Minimise cost @ x as `solve_linear` does, x in addition within cones.
+) -> LPOutcome:
+    """Minimize cost @ x as `solve_lp` does, x in addition within cones.
 
     The tangent planes contain the cones: ``infeasible`` is certain, and the optimum is not short of the true one by
     more than 1e-7 per cone. Give finite bounds: the planes are unbounded in more directions than the cones.
@@ -93,7 +93,7 @@ def solve_conic(
     Parameters
     ----------
     cost, rows, row_lower, row_upper, lower, upper
-        As in `solve_linear`.
+        As in `solve_lp`.
     cones : Cones
         Gets tangent planes added.
     """
@@ -101,12 +101,12 @@ def solve_conic(
     low, high = (np.broadcast_to(np.asarray(v, dtype=float), (rows.shape[0],)) for v in (row_lower, row_upper))
     least, most = (np.broadcast_to(np.asarray(v, dtype=float), cost.shape) for v in (lower, upper))
     count = cones.room.size
-    outcome = LinearOutcome("failed", np.full(cost.size, np.nan), float("nan"), float("nan"))
+    outcome = LPOutcome("failed", np.full(cost.size, np.nan), float("nan"), float("nan"))
     for _ in range(ROUNDS):
         planes, limit = cones.planes()
         depth = np.zeros((limit.size, count))
         depth[np.arange(limit.size), [k for k, _ in cones.cuts]] = 1.0
-        found = solve_linear(
+        found = solve_lp(
             np.concatenate([cost, np.full(count, -_INWARD)]),
             np.block([[rows, np.zeros((rows.shape[0], count))], [planes, depth]]),
             np.concatenate([low, np.full(limit.size, -np.inf)]),
