@@ -1,4 +1,4 @@
-"""How often the grasp optimiser finds the grasp that there is, and says why there is none.
+"""How often the grasp optimizer finds the grasp that there is, and says why there is none.
 
 Run ``python -m benchmarks.bench_grasp`` in the root of the repository. Random scenes whose answers are known from
 solvers that share nothing with the package (``benchmarks.grasp_oracle``): one finger, pinches of two fingers, and
@@ -33,13 +33,13 @@ NUMBERS = 1e-2
 """Part by which a number of a reason may differ."""
 MARGIN = 1e-3
 """By what part more than a number that the oracle did not find is granted to see whether it is enough."""
-REASONS = {"bend": "bending range", "room": "room at the supports"}
+REASONS = {"bend": "bending range", "clearance": "clearance of the supports"}
 """Causes whose reasons go by another name."""
 
 
 @dataclass
 class Outcome:
-    """What the optimiser made of one scene."""
+    """What the optimizer made of one scene."""
 
     seed: int
     what: str
@@ -122,7 +122,7 @@ def none(row: dict[str, Any]) -> Outcome:
 def _milder(row: dict[str, Any], number: float) -> bool:
     """Whether a number asks for less than the oracle knows to be needed, and a checked grasp shows it is enough."""
     sign = -1.0 if row["cause"] == "mass" else 1.0
-    if row["cause"] in ("reach", "room") or sign * (number - row["needed"]) > 0.0:
+    if row["cause"] in ("reach", "clearance") or sign * (number - row["needed"]) > 0.0:
         return False
     scene = tightened({**row, "limit": number * (1.0 + sign * MARGIN)})
     result, _, _ = run(scene)
@@ -188,8 +188,8 @@ def add_none(report: Report, outcomes: list[Outcome]) -> None:
     report.claim("infeasible: false certificates", sum(o.false for o in outcomes), "<=", 0)
     report.claim(f"infeasible: reported of {len(outcomes)}, per cent", share(outcomes, "good"), ">=", 100.0)
     report.claim("infeasible: right reason, per cent", share(outcomes, "right"), ">=", 97.0)
-    told = [o for o in outcomes if o.right]
-    report.claim("infeasible: numbers within 1 %, per cent of those", share(told, "number"), ">=", 100.0)
+    reported = [o for o in outcomes if o.right]
+    report.claim("infeasible: numbers within 1 %, per cent of those", share(reported, "number"), ">=", 100.0)
     rows = []
     for cause in sorted({o.what for o in outcomes}):
         some = [o for o in outcomes if o.what == cause]

@@ -175,9 +175,9 @@ class GraspScene(Value):
         for setup in self.setups:
             if contact.startswith(setup.name + "."):
                 return setup.friction
-        for thing in self.places:
-            if (contact == thing.name or contact.startswith(thing.name + ".")) and thing.friction is not None:
-                return thing.friction
+        for body in self.places:
+            if (contact == body.name or contact.startswith(body.name + ".")) and body.friction is not None:
+                return body.friction
         return self.contacts.friction
 
     def normal_force_max(self, contact: str) -> float:
@@ -205,8 +205,8 @@ class GraspScene(Value):
             after = tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles)))
         family = fidelity.family
         if family is None:
-            rubs = finger.tendons is not None and finger.tendons.friction > 0.0
-            family = "clothoid" if rubs else "matched_clothoid"
+            has_friction = finger.tendons is not None and finger.tendons.friction > 0.0
+            family = "clothoid" if has_friction else "matched_clothoid"
         length = finger.rod.length
         return FingerSetup(
             name=name,

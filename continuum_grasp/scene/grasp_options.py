@@ -85,7 +85,7 @@ class GraspFinger(Finger):
     contacts: FingerContacts = FingerContacts()
     """Where this finger touches, where it differs from the scene's ``contacts``."""
     fidelity: Fidelity | None = None
-    """How finely this finger is modelled; None: as the scene says."""
+    """How finely this finger is modeled; None: as the scene says."""
     tendons_used: Literal["both", "left", "right"] = "both"
     """Which tendons there are: both (antagonists), only that on the finger's left (-X side, tendon 1), or only that
     on its right (tendon 2)."""

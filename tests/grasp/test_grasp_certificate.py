@@ -17,7 +17,7 @@ from tests import certificate_cases as cases
 
 def held(shape):
     """A pinch of another shape, 60 mm wide where the fingers touch it, without a moment arm."""
-    return lambda: cases.pinched_box(at=0.0, turn=0.4, thing=lambda values: shape(values))
+    return lambda: cases.pinched_box(at=0.0, turn=0.4, body=lambda values: shape(values))
 
 
 HELD = {
@@ -274,8 +274,8 @@ def test_a_heavier_object_fails_in_the_balance_of_its_weight(wrapped):
 def test_poses_may_be_anywhere_within_their_bounds():
     scene, arrays = cases.pinched_box()
     free = Freedom(x=(-0.01, 0.01), angle=(-0.1, 0.1))
-    thing = scene.object.model_copy(update={"free": free})
-    scene = scene.model_copy(update={"object": thing})
+    body = scene.object.model_copy(update={"free": free})
+    scene = scene.model_copy(update={"object": body})
     moved = {key: np.array(value) for key, value in arrays.items()}
     for name in ("a.base", "b.base", "object.pose"):
         moved[name][0] += 0.005
@@ -288,8 +288,8 @@ def test_poses_may_be_anywhere_within_their_bounds():
         name: finger.model_copy(update={"base_free": Freedom(x=(-0.3, 0.3))}) for name, finger in scene.fingers.items()
     }
     assert certify(scene.model_copy(update={"fingers": fingers}), moved).passed
-    thing = thing.model_copy(update={"free": Freedom(angle=(-0.1, 0.1))})  # x is not free any more
-    assert not certify(scene.model_copy(update={"object": thing}), moved)["object pose"].passed
+    body = body.model_copy(update={"free": Freedom(angle=(-0.1, 0.1))})  # x is not free any more
+    assert not certify(scene.model_copy(update={"object": body}), moved)["object pose"].passed
 
 
 def test_friction_margins():

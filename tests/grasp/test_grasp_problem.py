@@ -1,4 +1,4 @@
-"""The grasp programme's pieces: distances, surfaces, sensitivities, disturbances, elements by tolerance, modes."""
+"""The pieces of the grasp problem: distances, surfaces, sensitivities, disturbances, elements by tolerance, modes."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def _finger_friction(scene, change):
 
 @pytest.mark.parametrize("tendons", ["retensioned", "locked"])
 def test_resisted_disturbance_against_the_fine_rod(tendons):
-    """The programme's few elements against the fine rod of the quality indices, which shares no code with them."""
+    """The problem's few elements against the fine rod of the quality indices, which shares no code with them."""
     scene = make_scene(
         elements=4,
         max_tension=200.0 if tendons == "locked" else 60.0,
@@ -234,7 +234,7 @@ def test_modes_are_what_the_switches_leave():
     assert [("palm" in mode) for mode in contact_modes(free)] == [True, False]
 
 
-def test_the_best_of_the_modes_is_kept():
+def test_the_best_of_the_modes_is_the_answer():
     """What `auto` finds is no worse than each choice made by hand."""
 
     def tension(middle, tip):

@@ -1,4 +1,4 @@
-"""Wrench spaces, balance of the object, the multi-aspect index and the linear programmes below them."""
+"""Wrench spaces, balance of the object, the multi-aspect index and the linear problems below them."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def space_of(angles, friction):
     return wrench_space(rough(friction), arrays_of(on_disc(angles)))
 
 
-# -- linear and conic programmes -----------------------------------------------------------------------------------
+# -- linear and conic problems -------------------------------------------------------------------------------------
 
 
-def test_linear_programmes_end_as_those_of_scipy():
+def test_linear_problems_end_as_those_of_scipy():
     rng = np.random.default_rng(3)
     ends = set()
     for k in range(150):
@@ -59,7 +59,7 @@ def test_linear_programmes_end_as_those_of_scipy():
 
 @pytest.mark.parametrize(("cost", "rows"), [([math.nan, 1.0], [[1.0, 1.0]]), ([1.0, 1.0], [[math.nan, 1.0]])])
 def test_a_number_that_is_none_is_refused(cost, rows):
-    with pytest.raises(InputError):  # the solver itself calls such programmes optimal
+    with pytest.raises(InputError):  # the solver itself calls such problems optimal
         solve_lp(cost, rows, 0.0, 1.0, 0.0, 1.0)
     with pytest.raises(InputError):
         solve_lp([1.0, 1.0], [[1.0, 1.0]], math.nan, 1.0)
@@ -236,7 +236,7 @@ def test_random_balances_as_scipy_finds_them():
 
 @pytest.mark.parametrize("gravity", [DOWN, UPRIGHT])
 def test_at_the_greatest_mass_the_friction_is_the_least(gravity):
-    """Two programmes of different kind, the one for the mass and that for the friction, agree where they meet."""
+    """Two problems of different kind, the one for the mass and that for the friction, agree where they meet."""
     rng = np.random.default_rng(2)
     held = 0
     for count in (2, 3, 4, 5, 6, 8):
@@ -277,7 +277,7 @@ def bent_pinch(shift=(0.0, 0.0), friction=0.5):
     return scene, arrays_of(contacts, fingers=fingers)
 
 
-def test_mag_like_is_greatest_at_the_centre_of_mass_for_translation():
+def test_mag_like_is_greatest_at_the_center_of_mass_for_translation():
     best = mag_like(*bent_pinch())
     assert best.object_aspect == pytest.approx(1.0)
     assert 0.0 < best.value < 1.0
@@ -295,7 +295,7 @@ def test_mag_like_knows_which_ways_a_finger_goes():
     finger = {"finger": straight_finger((0.0, 0.0, 0.0))}
     scene = make_scene(finger=make_finger((0.5, 0.5, 0.0), 0.0, weight=0.03))
     arrays = arrays_of([("finger.tip", (-0.04, 0.0), (-1.0, 0.0), (1.0, 0.0, 0.0), LENGTH)], fingers=finger)
-    assert mag_like(scene, arrays, [(0.0, 1.0, 0.0)]).configuration_aspect < 1e-8  # along the rod: it does not stretch
+    assert mag_like(scene, arrays, [(0.0, 1.0, 0.0)]).configuration_aspect < 1e-8  # along the rod: it is inextensible
     assert mag_like(scene, arrays, [(1.0, 0.0, 0.0)]).configuration_aspect == pytest.approx(1.0)
 
 

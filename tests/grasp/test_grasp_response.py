@@ -61,7 +61,7 @@ def test_beam_columns_give_way_as_the_closed_form_says(push):
     across, turning = 2 * column(push), 2 * column(push) * RADIUS**2 - 2 * push * RADIUS
     assert change.pose[1, 1] == pytest.approx(1 / across, rel=1e-5)
     assert change.pose[2, 2] == pytest.approx(1 / turning, rel=1e-5)
-    assert abs(change.pose[0, 0]) < 1e-6 / across  # rods do not stretch
+    assert abs(change.pose[0, 0]) < 1e-6 / across  # rods are inextensible
     np.testing.assert_allclose(change.forces[:, :, 0], [[-0.5, 0.0], [0.5, 0.0]], atol=1e-8)
     np.testing.assert_allclose(change.forces[:, :, 1], [[0.0, -0.5], [0.0, 0.5]], atol=1e-8)
 
@@ -161,10 +161,10 @@ def all_forces(hand, state):
 def test_small_disturbances_of_a_nonlinear_equilibrium(kind, tendons):
     hand, state, names = held_disc(kind)
     change = GraspResponse(*stored_scene(hand, state, names)).to_wrenches(tendons)
-    kept = {"differences": state.differences} if tendons == "retensioned" else {"tips": state.tips}
+    retained = {"differences": state.differences} if tendons == "retensioned" else {"tips": state.tips}
     step = 1e-4
     for k, wrench in enumerate(np.array(WRENCHES)):
-        after, before = (disturbed(hand, state, sign * step * wrench, **kept) for sign in (1, -1))
+        after, before = (disturbed(hand, state, sign * step * wrench, **retained) for sign in (1, -1))
         size = 2 * step * np.abs(wrench).max()
         truth = (all_forces(hand, after) - all_forces(hand, before)) / size
         np.testing.assert_allclose(change.forces[:, :, k], truth, atol=1e-3 * np.abs(truth).max())

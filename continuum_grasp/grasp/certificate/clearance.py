@@ -56,7 +56,7 @@ def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
 
 
 def depth_in_object(points: Array, body: PlacedObject, thickness: float) -> float:
-    """Greatest depth of a finger's body in an object [m]; negative where there is room.
+    """Greatest depth of a finger's body in an object [m]; negative where they are apart.
 
     Parameters
     ----------
@@ -81,34 +81,34 @@ def depth_in_object(points: Array, body: PlacedObject, thickness: float) -> floa
 
 
 def depth_in_wall(points: Array, wall: Wall, thickness: float, emerges: int) -> float:
-    """Greatest depth of a finger's body in a wall [m]; negative where there is room.
+    """Greatest depth of a finger's body in a wall [m]; negative where they are apart.
 
-    A finger whose base is closer to the wall than half its thickness comes out of it: it then needs room only
+    A finger whose base is closer to the wall than half its thickness comes out of it: it then needs space only
     behind the point ``emerges``, and before that must not lie deeper than its base.
     """
     normal, middle = np.asarray(wall.normal), np.asarray(wall.point)
     height = (points - middle) @ normal
-    room = height
+    spare = height
     crossing = -np.inf
     if np.isfinite(wall.half_length):
         along = np.array([-normal[1], normal[0]])
         reach = wall.half_length * along
-        room = segment_distance(points, middle - reach, middle + reach)
+        spare = segment_distance(points, middle - reach, middle + reach)
         for end in (middle - reach, middle + reach):  # may lie between two samples
             nearer = segment_distance(end, points[:-1], points[1:])
-            room[1:] = np.minimum(room[1:], nearer)
+            spare[1:] = np.minimum(spare[1:], nearer)
         beside = np.abs((points - middle) @ along) <= wall.half_length
         passes = beside[:-1] & beside[1:] & (height[:-1] * height[1:] < 0.0)
         if passes.any():
             crossing = thickness + min(float(height[beside].max()), -float(height[beside].min()))
     needed = np.full(len(points), thickness)
-    if not room[0] >= thickness * (1.0 - 1e-9):
-        needed[: emerges + 1] = min(0.0, float(room[0]))
-    return worst(float((needed - room).max()), crossing)
+    if not spare[0] >= thickness * (1.0 - 1e-9):
+        needed[: emerges + 1] = min(0.0, float(spare[0]))
+    return worst(float((needed - spare).max()), crossing)
 
 
 def depth_in_line(body: PlacedObject, wall: Wall) -> float:
-    """How deep a finite line lies in an object [m]; negative where there is room.
+    """How deep a finite line lies in an object [m]; negative where they are apart.
 
     The distance along the line is searched closer and closer. A corner that pokes through it counts as deep as
     it reaches.

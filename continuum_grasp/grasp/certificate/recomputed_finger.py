@@ -142,7 +142,7 @@ class RecomputedFinger:
         return np.asarray(energy)
 
     def _capstan(self) -> Array:
-        """Share of the tendons' moment that reaches each element's middle past the rubbing guides."""
+        """Share of the tendons' moment that reaches each element's middle past the friction of the guides."""
         tendons = self.finger.tendons
         if tendons is None or tendons.friction == 0.0:
             return np.ones(self.lengths.size)

@@ -226,9 +226,9 @@ def _keep_limits(problem: Unknowns, change: _Change, k: int) -> None:
         else:
             cone = ca.vertcat(friction * n - f, friction * n + f)
         require(f"disturbed friction cone, {name}, {k}", cone, "N", "contacts.friction", upper=ca.inf)
-        room = problem.numbers(f"{name}.normal_force_max") - n
-        require(f"disturbed normal force, {name}, {k}", room, "N", "contacts.normal_force_max", upper=ca.inf)
+        spare = problem.numbers(f"{name}.normal_force_max") - n
+        require(f"disturbed normal force, {name}, {k}", spare, "N", "contacts.normal_force_max", upper=ca.inf)
     for finger, own in zip(problem.fingers, change.pulls, strict=True):
         pulls, number = finger.pulls + own, finger.unit.number
-        room = ca.vertcat(pulls - number("pull_min", 2), number("pull_most", 2) - pulls)
-        require(f"disturbed tension, {finger.spec.name}, {k}", room, "1", "tendons", upper=ca.inf)
+        spare = ca.vertcat(pulls - number("pull_min", 2), number("pull_most", 2) - pulls)
+        require(f"disturbed tension, {finger.spec.name}, {k}", spare, "1", "tendons", upper=ca.inf)

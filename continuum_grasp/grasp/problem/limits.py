@@ -73,28 +73,28 @@ def _keep_clear(problem: Unknowns, finger: FingerState) -> None:
     back = rotation(-problem.pose[2])
     free = [j for j, touching in enumerate(touches) if not touching]
     for part, surface in enumerate(problem.spec.surfaces):
-        slack = problem.slack["room at the object"] + tolerance - half
+        slack = problem.slack["clearance of the object"] + tolerance - half
         beta = _directions(problem, f"{spec.name}.separating_{part}", len(free), surface.has_directions)
-        room = []
+        spare = []
         for k, j in enumerate(free):
             local = back @ (points[:, j] - problem.pose[:2])
             near = number(f"corners_{part}_{j}", 2 * CORNERS) if surface.looks_at_corners else None
             away = surface.clearance(local, beta[k] if beta.numel() else beta, _part_numbers(problem, part), near)
-            room.append(away + slack)
-        require(f"penetration into the object, {spec.name}", ca.vertcat(*room), "m", "object", upper=ca.inf)
-    slack = problem.slack["room at the supports"] + tolerance
-    room = []
+            spare.append(away + slack)
+        require(f"penetration into the object, {spec.name}", ca.vertcat(*spare), "m", "object", upper=ca.inf)
+    slack = problem.slack["clearance of the supports"] + tolerance
+    spare = []
     for k in range(problem.spec.planes):
         normal, at = problem.numbers(f"plane_{k}.normal", 2), problem.numbers(f"plane_{k}.point", 2)
-        room += [ca.dot(normal, points[:, j] - at) - number(f"needed_{k}_{j}") + slack for j in range(points.shape[1])]
+        spare += [ca.dot(normal, points[:, j] - at) - number(f"needed_{k}_{j}") + slack for j in range(points.shape[1])]
     for k in range(problem.spec.lines):
         ends = ca.reshape(problem.numbers(f"line_{k}.ends", 4), 2, 2)
         beta = _directions(problem, f"{spec.name}.beside_{k}", points.shape[1], True)
-        room += [separation(points[:, j], beta[j], ends) - half + slack for j in range(points.shape[1])]
+        spare += [separation(points[:, j], beta[j], ends) - half + slack for j in range(points.shape[1])]
     for k in range(problem.spec.pegs):
         at, radius = problem.numbers(f"peg_{k}.position", 2), problem.numbers(f"peg_{k}.radius")
-        room += [_reach(points[:, j] - at) - radius - half + slack for j in range(points.shape[1])]
-    require(f"penetration into a support, {spec.name}", ca.vertcat(*room), "m", "supports", upper=ca.inf)
+        spare += [_reach(points[:, j] - at) - radius - half + slack for j in range(points.shape[1])]
+    require(f"penetration into a support, {spec.name}", ca.vertcat(*spare), "m", "supports", upper=ca.inf)
 
 
 def _directions(problem: Unknowns, name: str, count: int, wanted: bool) -> ca.SX:
@@ -116,13 +116,13 @@ def _keep_limits(problem: Unknowns, finger: FingerState) -> None:
     require(f"tendon tension, {name}", over, "1", f"{name}.tendons.max_tension", lower=-ca.inf)
     bends = finger.unit.greatest_bends(finger.q, finger.u, finger.p)
     most = number("bending_range") + slack["bending range"]
-    room = ca.vertcat(most - bends, most + bends)
-    require(f"bending range, {name}", room, "rad", "fidelity.bending_range", upper=ca.inf)
+    spare = ca.vertcat(most - bends, most + bends)
+    require(f"bending range, {name}", spare, "rad", "fidelity.bending_range", upper=ca.inf)
     if finger.spec.strained:
         curvature = finger.unit.curvatures(finger.q, finger.u, finger.p)
         most = number("curvature_limit") * (1.0 + slack["strain"])
-        room = ca.vertcat(most - curvature, most + curvature)
-        require(f"bending strain, {name}", room, "1", f"{name}.strain_limit", upper=ca.inf)
+        spare = ca.vertcat(most - curvature, most + curvature)
+        require(f"bending strain, {name}", spare, "1", f"{name}.strain_limit", upper=ca.inf)
     on = [joint for joint, touches in zip(finger.joints, finger.spec.touching, strict=True) if touches]
     if len(on) > 1:
         gaps = ca.vertcat(*(b - a for a, b in pairwise(on))) - 0.02
@@ -132,18 +132,18 @@ def _keep_limits(problem: Unknowns, finger: FingerState) -> None:
 def _keep_object_clear(problem: Unknowns) -> None:
     number, spec, tolerance = problem.numbers, problem.spec, problem.numbers("tolerance")
     back = rotation(-problem.pose[2])
-    room = []
+    spare = []
     for k in range(spec.planes):
         normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
         for part, surface in enumerate(spec.surfaces):
             angle, shape = number(f"plane_{k}.angle"), _part_numbers(problem, part)
-            room += surface.wall_clearance(normal, at, angle, problem.pose, shape)
+            spare += surface.wall_clearance(normal, at, angle, problem.pose, shape)
     for k in range(spec.pegs):
         local = back @ (number(f"peg_{k}.position", 2) - problem.pose[:2])
         for part, surface in enumerate(spec.surfaces):
             beta = _directions(problem, f"peg_{k}.separating_{part}", 1, surface.has_directions)
             near = number(f"peg_{k}.corners_{part}", 2 * CORNERS) if surface.looks_at_corners else None
             away = surface.clearance(local, beta, _part_numbers(problem, part), near)
-            room.append(away - number(f"peg_{k}.radius"))
-    if room:
-        problem.parts.require("object in a support", ca.vertcat(*room) + tolerance, "m", "supports", upper=ca.inf)
+            spare.append(away - number(f"peg_{k}.radius"))
+    if spare:
+        problem.parts.require("object in a support", ca.vertcat(*spare) + tolerance, "m", "supports", upper=ca.inf)

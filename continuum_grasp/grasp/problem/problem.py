@@ -128,8 +128,8 @@ def _add_objective(problem: Unknowns) -> ca.SX:
     if "least_normal_force" in aims:
         greatest = parts.unknown("greatest normal force")
         for contact in problem.contacts:
-            room = greatest - contact.force[0]
-            parts.require(f"greatest normal force, {contact.spec.name}", room, "N", "objective", upper=ca.inf)
+            spare = greatest - contact.force[0]
+            parts.require(f"greatest normal force, {contact.spec.name}", spare, "N", "objective", upper=ca.inf)
         total += number("normal weight") * greatest
     if "greatest_friction_margin" in aims:
         total -= number("margin weight") * parts.variables["friction margin"].symbol

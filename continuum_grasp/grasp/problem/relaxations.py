@@ -265,7 +265,7 @@ RELAXATIONS = (
         most=3.0,
     ),
     Relaxation(
-        "room at the supports",
+        "clearance of the supports",
         "supports",
         "m",
         lambda s: 0.0,
@@ -275,10 +275,10 @@ RELAXATIONS = (
         measured=True,
         excuses=lambda name: name.startswith("penetration into ") and not _into_object(name),
         without=_without_obstacles,
-        repair="make room of {needed:.2g} m at the support (a shorter finger, another base or support)",
+        repair="make space of {needed:.2g} m at the support (a shorter finger, another base or support)",
     ),
     Relaxation(
-        "room at the object",
+        "clearance of the object",
         "object",
         "m",
         lambda s: 0.0,

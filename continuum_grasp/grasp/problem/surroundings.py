@@ -100,7 +100,7 @@ class Surroundings:
         units = Units.of(scene)
         pose, *rest = (np.array(v) for v in self._places(x, numbers))
         pose, variables = pose.ravel(), self._problem.parts.variables
-        given = tuple(float(x[variables[f"relaxed room at the {name}"].start]) for name in ("supports", "object"))
+        given = tuple(float(x[variables[f"relaxed clearance of the {name}"].start]) for name in ("supports", "object"))
         found: Values = {}
         directions: Values = {}
         deepest = -np.inf
@@ -132,8 +132,8 @@ class Surroundings:
             return [_look(obstacle, setup, base.ravel(), at, owner, pose, units) for obstacle in obstacles]
 
         even = np.tile(np.arange(FINE + 1) / FINE, (finger.spec.elements, 1))
-        room = [given[obstacle.moves] for obstacle in obstacles]
-        depth = np.max([needed - s[1] - r for (s, needed), r in zip(look(*line.at(even)), room, strict=True)], axis=0)
+        spare = [given[obstacle.moves] for obstacle in obstacles]
+        depth = np.max([needed - s[1] - r for (s, needed), r in zip(look(*line.at(even)), spare, strict=True)], axis=0)
         probes = _deepest(depth.reshape(-1, FINE + 1), finger.unit.probes)
         at, owner = line.at(probes)
         looked = look(np.concatenate([points.T, at]), np.concatenate([self._elements[index], owner]).astype(int))
@@ -141,7 +141,7 @@ class Surroundings:
         found: Values = {f"{name}.probes": probes.ravel()}
         directions: Values = {}
         deepest, planes = -np.inf, 0
-        for obstacle, ((direction, gap, corners), needed), slack in zip(obstacles, looked, room, strict=True):
+        for obstacle, ((direction, gap, corners), needed), slack in zip(obstacles, looked, spare, strict=True):
             retained = free if obstacle.moves else np.ones(len(gap), dtype=bool)
             deepest = max(deepest, float((needed - gap)[retained].max()) - slack)
             if obstacle.direction:

@@ -194,9 +194,9 @@ class _Balance:
 
     def used(self, forces: Array, base: Array) -> float:
         """Greatest friction per normal force and coefficient."""
-        rubbing = np.hypot(forces[:, 1], forces[:, 2])
-        live = (rubbing > _SLACK * self.force) & (base > 0.0)
-        return float((rubbing[live] / np.maximum(base[live] * forces[live, 0], 1e-300)).max(initial=0.0))
+        friction_force = np.hypot(forces[:, 1], forces[:, 2])
+        live = (friction_force > _SLACK * self.force) & (base > 0.0)
+        return float((friction_force[live] / np.maximum(base[live] * forces[live, 0], 1e-300)).max(initial=0.0))
 
     def greatest(self, friction: Array) -> float:
         """Greatest mass [kg]."""
@@ -205,7 +205,11 @@ class _Balance:
         cost = np.zeros(3 * self.count + 1)
         cost[-1] = -1.0
         cones = Cones(
-            self.cones.matrix, self.cones.offset, self._unit_width * friction[:, None], self.cones.room, self.cones.cuts
+            self.cones.matrix,
+            self.cones.offset,
+            self._unit_width * friction[:, None],
+            self.cones.spare,
+            self.cones.cuts,
         )
         found = solve_socp(cost, self.rows, 0.0, 0.0, lower, upper, cones)
         if not found.optimal:  # without weight nothing has to push

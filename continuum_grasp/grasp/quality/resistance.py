@@ -42,7 +42,7 @@ class Resistance:
     limiting : tuple of tuple of str
         What stops each from growing.
     motions : ndarray, shape (K, 3)
-        How far the object moves on the way there: center of mass [m], angle [rad]; NaN where not limited.
+        How far the object moves at this factor: center of mass [m], angle [rad]; NaN where not limited.
     tendons : {"retensioned", "locked"}
         Whether tensions are chosen anew for each disturbance, or tendon lengths are fixed.
     stable : bool

@@ -1,4 +1,4 @@
-"""The limits that a grasp meets as it yields: cones, normal forces, tensions, and how far things may move."""
+"""The limits that a grasp meets as it yields: cones, normal forces, tensions, and motions of object and fingers."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class ResponseLimits:
         self.scale = max(float(np.abs(contacts.forces).max(initial=0.0)), 1e-3 * float(contacts.normal_max.max()))
         slack = _ACTIVE * self.scale
         over = np.hypot(self.forces[:, 1], self.forces[:, 2]) - self.friction * self.forces[:, 0]
-        self.room = np.where((over > 0.0) & (over < 10.0 * slack), over, 0.0)  # what rounding put outside is let be
+        self.spare = np.where((over > 0.0) & (over < 10.0 * slack), over, 0.0)  # what rounding put outside is let be
         self.low = np.where(self.forces[:, 0] > -slack, np.minimum(self.forces[:, 0], 0.0), 0.0)
         near = self.forces[:, 0] < self.normal_max + slack
         self.high = np.where(near, np.maximum(self.normal_max, self.forces[:, 0]), self.normal_max)
@@ -74,13 +74,13 @@ class ResponseLimits:
     def _ray(self, along: Array, differences: Array, motion: Array) -> Answer:
         """Forces and tensions change in proportion: the first limit that is met."""
         still = np.zeros(len(self.setups))
-        if (np.hypot(*self.forces[:, 1:].T) > self.friction * self.forces[:, 0] + self.room).any():
+        if (np.hypot(*self.forces[:, 1:].T) > self.friction * self.forces[:, 0] + self.spare).any():
             return 0.0, self._reached(self.forces, still, 0.0 * motion), np.zeros(3)
         ways = [math.inf]
         for k in range(len(self.names)):
             dn, df = along[k]
             ways.append(_way(self.forces[k, 0], dn, self.low[k], self.high[k]))
-            ways.append(_way_in_cone(self.forces[k], dn, df, self.friction[k], self.room[k]))
+            ways.append(_way_in_cone(self.forces[k], dn, df, self.friction[k], self.spare[k]))
         ways += [_way(0.0, d, a, b) for d, (a, b) in zip(differences, self.ranges, strict=True)]
         ways += [_way(0.0, d, -most, most) for d, most in zip(motion, self.reach, strict=True)]
         factor = max(0.0, min(ways))
@@ -111,7 +111,7 @@ class ResponseLimits:
             matrix,
             self.forces[:, 1:] / self.scale,
             self.friction[:, None] * effect[:, 0],
-            (self.friction * self.forces[:, 0] + self.room) / self.scale,
+            (self.friction * self.forces[:, 0] + self.spare) / self.scale,
         )
         if self._cuts is not None:
             cones.cuts = list(self._cuts)
@@ -144,7 +144,7 @@ class ResponseLimits:
             normal, friction, lift = forces[k]
             if normal <= self.low[k] + slack:
                 words.append(f"{name} parts")
-            elif math.hypot(friction, lift) >= self.friction[k] * normal + self.room[k] - slack:
+            elif math.hypot(friction, lift) >= self.friction[k] * normal + self.spare[k] - slack:
                 words.append(f"{name} slips")
             if normal >= self.high[k] - slack:
                 words.append(f"{name} is pressed too hard")
@@ -186,10 +186,10 @@ def _way(value: float, rate: float, low: float, high: float) -> float:
     return float(max(0.0, ((high if rate > 0.0 else low) - value) / rate))
 
 
-def _way_in_cone(force: Array, dn: float, df: float, friction: float, room: float) -> float:
+def _way_in_cone(force: Array, dn: float, df: float, friction: float, spare: float) -> float:
     """Least factor at which (N + x dn, f + x df, lift) leaves the friction cone; it starts within."""
     normal, sideways, lift = force
-    width = friction * normal + room
+    width = friction * normal + spare
     if lift == 0.0:
         rates = ((df - friction * dn, width - sideways), (-df - friction * dn, width + sideways))
         return float(min((max(0.0, left) / rate for rate, left in rates if rate > 0.0), default=math.inf))

@@ -33,7 +33,7 @@ class Cones:
     matrix : ndarray, shape (K, 2, n)
     offset : ndarray, shape (K, 2)
     width : ndarray, shape (K, n)
-    room : ndarray, shape (K,)
+    spare : ndarray, shape (K,)
     cuts : list of (int, ndarray)
         Cone and unit direction u of the planes u @ (A_k x + a_k) <= b_k @ x + c_k that stand for it so far. They
         hold for any width, so they stay valid while widths change.
@@ -42,11 +42,11 @@ class Cones:
     matrix: Array
     offset: Array
     width: Array
-    room: Array
+    spare: Array
     cuts: list[tuple[int, Array]]
 
     @classmethod
-    def made(cls, matrix: Array, offset: Array, width: Array, room: Array, directions: int = 12) -> Cones:
+    def made(cls, matrix: Array, offset: Array, width: Array, spare: Array, directions: int = 12) -> Cones:
         """Cones with tangent planes in evenly spread directions; where a component is always zero, both sides of the
         other, which is the cone itself.
         """
@@ -57,20 +57,20 @@ class Cones:
             live = [bool(np.any(matrix[k, i]) or offset[k, i]) for i in (0, 1)]
             flat = [np.array([s, 0.0]) for s in (1, -1)] if live[0] else [np.array([0.0, s]) for s in (1, -1)]
             cuts += [(k, u) for u in (around if all(live) else flat)]
-        return cls(matrix, offset, width, room, cuts)
+        return cls(matrix, offset, width, spare, cuts)
 
     def planes(self) -> tuple[Array, Array]:
         """Rows (P, n) and their upper limits (P,) of all tangent planes."""
         which = np.array([k for k, _ in self.cuts], dtype=int)
         directions = np.array([u for _, u in self.cuts]).reshape(-1, 2)
         rows = np.einsum("pi,pin->pn", directions, self.matrix[which]) - self.width[which]
-        return rows, self.room[which] - np.einsum("pi,pi->p", directions, self.offset[which])
+        return rows, self.spare[which] - np.einsum("pi,pi->p", directions, self.offset[which])
 
     def cut(self, x: Array) -> bool:
         """Add tangent planes where a point lies outside; whether there were any."""
         vectors = self.matrix @ x + self.offset
         lengths = np.hypot(vectors[:, 0], vectors[:, 1])
-        widths = self.width @ x + self.room
+        widths = self.width @ x + self.spare
         outside = np.flatnonzero(lengths - widths > VIOLATION * max(1.0, np.abs(widths).max(initial=0.0)))
         self.cuts += [(int(k), vectors[k] / lengths[k]) for k in outside if lengths[k] > 0.0]
         return outside.size > 0
@@ -100,7 +100,7 @@ def solve_socp(
     cost, rows = np.asarray(cost, dtype=float), np.asarray(rows, dtype=float)
     low, high = (np.broadcast_to(np.asarray(v, dtype=float), (rows.shape[0],)) for v in (row_lower, row_upper))
     least, most = (np.broadcast_to(np.asarray(v, dtype=float), cost.shape) for v in (lower, upper))
-    count = cones.room.size
+    count = cones.spare.size
     outcome = LPOutcome("failed", np.full(cost.size, np.nan), float("nan"), float("nan"))
     for _ in range(ROUNDS):
         planes, limit = cones.planes()

@@ -135,9 +135,9 @@ class _PostureProblem:
             upper.append(np.full(2, OFF))
         highest = np.append(s.most, most)
         if relaxed is not None and relaxed.size:
-            room = np.zeros((relaxed.size, size + 1))
-            room[np.arange(relaxed.size), relaxed], room[:, -1] = 1.0, -1.0
-            blocks.append(room)
+            spare = np.zeros((relaxed.size, size + 1))
+            spare[np.arange(relaxed.size), relaxed], spare[:, -1] = 1.0, -1.0
+            blocks.append(spare)
             lower.append(np.full(relaxed.size, -np.inf))
             upper.append(s.most[relaxed])
             highest[relaxed] = np.inf

@@ -25,7 +25,7 @@ Array = NDArray[Any]
 P = TypeVar("P", bound=Part)
 
 CORNERS = 3
-"""Corners of a polygon that a place is kept clear of: the nearest one and its two neighbors, which the search renews;
+"""Corners of a polygon that a place must stay clear of: the nearest one and its two neighbors, which the search renews;
 the others cannot be nearest before it looks again."""
 _TINY = 1e-30
 """Keeps the root of a squared distance differentiable at zero [m2]; far below rounding."""
@@ -229,9 +229,9 @@ class Surface(ABC, Generic[P]):
     is_smooth : bool
         Whether it is one feature, of which each place has its own normal.
     has_directions : bool
-        Whether a place that is kept clear needs the angle of a separating line as an unknown.
+        Whether a place that must stay clear needs the angle of a separating line as an unknown.
     looks_at_corners : bool
-        Whether a place is kept clear of the nearest corners alone.
+        Whether a place must stay clear of the nearest corners alone.
     """
 
     number_count: int
@@ -318,7 +318,7 @@ def separation(point: ca.SX, beta: ca.SX, corners: ca.SX) -> ca.SX:
 
     A point x is at least d away from a convex part if there is a direction n(beta) with n . x - H(beta) >= d, where H
     is the part's support function; the distance itself is the greatest of these. So beta is an unknown of the problem,
-    one per place that is kept clear. For an offset polygon H is the greatest of n . v + r over its corners v.
+    one per place that must stay clear. For an offset polygon H is the greatest of n . v + r over its corners v.
     """
     normal = ca.vertcat(ca.cos(beta), ca.sin(beta))
     return ca.vertcat(*(ca.dot(normal, point - corners[:, k]) for k in range(corners.shape[1])))

@@ -115,7 +115,7 @@ class _BoxShape(Value):
         return (rounded(((-w, -h), (w, -h), (w, h), (-w, h)), r),)
 
     @model_validator(mode="after")
-    def _room(self) -> _BoxShape:
+    def _has_flat_faces(self) -> _BoxShape:
         if 2 * self.corner_radius >= min(self.width, self.height):
             raise ValueError(
                 f"corner_radius = {self.corner_radius} m leaves no flat face; expected less than half a side"
@@ -174,7 +174,7 @@ class _RoundedPolygonShape(Value):
         return polygon_centroid(tuple(self.parts[0].outline(720)))
 
     @model_validator(mode="after")
-    def _room(self) -> _RoundedPolygonShape:
+    def _has_flat_faces(self) -> _RoundedPolygonShape:
         check_convex(self.vertices)
         outline = counter_clockwise(self.vertices)
         core = rounded(outline, self.corner_radius).vertices

@@ -31,8 +31,8 @@ def first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None:
     """Curves from the base to the first contact, tangent there."""
     here, size = middles.index(True), len(middles)
     low, high = task.bounds
-    room = (high - low) / 20.0
-    positions = np.linspace(low + room * here, high - room * (size - 1 - here), _POSITIONS)
+    spare = (high - low) / 20.0
+    positions = np.linspace(low + spare * here, high - spare * (size - 1 - here), _POSITIONS)
     if task.arcs and sum(task.counts[: here + 1]) == 1:
         return _clear(task, join([_arcs(task, k, positions) for k in range(len(task.shapes))]))
     groups = []
@@ -166,10 +166,10 @@ def next_joint(task: FingerTask, family: Postures, middles: tuple[bool, ...], he
     point, angle = ends_of(family)
     for share in (0.15, 0.3, 0.45, 0.6, 0.8):
         ell = share * (high - last)
-        room = ell > 0.03
-        if not room.any():
+        spare = ell > 0.03
+        if not spare.any():
             continue
-        rows = np.flatnonzero(room)
+        rows = np.flatnonzero(spare)
         ell = ell[rows]
         for part, shape in enumerate(task.shapes):
             begin = family.curvatures[rows, -1]
