@@ -69,6 +69,7 @@ def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:
 
 def _changes(scene: GraspScene) -> list[tuple[str, str, float, GraspScene]]:
     """Name, unit, step and changed scene."""
+    # The numbers of the problem are smooth in the scene's, so that a difference of 1e-6 is good to six digits.
     step = 1e-6
     found = [("friction between fingers and object", "1", step, _rougher(scene, step))]
     if scene.weight > 0.0:

@@ -110,6 +110,20 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
     Returns
     -------
     Certificate
+
+    Examples
+    --------
+    A change of the stored numbers is seen:
+
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.grasp import certify
+    >>> grasp = cg.optimize_grasp("configs/grasp/mug_arcs.yaml")
+    >>> certify(grasp.scene, grasp.arrays).passed
+    True
+    >>> less = grasp.arrays["finger.tensions"] * [0.999, 1.0]
+    >>> changed = certify(grasp.scene, {**grasp.arrays, "finger.tensions": less})
+    >>> [check.name for check in changed.failed]
+    ['finger equilibrium, finger']
     """
     setups = scene.setups
     with np.errstate(all="ignore"):

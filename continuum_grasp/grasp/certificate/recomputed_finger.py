@@ -116,6 +116,7 @@ class RecomputedFinger:
         The potential of bending, weight, tendons and contact forces must be stationary in the bending
         coordinates; its gradient is taken by complex steps.
         """
+        # A complex step subtracts nothing, so the derivative is exact to rounding (Squire and Trapp 1998).
         step = 1e-30
         rod = DenseRod(self.finger, self.lengths, _COARSE, self.base)
         shifted = self.q + 1j * step * np.eye(self.q.size)

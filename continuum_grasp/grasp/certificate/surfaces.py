@@ -17,7 +17,9 @@ __all__ = ["Nearest", "PlacedObject", "nearest", "segment_distance", "support_po
 Array = NDArray[Any]
 
 _FLAT = np.inf
+"""Radius of curvature of a flat face [m]."""
 _SMALLEST = 1e-300
+"""Keeps a division by a zero distance finite; the quotient is not used then."""
 _ROUNDING = 1e-13
 """Distance from a sharp corner, as a part of the longest edge, below which the way to it means nothing."""
 _TURNS = np.linspace(0.0, 0.5 * np.pi, 33)

@@ -27,7 +27,8 @@ from continuum_grasp.grasp.problem.unknowns import FingerState, TouchState, Unkn
 __all__ = ["add_disturbances"]
 
 LEAST = 0.02
-"""Least sum of the curvatures of two surfaces that touch, per size of the object: beyond, they count as wrapped."""
+"""Least sum of the curvatures of two surfaces that touch, per size of the object: below it the contact
+point would run along the finger without bound as it rolls; a finger that fits the object counts as wrapped."""
 
 
 @dataclass(frozen=True)

@@ -56,9 +56,11 @@ def _bound_contacts(problem: Unknowns) -> None:
         if "greatest_friction_margin" in problem.spec.aims:
             friction *= 1.0 - problem.parts.variables["friction margin"].symbol
         if problem.spec.gravity == "out_of_plane":
+            # Rounded from inside: the root has a kink where nothing presses, at which IPOPT would zigzag.
             apex = APEX * problem.numbers("force reference")
             cone = friction * n - ca.sqrt(f**2 + lift**2 + apex**2)
         else:
+            # In the plane the cone is two half planes: linear, nothing to round.
             cone = ca.vertcat(friction * n - f, friction * n + f)
         key = f"contacts.friction ({name})"
         require(f"friction cone, {name}", cone, "N", key, upper=ca.inf)
@@ -71,8 +73,11 @@ def _keep_clear(problem: Unknowns, finger: FingerState) -> None:
     points, _, touches = guarded(finger)
     tolerance, half = problem.numbers("tolerance"), problem.thickness(finger)
     back = rotation(-problem.pose[2])
+    # A place that touches has its gap as an equation already: the inequality beside it would be dependent.
     free = [j for j, touching in enumerate(touches) if not touching]
     for part, surface in enumerate(problem.spec.surfaces):
+        # The tolerance is never zero: a finger that lies along the object makes all its places active at once, and the
+        # active constraints dependent (93 % of 60 discs converged with 0, all with 1e-9 and more).
         slack = problem.slack["clearance of the object"] + tolerance - half
         beta = _directions(problem, f"{spec.name}.separating_{part}", len(free), surface.has_directions)
         spare = []
@@ -125,6 +130,7 @@ def _keep_limits(problem: Unknowns, finger: FingerState) -> None:
         require(f"bending strain, {name}", spare, "1", f"{name}.strain_limit", upper=ca.inf)
     on = [joint for joint, touches in zip(finger.joints, finger.spec.touching, strict=True) if touches]
     if len(on) > 1:
+        # Elements between two contacts have a length: the moments of shorter ones than 2 % are all but dependent.
         gaps = ca.vertcat(*(b - a for a, b in pairwise(on))) - 0.02
         require(f"order of the middle contacts, {name}", gaps, "1", "contacts.middle", upper=ca.inf)
 

@@ -30,7 +30,8 @@ __all__ = ["GraspProblem"]
 
 
 _REGULARIZATION = 1e-8
-"""Weight of the squared contact forces (scaled) beside what is sought, so that they are unique."""
+"""Weight of the squared contact forces (scaled) beside what is sought, so that they are unique: with more than three
+contacts equilibrium alone does not fix them. It changes the optimum by less than the certificate resolves."""
 _TINY = 1e-6
 """Rounding of the norm of a relaxation with several components (scaled): keeps its derivative finite at zero."""
 
@@ -52,6 +53,7 @@ class GraspProblem(Unknowns):
         for contact in self.contacts:
             self._close(contact)
         for k, finger in enumerate(self.fingers):
+            # In units of the whole problem, so that the residuals of different fingers compare.
             missing = finger_balance(finger, [c for c in self.contacts if c.spec.finger == k])
             scale = finger.unit.number("force share") * finger.unit.number("length")
             self.parts.require(f"finger equilibrium, {finger.spec.name}", scale * missing, "N m", finger.spec.name)
@@ -97,6 +99,7 @@ class GraspProblem(Unknowns):
         if self.spec.gravity == "planar":
             force += number("weight", 2) * (1.0 - self.slack["mass"])
         require("object force balance", force, "N", "object.mass")
+        # Per size of the object, so that moments compare with forces.
         require("object moment balance", moment / number("size"), "N", "object")
         if self.spec.gravity == "out_of_plane":
             require("object lift balance", lift - number("weight") * (1.0 - self.slack["mass"]), "N", "object.mass")

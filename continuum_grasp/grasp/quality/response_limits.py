@@ -19,8 +19,10 @@ Array = NDArray[Any]
 UNLIMITED = 1e4
 """A disturbance that makes forces this many times the greatest limit of a contact counts as unlimited."""
 TURN = 3.0
+"""Allowed turn of a finger's tip, per allowed turn of the object: soft fingers turn more than what they hold."""
 _CALM = 1e-7
-"""Cost of a change of tension beside that of the factor, both scaled."""
+"""Cost of a change of tension beside that of the factor, both scaled: picks the least change among equally good ones
+and lowers the factor by less than 1e-7 of it."""
 _ACTIVE = 1e-6
 """Part of the force scale within which a limit counts as reached."""
 

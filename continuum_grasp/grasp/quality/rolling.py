@@ -21,7 +21,7 @@ CONFORMING = 1e-3
 """Least relative curvature of two surfaces that touch in a point, over the object's size: below it they count
 as lying against each other and do not turn."""
 _CORNER = 1e-6
-"""Distance from a corner, as a part of the object's size, that counts as on it."""
+"""Distance from a corner, as a part of the object's size, that counts as on it: the tolerance of stored contacts."""
 
 
 @dataclass(frozen=True)

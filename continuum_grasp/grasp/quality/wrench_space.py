@@ -24,7 +24,7 @@ __all__ = ["WrenchSpace", "wrench_space"]
 Array = NDArray[Any]
 
 _FLAT = 1e-12
-"""Below this part of the greatest, a length is none."""
+"""Below this part of the greatest, a length is rounding."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ __all__ = ["find_reasons", "out_of_reach"]
 FIRST, MORE = 4, 8
 """Starts per limit, and per limit that gives a grasp, or per limit again if none does."""
 RARE = 1.0
-"""Friction coefficient that few surfaces have."""
+"""Friction coefficient that few surfaces have: reasons that ask for more are listed last."""
 
 
 def out_of_reach(scene: GraspScene) -> Reason | None:

@@ -24,7 +24,10 @@ Array = NDArray[Any]
 Pose = tuple[float, float, float]
 
 _STEPS, _STEP, _MOST, _DAMPING = 5, 1e-4, 0.8, 1e-3
+"""Gauss-Newton steps; difference for their slopes [1/L], whose error of 1e-4 is far below the imbalance sought;
+greatest change of a curvature in one step [1/L]; damping of the normal equations, which may be singular."""
 _ENOUGH = 1e-3
+"""Relative imbalance that is balance: IPOPT needs a start, no solution."""
 
 
 def polished(

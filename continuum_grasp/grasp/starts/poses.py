@@ -19,11 +19,16 @@ Pose = tuple[float, float, float]
 Interval = tuple[float, float]
 
 _MORE_POSES = 5
+"""Further poses of a free object."""
 _MORE_BASES = (4, 1)
 """Further poses of a free base: for the first pose of the object, and for the others."""
 _FLAT = 4
+"""Most angles of a free object at which a face lies flat on a wall."""
 _EXACT = 1e-12
+"""Gap, per size of the object, at which it touches a support: rounding."""
 _SHARES = (1.22074408460575947536, 1.32471795724474602596)
+"""Real roots of x^4 = x + 1 and x^3 = x + 1: powers of their inverses spread points evenly in three and two dimensions
+(additive recurrence; M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018)."""
 
 
 def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:

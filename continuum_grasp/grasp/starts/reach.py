@@ -22,6 +22,7 @@ Interval = tuple[float, float]
 _EXACT = 1e-5
 """Part of the object's size to which the distance is found where its angle is free."""
 _MOST = 2000
+"""Angles at which the distance is computed at most: stopping early leaves a valid bound."""
 
 
 @dataclass(frozen=True)

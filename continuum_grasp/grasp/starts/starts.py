@@ -35,7 +35,7 @@ __all__ = [
 Array = NDArray[Any]
 
 _STEP = 1e-9
-"""Part of the length within which a curvature that steps changes."""
+"""Part of the length within which a curvature that steps changes: interpolation needs increasing knots."""
 
 
 def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.random.Generator) -> list[Start]:

@@ -18,7 +18,9 @@ Array = NDArray[Any]
 
 _X, _W = np.polynomial.legendre.leggauss(12)
 _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
+"""Gauss-Legendre rule of 12 nodes on [0, 1]: one interval may bend by more than a turn."""
 _TWO = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+"""Gauss-Legendre rule of 2 nodes on [0, 1], between samples that lie close to each other."""
 
 
 def segment_end(lengths: Array, curvatures: Array) -> tuple[Array, Array, Array, Array]:

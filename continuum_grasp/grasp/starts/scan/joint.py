@@ -18,13 +18,25 @@ __all__ = ["ends_of", "first_joint", "moved_joint", "next_joint"]
 Array = NDArray[Any]
 
 _REACH, _GRID = 6.0, 29
+"""Greatest bend of a curve to the first contact [rad], a turn, and how many curvatures of either end are tried: one per
+0.43 rad."""
 _TILT, _OFF = 0.45, 0.25
+"""Angle [rad] and distance [of the contact's position] by which a tried curve may miss tangency: the spacing of the
+grid, so that the curve next to a solution is within."""
 _POSITIONS = 10
+"""Positions of a contact along the finger that are tried first; `_BETWEEN` adds more where few postures are found."""
 _BETWEEN = (np.array([-0.67, -0.33, 0.33, 0.67]), np.array([-0.5, -0.17, 0.17, 0.5]))
+"""Shifts of the contacts found, in spacings of the positions, in two rounds."""
 _ENOUGH = 16
+"""Postures clear of the object from which on no more positions are tried: with fewer, short feasible pieces of a branch
+are missed."""
 _ARCS = 49
+"""Bends of the arcs that are tried, as there is one number to scan: one per 0.25 rad."""
 _NEAR, _STEEP = 0.12, 0.7
+"""Distance of two neighbors [L] up to which, and change of their bends [rad] from which on, curves between them are
+sought: a branch is steep there."""
 _GUESSES = 10
+"""Best tried curves per position that Newton's method starts from: windings and sides give several solutions."""
 
 
 def first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None:

@@ -17,7 +17,9 @@ __all__ = ["neighbors", "postures"]
 Array = NDArray[Any]
 
 _SHIFTS = 0.01 * np.array([-1.5, -0.5, 0.5, 1.5])
+"""Shifts of the first contact along the finger [L] in a refinement of size one: a sixth of the spacing of the scan."""
 _CHANGE = 0.4
+"""Change of a knot's curvature [1/L] in a refinement of size one: the spacing of the scans of tips, about."""
 
 
 def postures(task: FingerTask, middles: tuple[bool, ...], tip: bool) -> Postures | None:

@@ -21,10 +21,15 @@ Array = NDArray[Any]
 
 _TIP_REACH, _TIP_GRID = 8.0, 33
 _ARCS_REACH, _ARCS_GRID = 13.0, 53
+"""Greatest end curvature [1/L] and size of the grid of curves whose tips may touch, of clothoids and of two arcs: 0.5
+1/L apart; an arc has half of the length for the same bend."""
 _BESIDE_CONE = 0.15
+"""Angle outside the friction cone up to which a start is used [rad]: half a spacing of the directions of `elastica`."""
 _BESIDE = 0.01
 """Cosine between tangent and normal up to which a tip still touches with its front."""
 _FEW, _ZOOMS, _ZOOMED = 3, 3, 11
+"""Where fewer than 3 tips touch, the grid is refined up to 3 times by 11 x 11 around the nearest miss: an object hardly
+in reach is touched in a patch smaller than the grid's cells."""
 
 
 def with_tip(task: FingerTask, family: Postures) -> Postures | None:

@@ -18,8 +18,12 @@ Array = NDArray[Any]
 Equations = Callable[[Array, Array], tuple[list[Array], list[list[Array]]]]
 
 _EXACT = 1e-12
+"""Residual, in lengths of the finger and rad, at which a curve touches: rounding after a few operations."""
 _STEPS, _EARLY, _HOPEFUL = 14, 5, 0.05
+"""Newton steps; after the first five, systems with a larger residual are given up: a start in the basin of a root has
+converged quadratically below it by then."""
 _BEND_STEP = 3.0
+"""Greatest change of a curvature in one step [1/L]: half of the range of the scans, so that no step leaves it."""
 
 
 def tangent(
@@ -152,7 +156,7 @@ def _newton(equations: Equations, first: Array, most: tuple[float, ...]) -> tupl
 
 
 def _solve(a: list[list[Array]], b: list[Array]) -> list[Array]:
-    """Cramer's rule for many systems of two or three equations."""
+    """Cramer's rule for many systems of two or three equations; `numpy.linalg.solve` loops over them."""
     if len(b) == 2:
         det = _safe(a[0][0] * a[1][1] - a[0][1] * a[1][0])
         return [(b[0] * a[1][1] - a[0][1] * b[1]) / det, (a[0][0] * b[1] - b[0] * a[1][0]) / det]
