@@ -1,4 +1,4 @@
-"""How often the grasp optimizer finds the grasp that there is, and says why there is none.
+"""How often the grasp optimiser finds the grasp that there is, and says why there is none.
 
 Run ``python -m benchmarks.bench_grasp`` in the root of the repository. Random scenes whose answers are known from
 solvers that share nothing with the package (``benchmarks.grasp_oracle``): one finger, pinches of two fingers, and
@@ -33,13 +33,13 @@ NUMBERS = 1e-2
 """Part by which a number of a reason may differ."""
 MARGIN = 1e-3
 """By what part more than a number that the oracle did not find is granted to see whether it is enough."""
-REASONS = {"bend": "bending range", "clearance": "clearance of the supports"}
+REASONS = {"bend": "bending range", "clearance": "clearance at the supports"}
 """Causes whose reasons go by another name."""
 
 
 @dataclass
 class Outcome:
-    """What the optimizer made of one scene."""
+    """What the optimiser made of one scene."""
 
     seed: int
     what: str
@@ -140,14 +140,8 @@ def share(outcomes: list[Outcome], name: str) -> float:
 def times(outcomes: list[Outcome]) -> list[list[Any]]:
     """Milliseconds: median, 95th percentile, most."""
     rows = []
-    for name in (
-        "build_seconds",
-        "start_seconds",
-        "solver_seconds",
-        "certificate_seconds",
-        "after_build",
-        "all_seconds",
-    ):
+    timed = ("build", "start", "solver", "certificate", "after_build", "all")
+    for name in (n if n == "after_build" else f"{n}_seconds" for n in timed):
         values = [
             1e3
             * (o.seconds["total_seconds"] - o.seconds["build_seconds"] if name == "after_build" else o.seconds[name])
@@ -188,8 +182,8 @@ def add_none(report: Report, outcomes: list[Outcome]) -> None:
     report.claim("infeasible: false certificates", sum(o.false for o in outcomes), "<=", 0)
     report.claim(f"infeasible: reported of {len(outcomes)}, per cent", share(outcomes, "good"), ">=", 100.0)
     report.claim("infeasible: right reason, per cent", share(outcomes, "right"), ">=", 97.0)
-    reported = [o for o in outcomes if o.right]
-    report.claim("infeasible: numbers within 1 %, per cent of those", share(reported, "number"), ">=", 100.0)
+    named = [o for o in outcomes if o.right]
+    report.claim("infeasible: numbers within 1 %, per cent of those", share(named, "number"), ">=", 100.0)
     rows = []
     for cause in sorted({o.what for o in outcomes}):
         some = [o for o in outcomes if o.what == cause]

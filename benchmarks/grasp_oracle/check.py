@@ -254,7 +254,7 @@ def _ends(family: str, q: Array, lengths: Array, tip: float) -> Array:
 
 
 def _capstan(friction: float, ends: Array, lengths: Array) -> Array:
-    """Share of the tendons' moment at each element's middle past guides with friction, as documented."""
+    """Share of the tendons' moment at each element's middle past guides with friction, as in the scene's contract."""
     if friction == 0.0:
         return np.ones(len(lengths))
     bends = ends.mean(axis=1) * lengths

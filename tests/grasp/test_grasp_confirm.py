@@ -130,7 +130,7 @@ def test_statics_are_those_of_the_stored_forces():
     assert np.abs(moved.rows @ moved.own + moved.weight - moved.right).max() > 1e-4
 
 
-@pytest.mark.parametrize("name", ["strain", "bending range", "clearance of the supports", "clearance of the object"])
+@pytest.mark.parametrize("name", ["strain", "bending range", "clearance at the supports", "clearance at the object"])
 def test_limits_of_the_shape_are_not_for_linear_problems(name):
     scene, arrays = squeezed_disc()
     assert confirm(name, scene, arrays, 0.1) is None

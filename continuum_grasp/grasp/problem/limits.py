@@ -78,7 +78,7 @@ def _keep_clear(problem: Unknowns, finger: FingerState) -> None:
     for part, surface in enumerate(problem.spec.surfaces):
         # The tolerance is never zero: a finger that lies along the object makes all its places active at once, and the
         # active constraints dependent (93 % of 60 discs converged with 0, all with 1e-9 and more).
-        slack = problem.slack["clearance of the object"] + tolerance - half
+        slack = problem.slack["clearance at the object"] + tolerance - half
         beta = _directions(problem, f"{spec.name}.separating_{part}", len(free), surface.has_directions)
         spare = []
         for k, j in enumerate(free):
@@ -87,7 +87,7 @@ def _keep_clear(problem: Unknowns, finger: FingerState) -> None:
             away = surface.clearance(local, beta[k] if beta.numel() else beta, _part_numbers(problem, part), near)
             spare.append(away + slack)
         require(f"penetration into the object, {spec.name}", ca.vertcat(*spare), "m", "object", upper=ca.inf)
-    slack = problem.slack["clearance of the supports"] + tolerance
+    slack = problem.slack["clearance at the supports"] + tolerance
     spare = []
     for k in range(problem.spec.planes):
         normal, at = problem.numbers(f"plane_{k}.normal", 2), problem.numbers(f"plane_{k}.point", 2)

@@ -265,7 +265,7 @@ RELAXATIONS = (
         most=3.0,
     ),
     Relaxation(
-        "clearance of the supports",
+        "clearance at the supports",
         "supports",
         "m",
         lambda s: 0.0,
@@ -278,7 +278,7 @@ RELAXATIONS = (
         repair="make space of {needed:.2g} m at the support (a shorter finger, another base or support)",
     ),
     Relaxation(
-        "clearance of the object",
+        "clearance at the object",
         "object",
         "m",
         lambda s: 0.0,

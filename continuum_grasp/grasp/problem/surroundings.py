@@ -100,7 +100,7 @@ class Surroundings:
         units = Units.of(scene)
         pose, *rest = (np.array(v) for v in self._places(x, numbers))
         pose, variables = pose.ravel(), self._problem.parts.variables
-        given = tuple(float(x[variables[f"relaxed clearance of the {name}"].start]) for name in ("supports", "object"))
+        given = tuple(float(x[variables[f"relaxed clearance at the {name}"].start]) for name in ("supports", "object"))
         found: Values = {}
         directions: Values = {}
         deepest = -np.inf

@@ -128,7 +128,7 @@ def _sensible(scene: GraspScene) -> Iterator[Relaxation]:
             continue
         if relaxation.name == "tilt balance" and not _balances_tilt(scene):
             continue
-        if relaxation.name == "clearance of the supports" and not scene.supports:
+        if relaxation.name == "clearance at the supports" and not scene.supports:
             continue
         if relaxation.name == "strain" and all(f.strain_limit is None for f in scene.named_fingers.values()):
             continue
