@@ -27,7 +27,7 @@ from continuum_grasp.grasp.certificate.stability import Stability, contact_stabi
 from continuum_grasp.grasp.certificate.stored import misfits, not_finite
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
-from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.objects.body import Freedom, pose_bounds
 
 __all__ = ["Certificate", "Check", "certify"]
 
@@ -229,9 +229,7 @@ def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
 
 def _beyond(start: tuple[float, float, float], free: Freedom | None, pose: Array, length: float) -> float:
     """How far a pose lies outside its bounds, or from where it is fixed, as a part of a length and in radians."""
-    bounds = (None,) * 3 if free is None else (free.x, free.y, free.angle)
     over = []
-    for value, own, bound, unit in zip(pose, start, bounds, (length, length, 1.0), strict=True):
-        low, high = (own, own) if bound is None else bound
+    for value, (low, high), unit in zip(pose, pose_bounds(start, free), (length, length, 1.0), strict=True):
         over += [(low - value) / unit, (value - high) / unit]
     return worst(*over)

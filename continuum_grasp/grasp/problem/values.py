@@ -19,7 +19,7 @@ from continuum_grasp.model.surfaces.offset_polygon import SHARP
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
-from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.objects.body import Freedom, pose_bounds
 
 __all__ = ["Units", "contact_features", "problem_bounds", "problem_values", "tension_weight"]
 
@@ -228,7 +228,7 @@ def _contact_values(scene: GraspScene, name: str, start: ContactStart, feature: 
 
 
 def _pose_bounds(pose: tuple[float, float, float], free: Freedom, length: float) -> tuple[list[float], list[float]]:
-    bounds = [b or (v, v) for b, v in zip((free.x, free.y, free.angle), pose, strict=True)]
+    bounds = pose_bounds(pose, free)
     scales = (length, length, 1.0)
     low = [b[0] / s for b, s in zip(bounds, scales, strict=True)]
     return low, [b[1] / s for b, s in zip(bounds, scales, strict=True)]

@@ -6,7 +6,7 @@ their curvatures along the curves whose tips touch, and a few Gauss-Newton steps
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -168,13 +168,8 @@ class _Finger:
             wrong = violation(self.task, retained.knots, bent, retained.joints) + np.where(good, 0.0, 1.0)
         frame = self.task.frame
         surface = frame.back(points - self.task.half * np.exp(1j * angles))
-        new = {
-            "curvatures": bent,
-            "points": surface[:, None],
-            "angles": frame.angle_back(angles)[:, None],
-            "violation": wrong,
-        }
-        return Candidates(**{**retained.__dict__, **new})
+        normals = frame.angle_back(angles)[:, None]
+        return replace(retained, curvatures=bent, points=surface[:, None], angles=normals, violation=wrong)
 
     def _balance(self, found: Candidates) -> tuple[Array, Array]:
         block = finger_block(self.scene, self.loads, self.setup, found, self.pose)

@@ -10,7 +10,7 @@ import numpy as np
 from continuum_grasp.grasp.starts.supports import object_outlines, wall_gap
 from continuum_grasp.model.surfaces.surface import Outline
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.objects.body import pose_bounds
 from continuum_grasp.scene.supports import Peg, Wall
 
 __all__ = ["base_poses", "object_poses", "settle"]
@@ -49,7 +49,7 @@ def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
     if free is None:
         return [own]
     shapes = object_outlines(scene)
-    bounds = _bounds(own, free)
+    bounds = pose_bounds(own, free)
     is_round = len(shapes) == 1 and shapes[0].is_round
     flat = [] if free.angle is None else _flat_angles(scene, on, shapes, bounds[2], own[2])
     tries: list[tuple[Pose, list[Interval]]] = []
@@ -74,7 +74,7 @@ def base_poses(setup: FingerSetup, number: int) -> list[Pose]:
     own = (*base.position, base.angle)
     if free is None:
         return [own]
-    return [own, *_spread(_bounds(own, free), _MORE_BASES[min(number, 1)], skip=number)]
+    return [own, *_spread(pose_bounds(own, free), _MORE_BASES[min(number, 1)], skip=number)]
 
 
 def settle(
@@ -164,10 +164,6 @@ def _flat_angles(
                 if inside and all(abs(angle - other) > 1e-9 for other in found):
                     found.append(angle)
     return sorted(found, key=lambda angle: abs(angle - own))
-
-
-def _bounds(own: Pose, free: Freedom) -> list[Interval]:
-    return [b or (v, v) for b, v in zip((free.x, free.y, free.angle), own, strict=True)]
 
 
 def _spread(bounds: list[Interval], count: int, skip: int = 0) -> list[Pose]:

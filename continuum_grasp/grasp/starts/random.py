@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts
+from continuum_grasp.grasp.starts.supports import nearest_contact, support_contacts
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
@@ -40,17 +39,6 @@ def fallback(scene: GraspScene, setups: tuple[FingerSetup, ...], on: frozenset[s
                 contacts[name] = nearest_contact(scene, pose, world)
     contacts.update(support_contacts(scene, pose, on))
     return Start("near", pose, fingers, contacts)
-
-
-def nearest_contact(scene: GraspScene, pose: tuple[float, float, float], world: complex) -> ContactStart:
-    """The place on the object nearest to a world point [m]."""
-    local = np.array([(world - complex(pose[0], pose[1])) * np.exp(-1j * pose[2])])
-    shapes = object_outlines(scene)
-    part = int(np.argmin([float(shape.distance(local)[0]) for shape in shapes]))
-    _, walk = shapes[part].nearest(local)
-    place = shapes[part].walk(walk)
-    point = complex(place.point[0])
-    return ContactStart(part, (point.real, point.imag), math.remainder(float(place.angle[0]), math.tau))
 
 
 def shaken(

@@ -12,7 +12,7 @@ import numpy as np
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Frame
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.objects.body import pose_bounds
 from continuum_grasp.scene.parts import Part
 
 __all__ = ["Reach", "reach_report"]
@@ -78,8 +78,8 @@ def reach_report(scene: GraspScene) -> tuple[Reach, ...]:
 def _distance(scene: GraspScene, setup: FingerSetup) -> float:
     """Least distance of the object from a finger's base over the poses allowed."""
     base, body = setup.finger.base, scene.object
-    x, y, turn = _bounds(body.pose, body.free)
-    bx, by, _ = _bounds((*base.position, base.angle), setup.finger.base_free)
+    x, y, turn = pose_bounds(body.pose, body.free)
+    bx, by, _ = pose_bounds((*base.position, base.angle), setup.finger.base_free)
     box = (bx[0] - x[1], bx[1] - x[0]), (by[0] - y[1], by[1] - y[0])
     return max(0.0, min(_over_angles(part, box, turn) for part in body.parts))
 
@@ -127,9 +127,3 @@ def _to_box(part: Part, box: tuple[Interval, Interval], angle: float) -> float:
             break
         q = new
     return best
-
-
-def _bounds(own: tuple[float, float, float], free: Freedom | None) -> list[Interval]:
-    if free is None:
-        return [(v, v) for v in own]
-    return [b or (v, v) for b, v in zip((free.x, free.y, free.angle), own, strict=True)]

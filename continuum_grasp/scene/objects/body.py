@@ -10,7 +10,9 @@ from pydantic import Field, model_validator
 from continuum_grasp.scene.parts import Part, Point, farthest
 from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
 
-__all__ = ["Freedom", "MemberPlace", "ObjectBody"]
+__all__ = ["Freedom", "MemberPlace", "ObjectBody", "pose_bounds"]
+
+Pose = tuple[float, float, float]
 
 Interval = Annotated[tuple[Real, Real], Field(strict=False)]
 
@@ -43,6 +45,12 @@ class Freedom(Value):
         for name, bounds, value in (("x", self.x, x), ("y", self.y, y), ("angle", self.angle, angle)):
             if bounds is not None and not bounds[0] <= value <= bounds[1]:
                 raise ValueError(f"free.{name} = {list(bounds)} does not hold the given {value}")
+
+
+def pose_bounds(pose: Pose, free: Freedom | None) -> list[tuple[float, float]]:
+    """Bounds of x, y [m] and angle [rad] of a pose; both are its own value where it is fixed."""
+    bounds = (None,) * 3 if free is None else (free.x, free.y, free.angle)
+    return [bound or (own, own) for bound, own in zip(bounds, pose, strict=True)]
 
 
 class ObjectBody(Value):

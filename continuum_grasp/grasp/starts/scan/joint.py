@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -198,17 +199,9 @@ def next_joint(task: FingerTask, family: Postures, middles: tuple[bool, ...], he
                 retained = family.take(rows[good])
                 at = shape.walk(walk[good])
                 there = last[rows][good] + ell[good]
-                groups.append(
-                    Postures(
-                        np.concatenate([retained.knots, (there - 0.5 * ell[good])[:, None], there[:, None]], axis=1),
-                        np.concatenate([retained.curvatures, bent[good, 1:]], axis=1),
-                        np.concatenate([retained.joints, there[:, None]], axis=1),
-                        np.concatenate([retained.parts, np.full((len(there), 1), part)], axis=1),
-                        np.concatenate([retained.points, at.point[:, None]], axis=1),
-                        np.concatenate([retained.angles, at.angle[:, None]], axis=1),
-                        retained.violation,
-                    )
-                )
+                knots = np.stack([there - 0.5 * ell[good], there], axis=1)
+                longer = retained.on_to(knots, bent[good, 1:], part, at)
+                groups.append(replace(longer, joints=np.concatenate([retained.joints, there[:, None]], axis=1)))
     found = join(groups)
     return None if found is None else _clear(task, unique(found))
 

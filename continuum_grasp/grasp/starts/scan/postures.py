@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -72,27 +73,16 @@ def neighbors(
 
 def _finished(task: FingerTask, family: Postures, middles: tuple[bool, ...]) -> Postures:
     joints = _all_joints(task, family.joints, middles)
-    return Postures(
-        family.knots,
-        family.curvatures,
-        joints,
-        family.parts,
-        family.points,
-        family.angles,
-        violation(task, family.knots, family.curvatures, joints),
-    )
+    wrong = violation(task, family.knots, family.curvatures, joints)
+    return replace(family, joints=joints, violation=wrong)
 
 
 def _free_end(family: Postures) -> Postures:
     """The postures on to a free tip: constant curvature, which no force bends."""
-    return Postures(
-        np.concatenate([family.knots, np.ones((len(family), 1))], axis=1),
-        np.concatenate([family.curvatures, family.curvatures[:, -1:]], axis=1),
-        family.joints,
-        family.parts,
-        family.points,
-        family.angles,
-        family.violation,
+    return replace(
+        family,
+        knots=np.concatenate([family.knots, np.ones((len(family), 1))], axis=1),
+        curvatures=np.concatenate([family.curvatures, family.curvatures[:, -1:]], axis=1),
     )
 
 

@@ -6,16 +6,16 @@ from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan.curves import bends, sample
 from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import Frame, Outline
+from continuum_grasp.model.surfaces.surface import Frame, Outline, Walk
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 __all__ = ["ALLOWED", "FingerTask", "Postures", "join", "make_task", "touching_family", "unique", "violation"]
@@ -115,12 +115,26 @@ class Postures:
     def __len__(self) -> int:
         return len(self.violation)
 
-    def take(self, index: Any) -> Postures:
+    def take(self, index: Any) -> Self:
         """Some of them."""
-        return Postures(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+        return replace(self, **{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
+
+    def on_to(self, knots: Array, curvatures: Array, part: int, at: Walk) -> Self:
+        """The postures continued by more knots (P, M) to one more contact with a part, which it touches at ``at``."""
+        return replace(
+            self,
+            knots=np.concatenate([self.knots, knots], axis=1),
+            curvatures=np.concatenate([self.curvatures, curvatures], axis=1),
+            parts=np.concatenate([self.parts, np.full((len(self), 1), part)], axis=1),
+            points=np.concatenate([self.points, at.point[:, None]], axis=1),
+            angles=np.concatenate([self.angles, at.angle[:, None]], axis=1),
+        )
 
 
-def join(groups: list[Postures]) -> Postures | None:
+P = TypeVar("P", bound=Postures)
+
+
+def join(groups: list[P]) -> P | None:
     """All of several groups with the same contacts."""
     groups = [g for g in groups if len(g)]
     if not groups:
@@ -132,9 +146,10 @@ def join(groups: list[Postures]) -> Postures | None:
         if more:
             knots = np.concatenate([g.knots, np.repeat(g.knots[:, -1:], more, axis=1)], axis=1)
             curvatures = np.concatenate([g.curvatures, np.repeat(g.curvatures[:, -1:], more, axis=1)], axis=1)
-            g = Postures(knots, curvatures, g.joints, g.parts, g.points, g.angles, g.violation)
+            g = replace(g, knots=knots, curvatures=curvatures)
         padded.append(g)
-    return Postures(*(np.concatenate([getattr(g, n) for g in padded]) for n in Postures.__dataclass_fields__))
+    first = padded[0]
+    return replace(first, **{n: np.concatenate([getattr(g, n) for g in padded]) for n in first.__dataclass_fields__})
 
 
 def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, shape: Outline, walk: Array) -> Postures:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -81,23 +82,11 @@ def _stepped(retained: Postures, bent: Array) -> Postures:
         return retained
     knots = np.concatenate([retained.knots, retained.knots[:, -1:]], axis=1)
     curvatures = np.concatenate([retained.curvatures, bent[:, None]], axis=1)
-    return Postures(
-        knots, curvatures, retained.joints, retained.parts, retained.points, retained.angles, retained.violation
-    )
+    return replace(retained, knots=knots, curvatures=curvatures)
 
 
 def _ended(retained: Postures, bent: Array, part: int, shape: Outline, walk: Array) -> Postures:
-    at = shape.walk(walk)
-    count = len(retained)
-    return Postures(
-        np.concatenate([retained.knots, np.ones((count, 1))], axis=1),
-        np.concatenate([retained.curvatures, bent[:, None]], axis=1),
-        retained.joints,
-        np.concatenate([retained.parts, np.full((count, 1), part)], axis=1),
-        np.concatenate([retained.points, at.point[:, None]], axis=1),
-        np.concatenate([retained.angles, at.angle[:, None]], axis=1),
-        retained.violation,
-    )
+    return retained.on_to(np.ones((len(retained), 1)), bent[:, None], part, shape.walk(walk))
 
 
 def tip_only(task: FingerTask, joint: float | None, sparse: bool = False) -> Postures | None:
@@ -212,7 +201,7 @@ def _at_nodes(family: Postures | None, knots: Array) -> Postures | None:
         return None
     bent = family.curvatures[:, :1] + (family.curvatures[:, 1:] - family.curvatures[:, :1]) * knots
     every = np.broadcast_to(knots, bent.shape)
-    return Postures(every, bent, family.joints, family.parts, family.points, family.angles, family.violation)
+    return replace(family, knots=every, curvatures=bent)
 
 
 def _straight(shape: Outline) -> Array | None:
