@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
 from continuum_grasp.model.surfaces.surface import (
     CORNERS,
+    TINY,
     Feature,
     Frame,
     Nearest,
@@ -44,8 +45,6 @@ Array = NDArray[Any]
 SHARP = 1e-7
 """Radius that a sharp corner has where contacts roll over it [m]: far below any real edge, and its curvature of 1e7 1/m
 is still exact beside those of fingers."""
-_TINY = 1e-30
-"""Keeps the root of a squared distance differentiable at zero [m2]; far below rounding."""
 _SKIN = 1e-9
 """Distance up to which a point outside a sharp polygon is treated as one on its face [m]: below, the direction to the
 nearest point is lost in rounding."""
@@ -245,7 +244,7 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
         best = (ca.fmin(square, best[0]), chosen(nearer, offset, best[1]), chosen(nearer, normal, best[2]))
     if best is None:
         raise ValueError("a polygon without edges")
-    size = ca.sqrt(best[0] + _TINY)
+    size = ca.sqrt(best[0] + TINY)
     outward = best[1].scaled(1.0 / size)
     if len(core) == 2:
         return Nearest(size, outward)

@@ -19,7 +19,21 @@ from numpy.typing import NDArray
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.scene.parts import Part
 
-__all__ = ["CORNERS", "Feature", "Frame", "Nearest", "Outline", "Surface", "SurfacePoint", "Walk", "chosen", "length"]
+__all__ = [
+    "CORNERS",
+    "TINY",
+    "Feature",
+    "Frame",
+    "Nearest",
+    "Outline",
+    "Surface",
+    "SurfacePoint",
+    "Walk",
+    "chosen",
+    "length",
+    "nearest_of",
+    "separation",
+]
 
 Array = NDArray[Any]
 P = TypeVar("P", bound=Part)
@@ -27,7 +41,7 @@ P = TypeVar("P", bound=Part)
 CORNERS = 3
 """Corners of a polygon that a place must stay clear of: the nearest one and its two neighbors, which the search renews;
 the others cannot be nearest before it looks again."""
-_TINY = 1e-30
+TINY = 1e-30
 """Keeps the root of a squared distance differentiable at zero [m2]; far below rounding."""
 
 
@@ -49,7 +63,7 @@ class Nearest:
 
 def length(v: Vec) -> ca.SX:
     """Length of a vector, with a finite derivative where it is zero."""
-    return ca.sqrt(v.dot(v) + _TINY)
+    return ca.sqrt(v.dot(v) + TINY)
 
 
 def chosen(condition: ca.SX | bool, first: Vec, second: Vec) -> Vec:
