@@ -10,7 +10,8 @@ from continuum_grasp.scene.grasp import GraspScene
 __all__ = ["MOST", "contact_modes"]
 
 MOST = 64
-"""Sets of contacts that are tried, those with the most contacts first."""
+"""Sets of contacts that are tried, those with the most contacts first:
+all choices of six contacts."""
 
 _CHOICES = {"on": (True,), "off": (False,), "auto": (True, False)}
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.numbers import APEX
+from continuum_grasp.grasp.problem.limits import friction_cone
 from continuum_grasp.grasp.problem.unit_finger import FingerSpec, rotation
 from continuum_grasp.grasp.problem.unknowns import FingerState, TouchState, Unknowns
 
@@ -221,11 +221,7 @@ def _keep_limits(problem: Unknowns, change: _Change, k: int) -> None:
         name = contact.spec.name
         n, f, lift = contact.force[0] + own[0], contact.force[1] + own[1], contact.force[2]
         friction = problem.numbers(f"{name}.friction")
-        if problem.spec.gravity == "out_of_plane":
-            apex = APEX * problem.numbers("force reference")
-            cone = friction * n - ca.sqrt(f**2 + lift**2 + apex**2)
-        else:
-            cone = ca.vertcat(friction * n - f, friction * n + f)
+        cone = friction_cone(problem, friction, n, f, lift)
         require(f"disturbed friction cone, {name}, {k}", cone, "N", "contacts.friction", upper=ca.inf)
         spare = problem.numbers(f"{name}.normal_force_max") - n
         require(f"disturbed normal force, {name}, {k}", spare, "N", "contacts.normal_force_max", upper=ca.inf)

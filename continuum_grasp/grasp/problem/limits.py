@@ -11,7 +11,7 @@ from continuum_grasp.grasp.problem.unit_finger import rotation
 from continuum_grasp.grasp.problem.unknowns import FingerState, Unknowns
 from continuum_grasp.model.surfaces.surface import CORNERS, separation
 
-__all__ = ["add_limits", "guarded"]
+__all__ = ["add_limits", "friction_cone", "guarded"]
 
 
 def add_limits(problem: Unknowns) -> None:
@@ -48,6 +48,16 @@ def guarded(finger: FingerState) -> tuple[ca.SX, list[int], list[bool]]:
     return points, elements, touches + [False] * (len(elements) - len(touches))
 
 
+def friction_cone(problem: Unknowns, friction: ca.SX, n: ca.SX, f: ca.SX, lift: ca.SX) -> ca.SX:
+    """What is not negative for forces within a friction cone."""
+    if problem.spec.gravity == "out_of_plane":
+        # Rounded from inside: the root has a kink where nothing presses, at which IPOPT would zigzag.
+        apex = APEX * problem.numbers("force reference")
+        return friction * n - ca.sqrt(f**2 + lift**2 + apex**2)
+    # In the plane the cone is two half planes: linear, nothing to round.
+    return ca.vertcat(friction * n - f, friction * n + f)
+
+
 def _bound_contacts(problem: Unknowns) -> None:
     require, number = problem.parts.require, problem.numbers
     for contact in problem.contacts:
@@ -55,15 +65,8 @@ def _bound_contacts(problem: Unknowns) -> None:
         friction = number(f"{name}.friction") + problem.slack["friction"]
         if "greatest_friction_margin" in problem.spec.aims:
             friction *= 1.0 - problem.parts.variables["friction margin"].symbol
-        if problem.spec.gravity == "out_of_plane":
-            # Rounded from inside: the root has a kink where nothing presses, at which IPOPT would zigzag.
-            apex = APEX * problem.numbers("force reference")
-            cone = friction * n - ca.sqrt(f**2 + lift**2 + apex**2)
-        else:
-            # In the plane the cone is two half planes: linear, nothing to round.
-            cone = ca.vertcat(friction * n - f, friction * n + f)
-        key = f"contacts.friction ({name})"
-        require(f"friction cone, {name}", cone, "N", key, upper=ca.inf)
+        cone = friction_cone(problem, friction, n, f, lift)
+        require(f"friction cone, {name}", cone, "N", f"contacts.friction ({name})", upper=ca.inf)
         most = number(f"{name}.normal_force_max") + problem.slack["normal force"]
         require(f"normal force, {name}", most - n, "N", "contacts.normal_force_max", upper=ca.inf)
 

@@ -106,23 +106,19 @@ def _tension(scene: GraspScene, amount: float) -> GraspScene:
     return _each_finger(scene, stronger)
 
 
-def _friction(scene: GraspScene, amount: float) -> GraspScene:
-    def rougher(value: V) -> V:
-        given = getattr(value, "friction", None)
-        return value if given is None else _with(value, friction=given + amount)
+def _raised(key: str) -> Callable[[GraspScene, float], GraspScene]:
+    """What raises a limit of contacts wherever the scene has a number for it."""
 
-    fingers = _each_finger(scene, lambda f: _with(f, contacts=rougher(f.contacts)))
-    supports = {name: rougher(support) for name, support in scene.supports.items()}
-    return _with(fingers, contacts=rougher(scene.contacts), supports=supports)
+    def raised(scene: GraspScene, amount: float) -> GraspScene:
+        def more(value: V) -> V:
+            given = getattr(value, key, None)
+            return value if given is None else _with(value, **{key: given + amount})
 
+        fingers = _each_finger(scene, lambda f: _with(f, contacts=more(f.contacts)))
+        supports = {name: more(support) for name, support in scene.supports.items()}
+        return _with(fingers, contacts=more(scene.contacts), supports=supports)
 
-def _normal(scene: GraspScene, amount: float) -> GraspScene:
-    def stronger(value: V) -> V:
-        given = getattr(value, "normal_force_max", None)
-        return value if given is None else _with(value, normal_force_max=given + amount)
-
-    fingers = _each_finger(scene, lambda f: _with(f, contacts=stronger(f.contacts)))
-    return _with(fingers, contacts=stronger(scene.contacts))
+    return raised
 
 
 def _mass(scene: GraspScene, amount: float) -> GraspScene:
@@ -207,7 +203,7 @@ RELAXATIONS = (
         "contacts.friction",
         "1",
         _least_friction,
-        _friction,
+        _raised("friction"),
         "friction is too low: coefficient {limit:.4g}, {needed:.4g} needed",
         lambda s: 0.5,
         most=20.0,
@@ -217,7 +213,7 @@ RELAXATIONS = (
         "contacts.normal_force_max",
         "N",
         _normal_max,
-        _normal,
+        _raised("normal_force_max"),
         "a contact must bear more: {limit:.4g} N allowed, {needed:.4g} N needed",
         _normal_max,
     ),

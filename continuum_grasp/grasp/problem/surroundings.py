@@ -185,7 +185,8 @@ def _look(
         return _nearest(obstacle.part, _local(at, pose) if obstacle.moves else at, units), needed
     point = obstacle.point / units.length
     height = float((base[:2] - point) @ obstacle.normal)
-    if height < CLEAR * half:  # the finger comes out of it
+    # A base within a support is no penetration: the finger comes out of it, up to its first contact.
+    if height < CLEAR * half:
         needed[owner < setup.before[0]] = min(0.0, height)
     return (np.zeros(len(at)), (at - point) @ obstacle.normal, np.zeros((len(at), 2 * CORNERS))), needed
 

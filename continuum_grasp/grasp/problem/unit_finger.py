@@ -187,7 +187,7 @@ class UnitFinger:
 
     @property
     def probes(self) -> int:
-        """Guarded places per element, where it is deepest."""
+        """Guarded places per element, where it is deepest: long elements can enter an object at two places."""
         return 2 if self.spec.elements < 4 else 1
 
     @cached_property

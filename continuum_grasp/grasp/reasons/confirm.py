@@ -126,6 +126,7 @@ class _PostureProblem:
             To all friction coefficients.
         """
         s, size = self.statics, self.size
+        # Equations hold to a tolerance, as ranges: a stored posture solves them to rounding only.
         rows = np.column_stack([s.rows, np.zeros(len(s.rows)) if along is None else along])
         middle, wide = s.right - s.weight, np.full(len(s.rows), OFF)
         blocks, lower, upper = [rows], [middle - wide], [middle + wide]

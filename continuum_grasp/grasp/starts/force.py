@@ -336,6 +336,7 @@ def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) ->
 
     The Newton step is solved in the rows of the system, of which there are fewer than columns.
     """
+    # In shares of their ranges all unknowns lie in (0, 1); 1e-6 beside the cost makes the optimum unique.
     span = np.maximum(high - low, 1e-12)
     scaled = system * span
     right = right - system @ low
@@ -356,6 +357,7 @@ def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) ->
         dl = barrier / x - zl - zl / x * step
         du = barrier / over - zu + zu / over * step
         limit = np.maximum(np.maximum(-step / x, step / over), np.maximum(-dl / zl, -du / zu)).max(axis=1)
+        # 95 % of the way to the first bound, for unknowns and multipliers alike.
         length = np.minimum(1.0, 0.95 / np.maximum(limit, 1e-300))[:, None]
         x, zl, zu = x + length * step, zl + length * dl, zu + length * du
         barrier *= 0.3

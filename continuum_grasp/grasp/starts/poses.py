@@ -92,6 +92,8 @@ def settle(
         gaps, slopes = _gaps(scene, shapes, on, (float(here[0]), float(here[1]), float(here[2])))
         if not len(gaps) or np.abs(gaps).max() < _EXACT * size:
             return float(here[0]), float(here[1]), float(here[2])
+        # Newton's step of least length, as there are fewer gaps than freedoms; a coordinate that it drives against its
+        # bound is taken out and the step computed again with the others.
         free = high > low
         for _ in range(3):
             matrix = slopes * scale * free
@@ -118,6 +120,7 @@ def _gaps(
     for body in bodies:
         gap, normal, arm = _wall(shapes, body, pose) if isinstance(body, Wall) else _peg(shapes, body, pose)
         wanted = body.name in on
+        # What is entered but not wanted is left by a thousandth of the size, so that it does not count as touching.
         if wanted or (gap < 0.0 and not _beside(shapes, body, pose)):
             gaps.append(gap if wanted else gap - 1e-3 * scene.object.size)
             slopes.append((normal.real, normal.imag, (normal.conjugate() * 1j * arm).real))

@@ -168,6 +168,7 @@ def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, s
 
 def unique(family: Postures) -> Postures:
     """Each posture once."""
+    # Newton's method finds a posture to 1e-12; different ones differ by far more than 1e-5 L and 1e-4 / L.
     key = np.round(np.concatenate([family.knots, 0.1 * family.curvatures], axis=1), 5)
     _, index = np.unique(key, axis=0, return_index=True)
     return family.take(np.sort(index))
@@ -231,6 +232,7 @@ def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) 
     for center, radius in task.pegs:
         short = np.where(beyond, radius + task.half, radius) - np.abs(points - center)
         worst = np.maximum(worst, short.max(axis=1) - ALLOWED)
+    # A curvature counts a tenth: IPOPT lowers it more easily than it moves a finger out of an object.
     if math.isfinite(task.limit):
         worst = np.maximum(worst, 0.1 * (np.abs(curvatures).max(axis=1) - task.limit))
     return np.asarray(

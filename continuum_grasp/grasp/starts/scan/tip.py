@@ -59,6 +59,7 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
         near = tips[row, column] + share * (tips[row, column + 1] - tips[row, column])
         _, walk = shape.nearest(near)
         turn = facing[row, column] + share * (facing[row, column + 1] - facing[row, column])
+        # Newton's method may still turn the tip: only crossings well behind its front are dropped; `_in_front` decides.
         ahead = np.cos(shape.walk(walk).angle - turn - 0.5 * math.pi) < 0.4
         row, guess, walk = row[ahead], guess[ahead], walk[ahead]
         curve = np.stack([guess if one_arc else begin[row], guess], axis=1)
