@@ -47,6 +47,15 @@ class Certificate:
         it is not about to slip; 0 where nothing presses.
     grasp : RecomputedGrasp or None
         What was recomputed; None where the stored numbers are no grasp.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> certificate = cg.optimize_grasp("configs/grasp/mug_arcs.yaml").certificate
+    >>> certificate.passed, certificate.stability.stable, certificate.model_error.small
+    (True, True, False)
+    >>> certificate["object force balance"].value < certificate["object force balance"].limit
+    True
     """
 
     checks: tuple[Check, ...]

@@ -56,7 +56,7 @@ def shaken(
         fingers = {}
         for setup in setups:
             old, length = parent.fingers[setup.name], setup.finger.rod.length
-            # Other basins are reached with 30 % noise, and 98 % of 200 discs were still solved from starts so disturbed.
+            # 30 % noise reaches other basins; of 200 discs 98 % were still solved from starts so disturbed.
             noise = 1.0 + 0.3 * rng.uniform(-1.0, 1.0, len(old.curvatures))
             added = 0.3 / length * rng.uniform(-1.0, 1.0, len(old.curvatures))
             limit = setup.finger.curvature_limit
