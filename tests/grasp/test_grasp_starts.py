@@ -13,7 +13,7 @@ from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
 from continuum_grasp.grasp.starts.scan.task import ALLOWED
 from continuum_grasp.grasp.starts.starts import make_starts, reach_report, support_contacts, touching_supports
 from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import Frame
+from continuum_grasp.model.surfaces.outline import Frame
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.parts import OffsetPolygon
 

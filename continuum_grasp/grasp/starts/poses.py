@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from continuum_grasp.grasp.starts.supports import object_outlines, wall_gap
-from continuum_grasp.model.surfaces.surface import Outline
+from continuum_grasp.model.surfaces.outline import Outline
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import pose_bounds
 from continuum_grasp.scene.supports import Peg, Wall

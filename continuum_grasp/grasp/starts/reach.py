@@ -10,7 +10,7 @@ from heapq import heappop, heappush
 import numpy as np
 
 from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import Frame
+from continuum_grasp.model.surfaces.outline import Frame
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import pose_bounds
 from continuum_grasp.scene.parts import Part

@@ -10,7 +10,7 @@ import numpy as np
 
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.surfaces import outline_of
-from continuum_grasp.model.surfaces.surface import Outline
+from continuum_grasp.model.surfaces.outline import Outline
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.supports import Peg, Wall
 

@@ -22,16 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
+from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
 from continuum_grasp.model.surfaces.surface import (
     CORNERS,
     TINY,
     Feature,
-    Frame,
     Nearest,
-    Outline,
     Surface,
     SurfacePoint,
-    Walk,
     chosen,
     length,
     separation,

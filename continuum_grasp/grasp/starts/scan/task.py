@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan.curves import bends, sample
 from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import Frame, Outline, Walk
+from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 __all__ = ["ALLOWED", "FingerTask", "Postures", "join", "make_task", "touching_family", "unique", "violation"]

@@ -14,7 +14,7 @@ from continuum_grasp.grasp.starts.scan.elastica import elastica_table, projectio
 from continuum_grasp.grasp.starts.scan.joint import ends_of
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, touching_family, unique
 from continuum_grasp.grasp.starts.scan.touch import touch
-from continuum_grasp.model.surfaces.surface import Outline
+from continuum_grasp.model.surfaces.outline import Outline
 
 __all__ = ["bent_by_tip", "moved_tip", "tip_only", "with_tip"]
 

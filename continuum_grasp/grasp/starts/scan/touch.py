@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan.curves import segment_end
-from continuum_grasp.model.surfaces.surface import Outline
+from continuum_grasp.model.surfaces.outline import Outline
 
 __all__ = ["arc_tangent", "tangent", "touch"]
 
