@@ -33,9 +33,9 @@ class Outline:
         smooth = part if isinstance(part, SuperellipsePart) else None
         turn = pose[2] + (smooth.angle if smooth else 0.0)
         cos, sin = math.cos(pose[2]), math.sin(pose[2])
-        centre = smooth.center if smooth else (0.0, 0.0)
+        center = smooth.center if smooth else (0.0, 0.0)
         self._turn = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
-        self._shift = np.array(pose[:2]) + np.array([[cos, -sin], [sin, cos]]) @ np.array(centre)
+        self._shift = np.array(pose[:2]) + np.array([[cos, -sin], [sin, cos]]) @ np.array(center)
         self._shape: _Smooth | _Cornered = (
             _Smooth(smooth.semi_axes, smooth.exponent, grown)
             if smooth
@@ -61,7 +61,7 @@ class Outline:
 
 
 class _Smooth:
-    """A superellipse about its centre."""
+    """A superellipse about its center."""
 
     SAMPLES = 128
     STEPS = 12

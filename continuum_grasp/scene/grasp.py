@@ -1,4 +1,4 @@
-"""Fingers, an object and its supports: what the grasp optimiser needs."""
+"""Fingers, an object and its supports: what the grasp optimizer needs."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ class GraspScene(Value):
 
     @property
     def wrenches(self) -> tuple[tuple[float, float, float], ...]:
-        """The disturbances: world force x, y [N], moment about the centre of mass [N m]."""
+        """The disturbances: world force x, y [N], moment about the center of mass [N m]."""
         if self.disturbances.wrenches is not None:
             return self.disturbances.wrenches
         m = self.torque_scale
@@ -174,9 +174,9 @@ class GraspScene(Value):
         for setup in self.setups:
             if contact.startswith(setup.name + "."):
                 return setup.friction
-        for thing in self.places:
-            if (contact == thing.name or contact.startswith(thing.name + ".")) and thing.friction is not None:
-                return thing.friction
+        for body in self.places:
+            if (contact == body.name or contact.startswith(body.name + ".")) and body.friction is not None:
+                return body.friction
         return self.contacts.friction
 
     def normal_force_max(self, contact: str) -> float:

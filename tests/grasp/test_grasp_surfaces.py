@@ -137,12 +137,12 @@ def test_placed_object_and_union():
             "angle": 1.0,
         },
     )
-    thing = Union(shape="union", members=members, mass=0.1, position=(0.1, 0.2), angle=0.7, center_of_mass=(0.0, 0.03))
-    placed = PlacedObject(thing, thing.pose)
+    body = Union(shape="union", members=members, mass=0.1, position=(0.1, 0.2), angle=0.7, center_of_mass=(0.0, 0.03))
+    placed = PlacedObject(body, body.pose)
     turn = np.exp(0.7j)
     com = complex(0.1, 0.2) + turn * 0.03j
     assert placed.com == pytest.approx([com.real, com.imag], abs=1e-15)
-    zs = [turn * (outline(part) @ [1, 1j]) + 0.1 + 0.2j for part in thing.parts]
+    zs = [turn * (outline(part) @ [1, 1j]) + 0.1 + 0.2j for part in body.parts]
     edges = [np.column_stack([z.real, z.imag]) for z in zs]
     rng = np.random.default_rng(1)
     points = rng.uniform([0.0, 0.15], [0.2, 0.35], (60, 2))

@@ -17,7 +17,9 @@ __all__ = ["Nearest", "PlacedObject", "nearest", "segment_distance", "support_po
 Array = NDArray[Any]
 
 _FLAT = np.inf
+"""Radius of curvature of a flat face [m]."""
 _SMALLEST = 1e-300
+"""Keeps a division by a zero distance finite; the quotient is not used then."""
 _ROUNDING = 1e-13
 """Distance from a sharp corner, as a part of the longest edge, below which the way to it means nothing."""
 _TURNS = np.linspace(0.0, 0.5 * np.pi, 33)
@@ -61,9 +63,9 @@ def nearest(part: Part, points: Array) -> Nearest:
     part = _superellipse_part(part)
     part = _superellipse_part(part)
     turn = _turn(part.angle)
-    centre = np.asarray(part.center)
-    found = _superellipse(part.semi_axes, part.exponent, (points - centre) @ turn)
-    return Nearest(found.distance, found.point @ turn.T + centre, found.normal @ turn.T, found.radius)
+    center = np.asarray(part.center)
+    found = _superellipse(part.semi_axes, part.exponent, (points - center) @ turn)
+    return Nearest(found.distance, found.point @ turn.T + center, found.normal @ turn.T, found.radius)
 
 
 def support_point(part: Part, direction: Array) -> Array:
@@ -87,17 +89,17 @@ class PlacedObject:
 
     Parameters
     ----------
-    thing : GraspObject
+    body : GraspObject
     pose : array_like, shape (3,)
         World x, y [m] and angle [rad].
     """
 
-    def __init__(self, thing: GraspObject, pose: Array) -> None:
-        self.parts = thing.parts
+    def __init__(self, body: GraspObject, pose: Array) -> None:
+        self.parts = body.parts
         self.position = np.asarray(pose[:2], dtype=float)
         self._turn = _turn(float(pose[2]))
-        self.com = self.position + self._turn @ np.asarray(thing.com)
-        """World position of the centre of mass [m]."""
+        self.com = self.position + self._turn @ np.asarray(body.com)
+        """World position of the center of mass [m]."""
 
     def world(self, points: Array) -> Array:
         """World positions of points of the object's frame [m]."""

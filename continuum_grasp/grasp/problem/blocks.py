@@ -1,4 +1,4 @@
-"""Named unknowns and constraints of an optimisation problem, and the YAML key behind each."""
+"""Named unknowns and constraints of an optimization problem, and the YAML key behind each."""
 
 from __future__ import annotations
 

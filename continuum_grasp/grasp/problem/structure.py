@@ -1,4 +1,4 @@
-"""What decides how the equations of a grasp look; two scenes of one make share one compiled solver."""
+"""Structure of the equations of a grasp; two scenes of one structure share one compiled solver."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from continuum_grasp.grasp.problem.unit_finger import FingerMake
+from continuum_grasp.grasp.problem.unit_finger import FingerSpec
 from continuum_grasp.grasp.starts.starts import ContactStart
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Surface
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
-__all__ = ["ContactMake", "ProblemMake"]
+__all__ = ["ContactSpec", "ProblemSpec"]
 
 
 @dataclass(frozen=True)
-class ContactMake:
+class ContactSpec:
     """A contact.
 
     Attributes
@@ -44,13 +44,13 @@ class ContactMake:
 
 
 @dataclass(frozen=True)
-class ProblemMake:
+class ProblemSpec:
     """A grasp problem but for its numbers.
 
     Attributes
     ----------
-    fingers : tuple of FingerMake
-    contacts : tuple of ContactMake
+    fingers : tuple of FingerSpec
+    contacts : tuple of ContactSpec
         Those that are on.
     surfaces : tuple of Surface
         Of the object's convex parts.
@@ -69,8 +69,8 @@ class ProblemMake:
         Whether tendons are locked under disturbances.
     """
 
-    fingers: tuple[FingerMake, ...]
-    contacts: tuple[ContactMake, ...]
+    fingers: tuple[FingerSpec, ...]
+    contacts: tuple[ContactSpec, ...]
     surfaces: tuple[Surface[Any], ...]
     planes: int
     lines: int
@@ -83,8 +83,8 @@ class ProblemMake:
     locked: bool
 
     @staticmethod
-    def of(scene: GraspScene, contacts: dict[str, ContactStart]) -> ProblemMake:
-        """The make of a scene with some contacts on, which sit where a start has them."""
+    def of(scene: GraspScene, contacts: dict[str, ContactStart]) -> ProblemSpec:
+        """The structure of the problem of a scene with some contacts on, which sit where a start has them."""
         gravity, weights, parts = scene.gravity, scene.weights, scene.object.parts
         planar, on = isinstance(gravity, PlanarGravity), frozenset(contacts)
         setups = scene.setups
@@ -99,11 +99,11 @@ class ProblemMake:
             finger, joint = places.get(name, (-1, -2))
             support = support_of(name, scene)
             surface = surface_of(parts[start.part])
-            made.append(ContactMake(name, finger, joint, support in pegs, surface, support in bounded))
+            made.append(ContactSpec(name, finger, joint, support in pegs, surface, support in bounded))
         aims = tuple(name for name in type(weights).model_fields if getattr(weights, name) > 0.0)
         disturbed = "greatest_disturbance" in aims
-        return ProblemMake(
-            fingers=tuple(FingerMake.of(s, on, planar and any(gravity.vector)) for s in setups),  # type: ignore[union-attr]
+        return ProblemSpec(
+            fingers=tuple(FingerSpec.of(s, on, planar and any(gravity.vector)) for s in setups),  # type: ignore[union-attr]
             contacts=tuple(made),
             surfaces=tuple(surface_of(part) for part in parts),
             planes=sum(math.isinf(wall.half_length) for wall in scene.walls),
@@ -120,5 +120,5 @@ class ProblemMake:
 
 def support_of(contact: str, scene: GraspScene) -> str:
     """Name of the wall or peg of a contact; empty for a finger's."""
-    names = [thing.name for thing in scene.places]
+    names = [body.name for body in scene.places]
     return next((n for n in names if contact in (n, f"{n}.1", f"{n}.2")), "")

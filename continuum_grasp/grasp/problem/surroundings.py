@@ -1,4 +1,4 @@
-"""What is near the fingers at a point of the search: obstacles for the places that are kept clear, and the depth."""
+"""What is near the fingers at a point of the search: obstacles for the guarded places, and the depth."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.problem.limits import guarded
-from continuum_grasp.grasp.problem.problem import FingerState, GraspProblem
+from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.unknowns import FingerState
 from continuum_grasp.grasp.problem.values import Units
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.model.surfaces import surface_of
@@ -26,7 +27,7 @@ Nearest = tuple[Array, Array, Array]
 """Directions (K,) of the nearest surface points' normals [rad], distances (K,), and corners (K, 2 * CORNERS)."""
 
 FINE = 64
-"""Places per element at which the depth is looked at."""
+"""Places per element at which the depth is looked at: parabolas through the deepest place the probes."""
 CLEAR = 1.0 - 1e-9
 """Part of the half thickness from which on a base counts as clear of a support."""
 
@@ -42,7 +43,7 @@ class Sight:
     directions : dict
         Values of the separating directions among the unknowns.
     deepest : float
-        Greatest penetration beyond what is given way to, in units of the problem.
+        Greatest penetration beyond the relaxation, in units of the problem.
     """
 
     numbers: Values
@@ -52,7 +53,7 @@ class Sight:
 
 @dataclass(frozen=True)
 class _Obstacle:
-    """What fingers keep clear of: a part, or where there is none a half plane."""
+    """What fingers must stay clear of: a part, or where there is none a half plane."""
 
     label: str
     direction: str
@@ -80,11 +81,11 @@ class Surroundings:
         self._touches: list[Array] = []
         for finger in problem.fingers:
             points, elements, touches = guarded(finger)
-            count = points.shape[1] - finger.unit.probes * finger.make.elements
+            count = points.shape[1] - finger.unit.probes * finger.spec.elements
             self._elements.append(elements[:count])
             self._touches.append(np.array(touches))
             curvatures = finger.unit.curvatures_at_places(finger.q, finger.u, finger.p)
-            out += [points[:, :count], curvatures, finger.p[: finger.make.elements], finger.base]
+            out += [points[:, :count], curvatures, finger.p[: finger.spec.elements], finger.base]
         self._places = ca.Function("places", [x, numbers], out)
 
     def look(self, scene: GraspScene, x: Array, numbers: Array) -> Sight:
@@ -99,7 +100,7 @@ class Surroundings:
         units = Units.of(scene)
         pose, *rest = (np.array(v) for v in self._places(x, numbers))
         pose, variables = pose.ravel(), self._problem.parts.variables
-        given = tuple(float(x[variables[f"relaxed room at the {name}"].start]) for name in ("supports", "object"))
+        given = tuple(float(x[variables[f"relaxed clearance at the {name}"].start]) for name in ("supports", "object"))
         found: Values = {}
         directions: Values = {}
         deepest = -np.inf
@@ -121,7 +122,7 @@ class Surroundings:
         units: Units,
         given: tuple[float, ...],
     ) -> Sight:
-        """Look along one finger; supports and object may be as deep in it as is given."""
+        """Look along one finger; supports and object may be ``given`` deep in it."""
         finger, name = self._problem.fingers[index], setup.name
         points, curvatures, lengths, base = values
         line = _Line(finger, curvatures, lengths.ravel(), base.ravel(), setup, units)
@@ -130,9 +131,9 @@ class Surroundings:
         def look(at: Array, owner: Array) -> list[tuple[Nearest, Array]]:
             return [_look(obstacle, setup, base.ravel(), at, owner, pose, units) for obstacle in obstacles]
 
-        even = np.tile(np.arange(FINE + 1) / FINE, (finger.make.elements, 1))
-        room = [given[obstacle.moves] for obstacle in obstacles]
-        depth = np.max([needed - s[1] - r for (s, needed), r in zip(look(*line.at(even)), room, strict=True)], axis=0)
+        even = np.tile(np.arange(FINE + 1) / FINE, (finger.spec.elements, 1))
+        spare = [given[obstacle.moves] for obstacle in obstacles]
+        depth = np.max([needed - s[1] - r for (s, needed), r in zip(look(*line.at(even)), spare, strict=True)], axis=0)
         probes = _deepest(depth.reshape(-1, FINE + 1), finger.unit.probes)
         at, owner = line.at(probes)
         looked = look(np.concatenate([points.T, at]), np.concatenate([self._elements[index], owner]).astype(int))
@@ -140,11 +141,11 @@ class Surroundings:
         found: Values = {f"{name}.probes": probes.ravel()}
         directions: Values = {}
         deepest, planes = -np.inf, 0
-        for obstacle, ((direction, gap, corners), needed), slack in zip(obstacles, looked, room, strict=True):
-            kept = free if obstacle.moves else np.ones(len(gap), dtype=bool)
-            deepest = max(deepest, float((needed - gap)[kept].max()) - slack)
+        for obstacle, ((direction, gap, corners), needed), slack in zip(obstacles, looked, spare, strict=True):
+            retained = free if obstacle.moves else np.ones(len(gap), dtype=bool)
+            deepest = max(deepest, float((needed - gap)[retained].max()) - slack)
             if obstacle.direction:
-                directions[f"{name}.{obstacle.direction}"] = direction[kept]
+                directions[f"{name}.{obstacle.direction}"] = direction[retained]
             if obstacle.moves:
                 found |= {f"{name}.corners_{obstacle.label}_{j}": row for j, row in enumerate(corners)}
             elif obstacle.part is None:
@@ -154,7 +155,7 @@ class Surroundings:
 
     def _pegs(self, scene: GraspScene, pose: Array, units: Units, found: Values, directions: Values) -> None:
         """Parts of the object near the round supports, where its pose is sought."""
-        if not self._problem.make.free:
+        if not self._problem.spec.free:
             return
         for i, peg in enumerate(scene.pegs):
             local = _local(np.asarray(peg.position)[None] / units.length, pose)
@@ -184,7 +185,8 @@ def _look(
         return _nearest(obstacle.part, _local(at, pose) if obstacle.moves else at, units), needed
     point = obstacle.point / units.length
     height = float((base[:2] - point) @ obstacle.normal)
-    if height < CLEAR * half:  # the finger comes out of it
+    # A base within a support is no penetration: the finger comes out of it, up to its first contact.
+    if height < CLEAR * half:
         needed[owner < setup.before[0]] = min(0.0, height)
     return (np.zeros(len(at)), (at - point) @ obstacle.normal, np.zeros((len(at), 2 * CORNERS))), needed
 

@@ -18,10 +18,10 @@ __all__ = ["Rolling", "finger_rolling", "support_rolling"]
 Array = NDArray[Any]
 
 CONFORMING = 1e-3
-"""Least relative curvature of two surfaces that touch in a point, over the object's size: closer ones are taken to
-lie against each other, which keeps them from turning."""
+"""Least relative curvature of two surfaces that touch in a point, over the object's size: below it they count
+as lying against each other and do not turn."""
 _CORNER = 1e-6
-"""Distance from a corner, as a part of the object's size, that counts as on it."""
+"""Distance from a corner, as a part of the object's size, that counts as on it: the tolerance of stored contacts."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,13 @@ class Rolling:
 
     Attributes
     ----------
-    give : float
+    travel : float
         Way of the contact point along the surfaces per turn of one against the other, 1 / (sum of curvatures) [m].
     finger_share, object_share : float
         Turn of the normal per turn of the finger's section, and per turn of the object.
     """
 
-    give: float
+    travel: float
     finger_share: float
     object_share: float
 

@@ -10,9 +10,9 @@ from heapq import heappop, heappush
 import numpy as np
 
 from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import Frame
+from continuum_grasp.model.surfaces.outline import Frame
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.objects.body import pose_bounds
 from continuum_grasp.scene.parts import Part
 
 __all__ = ["Reach", "reach_report"]
@@ -22,6 +22,7 @@ Interval = tuple[float, float]
 _EXACT = 1e-5
 """Part of the object's size to which the distance is found where its angle is free."""
 _MOST = 2000
+"""Angles at which the distance is computed at most: stopping early leaves a valid bound."""
 
 
 @dataclass(frozen=True)
@@ -76,11 +77,11 @@ def reach_report(scene: GraspScene) -> tuple[Reach, ...]:
 
 def _distance(scene: GraspScene, setup: FingerSetup) -> float:
     """Least distance of the object from a finger's base over the poses allowed."""
-    base, thing = setup.finger.base, scene.object
-    x, y, turn = _bounds(thing.pose, thing.free)
-    bx, by, _ = _bounds((*base.position, base.angle), setup.finger.base_free)
+    base, body = setup.finger.base, scene.object
+    x, y, turn = pose_bounds(body.pose, body.free)
+    bx, by, _ = pose_bounds((*base.position, base.angle), setup.finger.base_free)
     box = (bx[0] - x[1], bx[1] - x[0]), (by[0] - y[1], by[1] - y[0])
-    return max(0.0, min(_over_angles(part, box, turn) for part in thing.parts))
+    return max(0.0, min(_over_angles(part, box, turn) for part in body.parts))
 
 
 def _over_angles(part: Part, box: tuple[Interval, Interval], turn: Interval) -> float:
@@ -126,9 +127,3 @@ def _to_box(part: Part, box: tuple[Interval, Interval], angle: float) -> float:
             break
         q = new
     return best
-
-
-def _bounds(own: tuple[float, float, float], free: Freedom | None) -> list[Interval]:
-    if free is None:
-        return [(v, v) for v in own]
-    return [b or (v, v) for b, v in zip((free.x, free.y, free.angle), own, strict=True)]

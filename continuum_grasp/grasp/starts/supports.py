@@ -10,11 +10,11 @@ import numpy as np
 
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.surfaces import outline_of
-from continuum_grasp.model.surfaces.surface import Outline
+from continuum_grasp.model.surfaces.outline import Outline
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.supports import Peg, Wall
 
-__all__ = ["object_outlines", "peg_gap", "support_contacts", "touching_supports", "wall_gap"]
+__all__ = ["nearest_contact", "object_outlines", "peg_gap", "support_contacts", "touching_supports", "wall_gap"]
 
 Pose = tuple[float, float, float]
 
@@ -52,7 +52,7 @@ def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> 
                 found[f"{wall.name}.1"], found[f"{wall.name}.2"] = ends
     for peg in scene.pegs:
         if peg.name in wanted:
-            found[peg.name] = _peg_contact(shapes, peg, pose)
+            found[peg.name] = nearest_contact(scene, pose, complex(*peg.position))
     return found
 
 
@@ -127,11 +127,10 @@ def _wall_ends(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float)
     return [ContactStart(part, (point.real, point.imag), normal) for part, point, _ in level]
 
 
-def _peg_contact(shapes: tuple[Outline, ...], peg: Peg, pose: Pose) -> ContactStart:
-    at = np.array([_to_object(complex(*peg.position), pose)])
-    gaps = [float(shape.distance(at)[0]) for shape in shapes]
-    part = int(np.argmin(gaps))
-    _, walk = shapes[part].nearest(at)
-    place = shapes[part].walk(walk)
+def nearest_contact(scene: GraspScene, pose: Pose, world: complex) -> ContactStart:
+    """The place on the object nearest to a world point [m]."""
+    outlines, at = object_outlines(scene), np.array([_to_object(world, pose)])
+    part = int(np.argmin([float(outline.distance(at)[0]) for outline in outlines]))
+    place = outlines[part].walk(outlines[part].nearest(at)[1])
     point = complex(place.point[0])
     return ContactStart(part, (point.real, point.imag), math.remainder(float(place.angle[0]), math.tau))

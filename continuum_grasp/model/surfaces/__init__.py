@@ -8,8 +8,9 @@ from typing import Any
 
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces.offset_polygon import PolygonSurface
+from continuum_grasp.model.surfaces.outline import Frame, Outline
 from continuum_grasp.model.surfaces.superellipse import SuperellipseSurface
-from continuum_grasp.model.surfaces.surface import Frame, Nearest, Outline, Surface, nearest_of
+from continuum_grasp.model.surfaces.surface import Nearest, Surface, nearest_of
 from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
 
 __all__ = ["nearest", "outline_of", "surface_of"]

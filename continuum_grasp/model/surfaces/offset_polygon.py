@@ -22,15 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
+from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
 from continuum_grasp.model.surfaces.surface import (
     CORNERS,
+    TINY,
     Feature,
-    Frame,
     Nearest,
-    Outline,
     Surface,
     SurfacePoint,
-    Walk,
     chosen,
     length,
     separation,
@@ -44,8 +43,6 @@ Array = NDArray[Any]
 SHARP = 1e-7
 """Radius that a sharp corner has where contacts roll over it [m]: far below any real edge, and its curvature of 1e7 1/m
 is still exact beside those of fingers."""
-_TINY = 1e-30
-"""Keeps the root of a squared distance differentiable at zero [m2]; far below rounding."""
 _SKIN = 1e-9
 """Distance up to which a point outside a sharp polygon is treated as one on its face [m]: below, the direction to the
 nearest point is lost in rounding."""
@@ -164,6 +161,29 @@ class PolygonSurface(Surface[OffsetPolygon]):
                 best, index = cost, k
         return index
 
+    def nearest_places(self, part: OffsetPolygon, points: Array) -> tuple[Array, Array]:
+        core = np.array(part.vertices)
+        count = len(core)
+        off = points[:, None, :] - core
+        away = np.linalg.norm(off, axis=2)
+        rows = np.arange(len(points))
+        if count == 1:
+            return np.arctan2(off[:, 0, 1], off[:, 0, 0]), away[:, 0] - part.radius
+        edge = np.roll(core, -1, axis=0) - core
+        size = np.linalg.norm(edge, axis=1)
+        normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / size[:, None]
+        height = (off * normal).sum(axis=2)
+        share = np.clip((off * edge).sum(axis=2) / size**2, 0.0, 1.0)
+        arm = off - share[:, :, None] * edge
+        reach = np.linalg.norm(arm, axis=2)
+        inside = (height < 0.0).all(axis=1) if count > 2 else np.zeros(len(points), dtype=bool)
+        pick = np.where(inside, height.argmax(axis=1), reach.argmin(axis=1))
+        far = reach[rows, pick]
+        on = inside | (far < 1e-12)
+        direction = np.where(on[:, None], normal[pick], arm[rows, pick] / np.maximum(far, 1e-300)[:, None])
+        distance = np.where(inside, height[rows, pick], far)
+        return np.arctan2(direction[:, 1], direction[:, 0]), distance - part.radius
+
     def near_corners(self, part: OffsetPolygon, points: Array) -> Array:
         core = np.array(part.vertices)
         close = np.linalg.norm(points[:, None, :] - core, axis=2).argmin(axis=1)
@@ -222,7 +242,7 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
         best = (ca.fmin(square, best[0]), chosen(nearer, offset, best[1]), chosen(nearer, normal, best[2]))
     if best is None:
         raise ValueError("a polygon without edges")
-    size = ca.sqrt(best[0] + _TINY)
+    size = ca.sqrt(best[0] + TINY)
     outward = best[1].scaled(1.0 / size)
     if len(core) == 2:
         return Nearest(size, outward)

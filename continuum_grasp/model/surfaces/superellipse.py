@@ -16,16 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
-from continuum_grasp.model.surfaces.surface import (
-    Feature,
-    Frame,
-    Nearest,
-    Outline,
-    Surface,
-    SurfacePoint,
-    Walk,
-    length,
-)
+from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
+from continuum_grasp.model.surfaces.surface import Feature, Nearest, Surface, SurfacePoint, length
 from continuum_grasp.scene.parts import SuperellipsePart
 
 __all__ = ["SuperellipseSurface", "smooth_support"]

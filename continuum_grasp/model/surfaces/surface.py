@@ -6,7 +6,6 @@ compiled solver; the numbers of a part are handed in.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,17 +16,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.model.planar import Scalar, Vec
+from continuum_grasp.model.surfaces.outline import Frame, Outline
 from continuum_grasp.scene.parts import Part
 
-__all__ = ["CORNERS", "Feature", "Frame", "Nearest", "Outline", "Surface", "SurfacePoint", "Walk", "chosen", "length"]
+__all__ = [
+    "CORNERS",
+    "TINY",
+    "Feature",
+    "Nearest",
+    "Surface",
+    "SurfacePoint",
+    "chosen",
+    "length",
+    "nearest_of",
+    "separation",
+]
 
 Array = NDArray[Any]
 P = TypeVar("P", bound=Part)
 
 CORNERS = 3
-"""Corners of a polygon that a place is kept clear of: the nearest one and its two neighbors, which the search renews;
+"""Corners of a polygon that a place must stay clear of: the nearest one and its two neighbors, which the search renews;
 the others cannot be nearest before it looks again."""
-_TINY = 1e-30
+TINY = 1e-30
 """Keeps the root of a squared distance differentiable at zero [m2]; far below rounding."""
 
 
@@ -49,7 +60,7 @@ class Nearest:
 
 def length(v: Vec) -> ca.SX:
     """Length of a vector, with a finite derivative where it is zero."""
-    return ca.sqrt(v.dot(v) + _TINY)
+    return ca.sqrt(v.dot(v) + TINY)
 
 
 def chosen(condition: ca.SX | bool, first: Vec, second: Vec) -> Vec:
@@ -100,121 +111,6 @@ class Feature:
     curvature: float = 0.0
 
 
-# -- search of a grasp -------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Frame:
-    """A change of coordinates z -> turn * z + shift, or turn * conj(z) + shift where mirrored, times a scale.
-
-    Attributes
-    ----------
-    turn : complex
-        Of modulus one.
-    shift : complex
-        In the new coordinates.
-    scale : float
-        New lengths per old ones.
-    mirrored : bool
-    """
-
-    turn: complex = 1.0 + 0.0j
-    shift: complex = 0.0j
-    scale: float = 1.0
-    mirrored: bool = False
-
-    def point(self, z: Array | complex) -> Any:
-        """New coordinates of points."""
-        return self.turn * self.scale * (np.conj(z) if self.mirrored else z) + self.shift
-
-    def angle(self, angle: float | Array) -> Any:
-        """New angle of directions [rad]."""
-        return math.atan2(self.turn.imag, self.turn.real) + (-angle if self.mirrored else angle)
-
-    def back(self, z: Array | complex) -> Any:
-        """Old coordinates of points."""
-        old = (z - self.shift) / (self.turn * self.scale)
-        return np.conj(old) if self.mirrored else old
-
-    def angle_back(self, angle: float | Array) -> Any:
-        """Old angle of directions [rad]."""
-        old = angle - math.atan2(self.turn.imag, self.turn.real)
-        return -old if self.mirrored else old
-
-
-@dataclass(frozen=True)
-class Walk:
-    """Places on a grown outline.
-
-    Attributes
-    ----------
-    point : ndarray of complex
-        On the grown outline.
-    angle : ndarray
-        Of the outward normal [rad].
-    dpoint, dangle : ndarray
-        Derivatives with respect to w.
-    """
-
-    point: Array
-    angle: Array
-    dpoint: Array
-    dangle: Array
-
-
-class Outline(ABC):
-    """A part grown by the fingers' half thickness: distances and walks along its outline, many points at once.
-
-    Planar vectors are complex numbers x + i y. A walk is a number w that runs once round in [0, period): along faces
-    it counts meters, on corners it turns the normal while the point stays (or runs along the rounding). So faces and
-    corners are one smooth family of contacts.
-
-    Attributes
-    ----------
-    center : complex
-    extent : float
-        No point of the part is farther from the center.
-    grown : float
-        Distance of the outline from ``corners``, or from the part where there are none.
-    corners : ndarray of complex
-        Centers of the rounded corners; empty for a smooth part.
-    face_normals : tuple of float
-        Angles of the normals of flat faces [rad].
-    period : float
-        Of walks.
-    """
-
-    center: complex
-    extent: float
-    grown: float
-    corners: Array
-    face_normals: tuple[float, ...] = ()
-    period: float = math.tau
-
-    @property
-    def is_round(self) -> bool:
-        """Whether it looks the same from all directions."""
-        return len(self.corners) == 1
-
-    @abstractmethod
-    def walk(self, w: Array) -> Walk:
-        """Places at walks ``w`` (any shape)."""
-
-    @abstractmethod
-    def nearest(self, points: Array) -> tuple[Array, Array]:
-        """Signed distances of points from the part itself (not grown), and the walks of the nearest places."""
-
-    def distance(self, points: Array) -> Array:
-        """Signed distances of points from the part itself (not grown)."""
-        return self.nearest(points)[0]
-
-    @abstractmethod
-    def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:
-        """Outermost points of the part in a direction, and how much less far out they are: one, or the two ends of a
-        face that is level to within ``flat``.
-        """
-
-
 class Surface(ABC, Generic[P]):
     """The surface of one kind of part.
 
@@ -229,9 +125,9 @@ class Surface(ABC, Generic[P]):
     is_smooth : bool
         Whether it is one feature, of which each place has its own normal.
     has_directions : bool
-        Whether a place that is kept clear needs the angle of a separating line as an unknown.
+        Whether a place that must stay clear needs the angle of a separating line as an unknown.
     looks_at_corners : bool
-        Whether a place is kept clear of the nearest corners alone.
+        Whether a place must stay clear of the nearest corners alone.
     """
 
     number_count: int
@@ -294,13 +190,11 @@ class Surface(ABC, Generic[P]):
         """Index among the features of that on which a surface point with this outward normal lies best."""
         return 0
 
+    @abstractmethod
     def nearest_places(self, part: P, points: Array) -> tuple[Array, Array]:
         """Angles (K,) of the outward normals [rad] at the surface points nearest to points (K, 2) of the object's
         frame, and the distances (K,) [m], negative inside.
         """
-        outline = self.outline(part, Frame(), 0.0)
-        gap, walk = outline.nearest(points @ [1.0, 1.0j])
-        return np.remainder(outline.walk(walk).angle + np.pi, 2.0 * np.pi) - np.pi, gap
 
     def near_corners(self, part: P, points: Array) -> Array:
         """Nearest corner of the core to each point (K, 2) and its neighbors, x and y one after the other
@@ -320,7 +214,7 @@ def separation(point: ca.SX, beta: ca.SX, corners: ca.SX) -> ca.SX:
 
     A point x is at least d away from a convex part if there is a direction n(beta) with n . x - H(beta) >= d, where H
     is the part's support function; the distance itself is the greatest of these. So beta is an unknown of the problem,
-    one per place that is kept clear. For an offset polygon H is the greatest of n . v + r over its corners v.
+    one per place that must stay clear. For an offset polygon H is the greatest of n . v + r over its corners v.
     """
     normal = ca.vertcat(ca.cos(beta), ca.sin(beta))
     return ca.vertcat(*(ca.dot(normal, point - corners[:, k]) for k in range(corners.shape[1])))

@@ -10,7 +10,9 @@ from pydantic import Field, model_validator
 from continuum_grasp.scene.parts import Part, Point, farthest
 from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
 
-__all__ = ["Freedom", "MemberPlace", "ObjectBody"]
+__all__ = ["Freedom", "MemberPlace", "ObjectBody", "pose_bounds"]
+
+Pose = tuple[float, float, float]
 
 Interval = Annotated[tuple[Real, Real], Field(strict=False)]
 
@@ -45,13 +47,19 @@ class Freedom(Value):
                 raise ValueError(f"free.{name} = {list(bounds)} does not hold the given {value}")
 
 
+def pose_bounds(pose: Pose, free: Freedom | None) -> list[tuple[float, float]]:
+    """Bounds of x, y [m] and angle [rad] of a pose; both are its own value where it is fixed."""
+    bounds = (None,) * 3 if free is None else (free.x, free.y, free.angle)
+    return [bound or (own, own) for bound, own in zip(bounds, pose, strict=True)]
+
+
 class ObjectBody(Value):
     """What every object has beside its shape, in whose frame it is given."""
 
     mass: NonNegative
     """Mass [kg]."""
     center_of_mass: Vector2 | None = None
-    """Centre of mass in the object's frame [m]; None: the centroid of the shape."""
+    """Center of mass in the object's frame [m]; None: the centroid of the shape."""
     position: Vector2
     """World position of the origin of the object's frame [m]."""
     angle: Real = 0.0
@@ -71,12 +79,12 @@ class ObjectBody(Value):
 
     @property
     def com(self) -> Point:
-        """Centre of mass in the object's frame [m]."""
+        """Center of mass in the object's frame [m]."""
         return self.centroid if self.center_of_mass is None else self.center_of_mass
 
     @property
     def size(self) -> float:
-        """Greatest distance of the boundary from the centre of mass [m]."""
+        """Greatest distance of the boundary from the center of mass [m]."""
         com = self.com
         return max(farthest(part, com) for part in self.parts)
 

@@ -38,7 +38,7 @@ __all__ = [
 class _CircleShape(Value):
     shape: Literal["circle"]
     diameter: Extent
-    """Outer diameter [m]; the frame's origin is the centre."""
+    """Outer diameter [m]; the frame's origin is the center."""
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -61,7 +61,7 @@ class CircleMember(_CircleShape, MemberPlace):
 class _EllipseShape(Value):
     shape: Literal["ellipse"]
     width: Extent
-    """Extent along the object's x axis [m]; the frame's origin is the centre."""
+    """Extent along the object's x axis [m]; the frame's origin is the center."""
     height: Extent
     """Extent along the object's y axis [m]."""
 
@@ -81,7 +81,7 @@ class EllipseMember(_EllipseShape, MemberPlace):
 class _SuperellipseShape(Value):
     shape: Literal["superellipse"]
     width: Extent
-    """Extent along the object's x axis [m]; the frame's origin is the centre."""
+    """Extent along the object's x axis [m]; the frame's origin is the center."""
     height: Extent
     """Extent along the object's y axis [m]."""
     exponent: Annotated[float, Field(ge=2.0, le=12.0)]
@@ -103,7 +103,7 @@ class SuperellipseMember(_SuperellipseShape, MemberPlace):
 class _BoxShape(Value):
     shape: Literal["box"]
     width: Extent
-    """Extent along the object's x axis [m]; the frame's origin is the centre."""
+    """Extent along the object's x axis [m]; the frame's origin is the center."""
     height: Extent
     """Extent along the object's y axis [m]."""
     corner_radius: NonNegative = 0.0
@@ -115,7 +115,7 @@ class _BoxShape(Value):
         return (rounded(((-w, -h), (w, -h), (w, h), (-w, h)), r),)
 
     @model_validator(mode="after")
-    def _room(self) -> _BoxShape:
+    def _has_flat_faces(self) -> _BoxShape:
         if 2 * self.corner_radius >= min(self.width, self.height):
             raise ValueError(
                 f"corner_radius = {self.corner_radius} m leaves no flat face; expected less than half a side"
@@ -174,7 +174,7 @@ class _RoundedPolygonShape(Value):
         return polygon_centroid(tuple(self.parts[0].outline(720)))
 
     @model_validator(mode="after")
-    def _room(self) -> _RoundedPolygonShape:
+    def _has_flat_faces(self) -> _RoundedPolygonShape:
         check_convex(self.vertices)
         outline = counter_clockwise(self.vertices)
         core = rounded(outline, self.corner_radius).vertices
