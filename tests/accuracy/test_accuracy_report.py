@@ -70,17 +70,6 @@ def test_single_precision_rounds(report):
         assert (1e-17, 1e-9)[row[1] == "float"] <= row[3] <= (1e-13, 1e-4)[row[1] == "float"]
 
 
-def test_the_papers_slips_show(report):
-    table = next(table for table in report.tables if table.title == "paper")
-    found = dict(zip(table.column("model"), table.rows, strict=True))
-    j = table.columns.index("frequency 2")
-    arcs = rows(report, "arc")[1]
-    assert found["closed_corrected"][j] == pytest.approx(arcs["frequency 2"], rel=1e-6)
-    assert abs(found["appendix_corrected"][j] - arcs["frequency 2"]) < abs(
-        found["appendix_printed"][j] - arcs["frequency 2"]
-    )
-
-
 def test_the_pace_is_that_of_the_classical_method(release):
     """Error by the steps falls with their fourth power, so a tolerance 16 times tighter asks for twice the steps."""
     model = cg.FingerModel(release, family="arc", elements=2)
