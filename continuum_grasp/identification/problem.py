@@ -23,8 +23,8 @@ _HORIZONS = (0.1, 0.25, 0.5, 1.0)
 """Parts of the paths that are fitted one after the other, so that a wrong start does not end in a wrong period."""
 _LEAST_ROWS = 4
 _FIRST, _EVALUATIONS = 12, 200
-"""Most evaluations of the search on a part of the data, which only has to lead near, and on all of them: ten times
-those of the hardest of the measured rods."""
+"""Most evaluations of the search on a part of the data, which only has to lead near, and on all of them: the measured
+rods take 54 or less in all searches together."""
 _REACH = 2.0
 """Relative change of a parameter in a search on a part of the data, which may not see it yet."""
 

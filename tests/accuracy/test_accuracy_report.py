@@ -46,7 +46,7 @@ def test_motions_come_nearer_to_the_reference(report):
     assert report.reference.error < 5e-2 * min(report.choices.column("motion / L"))
 
 
-def test_the_front_is_beaten_by_no_one(report):
+def test_the_front_is_not_dominated(report):
     for cost, error, sign in (("instructions", "tip / L", 1.0), ("real-time factor", "motion / L", -1.0)):
         i, j = report.choices.columns.index(cost), report.choices.columns.index(error)
         front = report.front(cost, error)

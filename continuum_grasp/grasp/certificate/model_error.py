@@ -21,7 +21,7 @@ __all__ = ["ModelError", "model_error"]
 Array = NDArray[Any]
 
 SMALL = 0.005
-"""Greatest displacement per finger length [1] that is not warned of: below what a finger can be built and placed to."""
+"""Greatest displacement per finger length [1] that is not warned of: half a millimeter of a finger of 0.1 m."""
 SECTIONS = 200
 """Sections at which moments are compared, about: two per panel, as near to the ends of elements as 0.2 % of the length.
 """
