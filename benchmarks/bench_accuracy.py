@@ -14,11 +14,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from continuum_grasp.accuracy.measure import errors_of
 
 from benchmarks.paper.errors import paper_errors
 from benchmarks.report import Report, Table
 from continuum_grasp.accuracy.choice import Choice
-from continuum_grasp.accuracy.measure import errors_of
 from continuum_grasp.accuracy.motion import Motion, pace, reference_motion, rms
 from continuum_grasp.accuracy.timing import evaluation_ns
 from continuum_grasp.accuracy.truth import find_truth
@@ -37,7 +37,7 @@ STILL = {"time": {"duration": 1.0, "step": 0.005}}
 
 
 def scene(rod: dict[str, float], angle: float = HORIZONTAL, mass: float = 0.0, **keys: Any) -> Scene:
-    """A straight finger; weightless where nothing is said of gravity."""
+    """A straight finger; weightless by default."""
     masses = [{"at": rod["length"], "mass": mass}] if mass else []
     finger = {"rod": rod, "base": {"angle": angle}, "masses": masses, **keys.pop("finger", {})}
     return Scene.model_validate({"schema_version": 1, "finger": finger, "gravity": (0.0, 0.0), **keys})

@@ -33,4 +33,3 @@ def pytest_configure(config):
     for entry in (folder / "compiled").glob("*.*"):
         if entry.stat().st_mtime < oldest:
             entry.unlink(missing_ok=True)
-

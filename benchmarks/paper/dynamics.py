@@ -83,7 +83,7 @@ def assembled(
 ) -> ca.Function:
     """(x, u, w, p) -> xd with x = [theta1, theta2, rates], w = world forces at contact, then tip.
 
-    ``terms(finger, theta, rate, contact_force, tip_force)`` gives the mass matrix and the generalised force
+    ``terms(finger, theta, rate, contact_force, tip_force)`` gives the mass matrix and the generalized force
     of inertia, gravity and contacts on the right-hand side; elasticity, damping and actuation are added here,
     equations (32), (39), (42). There are no run-time parameters: p is empty.
     """
@@ -98,9 +98,9 @@ def assembled(
     mass, force = terms(finger, theta, rate, at_contact, at_tip)
     right = []
     for i, length in enumerate(finger.element_lengths):
-        stretch = theta[i] - finger.rest_angles[i]
+        bend = theta[i] - finger.rest_angles[i]
         damping = finger.arc_damping + finger.material_damping / length
-        right.append(force[i] + tau - finger.bending_stiffness / length * stretch - damping * rate[i])
+        right.append(force[i] + tau - finger.bending_stiffness / length * bend - damping * rate[i])
     scale = 1 / (mass[0, 0] * mass[1, 1] - mass[0, 1] * mass[0, 1])
     xd = ca.vertcat(
         rate,
@@ -112,7 +112,7 @@ def assembled(
 
 def kinetic_energy_by_quadrature(finger: RacedFinger, theta: ca.SX, rate: ca.SX, nodes: int = 5) -> ca.SX:
     """Kinetic energy of the rod, equation (34), without equation (36): Gauss points on each arc, velocities by
-    differentiating (4)-(6); what is written when nobody integrates by hand.
+    differentiating (4)-(6); what is written without integrating by hand.
     """
     at, weights = np.polynomial.legendre.leggauss(nodes)
     l1, l2 = finger.element_lengths
@@ -161,7 +161,7 @@ def closed_form_terms(
     vc, vt = jc @ td, jt @ td
     kinetic = (rod + made.contact_mass * ca.dot(vc, vc) + made.tip_mass * ca.dot(vt, vt)) / 2
     (l1, l2), rho = made.lengths, made.mass_per_length
-    weight = rho * l1 * bent.centre1 + rho * l2 * bent.centre2
+    weight = rho * l1 * bent.center1 + rho * l2 * bent.center2
     weight += made.contact_mass * bent.contact + made.tip_mass * bent.tip
     potential = -ca.dot(ca.vertcat(*made.gravity), weight)
     mass, momentum = ca.hessian(kinetic, td)

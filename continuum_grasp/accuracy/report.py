@@ -59,11 +59,11 @@ class AccuracyReport:
         i, j = self.choices.columns.index(cost), self.choices.columns.index(error)
         sign = -1.0 if cost == "real-time factor" else 1.0
         known = [row for row in self.choices.rows if math.isfinite(_number(row[i])) and math.isfinite(_number(row[j]))]
-        kept: list[tuple[Any, ...]] = []
+        front: list[tuple[Any, ...]] = []
         for row in sorted(known, key=lambda row: (sign * row[i], row[j])):
-            if not kept or row[j] < kept[-1][j]:
-                kept.append(row)
-        return kept
+            if not front or row[j] < front[-1][j]:
+                front.append(row)
+        return front
 
     def _fronts(self) -> list[str]:
         """Choices on each Pareto front, and those on none."""

@@ -20,7 +20,7 @@ __all__ = ["resolve_fidelity"]
 def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, str]:
     """The scene with what its tolerance asks for, and what was chosen and why.
 
-    What was chosen is kept in the user's cache folder, by the content of the scene and of this package.
+    The choice is stored in the user's cache folder, by the content of the scene and of this package.
 
     Parameters
     ----------

@@ -20,8 +20,9 @@ _PART = 1e-3
 """Component of a parameter in such a direction from which on it is not seen either."""
 _WEAK = 0.5
 """Standard deviation, relative to the size, from which on a parameter is hardly seen."""
-_TWINS = 0.99
-"""Correlation from which on two parameters can hardly be told apart."""
+_ALIKE = 0.99
+"""Correlation [1] from which two parameters can hardly be distinguished: each interval is then seven times as
+wide as with the other known."""
 
 
 @dataclass(frozen=True)
@@ -131,9 +132,9 @@ def _weakness(
                 f"{100 * deviations[k] / size:.0f} % of its size"
             )
         for j in range(k):
-            if np.isfinite(correlation[k, j]) and abs(correlation[k, j]) > _TWINS:
+            if np.isfinite(correlation[k, j]) and abs(correlation[k, j]) > _ALIKE:
                 found.append(
-                    f"{unknowns[j].name} and {one.name} can hardly be told apart: their estimates are correlated by "
+                    f"{unknowns[j].name} and {one.name} can hardly be distinguished: their estimates are correlated by "
                     f"{correlation[k, j]:+.4f}"
                 )
     return found

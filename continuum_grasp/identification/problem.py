@@ -89,7 +89,7 @@ class Problem:
         return np.concatenate([y for y, _ in parts]), np.concatenate([j for _, j in parts])
 
     def solve(self, progress: Progress) -> Solution:
-        """Find the parameters; unknown standard deviations and robust weights are found on the way.
+        """Find the parameters; unknown standard deviations and robust weights are found by iteration.
 
         Raises
         ------

@@ -37,8 +37,8 @@ class Elastica:
     ----------
     energy : float
         Elastic energy above the rest shape, less the work of weight, dead forces and couples (forces: from the world's
-        origin; couples and actuation: from the straight rod) [J]; what following forces or rubbing tendons do has no
-        potential and is left out.
+        origin; couples and actuation: from the straight rod) [J]; what following forces or tendon friction do has no
+        potential and is not included.
     elastic_energy : float
         Elastic energy above the rest shape [J].
     stable : bool or None
@@ -153,8 +153,8 @@ def solve_elastica(
 
     Notes
     -----
-    Stretch, shear and contact of the rod with itself are not modelled. See ``RodEquations`` for the balance, ``Mesh``
-    for the collocation, and S. S. Antman, Nonlinear Problems of Elasticity, 2005, doi:10.1007/0-387-27649-1.
+    Axial strain, shear and contact of the rod with itself are not modeled. See ``RodEquations`` for the balance,
+    ``Mesh`` for the collocation, and S. S. Antman, Nonlinear Problems of Elasticity, 2005, doi:10.1007/0-387-27649-1.
     """
     if not 1e-13 <= tolerance <= 1e-2:
         raise InputError(f"tolerance: expected a number from 1e-13 to 1e-2, got {tolerance}")

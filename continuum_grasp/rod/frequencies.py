@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Array:
     """Undamped natural frequencies of a finger's rod about an equilibrium.
 
-    The linearised balance of moments at the nodes of the equilibrium's mesh, tested with changes of curvature, against
+    The linearized balance of moments at the nodes of the equilibrium's mesh, tested with changes of curvature, against
     the kinetic energy of the same changes: the rod stays inextensible and unshearable and is otherwise exact. Both
     converge with the mesh faster than any power.
 
@@ -33,7 +33,7 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     Returns
     -------
     (count,) ndarray
-        Increasing [Hz]; zero where the equilibrium is unstable. Under following loads or rubbing tendons, where two
+        Increasing [Hz]; zero where the equilibrium is unstable. Under following loads or tendon friction, where two
         modes flutter, their common frequency comes twice.
     """
     equations, curvature = about.equations, about.nodal_curvature

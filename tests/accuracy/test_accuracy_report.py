@@ -88,8 +88,8 @@ def test_the_reference_knows_its_error(release):
 def test_it_is_saved_whole(report, tmp_path):
     files = report.save(tmp_path)
     assert sorted(file.name for file in files) == ["accuracy.json", "accuracy.md", "accuracy.png"]
-    kept = json.loads((tmp_path / "accuracy.json").read_text())
-    assert [table["title"] for table in kept] == [table.title for table in report.tables]
+    saved = json.loads((tmp_path / "accuracy.json").read_text())
+    assert [table["title"] for table in saved] == [table.title for table in report.tables]
     text = (tmp_path / "accuracy.md").read_text()
     assert "- on none: " in text
     assert all(f"## {table.title}" in text for table in report.tables)

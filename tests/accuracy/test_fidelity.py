@@ -165,7 +165,7 @@ def test_a_tolerance_that_nothing_keeps_is_said():
     assert "leave fidelity.family open" in str(caught.value)
 
 
-def test_who_has_not_chosen_is_told():
+def test_a_choice_is_reported_where_none_was_made():
     with pytest.raises(cg.InputError, match="choose_fidelity"):
         FingerModel(scene(1e-2))
     with pytest.raises(cg.InputError, match="needs a tolerance"):

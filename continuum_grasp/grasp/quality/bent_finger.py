@@ -70,7 +70,7 @@ class BentFinger:
     tip_turn : ndarray, shape (n,)
         Change of the whole bend, by which a tendon's path changes, per offset [m].
     tendon_turn : ndarray, shape (n,)
-        The same weighted with the share of the tension that gets past rubbing guides.
+        The same weighted with the share of the tension that gets past tendon friction.
     """
 
     def __init__(self, finger: Finger, arrays: Mapping[str, Any], stations: Sequence[float] = ()) -> None:
