@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 _FINE = (8, 12)
 """Clothoids of the two reference motions; their difference shows how good the second is, by the fourth order."""
 _SPAN = 1.0
-"""Longest motion that is compared [s]: later, phase errors alone decide."""
+"""Longest motion that is compared [s]: a phase error grows with time and hides every other in the end."""
 INSTANTS = 200
 """At which tips are compared: 5 ms apart in a motion of a second."""
 _SUBSTEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 1024)

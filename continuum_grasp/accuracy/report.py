@@ -28,6 +28,7 @@ FRONTS = (
 )
 """Costs and errors that are set against each other."""
 COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+"""Numbers of elements: about 1.5 apart, which shows the order of convergence."""
 
 
 @dataclass(frozen=True)

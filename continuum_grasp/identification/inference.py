@@ -15,14 +15,17 @@ __all__ = ["Inference", "infer"]
 Array = NDArray[np.float64]
 
 _BLIND = 1e-7
-"""Singular value, relative to the largest, below which a direction is not seen at all."""
+"""Singular value, relative to the largest, below which a direction is not seen at all [1]: a digit above the error of
+the derivatives, which is below 1e-8."""
 _PART = 1e-3
-"""Component of a parameter in such a direction from which on it is not seen either."""
+"""Component of a parameter in such a direction from which it is not seen either [1]: smaller ones are rounding of the
+singular vectors."""
 _WEAK = 0.5
-"""Standard deviation, relative to the size, from which on a parameter is hardly seen."""
+"""Standard deviation, relative to the size, from which a parameter is hardly seen [1]: its 95 % interval then reaches
+zero."""
 _ALIKE = 0.99
-"""Correlation [1] from which two parameters can hardly be distinguished: each interval is then seven times as
-wide as with the other known."""
+"""Correlation [1] from which two parameters can hardly be distinguished: each interval is then seven
+times as wide as with the other known."""
 
 
 @dataclass(frozen=True)

@@ -25,11 +25,13 @@ __all__ = ["Motion"]
 Array = NDArray[np.float64]
 
 _MOST_STEPS = 200_000
+"""Of a path: seconds per evaluation, of which a search takes dozens."""
 _FINER = 2.0
-"""Steps, relative to those that a simulation takes."""
+"""Steps per step of a simulation [1]: a sixteenth of its error, so that the steps do not pass for parameters."""
 _CHANGE = 0.1
-"""Relative change of parameters from which on the steps are chosen anew."""
+"""Relative change of parameters from which the steps are chosen anew; smaller ones are within their margin."""
 _SHAPES = 6
+"""Sampled shapes, the initial one among them, whose stiffest mode limits the steps."""
 
 
 class Motion:

@@ -20,7 +20,8 @@ __all__ = ["Rows", "runtime_names"]
 Array = NDArray[np.float64]
 
 _ROUNDING = 0.01
-"""Width over which the corner of the deadband is rounded off [N]."""
+"""Width over which the corner of the deadband is rounded off [N], for a derivative there:
+a hundredth of a typical deadband."""
 
 
 def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str] = ()) -> tuple[str, ...]:

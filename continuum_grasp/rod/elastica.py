@@ -23,10 +23,14 @@ Array = NDArray[np.float64]
 Guess = Callable[[Array], ArrayLike] | ArrayLike
 
 _COARSE, _FINE = 10, 16
-"""Nodes per panel while the shape is sought, and while it is refined."""
+"""Nodes per panel while the shape is sought, and while it is refined: a panel that bends by 1 rad is then exact to 1e-9
+and to rounding."""
 _MAX_NODES = 1600
+"""Unknowns of the dense equations: a Newton step then takes some tenths of a second."""
 _MAX_REFINEMENTS = 16
+"""Halvings of a panel, down to 1e-5 of the length: the capstan law is rounded off over some 1e-4 of it."""
 _ROUNDING = 16.0 * np.finfo(float).eps
+"""Of angles and positions, which are sums over the nodes [1]."""
 
 
 @dataclass(frozen=True)

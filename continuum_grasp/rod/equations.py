@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 BEND_ROUNDING = 1e-3
-"""Curvature times length below which the capstan law is rounded off to stay smooth [rad]."""
+"""Curvature times length below which the capstan law is rounded off [rad], so that its derivative exists: as the finger
+model does."""
 
 
 @dataclass(frozen=True)
