@@ -12,7 +12,7 @@ from continuum_grasp.model.planar import Scalar
 __all__ = ["Coefficient", "Monomial", "Polynomial", "Reading", "misprint", "over", "right", "wrong"]
 
 Reading = Literal["corrected", "printed", "unrotated"]
-"""One of the three values of a coefficient."""
+"""Which of the three values of a coefficient is taken."""
 
 
 @dataclass(frozen=True)
