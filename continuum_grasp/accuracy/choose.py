@@ -101,7 +101,11 @@ def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None 
     >>> import continuum_grasp as cg
     >>> scene = cg.Scene(
     ...     schema_version=1,
-    ...     finger={"rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.006}},
+    ...     finger={
+    ...         "rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.006},
+    ...         "base": {"angle": -1.5708},  # along +x
+    ...     },
+    ...     gravity=(0.0, -9.81),
     ... )
     >>> chosen = cg.choose_fidelity(scene, 0.01)  # 1 % of the length
     >>> chosen.best.shape <= 0.01

@@ -147,9 +147,13 @@ def accuracy_report(
     >>> import continuum_grasp as cg
     >>> scene = cg.Scene(
     ...     schema_version=1,
-    ...     finger={"rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.006}},
+    ...     finger={
+    ...         "rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.006},
+    ...         "base": {"angle": -1.5708},  # along +x
+    ...     },
+    ...     gravity=(0.0, -9.81),
     ... )
-    >>> report = cg.accuracy(scene, counts=(1, 2))
+    >>> report = cg.accuracy_report(scene, counts=(1, 2))
     >>> sorted({row[0] for row in report.choices.rows})
     ['arc', 'clothoid', 'matched_clothoid']
     """

@@ -95,6 +95,7 @@ def identify(
     >>> scene = cg.Scene(
     ...     schema_version=1,
     ...     finger={"rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.005}},
+    ...     gravity=(0.0, 0.0),
     ... )
     >>> poses = Poses([Reading("bend", [0.33, 0.67, 1.0])], {"tip_moment": [0.01, 0.02, 0.03]})
     >>> fit = cg.identify(scene, poses, parameters=["bending_stiffness"])

@@ -164,7 +164,7 @@ class _Run:
         self.evaluations += 1
         try:
             residuals, jacobian = self._function(values)
-            usable = np.isfinite(residuals).all() and np.isfinite(jacobian).all()
+            usable = bool(np.isfinite(residuals).all() and np.isfinite(jacobian).all())
         except (SolverError, NumericalError):
             usable = False
         if usable:

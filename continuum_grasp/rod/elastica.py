@@ -159,6 +159,23 @@ def solve_elastica(
     -----
     Axial strain, shear and contact of the rod with itself are not modeled. See ``RodEquations`` for the balance,
     ``Mesh`` for the collocation, and S. S. Antman, Nonlinear Problems of Elasticity, 2005, doi:10.1007/0-387-27649-1.
+
+    Examples
+    --------
+    A moment of 2 pi EI / L at the tip closes the rod to a circle:
+
+    >>> import math
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.rod import solve_elastica
+    >>> scene = cg.Scene(
+    ...     schema_version=1,
+    ...     finger={"rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.006}},
+    ...     actuation={"tip_moment": 2 * math.pi * 0.006 / 0.2},
+    ...     gravity=(0.0, 0.0),
+    ... )
+    >>> rod = solve_elastica(scene)
+    >>> bool(abs(rod.tip).max() < 1e-10)
+    True
     """
     if not 1e-13 <= tolerance <= 1e-2:
         raise InputError(f"tolerance: expected a number from 1e-13 to 1e-2, got {tolerance}")

@@ -35,6 +35,20 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     (count,) ndarray
         Increasing [Hz]; zero where the equilibrium is unstable. Under following loads or tendon friction, where two
         modes flutter, their common frequency comes twice.
+
+    Examples
+    --------
+    A straight cantilever has 3.516 sqrt(EI / (rho A L^4)) / (2 pi) = 1.5831 Hz:
+
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.rod import natural_frequencies, solve_elastica
+    >>> scene = cg.Scene(
+    ...     schema_version=1,
+    ...     finger={"rod": {"length": 0.6, "linear_density": 0.02, "bending_stiffness": 0.0208}},
+    ...     gravity=(0.0, 0.0),
+    ... )
+    >>> natural_frequencies(scene.finger, solve_elastica(scene), 1).round(3)
+    array([1.585])
     """
     equations, curvature = about.equations, about.nodal_curvature
     problem, mesh = equations.problem, equations.mesh
