@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -98,7 +99,7 @@ def model_error(grasp: RecomputedGrasp) -> ModelError:
         problem = _problem(finger)
         moment = float(np.maximum(moment, _moment_left_out(finger, problem)))
         try:
-            exact = deformed(problem, lambda s, finger=finger: finger.rod.curvature(finger.ends, s))
+            exact = deformed(problem, partial(finger.rod.curvature, finger.ends))
         except SolverError:
             lost.append(finger.name)
             continue
