@@ -38,7 +38,7 @@ class PaperModel(FingerModel):
     """The two-arc model of doi:10.1155/2014/308283 as the paper writes it.
 
     The same coordinates, inputs and functions as ``FingerModel(..., family="arc", elements=2)``; mass matrix, velocity
-    products, gravity and the generalised forces at contact and tip are the paper's. Elasticity (32), friction (39),
+    products, gravity and the generalized forces at contact and tip are the paper's. Elasticity (32), friction (39),
     (43) and actuation (42) are right in the paper and the same in both; positions and the potential energy are the
     exact ones, whatever the variant.
 
@@ -167,7 +167,7 @@ class _PaperEquations(Equations):
 
     @cached_property
     def external_force(self) -> list[Scalar]:
-        """Generalised forces of ``w``, (41)."""
+        """Generalized forces of ``w``, (41)."""
         at_contact, at_tip = self.point_forces
         force = self.terms.contact_jacobian.T @ at_contact + self.terms.tip_jacobian.T @ at_tip
         return [force[i] for i in (0, 1)]

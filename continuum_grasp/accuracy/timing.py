@@ -14,8 +14,11 @@ from continuum_grasp.model import FingerModel
 __all__ = ["evaluation_error", "evaluation_ns"]
 
 _STATES = 64
+"""Random states over which the greatest error is taken; seeded, so that the figure repeats."""
 _STEPS = 2000
+"""Of a timed rollout: 8,000 evaluations, which take far longer than the resolution of the timers."""
 _REPEATS = 7
+"""Timed rollouts, of which the median counts."""
 
 
 def evaluation_ns(model: FingerModel, precision: str = "double") -> float:

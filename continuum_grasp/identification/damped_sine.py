@@ -16,6 +16,7 @@ __all__ = ["DampedSine", "fit_damped_sine"]
 Array = NDArray[np.float64]
 
 _LEAST_SAMPLES = 12
+"""Of a signal: two per unknown, of which a damped sine with offset and drift has six."""
 
 
 @dataclass(frozen=True)

@@ -25,11 +25,13 @@ __all__ = ["Motion"]
 Array = NDArray[np.float64]
 
 _MOST_STEPS = 200_000
+"""Of a path: seconds per evaluation, of which a search takes dozens."""
 _FINER = 2.0
-"""Steps, relative to those that a simulation takes."""
+"""Steps per step of a simulation [1]: a sixteenth of its error, so that the steps do not pass for parameters."""
 _CHANGE = 0.1
-"""Relative change of parameters from which on the steps are chosen anew."""
+"""Relative change of parameters from which the steps are chosen anew; smaller ones are within their margin."""
 _SHAPES = 6
+"""Sampled shapes, the initial one among them, whose stiffest mode limits the steps."""
 
 
 class Motion:
@@ -55,7 +57,7 @@ class Motion:
         self._settled: tuple[Array, float] | None = None
 
     def _settle(self, start: Array, p: Array) -> None:
-        """Steps that are short enough for parameters p; kept while these change little."""
+        """Steps that are short enough for parameters p; they stay while these change little."""
         if self._settled is not None and np.allclose(p, self._settled[0], rtol=_CHANGE, atol=0.0):
             return
         signals, model = self._signals, self._model
@@ -105,11 +107,11 @@ class Motion:
         grid, count = self._grid, self._slope.shape[1]
         whole = np.concatenate([start, slope.ravel(order="F")])[None]
         arguments = np.concatenate([p, self._slope.ravel(order="F")])
-        states, kept = self._run(
+        states, finished = self._run(
             whole, grid.steps, grid.substeps, grid.spacing / grid.substeps, self._u, self._w, arguments
         )
-        if kept[0] < grid.steps:
-            time = float(kept[0]) * grid.spacing
+        if finished[0] < grid.steps:
+            time = float(finished[0]) * grid.spacing
             raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)
         rows = grid.pick(states[0])
         slopes = rows[:, self._nx :].reshape(len(rows), count, self._nx)
@@ -122,7 +124,7 @@ class _Grid:
     Attributes
     ----------
     spacing : float
-        Time between kept states [s].
+        Time between stored states [s].
     steps, substeps : int
     """
 

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 DEADBAND = "tension_deadband"
 """Of the drive, not of the model: the difference of tensions that friction takes before the finger feels any."""
 _LEAST = 1e-9
-"""Of the start, for what must stay positive."""
+"""Lower bound per typical size [1] of what must stay positive."""
 _UNITS = {"youngs_modulus": "Pa", "clamp_angle": "rad", DEADBAND: "N"}
 
 

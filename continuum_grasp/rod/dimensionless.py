@@ -194,21 +194,10 @@ def _sampled(times: Sequence[float], values: Sequence[float], smooth: bool) -> f
     """
     if times[0] >= 0.0 or times[-1] <= 0.0 or not smooth:
         return float(np.interp(0.0, times, values))
-    steps, rises = np.diff(times), np.diff(values)
-    k = int(np.searchsorted(times, 0.0, side="right")) - 1
+    from scipy.interpolate import BPoly, PchipInterpolator
 
-    def slope(j: int) -> float:
-        if j == 0 or j == len(times) - 1:
-            return 0.0
-        before, after = rises[j - 1] / steps[j - 1], rises[j] / steps[j]
-        if before * after <= 0.0:
-            return 0.0
-        share = (steps[j - 1] + 2.0 * steps[j]) / (3.0 * (steps[j - 1] + steps[j]))
-        mean = before * after / (share * after + (1.0 - share) * before)
-        return float(np.sign(mean) * min(abs(mean), 2.0 * abs(before), 2.0 * abs(after)))
-
-    x, start, end = -times[k] / steps[k], slope(k) * steps[k], slope(k + 1) * steps[k]
-    # Hermite basis of fifth degree without second derivatives at the ends.
-    rise = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
-    first, second = x - x**3 * (6.0 - 8.0 * x + 3.0 * x**2), -(x**3) * (4.0 - 7.0 * x + 3.0 * x**2)
-    return float(values[k] + rise * rises[k] + first * start + second * end)
+    slopes = PchipInterpolator(times, values).derivative()(times)
+    rises = 2.0 * np.abs(np.diff(values) / np.diff(times))
+    slopes[1:-1] = np.sign(slopes[1:-1]) * np.minimum(np.abs(slopes[1:-1]), np.minimum(rises[:-1], rises[1:]))
+    slopes[[0, -1]] = 0.0
+    return float(BPoly.from_derivatives(times, np.stack([values, slopes, np.zeros_like(slopes)], axis=1))(0.0))

@@ -17,12 +17,16 @@ Array = NDArray[np.float64]
 _CLOSE = 1e-8
 """Turn [rad] of a Newton step after which the next one, being quadratic, is the last."""
 _MAX_PATH = 600
+"""Steps of a path: three times those of a following force of 1,000 EI / L^2 at the tip."""
 _MAX_DESCENT = 300
+"""Steps of a descent, each by 0.7 rad or less."""
 _LEAST_STEP, _GREATEST_STEP = 1e-6, 1.5
+"""Arclengths of a step along a path, in shares of the loads and r.m.s. curvature times length [rad]: below the least
+the path has a kink; beyond the greatest it may jump to another branch."""
 _NEAR = 1e-3
-"""Distance from the full loads that is left to Newton's method."""
+"""Distance from the full loads [1] that is left to Newton's method."""
 _FARTHEST_BACK = 10.0
-"""Negative share to which a path from a guess may go before it comes back."""
+"""Negative share [1] to which a path from a guess may go before it comes back."""
 
 
 def newton(equations: RodEquations, start: Array, *, limit: int = 40) -> tuple[Array, float, int]:

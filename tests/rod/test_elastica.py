@@ -162,8 +162,8 @@ def test_end_moment_and_rest_curvature_make_a_circle(moment, source):
     assert tip_pose(found) == pytest.approx([pose.across, pose.along, pose.angle], abs=1e-13)
     assert found.elastic_energy == pytest.approx(0.0 if source == "rest" else 0.5 * moment**2, abs=1e-12)
     s = np.linspace(0.0, 1.0, 7)
-    centre = found.position(s) - [0.0, 1.0 / moment]
-    assert np.hypot(*centre.T) == pytest.approx(1.0 / abs(moment), abs=1e-13)
+    center = found.position(s) - [0.0, 1.0 / moment]
+    assert np.hypot(*center.T) == pytest.approx(1.0 / abs(moment), abs=1e-13)
 
 
 @pytest.mark.parametrize("case", ["tip force", "inner force", "couple", "weight"])
@@ -405,8 +405,8 @@ def test_wrong_questions_are_refused():
 def test_it_shares_no_code_with_the_model():
     code = (
         "import sys, continuum_grasp.rod.frequencies\n"
-        "rooms = ('model', 'core', 'simulation')\n"
-        "assert not [m for m in sys.modules if m.startswith(tuple(f'continuum_grasp.{r}' for r in rooms))]\n"
+        "modules = ('model', 'core', 'simulation')\n"
+        "assert not [m for m in sys.modules if m.startswith(tuple(f'continuum_grasp.{r}' for r in modules))]\n"
         "assert 'casadi' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -446,7 +446,7 @@ def test_default_elements_serve_loads_within_the_finger(at, family, without_comp
         assert FingerModel(scene).lengths == pytest.approx((at, 1.0 - at))
 
 
-def test_what_leaves_no_room_for_an_element_makes_none():
+def test_what_leaves_no_length_for_an_element_makes_none():
     loads = [force(0.01, (0.0, 1.0)), force(0.5, (0.0, 1.0)), force(0.51, (0.0, 1.0)), couple(0.995, 1.0)]
     assert FingerModel(rod_scene(UNIT, None, None, loads=loads)).lengths == pytest.approx((0.5, 0.5))
     many = [force(at, (0.0, 0.01)) for at in np.linspace(0.01, 0.99, 99)]

@@ -1,4 +1,4 @@
-"""What the reference needs to know of a finger, and the curvature bases."""
+"""What the reference implementation needs to know of a finger, and the curvature bases."""
 
 from __future__ import annotations
 

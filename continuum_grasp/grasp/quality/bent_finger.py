@@ -17,10 +17,10 @@ __all__ = ["BentFinger", "Section"]
 Array = NDArray[Any]
 
 CELLS = 32
-"""Least number of cells along a finger: with changes of curvature that are linear in each, responses are good to about
-1e-3 of their size, which is better than the contact model."""
+"""Least number of cells along a finger: the responses of shipped grasps are within 3e-5 of those with 128."""
 _NODES = 4
-"""Gauss points per cell: exact for the stiffness, and to rounding for the motions of cells that bend by under 1 rad."""
+"""Gauss points per cell: exact for the stiffness, and to rounding for the motions of cells that bend by some 0.1
+rad."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class BentFinger:
     tip_turn : ndarray, shape (n,)
         Change of the whole bend, by which a tendon's path changes, per offset [m].
     tendon_turn : ndarray, shape (n,)
-        The same weighted with the share of the tension that gets past rubbing guides.
+        The same weighted with the share of the tension that gets past tendon friction.
     """
 
     def __init__(self, finger: Finger, arrays: Mapping[str, Any], stations: Sequence[float] = ()) -> None:

@@ -1,4 +1,4 @@
-"""Static poses that a scene passes: its loads and inputs held at the instants at which they turn."""
+"""Static load cases that a scene passes: its loads and inputs frozen at the instants at which they turn."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from continuum_grasp.scene.loads import Actuation, ForceLoad, Load, Samples, Vec
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import interpolate
 
-__all__ = ["Pose", "poses"]
+__all__ = ["LoadCase", "load_cases"]
 
 _EVENLY = 7
-"""Instants that are taken beside time zero and those at which a load or an input is greatest or least."""
+"""Instants besides time zero and those at which a load or an input is greatest or least: few, as each costs an
+equilibrium of the exact rod and one of every choice."""
 
 
 @dataclass(frozen=True)
-class Pose:
+class LoadCase:
     """A scene whose loads and inputs are constant.
 
     Attributes
@@ -24,7 +25,7 @@ class Pose:
     scene : Scene
         With the loads of the scene, then those that hold its initial pose (zero where they do not act), all constant.
     rests : bool
-        Whether small motions about this pose are motions of the scene: nothing but its own loads acts.
+        Whether small motions about its equilibrium are motions of the scene: nothing but its own loads acts.
     """
 
     name: str
@@ -32,8 +33,8 @@ class Pose:
     rests: bool = True
 
 
-def poses(scene: Scene) -> list[Pose]:
-    """The pose at time zero, those at which loads and inputs are greatest and least, some between, and the held one.
+def load_cases(scene: Scene) -> list[LoadCase]:
+    """List the load case at time zero, those of greatest and least loads and inputs, some between, and the held one.
 
     Parameters
     ----------
@@ -41,7 +42,7 @@ def poses(scene: Scene) -> list[Pose]:
 
     Returns
     -------
-    list of Pose
+    list of LoadCase
         That at time zero first.
     """
     sampled = [value for value in _values(scene) if isinstance(value, Samples | VectorSamples)]
@@ -50,9 +51,9 @@ def poses(scene: Scene) -> list[Pose]:
     chosen = set(instants[:: max(1, -(-len(instants) // _EVENLY))])
     for value in sampled:
         chosen |= {t for t in _extremes(value) if 0.0 < t <= end}
-    found = [Pose(f"t = {t:g} s", _frozen(scene, t, held=False)) for t in (0.0, *sorted(chosen))]
+    found = [LoadCase(f"t = {t:g} s", _frozen(scene, t, held=False)) for t in (0.0, *sorted(chosen))]
     if scene.initial.held_by:
-        found.append(Pose("held", _frozen(scene, 0.0, held=True), rests=False))
+        found.append(LoadCase("held", _frozen(scene, 0.0, held=True), rests=False))
     return found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.accuracy.choice import Choice
-from continuum_grasp.accuracy.truth import STATIONS, TruePose, Truth
+from continuum_grasp.accuracy.truth import STATIONS, TrueCase, Truth
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
@@ -18,36 +18,46 @@ from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import spectral_radius
 from continuum_grasp.simulation.statics import Equilibrium, equilibrium_under
 
-__all__ = ["Errors", "Measured", "errors_of", "measure"]
+__all__ = ["Assessment", "Errors", "assess", "errors_of"]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Measured:
-    """Errors of a choice against the exact rod, and its cost.
+class Errors:
+    """Errors of a model against the exact rod.
 
     Attributes
     ----------
-    choice : Choice
     tip : float
-        Greatest error of the tip's position over the poses, per length; infinite where a pose is not found.
+        Greatest error of the tip's position over the load cases, per length; infinite where one is not found.
     shape : float
         The same of any place along the finger.
     frequencies : (2,) ndarray
         Greatest relative error of the first and of the second natural frequency; NaN where there is none.
-    instructions : int
-        Of the forward dynamics.
     radius : float
-        Spectral radius about the poses [1/s], by which explicit steps are limited.
+        Spectral radius about the equilibria [1/s], by which explicit steps are limited.
     """
 
-    choice: Choice
     tip: float
     shape: float
     frequencies: Array
-    instructions: int
     radius: float
+
+
+@dataclass(frozen=True)
+class Assessment(Errors):
+    """Errors of a choice, and its cost.
+
+    Attributes
+    ----------
+    choice : Choice
+    instructions : int
+        Of the forward dynamics.
+    """
+
+    choice: Choice
+    instructions: int
 
     @property
     def cost(self) -> float:
@@ -55,23 +65,13 @@ class Measured:
         return self.instructions * (self.radius if self.choice.scene.time is not None else 1.0)
 
     def within(self, tolerance: float, frequencies: int) -> bool:
-        """Whether shape, and of a scene that moves the first frequencies, keep a tolerance."""
+        """Whether shape, and of a scene that moves the first frequencies, meet a tolerance."""
         asked = self.frequencies[: frequencies if self.choice.scene.time is not None else 0]
         return self.shape <= tolerance and bool(np.all(asked <= tolerance))
 
 
-@dataclass(frozen=True)
-class Errors:
-    """Errors of a model; see ``Measured``."""
-
-    tip: float
-    shape: float
-    frequencies: Array
-    radius: float
-
-
-def measure(choice: Choice, truth: Truth, *, stop_at: float = math.inf) -> Measured:
-    """Measure a choice.
+def assess(choice: Choice, truth: Truth, *, stop_at: float = math.inf) -> Assessment:
+    """Measure errors and cost of a choice.
 
     Parameters
     ----------
@@ -83,11 +83,11 @@ def measure(choice: Choice, truth: Truth, *, stop_at: float = math.inf) -> Measu
     """
     scene = choice.scene.model_copy(update={"fidelity": choice.fidelity, "loads": truth.loads})
     found = errors_of(FingerModel(scene, input_rates=False), truth, moves=scene.time is not None, stop_at=stop_at)
-    return Measured(choice, found.tip, found.shape, found.frequencies, choice.instructions, found.radius)
+    return Assessment(**vars(found), choice=choice, instructions=choice.instructions)
 
 
 def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float = math.inf) -> Errors:
-    """Errors of any model that has the loads of a scene's poses.
+    """Errors of any model that has the loads of a scene's load cases.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float =
     core, length = Core(model, compiled=False), model.finger.rod.length
     tip = shape = radius = 0.0
     frequencies = np.zeros(2)
-    for true in truth.poses:
+    for true in truth.cases:
         try:
             found = _at_rest(true, model)
         except (SolverError, InputError):
@@ -119,22 +119,22 @@ def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float =
     return Errors(tip, shape, frequencies, radius)
 
 
-def _at_rest(true: TruePose, model: FingerModel) -> Equilibrium:
+def _at_rest(true: TrueCase, model: FingerModel) -> Equilibrium:
     """The model's equilibrium, sought from the exact shape."""
     edges = np.concatenate([[0.0], np.cumsum(model.lengths)])
-    edges[-1] = model.finger.rod.length
+    edges[-1] = model.finger.rod.length  # the sum may be beyond the tip by rounding, where the exact rod is not
     family, short = model.structure.family, 1e-9 * edges[-1]
     first, last = edges[:-1, None], edges[1:, None]
     inside = np.clip(first + (last - first) * family.places, first + short, last - short)
     curvatures = true.rod.curvature(inside.ravel()).reshape(inside.shape)
     guess = family.coordinates(np.diff(true.rod.angle(edges)), curvatures)[: model.n]
-    signals = Signals(true.pose.scene, model, true.pose.scene.loads)
+    signals = Signals(true.case.scene, model, true.case.scene.loads)
     return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], guess=guess)
 
 
-def _frequency_errors(true: TruePose, truth: Array, found: Equilibrium) -> Array:
+def _frequency_errors(true: TrueCase, truth: Array, found: Equilibrium) -> Array:
     """Relative errors of the first two frequencies; of one that is unstable in truth, per the second."""
     model = np.full(2, np.nan)
-    own = modes(true.pose.scene, about=found).frequencies_hz[:2]
+    own = modes(true.case.scene, about=found).frequencies_hz[:2]
     model[: len(own)] = own
     return np.asarray(np.abs(model - truth) / np.where(truth > 0.0, truth, max(float(truth.max()), 1e-300)))
