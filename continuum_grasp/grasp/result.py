@@ -222,6 +222,16 @@ class GraspResult:
         How the answer changes with friction, mass and pose; empty where the solver stopped early.
     fine : Change, optional
         What a fine model changes, where that was asked for.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> grasp = cg.optimize_grasp("configs/grasp/mug_arcs.yaml")
+    >>> [contact.name for contact in grasp.contacts]
+    ['finger.middle', 'finger.tip', 'palm']
+    >>> finger = grasp.fingers["finger"]
+    >>> [round(tension, 1) for tension in finger.tensions.tolist()], finger.backbone.shape
+    ([41.3, 1.0], (201, 4))
     """
 
     scene: GraspScene
