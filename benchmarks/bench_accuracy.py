@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from continuum_grasp.accuracy.measure import errors_of
+from continuum_grasp.accuracy.assess import errors_of
 
 from benchmarks.paper.errors import paper_errors
 from benchmarks.report import Report, Table
