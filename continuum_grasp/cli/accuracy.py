@@ -35,7 +35,9 @@ def accuracy(
     with output.busy("measuring") as report:
         found = measure(scene, counts=[count for count in COUNTS if count <= most], progress=report)
     with output.saving(folder):
-        files = found.save(folder)
+        found.save(folder)
+    with output.drawing(folder):
+        files = [*(folder / text.name for text in found.texts), *found.plot(folder)]
     output.say(found.markdown())
     output.say(f"saved in {folder}: {', '.join(file.name for file in files)}")
     output.result(

@@ -43,13 +43,10 @@ def grasp(
     with output.busy("searching"):
         result = optimize_grasp(scene, raise_on_failure=False, fine=fine)
     with output.saving(folder):  # the grasp is safe before what can be computed again
-        from continuum_grasp.grasp.report.files import save_pictures
-        from continuum_grasp.grasp.report.report import save_result
-
-        save_result(result, folder, quality=False)
+        result.save(folder, quality=False)
     with output.drawing(folder):
-        save_result(result, folder)
-        files = save_pictures(result, folder) if pictures else []
+        result.save(folder)
+        files = result.plot(folder) if pictures else []
 
     statistics: dict[str, Any] = dict(result.statistics)
     output.warn(result.warnings)

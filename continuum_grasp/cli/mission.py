@@ -115,8 +115,8 @@ def _tell_outcomes(scene: MissionScene, outcomes: list[Outcome], folder: Path, p
     with output.saving(folder):
         files = [save_trials(outcomes, folder)]
     if pictures:
-        from continuum_grasp.plotting.drawing.pictures import save_picture
         from continuum_grasp.plotting.mission.trials import plot_trials
+        from continuum_grasp.results import save_picture
 
         with output.drawing(folder):
             files.append(save_picture(plot_trials(outcomes), folder / "trials.png"))

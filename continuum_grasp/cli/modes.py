@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
 from continuum_grasp.cli.output import Output, run_folder
 
 if TYPE_CHECKING:
-    from continuum_grasp.scene.simulate import Scene
     from continuum_grasp.simulation import Modes
 
 __all__ = ["modes"]
@@ -37,10 +37,12 @@ def modes(
 
     with output.busy("finding modes"):
         found = find(scene)
+    if note:
+        found = replace(found, statistics={"fidelity": note})
     output.warn(found.warnings)
     if not found.stable:
         output.warn(["the equilibrium is unstable"])
-    files = _save(found, scene, note, folder, output) if folder is not None else []
+    files = _save(found, folder, output) if folder is not None else []
     output.table(
         ("mode", "frequency [Hz]", "damping ratio"),
         (
@@ -61,16 +63,8 @@ def modes(
     )
 
 
-def _save(found: Modes, scene: Scene, note: str, folder: Path, output: Output) -> list[Path]:
-    from continuum_grasp.plotting import plot_modes, save_picture
-    from continuum_grasp.results import write_run
-
-    names = ("frequencies_hz", "damping_ratios", "backbone", "shapes")
-    meta: dict[str, Any] = {"kind": "modes", "config": scene.model_dump(mode="json")}
-    meta["status"] = "stable" if found.stable else "unstable"
-    if note:
-        meta["statistics"] = {"fidelity": note}
+def _save(found: Modes, folder: Path, output: Output) -> list[Path]:
     with output.saving(folder):
-        write_run(folder, {name: getattr(found, name) for name in names}, meta)
+        found.save(folder)
     with output.drawing(folder):
-        return [save_picture(plot_modes(found), folder / "modes.png")]
+        return found.plot(folder)

@@ -63,15 +63,10 @@ def simulate(
 def _save(trajectory: Trajectory, folder: Path, animation: str | None, pictures: bool, output: Output) -> list[Path]:
     with output.saving(folder):
         trajectory.save(folder)
-    files: list[Path] = []
-    if pictures or animation:
-        from continuum_grasp.plotting import animate, save_simulation_pictures
-
-        with output.drawing(folder):
-            if pictures:
-                files += save_simulation_pictures(trajectory, folder)
-            if animation:
-                files.append(animate(trajectory, folder / f"animation.{animation}"))
+    with output.drawing(folder):
+        files = trajectory.plot(folder) if pictures else []
+        if animation:
+            files.append(trajectory.animate(folder / f"animation.{animation}"))
     return files
 
 

@@ -119,7 +119,7 @@ def save_trials(outcomes: Sequence[Outcome], folder: str | Path) -> Path:
     pathlib.Path
         The file.
     """
-    from continuum_grasp.results import begin_run, replacing
+    from continuum_grasp.results import begin_run, write_text
 
     rows: list[dict[str, object]] = []
     for outcome in outcomes:
@@ -129,9 +129,7 @@ def save_trials(outcomes: Sequence[Outcome], folder: str | Path) -> Path:
         rows.append({**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")})
     columns = list(dict.fromkeys(name for row in rows for name in row))
     lines = [",".join(columns), *(",".join(_cell(row.get(name, "")) for name in columns) for row in rows)]
-    with replacing(begin_run(folder, "mpc") / "trials.csv") as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return Path(folder) / "trials.csv"
+    return write_text("\n".join(lines) + "\n", begin_run(folder, "mpc") / "trials.csv")
 
 
 def _cell(value: object) -> str:

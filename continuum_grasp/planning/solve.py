@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.planning.closing import closing
-from continuum_grasp.planning.files import load_plan
 from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.ipopt import Attempt
 from continuum_grasp.planning.outcome import constraints_of, objective_of
@@ -72,7 +71,7 @@ def plan(
     """
     began = time.perf_counter()
     asked, near = closing(_scene(scene), grasp)
-    earlier = load_plan(warm) if isinstance(warm, (str, os.PathLike)) else warm
+    earlier = Plan.load(warm) if isinstance(warm, (str, os.PathLike)) else warm
     search = Search(asked, earlier, near)
     built = time.perf_counter()
     try:

@@ -2,58 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import BLUE, GREY, INK, ORANGE, head, new_figure, quiet, time_map
+from continuum_grasp.plotting.drawing.axes import head, new_axes, time_map
+from continuum_grasp.plotting.drawing.style import BLUE, GREY, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
 
-__all__ = ["DrawableFront", "DrawableMap", "plot_front", "plot_map"]
+    from continuum_grasp.sweeps.maps import Front, GridMap, ScatterMap
+
+__all__ = ["plot_front", "plot_map"]
 
 _HATCHES = ("////", "....", "xxxx", "\\\\\\\\", "oooo", "++++", "----")
 _MARKERS = ("x", "+", "v", "s", "^", "d", "1")
 _SHADES = ("#BFBFBF", "#D9D9D9", "#CFC4B8", "#C3CBD3", "#D8C8D0", "#C9D3C3", "#E0DCC8")
 
 
-class DrawableMap(Protocol):
-    """A quantity over two columns: on a grid (color of shape (ny, nx)), or point by point (all of shape (n,))."""
-
-    @property
-    def x(self) -> NDArray[Any]: ...
-    @property
-    def y(self) -> NDArray[Any]: ...
-    @property
-    def color(self) -> NDArray[np.float64]: ...
-    @property
-    def kind(self) -> NDArray[np.str_]: ...
-    @property
-    def labels(self) -> tuple[str, str, str]: ...
-
-
-class DrawableFront(Protocol):
-    """Two quantities, and which points no other beats."""
-
-    @property
-    def x(self) -> NDArray[np.float64]: ...
-    @property
-    def y(self) -> NDArray[np.float64]: ...
-    @property
-    def color(self) -> NDArray[np.float64] | None: ...
-    @property
-    def best(self) -> NDArray[np.int64]: ...
-    @property
-    def labels(self) -> tuple[str, str, str]: ...
-    @property
-    def best_words(self) -> str: ...
-
-
-def plot_map(drawn: DrawableMap, *, ax: Axes | None = None) -> Axes:
-    """Draw a quantity over two columns in colour; places without a grasp are hatched, or crossed, by reason.
+def plot_map(drawn: GridMap | ScatterMap, *, ax: Axes | None = None) -> Axes:
+    """Draw a quantity over two columns in color; places without a grasp are hatched, or crossed, by reason.
 
     Parameters
     ----------
@@ -66,8 +37,7 @@ def plot_map(drawn: DrawableMap, *, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
     """
-    if ax is None:
-        ax = quiet(new_figure(6.6, 4.9).add_subplot())
+    ax = new_axes(ax, 6.6, 4.9)
     ax.grid(False)
     kinds = [str(kind) for kind in dict.fromkeys(drawn.kind[drawn.kind != ""].tolist())]
     draw = _draw_grid if drawn.color.ndim == 2 else _draw_points
@@ -80,7 +50,7 @@ def plot_map(drawn: DrawableMap, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def plot_front(drawn: DrawableFront, *, ax: Axes | None = None) -> Axes:
+def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
     """Draw two quantities against each other, and the front of what no other beats in both.
 
     Parameters
@@ -94,8 +64,7 @@ def plot_front(drawn: DrawableFront, *, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
     """
-    if ax is None:
-        ax = quiet(new_figure(6.6, 4.9).add_subplot())
+    ax = new_axes(ax, 6.6, 4.9)
     size = 18.0 if len(drawn.x) < 2000 else 5.0
     if drawn.color is None:
         ax.scatter(drawn.x, drawn.y, s=size, color=BLUE, alpha=0.45, linewidths=0.0, label="grasps")
@@ -121,7 +90,7 @@ def plot_front(drawn: DrawableFront, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _draw_grid(ax: Axes, drawn: DrawableMap, kinds: list[str]) -> ScalarMappable:
+def _draw_grid(ax: Axes, drawn: GridMap | ScatterMap, kinds: list[str]) -> ScalarMappable:
     x, y = _edges(drawn.x), _edges(drawn.y)
     shown = ax.pcolormesh(x, y, np.ma.masked_invalid(drawn.color), cmap=time_map())
     for k, kind in enumerate(kinds):
@@ -152,7 +121,7 @@ def _draw_grid(ax: Axes, drawn: DrawableMap, kinds: list[str]) -> ScalarMappable
     return shown
 
 
-def _draw_points(ax: Axes, drawn: DrawableMap, kinds: list[str]) -> ScalarMappable:
+def _draw_points(ax: Axes, drawn: GridMap | ScatterMap, kinds: list[str]) -> ScalarMappable:
     size = 26.0 if len(drawn.x) < 2000 else 6.0
     for k, kind in enumerate(kinds):
         here = drawn.kind == kind

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from continuum_grasp.results.record import note_file
 
-__all__ = ["naming", "replacing"]
+__all__ = ["naming", "replacing", "write_text"]
 
 
 @contextlib.contextmanager
@@ -53,6 +53,26 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         temporary.unlink(missing_ok=True)
     flush_folder(target.parent)
+
+
+def write_text(text: str, path: str | os.PathLike[str]) -> Path:
+    """Write a text file, UTF-8, whole or not at all; returns its path.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.results import write_text
+    >>> write_text("held", mkdtemp() + "/report.txt").read_text()
+    'held'
+    """
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return Path(path)
 
 
 @contextlib.contextmanager

@@ -187,8 +187,8 @@ def draw_pictures(table: SweepTable, pictures: Mapping[str, Sequence[Mapping[str
     InputError
         There is no column of a name.
     """
-    from continuum_grasp.plotting import save_picture
     from continuum_grasp.plotting.sweep import plot_front, plot_map
+    from continuum_grasp.results import save_picture
 
     files = []
     for k, spec in enumerate(pictures.get("maps", ())):

@@ -1,4 +1,4 @@
-"""Figures, axes, colours and labels that all pictures share, without matplotlib's global state."""
+"""Figures, axes, colors and labels that all pictures share, without matplotlib's global state."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.plotting.drawing.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, YELLOW
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
@@ -18,12 +20,6 @@ if TYPE_CHECKING:
 Box = tuple[float, float, float, float]
 
 __all__ = [
-    "BLUE",
-    "GREEN",
-    "GREY",
-    "INK",
-    "ORANGE",
-    "SPARE",
     "Box",
     "bend_box",
     "colors",
@@ -38,10 +34,6 @@ __all__ = [
     "time_map",
 ]
 
-# told apart also by colour-blind readers (Okabe and Ito)
-BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
-INK, GREY = "#222222", "#8A8A8A"
-SPARE = (PURPLE, YELLOW, SKY)
 _SYMBOL = re.compile(r"(theta|kappa|tau|phi)_?(\d*)")
 
 
@@ -74,7 +66,7 @@ def plane_axes(ax: Axes | None, box: Box, colorbar: bool = True) -> Axes:
 
 
 def time_bar(ax: Axes, drawn: ScalarMappable) -> None:
-    """A colour bar for artists coloured by time [s]."""
+    """A color bar for artists colored by time [s]."""
     bar = ax.figure.colorbar(drawn, ax=ax, pad=0.03)
     bar.set_label("time [s]", color=INK)
     bar.ax.tick_params(colors=INK, labelsize=9)
@@ -128,7 +120,7 @@ def symbol(name: str) -> str:
 
 
 def colors(count: int) -> list[Any]:
-    """Colours for so many curves: distinct ones for a few, an ordered scale for many."""
+    """Colors for so many curves: distinct ones for a few, an ordered scale for many."""
     few = [BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY]
     if count <= len(few):
         return few[:count]

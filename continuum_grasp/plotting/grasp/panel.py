@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from continuum_grasp.plotting.drawing.axes import GREY, INK
+from continuum_grasp.plotting.drawing.style import GREY, INK
 from continuum_grasp.plotting.grasp.view import GraspView
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
@@ -23,7 +23,7 @@ Row = tuple[_Cell, ...]
 
 
 def panel_rows(view: GraspView) -> list[Row]:
-    """Rows of (text, colour); the first of a row stands on the left, the others to the right; none without numbers."""
+    """Rows of (text, color); the first of a row stands on the left, the others to the right; none without numbers."""
     if not view.found:
         return []
     lifted = isinstance(view.result.scene.gravity, OutOfPlaneGravity)

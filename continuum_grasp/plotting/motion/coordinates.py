@@ -6,18 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting.drawable import DrawableTrajectory
-from continuum_grasp.plotting.drawing.axes import INK, colors, head, new_axes, split_unit, symbol
+from continuum_grasp.plotting.drawing.axes import colors, head, new_axes, split_unit, symbol
+from continuum_grasp.plotting.drawing.style import INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from continuum_grasp.planning.result import Plan
+    from continuum_grasp.simulation.trajectory import Trajectory
 
 __all__ = ["plot_coordinates"]
 
 _QUANTITY = {"rad": "bending angle", "1/m": "curvature"}
 
 
-def plot_coordinates(trajectory: DrawableTrajectory, *, ax: Axes | None = None) -> Axes:
+def plot_coordinates(trajectory: Trajectory | Plan, *, ax: Axes | None = None) -> Axes:
     """Draw every bending coordinate over time.
 
     Parameters

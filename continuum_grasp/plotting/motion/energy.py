@@ -6,16 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting.drawable import DrawableTrajectory
-from continuum_grasp.plotting.drawing.axes import BLUE, INK, ORANGE, head, new_axes
+from continuum_grasp.plotting.drawing.axes import head, new_axes
+from continuum_grasp.plotting.drawing.style import BLUE, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from continuum_grasp.simulation.trajectory import Trajectory
+
 __all__ = ["plot_energy"]
 
 
-def plot_energy(trajectory: DrawableTrajectory, *, ax: Axes | None = None) -> Axes:
+def plot_energy(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     """Draw kinetic, potential and total energy over time.
 
     Parameters

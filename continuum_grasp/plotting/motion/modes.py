@@ -10,28 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.drawable import DrawableModes
-from continuum_grasp.plotting.drawing.axes import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    Box,
-    bend_box,
-    new_figure,
-    plane_axes,
-    quiet,
-)
-from continuum_grasp.plotting.drawing.finger_shape import draw_clamp
+from continuum_grasp.plotting.drawing.axes import Box, bend_box, new_figure, plane_axes, quiet
+from continuum_grasp.plotting.drawing.fingers import draw_clamp
+from continuum_grasp.plotting.drawing.style import BLUE, GREY, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from continuum_grasp.simulation.modes import Modes
 
 __all__ = ["plot_modes"]
 
 
 def plot_modes(
-    modes: DrawableModes,
+    modes: Modes,
     *,
     count: int | None = None,
     amplitude: float = 0.15,

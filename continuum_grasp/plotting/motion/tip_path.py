@@ -6,17 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting.drawable import DrawableTrajectory
-from continuum_grasp.plotting.drawing.axes import INK, bend_box, head, plane_axes, time_bar, time_map
+from continuum_grasp.plotting.drawing.axes import bend_box, head, plane_axes, time_bar, time_map
+from continuum_grasp.plotting.drawing.style import INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from continuum_grasp.simulation.trajectory import Trajectory
+
 __all__ = ["plot_tip_path"]
 
 
-def plot_tip_path(trajectory: DrawableTrajectory, *, ax: Axes | None = None) -> Axes:
-    """Draw where the tip goes in the plane, coloured by time.
+def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
+    """Draw where the tip goes in the plane, colored by time.
 
     Parameters
     ----------

@@ -1,19 +1,12 @@
-"""Pictures of plans: the way through the plane, and the inputs."""
+"""Pictures of planned motions: the path through the plane, and the inputs."""
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from continuum_grasp.plotting.control.scene import draw_surroundings, zone_points
 from continuum_grasp.plotting.drawing.axes import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
     bend_box,
     colors,
     head,
@@ -23,23 +16,25 @@ from continuum_grasp.plotting.drawing.axes import (
     time_bar,
     time_map,
 )
-from continuum_grasp.plotting.drawing.finger_shape import draw_clamp
+from continuum_grasp.plotting.drawing.fingers import draw_clamp
 from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
-from continuum_grasp.plotting.drawing.objects import draw_surroundings as draw_supports
-from continuum_grasp.plotting.drawing.pictures import save_picture
-from continuum_grasp.plotting.motion.contact import plot_contact_forces
-from continuum_grasp.plotting.motion.coordinates import plot_coordinates
+from continuum_grasp.plotting.drawing.style import BLUE, GREY, INK, ORANGE, Z
+from continuum_grasp.plotting.drawing.supports import draw_supports
+from continuum_grasp.plotting.drawing.zones import draw_zones, zone_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_plan_inputs", "plot_plan_path", "save_plan_pictures"]
+    from continuum_grasp.planning.result import Plan
+
+__all__ = ["plot_plan_inputs", "plot_plan_path"]
 
 _SNAPSHOTS = 12
+"""Nodes drawn, as of the snapshots of a simulation."""
 
 
-def plot_plan_path(plan: Any, *, ax: Axes | None = None) -> Axes:
-    """Draw the finger at several nodes, coloured by time, the path of its tip, the goal and what must be avoided.
+def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
+    """Draw the finger at several nodes, colored by time, the path of its tip, the goal and what must be avoided.
 
     Parameters
     ----------
@@ -54,22 +49,24 @@ def plot_plan_path(plan: Any, *, ax: Axes | None = None) -> Axes:
     """
     from matplotlib.collections import LineCollection
 
-    around, tip = plan.prediction.scene, np.asarray(plan.tip)
+    scene, tip, zones = plan.scene, np.asarray(plan.tip), plan.scene.bounds.keep_out
     shown = np.unique(np.linspace(0, len(tip) - 1, _SNAPSHOTS).astype(int))
     shapes = plan.backbone(shown, points=60)
-    things = [] if plan.object_pose is None else object_outlines(plan.scene, np.asarray(plan.object_pose)[-1, :3])
-    ax = plane_axes(ax, bend_box([shapes, tip, *zone_points(around), *things], 0.07 * plan.length))
-    draw_surroundings(ax, around.model_copy(update={"object": None}))
-    if plan.object_pose is not None:
-        draw_supports(ax, plan.scene)
-        for k, pose in enumerate(np.asarray(plan.object_pose)[[0, -1], :3]):
-            draw_object(ax, object_outlines(plan.scene, pose), faint=k == 0)
-    lines = LineCollection(list(shapes), cmap=time_map(), linewidths=2.0, capstyle="round", zorder=2)
+    outlines = []
+    if plan.object_pose is not None and scene.object is not None:
+        outlines = [object_outlines(scene.object, pose) for pose in np.asarray(plan.object_pose)[[0, -1], :3]]
+    points = [shapes, tip, *zone_points(zones), *(outlines[-1] if outlines else ())]
+    ax = plane_axes(ax, bend_box(points, 0.07 * plan.length))
+    draw_zones(ax, zones)
+    draw_supports(ax, scene.supports)
+    for k, outline in enumerate(outlines):
+        draw_object(ax, outline, faint=k == 0)
+    lines = LineCollection(list(shapes), cmap=time_map(), linewidths=2.0, capstyle="round", zorder=Z.SHAPE)
     lines.set_array(plan.t[shown])
     ax.add_collection(lines)
     draw_clamp(ax, shapes[0], plan.length)
     ax.plot(*tip.T, color=BLUE, linewidth=1.2, zorder=3, label="tip")
-    goals = _goal_points(plan.scene.goal)
+    goals = _goal_points(scene.goal)
     if goals:
         ax.plot(*np.array(goals).T, "x", color=ORANGE, markersize=8, markeredgewidth=2.0, zorder=4, label="goal")
     time_bar(ax, lines)
@@ -83,7 +80,7 @@ def _goal_points(goal: Any) -> list[tuple[float, float]]:
     return [*tip, *(goal.shape.value if goal.shape is not None else ())]
 
 
-def plot_plan_inputs(plan: Any, *, ax: Axes | None = None) -> Axes:
+def plot_plan_inputs(plan: Plan, *, ax: Axes | None = None) -> Axes:
     """Draw the inputs over time, with their limits.
 
     Parameters
@@ -109,25 +106,3 @@ def plot_plan_inputs(plan: Any, *, ax: Axes | None = None) -> Axes:
     ax.margins(x=0.0)
     head(ax, plan.name, entries=plan.u.shape[1])
     return ax
-
-
-def save_plan_pictures(plan: Any, folder: str | os.PathLike[str]) -> list[Path]:
-    """Draw a plan into PNG files.
-
-    Parameters
-    ----------
-    plan : Plan
-        What to draw.
-    folder : path-like
-        Where the files go; made where missing, files of the same names are replaced.
-
-    Returns
-    -------
-    list of pathlib.Path
-        ``path.png``, ``inputs.png`` and ``coordinates.png`` in that folder, and ``contact_forces.png`` where there is
-        an object.
-    """
-    drawn: dict[str, Any] = {"path": plot_plan_path, "inputs": plot_plan_inputs, "coordinates": plot_coordinates}
-    if plan.contacts is not None:
-        drawn["contact_forces"] = plot_contact_forces
-    return [save_picture(draw(plan), Path(folder) / f"{name}.png") for name, draw in drawn.items()]

@@ -6,16 +6,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting.drawable import DrawableTrajectory
-from continuum_grasp.plotting.drawing.axes import INK, colors, head, new_axes
+from continuum_grasp.errors import InputError
+from continuum_grasp.plotting.drawing.axes import colors, head, new_axes
+from continuum_grasp.plotting.drawing.style import INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from continuum_grasp.planning.result import Plan
+    from continuum_grasp.simulation.trajectory import Trajectory
+
 __all__ = ["plot_contact_forces"]
 
 
-def plot_contact_forces(trajectory: DrawableTrajectory, *, ax: Axes | None = None) -> Axes:
+def plot_contact_forces(trajectory: Trajectory | Plan, *, ax: Axes | None = None) -> Axes:
     """Draw the normal force of every contact over time, and dashed the size of its friction force.
 
     Parameters
@@ -29,9 +33,16 @@ def plot_contact_forces(trajectory: DrawableTrajectory, *, ax: Axes | None = Non
     -------
     matplotlib.axes.Axes
         The axes; two lines per contact, normal force and friction.
+
+    Raises
+    ------
+    InputError
+        There is no object.
     """
-    ax = new_axes(ax)
     contacts = trajectory.contacts
+    if contacts is None:
+        raise InputError("there are no contacts to draw: the scene has no object", key="object")
+    ax = new_axes(ax)
     normal, shear = np.asarray(contacts.normal_force), np.asarray(contacts.shear)
     touching = [k for k in range(len(contacts.names)) if np.any(normal[:, k] > 0.0)]
     for k, color in zip(touching, colors(len(touching)), strict=True):
