@@ -25,7 +25,7 @@ from benchmarks.mpc_cases import CONFIGS
 from benchmarks.report import RESULTS, Report, Table
 from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.closed_loop.run import closed_loop
+from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.closed_loop.schedule import Phase
 from continuum_grasp.control.controller import Command, Controller
 from continuum_grasp.control.setpoints import set_points
@@ -138,7 +138,7 @@ def run_of(bench: Bench, loop: str, wrong: Wrong, seed: int) -> tuple[ControlRun
     driven = _Clocked(control, plant) if wrong.clock else control
     asked = scene.model_copy(update={"duration": duration})
     try:
-        return closed_loop(asked, controller=driven, plant=plant, schedule=[phase]), False
+        return run_closed_loop(asked, controller=driven, plant=plant, schedule=[phase]), False
     except NumericalError as error:
         return error.result, True
 

@@ -188,3 +188,10 @@ def test_input_is_not_checked_by_assert():
         if isinstance(node, ast.Assert)
     ]
     assert not wrong
+
+
+def test_no_public_name_is_that_of_a_module():
+    """Importing the module would replace the name."""
+    import continuum_grasp
+
+    assert not set(continuum_grasp.__all__) & {file.relative_to(PACKAGE).parts[0].removesuffix(".py") for file in FILES}

@@ -21,7 +21,7 @@ from continuum_grasp.results.result import File, Result
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Scene
 
-__all__ = ["COUNTS", "AccuracyReport", "accuracy"]
+__all__ = ["COUNTS", "AccuracyReport", "accuracy_report"]
 
 FRONTS = (
     ("evaluation [ns]", "tip / L"),
@@ -124,7 +124,7 @@ class AccuracyReport(Result):
 
 
 @interrupt.listening()
-def accuracy(
+def accuracy_report(
     scene: Scene | str | PathLike[str],
     *,
     counts: Sequence[int] = COUNTS,

@@ -13,7 +13,6 @@ from typer.core import TyperGroup
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.cli.accuracy import accuracy
-from continuum_grasp.cli.codegen import codegen
 from continuum_grasp.cli.doctor import doctor
 from continuum_grasp.cli.export_c import export_c
 from continuum_grasp.cli.grasp import grasp
@@ -89,7 +88,6 @@ for _verb in (
     modes,
     accuracy,
     identify,
-    codegen,
     export_c,
     schema,
     validate,

@@ -79,7 +79,7 @@ def positive(given: float | None, key: str) -> float | None:
 
 
 def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
-    """Names of the parts of a package, in their order; where nothing is said those that suit what is exported.
+    """Names of the parts of a package, in their order; by default those that suit what is exported.
 
     Raises
     ------

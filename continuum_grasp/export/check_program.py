@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from continuum_grasp.export.part import Vectors
 from continuum_grasp.export.reals import Real
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
-from continuum_grasp.export.vectors import Vectors
 
 __all__ = ["check_source", "vectors_source"]
 
@@ -32,7 +32,7 @@ def check_source(subject: Subject, vectors: Sequence[Vectors], words: dict[str, 
         f'  {{"{v.name}", run_{v.name}, {v.name}_inputs, {v.name}_outputs, {v.name}_codes, '
         f"{v.name}_bad, "
         f"{v.name}_spoilt,\n   {len(v.inputs)}, {v.inputs.shape[1]}, {v.outputs.shape[1]}, {v.close}, {len(v.bad)}, "
-        f"{v.pointers}, {int(v.kept)}}}"
+        f"{v.pointers}, {int(v.stateful)}}}"
         for v in vectors
     )
     more = {

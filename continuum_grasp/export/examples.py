@@ -87,7 +87,7 @@ def _words(subject: Subject) -> dict[str, str]:
         "forces_zero": "\n  memset(&forces, 0, sizeof forces);" if forced else "",
         "forces_passed": ", &forces" if forced else "",
         "forces_member": ", &forces_" if forced else "",
-        "forces_kept": f"\n  {prefix}_forces forces_{{}};" if forced else "",
+        "forces_of_node": f"\n  {prefix}_forces forces_{{}};" if forced else "",
         "forces_port": f", forces ({subject.model.nw})" if forced else "",
         "forces_width": f"\n  ssSetInputPortWidth(S, 1, {prefix.upper()}_NW);" if forced else "",
         "forces_read": f"\n  read_port(S, 1, {prefix.upper()}_NW, numbers);\n  memcpy(&forces, numbers, sizeof forces);"

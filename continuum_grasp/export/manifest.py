@@ -13,12 +13,13 @@ import casadi as ca
 from continuum_grasp import __version__
 from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.fields import Field
-from continuum_grasp.export.header import calls_of, codes_of_package, kept_of, structs_of
+from continuum_grasp.export.header import calls_of, codes_of_package, stateful_of, structs_of
 from continuum_grasp.export.layer import kernels_of
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
+from continuum_grasp.model import FingerModel
 
-__all__ = ["FLAGS", "manifest", "manifest_text"]
+__all__ = ["FLAGS", "manifest", "manifest_text", "model_description"]
 
 FLAGS = {
     "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],
@@ -50,12 +51,7 @@ def manifest(
         "real": subject.real.name,
         "target": target,
         "parts": [part.name for part in parts],
-        "model": {
-            "family": model.family,
-            "element_lengths_m": [float(h) for h in model.lengths],
-            "bending_ranges_rad": [float(r) for r in model.ranges],
-            "contacts_m": [float(c) for c in model.contacts],
-        },
+        "model": model_description(model),
         "flags": FLAGS,
         "dimensions": {"n": subject.n, "nx": subject.nx, "nu": model.nu, "nw": model.nw, "np": model.np},
         "structs": {s.name: [_entry(field) for field in s.fields] for s in structs_of(subject, parts)},
@@ -79,7 +75,7 @@ def manifest(
                 **_errors(errors.get(function.name, ()), "greatest_seen"),
                 "memory_bytes": {name: int(words[f"{name}_bytes"]) for name in function.types},
             }
-            for function in kept_of(parts)
+            for function in stateful_of(parts)
         },
         "codes": {code.name: {"value": int(code), "text": code.text} for code in codes_of_package(parts)},
         "operations": {kernel.name: dict(sorted(kernel.operations.items())) for kernel in kernels_of(parts)},
@@ -92,6 +88,16 @@ def manifest(
         "measured": measured,
         "configuration": configuration,
         "sha256": {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(files.items())},
+    }
+
+
+def model_description(model: FingerModel) -> dict[str, Any]:
+    """Family and elements."""
+    return {
+        "family": model.family,
+        "element_lengths_m": [float(h) for h in model.lengths],
+        "bending_ranges_rad": [float(r) for r in model.ranges],
+        "contacts_m": [float(c) for c in model.contacts],
     }
 
 

@@ -1,34 +1,67 @@
 """What a package is made of: parts, each with kernels, structs, public functions and their truth.
 
 A part is what ``--what`` names. It brings the strict kernels, the structs of the header and the public functions, each
-with the C between its checked inputs and its outputs and with a twin that computes the same bits from arrays. Checks,
-declarations, documentation, test vectors and bindings all follow from that. A part written by hand in C (estimator and
-controller) brings its text in ``sources`` and ``declarations``, and its functions with memory in ``kept``.
+with the C between its checked inputs and its outputs and with a reference that computes the same bits from arrays.
+Checks, declarations, documentation, test vectors and bindings all follow from that. A part written by hand in C
+(estimator and controller) brings its text in ``sources`` and ``declarations``, its functions in ``stateful``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.export.codes import Code
+from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
 
-if TYPE_CHECKING:
-    from continuum_grasp.export.control.host import Host
-    from continuum_grasp.export.vectors import Vectors
-
-__all__ = ["SECONDS", "Argument", "Call", "Kept", "Method", "Part", "Rows", "Twin"]
+__all__ = ["SECONDS", "Argument", "Bad", "Call", "Method", "Part", "Reference", "Rows", "Stateful", "Vectors"]
 
 Array = NDArray[Any]
 Rows = Mapping[str, Array]
 """Inputs of many calls: (count, size) by the name of the argument."""
-Twin = Callable[[Rows], tuple[Array, Array]]
+Reference = Callable[[Rows], tuple[Array, Array]]
 """Rows of the output (count, size) and the codes (count) that the C must return."""
+
+
+@dataclass(frozen=True)
+class Bad:
+    """A row with one number replaced."""
+
+    row: int
+    entry: int
+    value: float
+    code: Code
+
+
+@dataclass(frozen=True)
+class Vectors:
+    """Rows of one function: inputs (count, inputs), outputs (count, outputs), codes (count); and bad inputs."""
+
+    name: str
+    runner: str
+    """C of the check program that runs a row."""
+    inputs: Array
+    outputs: Array
+    codes: NDArray[np.int_]
+    bad: tuple[Bad, ...]
+    pointers: int
+    """Count of its arguments that may be null."""
+    close: int
+    """Count of the outputs, the first ones, that must agree where rounding may differ."""
+    stateful: bool = False
+    """Whether a row depends on those before: of the memory of the function; such rows have four flags first, of
+    which the first says whether the function begins anew, and the last of which kind the call is."""
+
+    @property
+    def count(self) -> int:
+        """Cases in all."""
+        return len(self.inputs) + len(self.bad)
 
 
 @dataclass(frozen=True)
@@ -66,7 +99,7 @@ class Call:
 
     Its C takes the model, the inputs and the address of the output, and returns a code. Inputs arrive in ``body``
     checked, under the names of their arrays, the parameters as ``p``; the body fills ``result``, and may set ``code``
-    to a warning or return an error. The twin is given the rows by the same names.
+    to a warning or return an error. The reference is given the rows by the same names.
     """
 
     name: str
@@ -74,7 +107,7 @@ class Call:
     inputs: tuple[Argument, ...]
     output: Argument
     body: str
-    twin: Twin
+    reference: Reference
     guard: str = ""
     """C that may return an error once its inputs are in range each."""
     codes: tuple[Code, ...] = ()
@@ -87,7 +120,7 @@ SECONDS = "seconds"
 
 @dataclass(frozen=True)
 class Method:
-    """A further function of what is kept, ``<prefix>_<owner>_<name>``: takes structs or seconds, gives one or none."""
+    """A further function of a stateful one, ``<prefix>_<owner>_<name>``: of structs or seconds, to one or none."""
 
     name: str
     text: str
@@ -98,7 +131,7 @@ class Method:
 
 
 @dataclass(frozen=True)
-class Kept:
+class Stateful:
     """A public function that keeps something between its calls, in memory of its caller."""
 
     name: str
@@ -134,7 +167,7 @@ class Part:
     """Structs beyond those of ``calls``."""
     codes: tuple[Code, ...] = ()
     """Codes beyond those of ``calls``."""
-    kept: tuple[Kept, ...] = ()
+    stateful: tuple[Stateful, ...] = ()
     """Functions that keep something."""
 
     @property

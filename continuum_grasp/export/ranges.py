@@ -8,8 +8,8 @@ from dataclasses import replace
 from itertools import pairwise
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.descriptions import describe
 from continuum_grasp.export.fields import Field, fields_of
-from continuum_grasp.export.meanings import meaning
 from continuum_grasp.model import FingerModel
 
 __all__ = ["force_fields", "input_fields", "parameter_fields", "state_fields"]
@@ -17,7 +17,7 @@ __all__ = ["force_fields", "input_fields", "parameter_fields", "state_fields"]
 _USUAL_RATE = 10.0
 """Bending ranges per second of usual motions."""
 _SPREAD = 2.0
-"""Factor up and down from its nominal value that a parameter may take where nothing is said."""
+"""Factor up and down from its nominal value that a parameter may take by default."""
 
 _SIGNED = ("base_angle", "gravity", "rest_curvature")
 """Parameters that may be below zero."""
@@ -93,7 +93,7 @@ def force_fields(model: FingerModel) -> tuple[Field, ...]:
 
 
 def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:
-    return [replace(field, text=meaning(model, field.name)) for field in fields_of(labels)]
+    return [replace(field, text=describe(model, field.name)) for field in fields_of(labels)]
 
 
 def _reach(model: FingerModel, parameters: Sequence[Field]) -> list[float]:

@@ -1,13 +1,13 @@
 """Test vectors: inputs with the outputs, to the last bit, and the codes that the C must give.
 
-The outputs come from the kernels' twins in numpy, not from the C.
+The outputs come from the kernels' references in numpy, not from the C.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from continuum_grasp.export.codes import Code
 from continuum_grasp.export.fields import Field
-from continuum_grasp.export.part import Argument, Call
+from continuum_grasp.export.part import Argument, Bad, Call, Vectors
 from continuum_grasp.export.reals import Real
 from continuum_grasp.export.runner import arguments_of, runner_of
 from continuum_grasp.export.subject import Subject
 
-__all__ = ["Bad", "Vectors", "arguments_of", "bad_entries", "reach_of", "sample", "split", "vectors_of"]
+__all__ = ["bad_entries", "reach_of", "sample", "split", "vectors_of"]
 
 Array = NDArray[Any]
 
@@ -29,7 +29,7 @@ _LEAST, _IN_ALL = 64, 200
 _DRAWN = 512
 """Rows that are drawn, of which those that are refused are few."""
 _REFUSED = 4
-"""Rows kept of those that are refused."""
+"""Rows taken of those that are refused."""
 _SIDES = 8
 """Rows with every bend at a limit."""
 _HARD = 5.0
@@ -38,41 +38,6 @@ _DRAWN_BEYOND = 2.0
 """Times a number within the range, up to which vectors draw states out of it."""
 _TINY = (0.0, 1e-12, 1e-9)
 """Bends at which a formula with a division by them would fail."""
-
-
-@dataclass(frozen=True)
-class Bad:
-    """A row with one number replaced."""
-
-    row: int
-    entry: int
-    value: float
-    code: Code
-
-
-@dataclass(frozen=True)
-class Vectors:
-    """Rows of one function: inputs (count, inputs), outputs (count, outputs), codes (count); and bad inputs."""
-
-    name: str
-    runner: str
-    """C of the check program that runs a row."""
-    inputs: Array
-    outputs: Array
-    codes: NDArray[np.int_]
-    bad: tuple[Bad, ...]
-    pointers: int
-    """Count of its arguments that may be null."""
-    close: int
-    """Count of the outputs, the first ones, that must agree where rounding may differ."""
-    kept: bool = False
-    """Whether a row depends on those before: of what the function keeps; such rows have four flags first, of
-    which the first says whether the function begins anew, and the last of which kind the call is."""
-
-    @property
-    def count(self) -> int:
-        """Cases in all."""
-        return len(self.inputs) + len(self.bad)
 
 
 def vectors_of(subject: Subject, calls: Sequence[Call]) -> list[Vectors]:
@@ -85,10 +50,10 @@ def _vectors(subject: Subject, call: Call, seed: int, count: int) -> Vectors:
     """Vectors of a function: at rest, at tiny bends, overflowing, at limits, over the whole range, and bad ones."""
     arguments = arguments_of(subject, call)
     rows = sample(subject, arguments, seed, _DRAWN).astype(subject.real.dtype)
-    outputs, codes = call.twin(split(rows, arguments))
+    outputs, codes = call.reference(split(rows, arguments))
     good, refused = np.flatnonzero(codes >= 0), np.flatnonzero(codes < 0)
-    kept = np.sort(np.concatenate([good[: count - min(_REFUSED, len(refused))], refused[:_REFUSED]]))
-    rows, outputs, codes = rows[kept], outputs[kept], codes[kept]
+    chosen = np.sort(np.concatenate([good[: count - min(_REFUSED, len(refused))], refused[:_REFUSED]]))
+    rows, outputs, codes = rows[chosen], outputs[chosen], codes[chosen]
     base = int(np.flatnonzero(codes >= 0)[0])
     bad = tuple(_bad(subject.real, arguments, base))
     pointers = 2 + sum(a.is_struct for a in call.inputs)

@@ -55,7 +55,7 @@ def test_public_names_are_all_there():
         continuum_grasp.nothing  # noqa: B018
 
 
-@pytest.mark.parametrize("verb", ["simulate", "grasp", "sweep", "modes", "codegen", "schema", "validate", "doctor"])
+@pytest.mark.parametrize("verb", ["simulate", "grasp", "sweep", "modes", "export-c", "schema", "validate", "doctor"])
 def test_every_verb_explains_itself(verb):
     assert run(verb, "--help").exit_code == 0
     assert verb in run("--help").output
@@ -79,7 +79,7 @@ def test_version():
         ("simulate", RELEASE, "--out", FINGER),
         ("grasp", RELEASE),
         ("modes", FINGER),
-        ("codegen", FINGER),
+        ("export-c", FINGER),
         ("schema",),
         ("schema", "other"),
         ("validate", "none.yaml"),
@@ -244,10 +244,10 @@ def test_modes_prints_a_table(pretend):
     assert json.loads(run("modes", RELEASE, "--json").stdout)["frequencies_hz"] == [2.5, 15.7]
 
 
-def test_codegen_lists_its_files(tmp_path):
-    lines = run("codegen", RELEASE, "--out", str(tmp_path / "c")).stdout.splitlines()
+def test_plain_c_lists_its_files(tmp_path):
+    lines = run("export-c", RELEASE, "--casadi", "tip", "--out", str(tmp_path / "c")).stdout.splitlines()
     assert sorted(lines) == sorted(str(path) for path in (tmp_path / "c").iterdir() if path.name[0] != ".")
-    assert {Path(line).name for line in lines} == {"finger.c", "finger.h", "main.c"}
+    assert {Path(line).name for line in lines} == {"finger.c", "finger.h", "MANIFEST.json"}
 
 
 KINDS = {

@@ -23,10 +23,11 @@ from continuum_grasp.export.header import calls_of
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.parts.step import moment_note
 from continuum_grasp.export.reals import REALS
+from continuum_grasp.export.runner import arguments_of
 from continuum_grasp.export.source import source_of
 from continuum_grasp.export.stability import STABLE
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.vectors import arguments_of, reach_of, split
+from continuum_grasp.export.vectors import reach_of, split
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
 from tests.export_cases import ROOT, STRICT, TENDONS, needs, packages, run, scene, shared_library, two_arcs  # noqa: F401
@@ -167,8 +168,8 @@ def test_the_stated_rounding_errors_hold_on_other_rows(name, packages):  # noqa:
         for k in range(20):
             share = rng.uniform(size=(2000, len(low))) if k % 2 else rng.beta(0.1, 0.1, (2000, len(low)))
             rows = (low + (high - low) * share).astype(np.float32)
-            found, codes = call.twin(split(rows, arguments))
-            true, _ = wide.twin(split(rows.astype(float), arguments))
+            found, codes = call.reference(split(rows, arguments))
+            true, _ = wide.reference(split(rows.astype(float), arguments))
             good = (codes >= 0) & (codes != Code.WARN_LEFT_RANGE)
             worst = np.maximum(worst, np.abs(found - true)[good].max(axis=0))
         assert list(stated[call.name]["errors"]) == [field.name for field in call.output.fields]
@@ -288,8 +289,8 @@ def test_sub_steps_are_steps():
     x = np.array([[0.2, -0.1, 1.0, 2.0, 0.0, 0.0]])
     at, h = x, 2e-3
     for _ in range(4):
-        at = PARTS["step"](one).calls[0].twin({**rows, "x": at, "h": np.array([[h / 4]])})[0]
-    found = PARTS["step"](four).calls[0].twin({**rows, "x": x, "h": np.array([[h]])})[0]
+        at = PARTS["step"](one).calls[0].reference({**rows, "x": at, "h": np.array([[h / 4]])})[0]
+    found = PARTS["step"](four).calls[0].reference({**rows, "x": x, "h": np.array([[h]])})[0]
     assert np.abs(found - at).max() <= 1e-14 * np.abs(at).max()
 
 

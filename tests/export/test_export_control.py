@@ -65,7 +65,7 @@ def values(struct) -> list[float]:
 
 
 def reference(finger, rows):
-    """Set-points (nodes, nr) as the struct."""
+    """Setpoints (nodes, nr) as the struct."""
     columns = [(ctypes.c_double * len(rows))(*column) for column in np.transpose(rows)]
     if finger.Real is ctypes.c_float:
         columns = [(ctypes.c_float * len(rows))(*column) for column in columns]
@@ -166,7 +166,7 @@ def test_the_manifest_has_the_bytes_of_memory(packages, tmp_path):  # noqa: F811
 @needs("cc")
 @pytest.mark.parametrize(("name", "real"), [("observed", "double"), ("given", "double"), ("given", "float")])
 def test_the_controller_is_that_of_python(name, real, libraries):
-    """In closed loop, over set-points that saturate tension and curvature, with measurements that are missing."""
+    """In closed loop, over setpoints that saturate tension and curvature, with measurements that are missing."""
     finger, library = libraries(name, real)
     control = Controller(scene(name), precision=real, deadline=math.inf)
     other = finger.Controller(library)
@@ -264,12 +264,12 @@ def test_settings_that_cannot_be_used_are_refused_and_nothing_changes(field, val
     rows, x = reference(finger, np.tile([0.5, 0.5, 1.0, 1.0], (9, 1))), finger.Measurement(0.1, 0.0, 0.0, 0.0)
     control.step(x, rows)
     before = control._memory.raw
-    kept = getattr(control.head.settings, field)
+    usual = getattr(control.head.settings, field)
     setattr(control.head.settings, field, value)
     with pytest.raises(finger.Error) as caught:
         control.step(x, rows)
     assert caught.value.code == code
-    setattr(control.head.settings, field, kept)
+    setattr(control.head.settings, field, usual)
     assert control._memory.raw == before
 
 
@@ -353,7 +353,7 @@ def test_what_is_left_out_is_not_measured_and_the_reference_is_that_of_the_scene
 @needs("cc")
 @pytest.mark.parametrize(("name", "real"), CASES)
 def test_the_ten_lines_of_the_readme_control(name, real, packages, tmp_path):  # noqa: F811
-    """Nothing measured, the set-points of the scene: the command stays finite; the header tells nodes and period."""
+    """Nothing measured, the setpoints of the scene: the command stays finite; the header tells nodes and period."""
     package = packages(name, real)
     include, *lines = (
         re.search("```c\n(.*?)```", (package / "README.md").read_text(), re.DOTALL)[1].strip().splitlines()
@@ -487,8 +487,8 @@ def test_prototypes_are_told_from_types():
         "typedef struct {\n  int a;\n} t;\n",
         "/* Does. */\nint f(const t *a,\n      int b);\nvoid g(void);\n",
     )
-    kept, declared = without_prototypes(f"{types}{functions}#define A 1\n")
-    assert kept == f"{types}#define A 1\n"
+    rest, declared = without_prototypes(f"{types}{functions}#define A 1\n")
+    assert rest == f"{types}#define A 1\n"
     assert declared == functions
 
 

@@ -174,7 +174,7 @@ class Loop:
 
     @cached_property
     def wanted(self) -> Array:
-        """Set-points (nr) with which the scene begins."""
+        """Setpoints (nr) with which the scene begins."""
         found: Array = set_points(self.scene, self.stages, self.prediction).rows(0.0)[0]
         return found
 
@@ -187,7 +187,7 @@ class Loop:
 
     @cached_property
     def reference(self) -> Struct:
-        """Set-points of all nodes."""
+        """Setpoints of all nodes."""
         nodes = self.stages.stages + 1
         fields = [
             Field(name, unit_of(label), "", float(low), float(high), shape=(nodes,))
@@ -195,7 +195,7 @@ class Loop:
                 identifiers(self.stages.r_names), self.stages.r_names, self.ranges.r, strict=True
             )
         ]
-        text = f"Set-points from now on, one each {self.stages.stage:g} s."
+        text = f"Setpoints from now on, one each {self.stages.stage:g} s."
         return Struct("reference", text, tuple(fields))
 
     @cached_property
@@ -259,6 +259,6 @@ def _kernel(function: ca.Function, text: str) -> Kernel:
     """A kernel without the outputs that have no entry."""
     symbols = function.sx_in()
     outputs = dict(zip(function.name_out(), function.call(symbols), strict=True))
-    kept = {name: value for name, value in outputs.items() if value.numel()}
-    made = ca.Function(function.name(), symbols, list(kept.values()), function.name_in(), list(kept))
+    nonempty = {name: value for name, value in outputs.items() if value.numel()}
+    made = ca.Function(function.name(), symbols, list(nonempty.values()), function.name_in(), list(nonempty))
     return Kernel(function.name(), made, text)

@@ -15,8 +15,9 @@ from continuum_grasp.control.setpoints import set_points
 from continuum_grasp.export.codes import Code
 from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.part import Vectors
 from continuum_grasp.export.reals import Real
-from continuum_grasp.export.vectors import Vectors, bad_entries
+from continuum_grasp.export.vectors import bad_entries
 
 __all__ = ["controller_vectors", "estimator_vectors", "replayed"]
 
@@ -25,7 +26,7 @@ Array = NDArray[Any]
 _EPISODE = 70
 _EPISODES = 3
 _HELD = 20
-"""Calls for which set-points stay."""
+"""Calls for which setpoints stay."""
 _FLAGS = 4
 """Numbers before the others of a row: begin anew, late, whether something else was applied, kind of the call."""
 
@@ -113,7 +114,7 @@ def _settings(loop: Loop, episode: int, k: int) -> Array:
 
 
 def _target(loop: Loop, rng: np.random.Generator) -> Array:
-    """Set-points of the scene at some instant."""
+    """Setpoints of the scene at some instant."""
     rows = set_points(loop.scene, loop.stages, loop.prediction)
     found: Array = rows.rows(rng.uniform(0.0, loop.scene.duration or 1.0))[0]
     return found
@@ -156,7 +157,7 @@ def controller_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vecto
             finger.advance(u)
     bad = bad_entries(real, loop.settings.fields, 0, _FLAGS, Code.ERR_RANGE)
     return Vectors(
-        "mpc", runner, np.array(rows), np.array(outs), np.array(codes), tuple(bad), pointers=5, close=nu, kept=True
+        "mpc", runner, np.array(rows), np.array(outs), np.array(codes), tuple(bad), pointers=5, close=nu, stateful=True
     )
 
 
@@ -196,7 +197,7 @@ def estimator_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vector
         tuple(bad),
         pointers=5,
         close=nz,
-        kept=True,
+        stateful=True,
     )
 
 

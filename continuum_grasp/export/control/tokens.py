@@ -75,7 +75,7 @@ def without_prototypes(header: str) -> tuple[str, str]:
 
 def without(macro: str, source: str) -> str:
     """C in which the branches ``#ifdef macro`` are settled as if it were not defined."""
-    kept: list[str] = []
+    lines: list[str] = []
     inside: list[bool | None] = []  # of each open condition: whether it is the macro's, and its branch is read
     for line in source.splitlines(keepends=True):
         word = line.split()
@@ -90,5 +90,5 @@ def without(macro: str, source: str) -> str:
         else:
             settled = False
         if not settled and False not in inside:
-            kept.append(line)
-    return "".join(kept)
+            lines.append(line)
+    return "".join(lines)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from continuum_grasp.export.codes import Code
+from continuum_grasp.export.descriptions import rate_unit
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.meanings import rate_unit
 from continuum_grasp.export.part import Argument, Array, Call, Part, Rows
 from continuum_grasp.export.subject import Subject
 
@@ -31,7 +31,7 @@ def dynamics(subject: Subject) -> Part:
     rates = tuple(Field(f.name, rate_unit(f.unit)) for f in subject.state.fields)
     rate = Struct("rate", "Rate of change of each entry of the state.", rates)
 
-    def twin(rows: Rows) -> tuple[Array, Array]:
+    def reference(rows: Rows) -> tuple[Array, Array]:
         result = kernel.evaluate(subject.real, **rows)["xd"]
         return result, codes_of(subject, rows, result)
 
@@ -42,7 +42,7 @@ def dynamics(subject: Subject) -> Part:
         subject.acting(),
         Argument("rate", rate, "result"),
         body,
-        twin,
+        reference,
         subject.guard_source,
     )
     return Part("dynamics", "rate of change of the state", (kernel, *subject.kernels), (call,))

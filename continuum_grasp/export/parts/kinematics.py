@@ -72,10 +72,10 @@ def _position(subject: Subject) -> Field:
 
 
 def _twin(subject: Subject, kernel: Kernel) -> Callable[[Rows], tuple[Array, Array]]:
-    def twin(rows: Rows) -> tuple[Array, Array]:
+    def reference(rows: Rows) -> tuple[Array, Array]:
         result = kernel.evaluate(subject.real, **rows)["at"]
         codes = np.where(np.isfinite(result).all(axis=1), Code.OK, Code.ERR_RESULT)
         beyond = subject.out_of_range(rows) | outside(subject.input, rows["u"])
         return result, np.where((codes == Code.OK) & beyond, Code.WARN_LEFT_RANGE, codes)
 
-    return twin
+    return reference

@@ -32,7 +32,7 @@ def statics(subject: Subject) -> Part:
         "statics", ca.Function("statics", [x, u, w, p], [both], ["x", "u", "w", "p"], ["balance"]), "Statics."
     )
 
-    def twin(rows: Rows) -> tuple[Array, Array]:
+    def reference(rows: Rows) -> tuple[Array, Array]:
         result = kernel.evaluate(subject.real, **rows)["balance"]
         return result, codes_of(subject, rows, result)
 
@@ -42,7 +42,7 @@ def statics(subject: Subject) -> Part:
         subject.acting(),
         Argument("balance", balance, "result"),
         f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', balance='result')}\n",
-        twin,
+        reference,
         subject.guard_source,
     )
     return Part("statics", "equilibrium residual and tangent stiffness", (kernel, *subject.kernels), (call,))

@@ -41,7 +41,7 @@ def step(subject: Subject) -> Part:
     kernel, real = dynamics_kernel(subject), subject.real
     coarse = real.rounded(subject.accurate_step)
 
-    def twin(rows: Rows) -> tuple[Array, Array]:
+    def reference(rows: Rows) -> tuple[Array, Array]:
         h = rows["h"]
         result = runge_kutta(rows)
         codes = codes_of(subject, rows, result)
@@ -87,7 +87,7 @@ def step(subject: Subject) -> Part:
         (*subject.acting(), subject.step_argument()),
         Argument("next", subject.state, "result"),
         fill("step.c", words),
-        twin,
+        reference,
         subject.guard_source,
         (Code.WARN_COARSE_STEP, Code.WARN_LEFT_RANGE, Code.ERR_STEP),
     )

@@ -6,7 +6,7 @@ import re
 
 from continuum_grasp.model import FingerModel
 
-__all__ = ["meaning", "rate_unit"]
+__all__ = ["describe", "rate_unit"]
 
 _PATTERNS = (
     (r"theta_(\d+)", "bend of element {0}, positive towards the base's -X"),
@@ -39,7 +39,7 @@ _PATTERNS = (
 )
 
 
-def meaning(model: FingerModel, name: str) -> str:
+def describe(model: FingerModel, name: str) -> str:
     """What a number is; empty where its name says it."""
     contact = re.fullmatch(r"contact_(\d+)_[xy]", name)
     if contact:
