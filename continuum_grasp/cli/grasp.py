@@ -31,11 +31,12 @@ def grasp(
     verbose: Verbose = False,
 ) -> None:
     """Find how fingers hold an object, or why they cannot: verified, saved, drawn, reported."""
-    from continuum_grasp.cli.scenes import grasp_scene
+    from continuum_grasp.scene.grasp import GraspScene
+    from continuum_grasp.scene.load import scene_of
 
     output = Output(as_json, quiet, verbose)
     seeding = [] if seed is None else [f"solver.random_seed={seed}"]
-    scene = grasp_scene(config, [*(changes or ()), *seeding])
+    scene = scene_of(config, GraspScene, [*(changes or ()), *seeding])
     folder = run_folder(out, config, "grasp")
 
     from continuum_grasp.grasp import optimize_grasp

@@ -120,15 +120,14 @@ def _settings(seed: int | None, trials: str | None) -> list[str]:
 
 
 def _scene(config: Path, changes: Iterable[str]) -> ControlScene | MissionScene:
-    from continuum_grasp.cli.scenes import other_kind
     from continuum_grasp.errors import InputError
     from continuum_grasp.scene.control import ControlScene
-    from continuum_grasp.scene.load import load
+    from continuum_grasp.scene.load import load, other_kind
     from continuum_grasp.scene.mission import MissionScene
 
     scene = load(config, changes)
     if not isinstance(scene, (ControlScene, MissionScene)):
-        raise other_kind(config, "a closed loop (finger, controller, ...)", scene)
+        raise other_kind(config, ControlScene, scene)
     if isinstance(scene, ControlScene) and scene.duration is None:
         raise InputError("a closed loop needs a duration [s]", file=str(config), key="duration")
     return scene

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,7 +12,6 @@ from continuum_grasp.cli.output import Output, run_folder
 
 if TYPE_CHECKING:
     from continuum_grasp.planning import Plan
-    from continuum_grasp.scene.plan import PlanScene
 
 __all__ = ["plan"]
 
@@ -46,11 +44,13 @@ def plan(
 ) -> None:
     """Plan a whole motion to a goal: least time, least effort, smoothest input, tracking."""
     from continuum_grasp.errors import InputError, Interrupted, SolverError
+    from continuum_grasp.scene.load import scene_of
+    from continuum_grasp.scene.plan import PlanScene
 
     output = Output(as_json, quiet, verbose)
     if animation not in (None, "gif", "mp4"):
         raise InputError(f"expected gif or mp4, got {animation!r}", key="--animate")
-    scene = _scene(config, changes)
+    scene = scene_of(config, PlanScene, changes or ())
     folder = run_folder(out, config, "plan")
 
     from continuum_grasp.planning import plan as run
@@ -77,17 +77,6 @@ def plan(
         raise SolverError(
             found.message, status=found.status.value, violated=found.violated, advice=found.advice, result=found
         )
-
-
-def _scene(config: Path, changes: Iterable[str] | None) -> PlanScene:
-    from continuum_grasp.cli.scenes import other_kind
-    from continuum_grasp.scene.load import load
-    from continuum_grasp.scene.plan import PlanScene
-
-    scene = load(config, changes or ())
-    if not isinstance(scene, PlanScene):
-        raise other_kind(config, "a plan (finger, goal, ...)", scene)
-    return scene
 
 
 def _report(plan: Plan, folder: Path, files: list[Path], output: Output) -> None:

@@ -111,7 +111,10 @@ class MissionRun(MotionResult):
     @property
     def body(self) -> GraspObject:
         """The object."""
-        return _present(self.scene.object)
+        thing = self.scene.object
+        if thing is None:
+            raise ValueError("a mission has an object that moves")
+        return thing
 
     @cached_property
     def friction_use(self) -> Array:

@@ -56,7 +56,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def write_text(text: str, path: str | os.PathLike[str]) -> Path:
-    """Write a text file, UTF-8, whole or not at all; returns its path.
+    """Write a text file, UTF-8 with line feeds, whole or not at all; returns its path.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def write_text(text: str, path: str | os.PathLike[str]) -> Path:
     'held'
     """
     with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", newline="\n")
     return Path(path)
 
 

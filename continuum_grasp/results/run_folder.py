@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.results.atomic import flush_folder, replacing
+from continuum_grasp.results.atomic import flush_folder, replacing, write_text
 from continuum_grasp.results.plain import digest, plain
 from continuum_grasp.results.provenance import created_now, machine, versions
 from continuum_grasp.results.record import begin_run
@@ -111,8 +111,7 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
         begin_run(target, (meta or {}).get("kind"), kept=(RESULT,))
         (target / META).unlink(missing_ok=True)
         flush_folder(target)
-    with replacing(target / META) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(text, target / META)
     return target
 
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.document import Change, Document, KeyPath, dotted
@@ -35,9 +35,12 @@ __all__ = [
     "load",
     "load_placed",
     "model_of",
+    "other_kind",
     "scene_of",
     "validated",
 ]
+
+Kind = TypeVar("Kind")
 
 _VERSION = 1
 _MODELS = {
@@ -51,6 +54,17 @@ _MODELS = {
     "finger": ("finger", "Finger"),
 }
 """Per kind of configuration, the file and the name of its model."""
+_WORDS = {
+    "simulate": ("a scene", "finger, gravity", "simulate"),
+    "identify": ("an identification", "finger, estimate", "identify"),
+    "grasp": ("a grasp", "finger, object", "grasp"),
+    "mpc": ("a closed loop", "finger, controller", "mpc"),
+    "mission": ("a mission", "grasp, controller", "mpc"),
+    "plan": ("a plan", "finger, goal", "plan"),
+    "sweep": ("a sweep", "scene, vary", "sweep"),
+    "finger": ("a finger alone", "rod", None),
+}
+"""What the kinds are called, keys that tell them apart, and the commands for them."""
 
 
 def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
@@ -121,29 +135,48 @@ def validated(document: Document, model: type[BaseModel]) -> Loaded:
         raise
 
 
-def scene_of(given: Scene | str | os.PathLike[str]) -> Scene:
-    """A scene that is given as such, or as the path of its file.
+@overload
+def scene_of(given: Scene | str | os.PathLike[str]) -> Scene: ...
+@overload
+def scene_of(given: Kind | str | os.PathLike[str], kind: type[Kind], overrides: Overrides = ()) -> Kind: ...
+def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
+    """Return a scene that is given as such, or read it from its file.
+
+    Parameters
+    ----------
+    given : scene or path-like
+    kind : type
+        Of the scene: ``Scene``, ``GraspScene``, ``ControlScene``, ``MissionScene`` or ``PlanScene``.
+    overrides : iterable of str, or mapping
+        For a file, as in `load`.
 
     Raises
     ------
     InputError
         If it is something else, or the file is wrong.
+
+    Examples
+    --------
+    >>> from continuum_grasp.scene.load import scene_of
+    >>> scene_of("configs/simulate/hanging.yaml").finger.rod.length
+    0.6
     """
-    if isinstance(given, Scene):
+    if isinstance(given, kind):
         return given
     if not isinstance(given, (str, os.PathLike)):
-        raise InputError(f"expected a Scene or the path of its file, got {given!r:.80}")
-    loaded = load(Path(given))
-    if not isinstance(loaded, Scene):
-        got = {
-            "GraspScene": "a grasp",
-            "Sweep": "a sweep",
-            "ControlScene": "a closed loop",
-            "MissionScene": "a mission",
-            "PlanScene": "a plan",
-        }.get(type(loaded).__name__, "a finger alone")
-        raise InputError(f"expected a scene (finger, gravity, ...), got {got}", file=os.fspath(given))
+        raise InputError(f"expected a {kind.__name__} or the path of its file, got {given!r:.80}")
+    loaded = load(Path(given), overrides)
+    if not isinstance(loaded, kind):
+        raise other_kind(given, kind, loaded)
     return loaded
+
+
+def other_kind(file: str | os.PathLike[str], wanted: type, loaded: Loaded) -> InputError:
+    """The error that a file is of another kind than the one wanted, and which command takes it."""
+    name, keys, _ = next(words for kind, words in _WORDS.items() if _MODELS[kind][1] == wanted.__name__)
+    got, _, command = _WORDS[kind_of_scene(loaded)]
+    advice = f" (continuum-grasp {command})" if command else ""
+    return InputError(f"expected {name} ({keys}, ...), got {got}{advice}", file=os.fspath(file))
 
 
 def kind_of(data: Any) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.results import begin_run, kind_of_run, replacing
+from continuum_grasp.results import begin_run, kind_of_run, write_text
 from continuum_grasp.results.atomic import naming
 from continuum_grasp.results.provenance import created_now, versions
 from continuum_grasp.scene.files import refuse_what_is_no_file
@@ -69,8 +69,7 @@ def store_plan(folder: Path, plan: Plan) -> list[str]:
 
 
 def _write(folder: Path, plan: Mapping[str, Any]) -> None:
-    with replacing(folder / PLAN) as temporary:
-        temporary.write_text(json.dumps(plan, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_text(json.dumps(plan, indent=1, ensure_ascii=False) + "\n", folder / PLAN)
 
 
 def read_plan(folder: Path) -> dict[str, Any]:

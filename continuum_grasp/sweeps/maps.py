@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.results.result import maker_of
+
 if TYPE_CHECKING:
     from continuum_grasp.sweeps.table import SweepTable
 
@@ -187,9 +189,9 @@ def draw_pictures(table: SweepTable, pictures: Mapping[str, Sequence[Mapping[str
     InputError
         There is no column of a name.
     """
-    from continuum_grasp.plotting.sweep import plot_front, plot_map
     from continuum_grasp.results import save_picture
 
+    plot_map, plot_front = (maker_of(f"plotting.sweep:{name}") for name in ("plot_map", "plot_front"))
     files = []
     for k, spec in enumerate(pictures.get("maps", ())):
         name = f"map_{k + 1}_{_file_name(spec['color'])}.png"
