@@ -34,10 +34,8 @@ def accuracy(
 
     with output.busy("measuring") as report:
         found = accuracy_report(scene, counts=[count for count in COUNTS if count <= most], progress=report)
-    with output.saving(folder):
-        found.save(folder)
-    with output.drawing(folder):
-        files = [*(folder / text.name for text in found.texts), *found.plot(folder)]
+    pictures = output.save(found, folder, pictures=True)
+    files = [*(folder / text.name for text in found.texts), *pictures]
     output.say(found.markdown())
     output.say(f"saved in {folder}: {', '.join(file.name for file in files)}")
     output.result(

@@ -25,25 +25,12 @@ _SHOWN = 10
 
 def carry_out(scene: MissionScene, folder: Path, animation: str | None, pictures: bool, output: Output) -> None:
     """Carry a mission out once: saves it, prints the verdict, draws it; exit status 1 if the object was dropped."""
-    from continuum_grasp.errors import Interrupted, NumericalError
     from continuum_grasp.mission.run import run_mission
 
     grasp = _grasp(scene, output)
-    try:
-        with output.busy("carrying it out") as report:
-            run = run_mission(scene, grasp=grasp, progress=report)
-    except (Interrupted, NumericalError) as error:
-        if error.result is not None:
-            with output.saving(folder):
-                error.result.save(folder)
-            typer.echo(f"what was done until then is in {folder}", err=True)
-        raise
-    with output.saving(folder):
-        run.save(folder)
-    with output.drawing(folder):
-        files = run.plot(folder) if pictures else []
-        if animation:
-            files.append(run.animate(folder / f"animation.{animation}"))
+    with output.computing("carrying it out", folder) as report:
+        run = run_mission(scene, grasp=grasp, progress=report)
+    files = output.save_motion(run, folder, pictures, animation)
     _tell(run, folder, files, output)
     if not run.verdict.held:
         raise typer.Exit(DROPPED)

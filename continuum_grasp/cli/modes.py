@@ -11,7 +11,7 @@ from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
 from continuum_grasp.cli.output import Output, run_folder
 
 if TYPE_CHECKING:
-    from continuum_grasp.simulation import Modes
+    pass
 
 __all__ = ["modes"]
 
@@ -42,7 +42,7 @@ def modes(
     output.warn(found.warnings)
     if not found.stable:
         output.warn(["the equilibrium is unstable"])
-    files = _save(found, folder, output) if folder is not None else []
+    files = output.save(found, folder, pictures=True) if folder is not None else []
     output.table(
         ("mode", "frequency [Hz]", "damping ratio"),
         (
@@ -61,10 +61,3 @@ def modes(
         folder=None if out is None else str(out),
         files=[str(file) for file in files],
     )
-
-
-def _save(found: Modes, folder: Path, output: Output) -> list[Path]:
-    with output.saving(folder):
-        found.save(folder)
-    with output.drawing(folder):
-        return found.plot(folder)

@@ -28,46 +28,17 @@ class ControlRun(MotionResult):
 
     Attributes
     ----------
-    t : (K + 1,) ndarray
-        Instants at which commands were given, and the end [s].
-    x : (K + 1, nx) ndarray
-        States of the plant.
-    u : (K, nu) ndarray
-        Commands.
-    w : (K + 1, nw) ndarray
-        Forces on the plant that the controller does not know.
-    y : (K, ny) ndarray
-        Measurements as they arrived.
-    estimate, parameters : ndarray
-        Estimated state (K, nx) and parameters (K, np) of the controller's model.
-    given_parameters : (K, np) ndarray
-        Parameters as they were given to it.
-    std : ndarray
-        Standard deviations (K, nz) of what ``estimated_names`` says.
-    r, tracked : (K + 1, nr) ndarray
-        Set-points, and what they are for, on the plant.
-    tip : (K + 1, 2) ndarray
-        Tip of the plant [m].
-    plan_tip : (K, N + 1, 2) ndarray
-        Tip paths that were predicted [m].
     bounds : tuple of Bound
         Amount by which each bound was exceeded on the plant (K + 1).
     status : tuple of str
         Of each command.
-    iterations : (K,) ndarray
-    violation : (K,) ndarray
-        Greatest violation of a soft row in each plan.
     phase_names : tuple of str
-    phase_times : (K, phases) ndarray
-        Time that each phase of a step took [s].
     anomalies : tuple of tuple of str
         What was odd at each step.
     health : tuple of str
         Whether sensors, model and call rate agreed at each step: ok, mismatch, detuned, frozen or tripped.
     health_texts : tuple of str
         The same in words, with what is suspected and its likely cause; empty for ok.
-    mismatch, activity : (K,) ndarray
-        Means by which the supervisor judges; see ``Command``.
     events : tuple of (float, str)
         When each phase of the schedule began [s].
     ended : {"finished", "tripped", "stopped"}
@@ -84,9 +55,9 @@ class ControlRun(MotionResult):
         Stored("estimate", "(K, ne)", "", "estimated states of the controller's model"),
         Stored("parameters", "(K, np)", "", "estimated parameters of the controller's model"),
         Stored("given_parameters", "(K, np)", "", "parameters as they were given to it"),
-        Stored("std", "(K, nz)", "", "standard deviations of the estimates"),
+        Stored("std", "(K, nz)", "", "standard deviations of what ``estimated_names`` says"),
         Stored("r", "(T, nr)", "", "setpoints"),
-        Stored("tracked", "(T, nr)", "", "what they are for, on the plant"),
+        Stored("tracked", "(T, nr)", "", "what follows them, on the plant"),
         Stored("tip", "(T, 2)", "m", "tip of the plant, world"),
         Stored("plan_tip", "(K, N, 2)", "m", "predicted paths of the tip, world"),
         Stored("iterations", "(K,)", "1", "iterations of the solver"),

@@ -46,20 +46,10 @@ class Fit(Result):
     ----------
     names, units : tuple of str
         Of the n parameters.
-    values, deviations : (n,) ndarray
-        Estimates and standard deviations; infinite where the data do not see a parameter.
-    intervals : (n, 2) ndarray
-        95 % confidence, by Student's t.
-    correlation : (n, n) ndarray
-    singular_values : (n,) ndarray
-        Of the Jacobian scaled by the data's standard deviations and the parameters' typical sizes.
     freedom : int
         Degrees of freedom.
     entries : tuple of Entry
         The m measured numbers: label, group, unit, value, whether fitted.
-    predictions : (m,) ndarray
-    sigma : (m,) ndarray
-        Standard deviation of each entry, known or from the residuals.
     blocks : tuple of (str, int)
         Name of each set of measurements and how many entries it has.
     targets : tuple of (str, float, bool)
@@ -74,14 +64,16 @@ class Fit(Result):
     kind: ClassVar[str] = "identify"
     stored: ClassVar[tuple[Stored, ...]] = (
         Stored("values", "(n,)", "", "estimates"),
-        Stored("deviations", "(n,)", "", "standard deviations of the estimates"),
-        Stored("intervals", "(n, 2)", "", "95 % confidence intervals"),
+        Stored("deviations", "(n,)", "", "their standard deviations; infinite where the data do not see a parameter"),
+        Stored("intervals", "(n, 2)", "", "95 % confidence intervals, by Student's t"),
         Stored("correlation", "(n, n)", "1", "correlation of the estimates"),
-        Stored("singular_values", "(n,)", "1", "of the scaled Jacobian"),
+        Stored(
+            "singular_values", "(n,)", "1", "of the Jacobian, scaled by the data's deviations and typical parameters"
+        ),
         Stored("measured", "(m,)", "", "measured numbers"),
         Stored("predictions", "(m,)", "", "predictions of the model"),
         Stored("residuals", "(m,)", "", "predictions less measurements"),
-        Stored("sigma", "(m,)", "", "standard deviations of the measured numbers"),
+        Stored("sigma", "(m,)", "", "standard deviations of the measured numbers, known or from the residuals"),
         Stored("fitted", "(m,)", "1", "whether it was fitted"),
         Stored("labels", "(m,)", "text", "name of each measured number"),
     )

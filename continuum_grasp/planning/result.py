@@ -91,13 +91,9 @@ class Plan(MotionResult):
     status : PlanStatus
     message : str
         One sentence on how it ended.
-    t : (N + 1,) ndarray
-        Instants of the nodes [s].
-    x : (N + 1, nx) ndarray
-        States.
-    u : (N + 1, nu) ndarray
-        Inputs: constant from their node to the next one, or linear in between (``input.form``). The last one is kept
-        after the end.
+    t, x, u : ndarray
+        See the stored arrays. Inputs are constant from their node to the next one, or linear in between
+        (``input.form``); the last one holds after the end.
     objective : float
         The duration [s], the integral of the squared input [N2 s] or input rate [N2/s] (with N m for a tip moment), or
         what ``cost`` says.
@@ -130,8 +126,8 @@ class Plan(MotionResult):
     pictures: ClassVar[tuple[File, ...]] = (
         File("path.png", "plotting.control.plan_motion:plot_plan_path"),
         File("inputs.png", "plotting.control.plan_motion:plot_plan_inputs"),
-        File("coordinates.png", "plotting.motion.coordinates:plot_coordinates"),
-        File("contact_forces.png", "plotting.motion.contact_forces:plot_contact_forces", needs="contacts"),
+        File("coordinates.png", "plotting.motion.over_time:plot_coordinates"),
+        File("contact_forces.png", "plotting.motion.over_time:plot_contact_forces", needs="contacts"),
     )
     frames: ClassVar[str] = "plotting.motion.motion_frames:motion_frames"
 

@@ -32,10 +32,8 @@ from continuum_grasp.plotting.identification import plot_all_predictions, plot_p
 from continuum_grasp.plotting.mission.mission_snapshots import plot_mission_snapshots
 from continuum_grasp.plotting.mission.timeline import plot_mission_timeline
 from continuum_grasp.plotting.mission.trials import plot_trials
-from continuum_grasp.plotting.motion.contact_forces import plot_contact_forces
-from continuum_grasp.plotting.motion.coordinates import plot_coordinates
-from continuum_grasp.plotting.motion.energy import plot_energy
 from continuum_grasp.plotting.motion.modes import plot_modes
+from continuum_grasp.plotting.motion.over_time import plot_contact_forces, plot_coordinates, plot_energy
 from continuum_grasp.plotting.motion.snapshots import plot_snapshots
 from continuum_grasp.plotting.motion.tip_path import plot_tip_path
 from continuum_grasp.plotting.sweep import plot_front, plot_map

@@ -33,6 +33,8 @@ class Stored:
     source : str
         The attribute of the result that it is, ``name`` where not given; dots lead into attributes. An array whose
         source is None is not stored.
+
+    The docstring of a result lists its stored arrays.
     """
 
     name: str
@@ -40,6 +42,10 @@ class Stored:
     unit: str
     meaning: str
     source: str = ""
+
+    def __str__(self) -> str:
+        unit = f" [{self.unit}]" if self.unit not in ("", "text") else ""
+        return f"{self.meaning[:1].upper()}{self.meaning[1:]}{unit}."
 
     def of(self, result: Result) -> Any:
         """The array of a result; None where it has none."""
@@ -112,6 +118,14 @@ class Result:
     status: Any
     warnings: Any
     statistics: Any
+
+    def __init_subclass__(cls) -> None:
+        """Describe the stored arrays in the docstring, so that their description stands in one place."""
+        super().__init_subclass__()
+        rows = [f"    {one.name} : {one.shape} ndarray\n        {one}" for one in cls.stored]
+        if rows:
+            doc = (cls.__doc__ or "").rstrip()
+            cls.__doc__ = "\n".join([doc, "", "    Stored arrays", "    -------------", *rows, "    "])
 
     @property
     def name(self) -> str | None:

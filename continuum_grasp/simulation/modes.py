@@ -28,16 +28,8 @@ class Modes(Result):
 
     Attributes
     ----------
-    frequencies_hz : (m,) ndarray
-        Undamped natural frequencies, increasing [Hz]; zero for a direction in which the equilibrium is unstable.
-    damping_ratios : (m,) ndarray
-        Modal damping ratios [1]; NaN where the frequency is zero.
     coordinates : (m, n) ndarray
         Modes in the bending coordinates, normalised by the mass matrix.
-    backbone : (points, 2) ndarray
-        Equilibrium shape in the world [m].
-    shapes : (m, points, 2) ndarray
-        Displacements of the backbone, each of greatest length one.
     equilibrium : Equilibrium
     scene : Scene
     statistics : mapping
@@ -45,9 +37,9 @@ class Modes(Result):
 
     kind: ClassVar[str] = "modes"
     stored: ClassVar[tuple[Stored, ...]] = (
-        Stored("frequencies_hz", "(m,)", "Hz", "undamped natural frequencies, increasing"),
-        Stored("damping_ratios", "(m,)", "1", "modal damping ratios"),
-        Stored("backbone", "(points, 2)", "m", "equilibrium shape in the world"),
+        Stored("frequencies_hz", "(m,)", "Hz", "undamped natural frequencies, increasing; 0: unstable that way"),
+        Stored("damping_ratios", "(m,)", "1", "modal damping ratios; NaN where the frequency is zero"),
+        Stored("backbone", "(points, 2)", "m", "equilibrium shape, world"),
         Stored("shapes", "(m, points, 2)", "1", "displacements of the backbone, each of greatest length one"),
     )
     pictures: ClassVar[tuple[File, ...]] = (File("modes.png", "plotting.motion.modes:plot_modes"),)

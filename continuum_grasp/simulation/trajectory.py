@@ -30,14 +30,8 @@ class Trajectory(MotionResult):
 
     Attributes
     ----------
-    t : (T,) ndarray
-        Instants [s].
-    x : (T, nx) ndarray
-        States.
-    u : (T, nu) ndarray
-        Inputs.
-    w : (T, nw) ndarray
-        Forces at contacts, tip and loads.
+    t, x, u, w : ndarray
+        See the stored arrays; ``x_names``, ``u_names`` and ``w_names`` are the columns.
     model : FingerModel
     scene : Scene
     system : System or None
@@ -71,9 +65,9 @@ class Trajectory(MotionResult):
     pictures: ClassVar[tuple[File, ...]] = (
         File("snapshots.png", "plotting.motion.snapshots:plot_snapshots"),
         File("tip_path.png", "plotting.motion.tip_path:plot_tip_path"),
-        File("coordinates.png", "plotting.motion.coordinates:plot_coordinates"),
-        File("energy.png", "plotting.motion.energy:plot_energy"),
-        File("contact_forces.png", "plotting.motion.contact_forces:plot_contact_forces", needs="contacts"),
+        File("coordinates.png", "plotting.motion.over_time:plot_coordinates"),
+        File("energy.png", "plotting.motion.over_time:plot_energy"),
+        File("contact_forces.png", "plotting.motion.over_time:plot_contact_forces", needs="contacts"),
     )
     frames: ClassVar[str] = "plotting.motion.motion_frames:motion_frames"
 

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from continuum_grasp.plotting.drawing.axes import bend_box, colors, head, new_axes, plane_axes, split_unit
+from continuum_grasp.plotting.drawing.axes import bend_box, colors, head, new_axes, plane_axes, split_unit, time_axes
 from continuum_grasp.plotting.drawing.fingers import draw_clamp
 from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
 from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GREY, INK, ORANGE, Z
-from continuum_grasp.plotting.drawing.supports import draw_supports
-from continuum_grasp.plotting.drawing.zones import draw_zones, zone_points
+from continuum_grasp.plotting.drawing.surroundings import draw_supports, draw_zones, zone_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -96,10 +95,7 @@ def plot_inputs(run: ControlRun, *, ax: Axes | None = None) -> Axes:
         ax.stairs(column, run.t, color=color, linewidth=1.4, baseline=None, label=split_unit(name)[0].replace("_", " "))
     for limit in np.unique([*run.u_min, *run.u_max]):
         ax.axhline(limit, color=GREY, linewidth=0.9, linestyle="--", zorder=1)
-    ax.set_xlabel("time [s]", color=INK)
-    ax.set_ylabel(f"input [{split_unit(run.u_names[0])[1]}]", color=INK)
-    head(ax, run.name, entries=len(run.u_names))
-    return ax
+    return time_axes(ax, f"input [{split_unit(run.u_names[0])[1]}]", run.name, len(run.u_names))
 
 
 def plot_tracking(run: ControlRun, *, ax: Axes | None = None) -> Axes:
@@ -112,10 +108,7 @@ def plot_tracking(run: ControlRun, *, ax: Axes | None = None) -> Axes:
         ax.plot(run.t, run.r[:, k], color=color, linewidth=1.0, linestyle="--")
         ax.plot(run.t, run.tracked[:, k], color=color, linewidth=1.4, label=label)
     ax.plot([], [], color=GREY, linewidth=1.0, linestyle="--", label="setpoint")
-    ax.set_xlabel("time [s]", color=INK)
-    ax.set_ylabel(f"followed [{unit}]", color=INK)
-    head(ax, run.name, entries=len(chosen) + 1)
-    return ax
+    return time_axes(ax, f"followed [{unit}]", run.name, len(chosen) + 1)
 
 
 def plot_tracking_error(run: ControlRun, *, ax: Axes | None = None) -> Axes:
@@ -130,10 +123,7 @@ def plot_tracking_error(run: ControlRun, *, ax: Axes | None = None) -> Axes:
         size = np.abs(run.tracked[:, columns] - run.r[:, columns]).max(axis=1)
     ax.plot(run.t, size, color=BLUE, linewidth=1.4)
     ax.set_ylim(bottom=0.0)
-    ax.set_xlabel("time [s]", color=INK)
-    ax.set_ylabel(f"error of the {label.replace('_', ' ')} [{unit}]", color=INK)
-    head(ax, run.name)
-    return ax
+    return time_axes(ax, f"error of the {label.replace('_', ' ')} [{unit}]", run.name)
 
 
 def plot_bounds(run: ControlRun, *, ax: Axes | None = None) -> Axes:
@@ -145,10 +135,7 @@ def plot_bounds(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     bottom = min(-0.3, ax.get_ylim()[0])
     ax.axhspan(0.0, top, color=FORBIDDEN["facecolor"], alpha=0.75, zorder=Z.ZONE)
     ax.set_ylim(max(bottom, -1.05), top)
-    ax.set_xlabel("time [s]", color=INK)
-    ax.set_ylabel("beyond the bound [share of its scale]", color=INK)
-    head(ax, run.name, entries=len(run.bounds))
-    return ax
+    return time_axes(ax, "beyond the bound [share of its scale]", run.name, len(run.bounds))
 
 
 def plot_disturbances(run: ControlRun, *, ax: Axes | None = None) -> Axes:
@@ -161,10 +148,7 @@ def plot_disturbances(run: ControlRun, *, ax: Axes | None = None) -> Axes:
         value, spread = run.disturbance[:, k], 2.0 * run.disturbance_std[:, k]
         ax.fill_between(run.t[:-1], value - spread, value + spread, color=color, alpha=0.15, linewidth=0.0)
         ax.plot(run.t[:-1], value, color=color, linewidth=1.4, label=split_unit(names[k])[0].replace("_", " "))
-    ax.set_xlabel("time [s]", color=INK)
-    ax.set_ylabel(f"estimated disturbance [{unit}]", color=INK)
-    head(ax, run.name, entries=len(chosen), columns=2)
-    return ax
+    return time_axes(ax, f"estimated disturbance [{unit}]", run.name, len(chosen), columns=2)
 
 
 def plot_controller_times(run: ControlRun, *, ax: Axes | None = None) -> Axes:

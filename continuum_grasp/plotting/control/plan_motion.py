@@ -13,14 +13,14 @@ from continuum_grasp.plotting.drawing.axes import (
     new_axes,
     plane_axes,
     split_unit,
+    time_axes,
     time_bar,
     time_map,
 )
 from continuum_grasp.plotting.drawing.fingers import draw_clamp
 from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
-from continuum_grasp.plotting.drawing.style import BLUE, GREY, INK, ORANGE, Z
-from continuum_grasp.plotting.drawing.supports import draw_supports
-from continuum_grasp.plotting.drawing.zones import draw_zones, zone_points
+from continuum_grasp.plotting.drawing.style import BLUE, GREY, ORANGE, Z
+from continuum_grasp.plotting.drawing.surroundings import draw_supports, draw_zones, zone_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,8 +101,5 @@ def plot_plan_inputs(plan: Plan, *, ax: Axes | None = None) -> Axes:
     for column, name, color in zip(plan.u.T, plan.u_names, colors(plan.u.shape[1]), strict=True):
         label = split_unit(name)[0].replace("_", " ")
         ax.plot(plan.t, column, color=color, linewidth=1.5, drawstyle=style, label=label)
-    ax.set_xlabel("time [s]", color=INK)
-    ax.set_ylabel(f"input [{split_unit(plan.u_names[0])[1]}]", color=INK)
     ax.margins(x=0.0)
-    head(ax, plan.name, entries=plan.u.shape[1])
-    return ax
+    return time_axes(ax, f"input [{split_unit(plan.u_names[0])[1]}]", plan.name, plan.u.shape[1])

@@ -30,6 +30,7 @@ __all__ = [
     "quiet",
     "split_unit",
     "symbol",
+    "time_axes",
     "time_bar",
     "time_map",
 ]
@@ -102,6 +103,14 @@ def head(ax: Axes, name: str | None, entries: int = 0, columns: int = 4) -> None
     if not ax.get_title() and not ax.get_title("left"):
         rows = -(-entries // columns)
         ax.set_title(name or " ", fontsize=10, color=INK, loc="left", pad=7.0 + 15.0 * rows)
+
+
+def time_axes(ax: Axes, label: str, name: str | None, entries: int = 0, columns: int = 4) -> Axes:
+    """Finish axes over time: what is drawn, with its unit, and what stands above."""
+    ax.set_xlabel("time [s]", color=INK)
+    ax.set_ylabel(label, color=INK)
+    head(ax, name, entries, columns)
+    return ax
 
 
 def split_unit(name: str) -> tuple[str, str]:

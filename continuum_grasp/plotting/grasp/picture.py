@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.plotting.drawing.axes import new_figure, quiet
 from continuum_grasp.plotting.drawing.objects import draw_object
 from continuum_grasp.plotting.drawing.style import INK
-from continuum_grasp.plotting.drawing.supports import draw_supports
+from continuum_grasp.plotting.drawing.surroundings import draw_supports
 from continuum_grasp.plotting.grasp.bodies import draw_fingers
 from continuum_grasp.plotting.grasp.contacts import draw_contacts, draw_scale, draw_weight, weight_words
 from continuum_grasp.plotting.grasp.labels import Label, place_labels

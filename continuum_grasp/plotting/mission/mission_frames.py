@@ -13,7 +13,7 @@ from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.fingers import draw_clamp
 from continuum_grasp.plotting.drawing.forces import draw_forces, force_scale, sizes_of
 from continuum_grasp.plotting.drawing.style import GREEN, Z
-from continuum_grasp.plotting.drawing.supports import draw_supports
+from continuum_grasp.plotting.drawing.surroundings import draw_supports
 from continuum_grasp.plotting.mission.instants import (
     acting_forces,
     box_of,

@@ -11,7 +11,7 @@ from continuum_grasp.plotting.drawing.axes import new_figure, quiet
 from continuum_grasp.plotting.drawing.fingers import draw_clamp
 from continuum_grasp.plotting.drawing.forces import Force, draw_forces, force_keys, force_scale, sizes_of
 from continuum_grasp.plotting.drawing.style import INK
-from continuum_grasp.plotting.drawing.supports import draw_supports
+from continuum_grasp.plotting.drawing.surroundings import draw_supports
 from continuum_grasp.plotting.mission.instants import (
     acting_forces,
     box_of,

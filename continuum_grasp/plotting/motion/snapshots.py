@@ -13,7 +13,7 @@ from continuum_grasp.plotting.drawing.fingers import draw_body, draw_clamp, fing
 from continuum_grasp.plotting.drawing.forces import draw_forces, explain, force_scale, sizes_of
 from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
 from continuum_grasp.plotting.drawing.style import Z
-from continuum_grasp.plotting.drawing.supports import draw_supports
+from continuum_grasp.plotting.drawing.surroundings import draw_supports
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
