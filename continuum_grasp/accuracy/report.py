@@ -68,11 +68,11 @@ class AccuracyReport(Result):
         i, j = self.choices.columns.index(cost), self.choices.columns.index(error)
         sign = -1.0 if cost == "real-time factor" else 1.0
         known = [row for row in self.choices.rows if math.isfinite(_number(row[i])) and math.isfinite(_number(row[j]))]
-        kept: list[tuple[Any, ...]] = []
+        front: list[tuple[Any, ...]] = []
         for row in sorted(known, key=lambda row: (sign * row[i], row[j])):
-            if not kept or row[j] < kept[-1][j]:
-                kept.append(row)
-        return kept
+            if not front or row[j] < front[-1][j]:
+                front.append(row)
+        return front
 
     def _fronts(self) -> list[str]:
         """Who is on which front, and who is on none."""
@@ -86,7 +86,7 @@ class AccuracyReport(Result):
         rest = [name for row in self.choices.rows if (name := f"{row[1]} {row[0]}") not in seen]
         if not lines:
             return []
-        return ["Beaten by no other in cost and error:", "", *lines, f"- on none: {', '.join(rest) or 'no one'}", ""]
+        return ["Dominated by no other in cost and error:", "", *lines, f"- on none: {', '.join(rest) or 'no one'}", ""]
 
     def markdown(self) -> str:
         """All tables as Markdown."""

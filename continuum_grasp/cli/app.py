@@ -46,7 +46,7 @@ class _Verbs(TyperGroup):
             typer.echo(str(error) or "interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None
         except OSError as error:
-            if error.errno == errno.EPIPE:  # nobody reads on, as with head; click ends without a word
+            if error.errno == errno.EPIPE:  # the reader has gone, as with head; click ends without a word
                 raise
             where = "" if error.filename is None else f"{error.filename}: "
             typer.echo(f"error: {where}{error.strerror or error}", err=True)

@@ -60,10 +60,10 @@ def try_out(scene: MissionScene, folder: Path, jobs: int | None, pictures: bool,
 def _grasp(scene: MissionScene, output: Output) -> GraspResult:
     from continuum_grasp.grasp import optimize_grasp
 
-    with output.busy("optimising the grasp"):
+    with output.busy("optimizing the grasp"):
         found = optimize_grasp(scene.grasp)
     if found.statistics["interrupted"]:
-        raise KeyboardInterrupt("interrupted while the grasp was optimised")
+        raise KeyboardInterrupt("interrupted while the grasp was optimized")
     return found
 
 

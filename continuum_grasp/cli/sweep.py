@@ -48,7 +48,7 @@ def sweep(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Find the grasps of many scenes: a grid or random draws of any keys; goes on where it was stopped."""
+    """Find the grasps of many scenes: a grid or random draws of any keys; resumes after an interruption."""
     from continuum_grasp.errors import InputError
 
     output = Output(as_json, quiet, verbose)
@@ -88,7 +88,7 @@ def _stored(config: Path, folder: Path, changes: list[str]) -> SweepTable:
     from continuum_grasp.sweeps.read import plan_of
 
     table = replace(sweep_table(folder), pictures=plan_of(config, changes).pictures)
-    begin_run(folder, "sweep", kept=(PLAN, CSV))
+    begin_run(folder, "sweep", retained=(PLAN, CSV))
     return table
 
 
@@ -128,11 +128,11 @@ def _shown(output: Output) -> Iterator[Callable[[Progress], None] | None]:
         with _bar() as report:
             yield report
     else:
-        told = [time.monotonic()]
+        shown = [time.monotonic()]
 
         def line(progress: Progress) -> None:
-            if time.monotonic() - told[0] > _LINE_SECONDS:
-                told[0] = time.monotonic()
+            if time.monotonic() - shown[0] > _LINE_SECONDS:
+                shown[0] = time.monotonic()
                 typer.echo(progress.text, err=True)
 
         yield line

@@ -30,7 +30,7 @@ _GROUPS = {
 
 @dataclass(frozen=True)
 class Tracking:
-    """Distance from the set-points: root of the mean square, greatest, and that of the mean over the last tenth."""
+    """Distance from the setpoints: root of the mean square, greatest, and that of the mean over the last tenth."""
 
     name: str
     unit: str
@@ -66,11 +66,11 @@ class Metrics:
     Attributes
     ----------
     tracking : tuple of Tracking
-        Per thing that is followed; distances of points are Euclidean, over all of them for sections.
+        Per quantity that is followed; distances of points are Euclidean, over all of them for sections.
     cost : float
         Sum over the run of the controller's own running cost, on the plant.
     effort_rms : float
-        Root of the mean square of the input's deviation from the set-point of effort, or from its least where there is
+        Root of the mean square of the input's deviation from the setpoint of effort, or from its least where there is
         none [N or N m].
     rate_rms : float
         Root of the mean square of the input's rate [N/s or N m/s].

@@ -167,7 +167,7 @@ class ControlRun(MotionResult):
 
     @cached_property
     def tip_reference(self) -> Array | None:
-        """Set-points of the tip (K + 1, 2) [m]; None where the cost does not track it."""
+        """Setpoints of the tip (K + 1, 2) [m]; None where the cost does not track it."""
         if "tip_x [m]" not in self.r_names:
             return None
         k = self.r_names.index("tip_x [m]")
@@ -225,8 +225,8 @@ class ControlRun(MotionResult):
         found = [f"{health} at {t:.3g} s: {text}" for health, (t, text) in worst.items()]
         odd = {word: n for word, n in self.metrics().statuses.items() if word not in _GOOD}
         if odd:
-            told = ", ".join(f"{n} {word}" for word, n in odd.items())
-            found.append(f"of {len(self.status)} commands, {told}")
+            counts = ", ".join(f"{n} {word}" for word, n in odd.items())
+            found.append(f"of {len(self.status)} commands, {counts}")
         use = self.readings.range_use(self.x, self._inputs, self.w)
         if use.max(initial=0.0) > 1.0:
             found.append(

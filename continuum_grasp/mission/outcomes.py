@@ -49,7 +49,7 @@ class Summary:
     plants, held, succeeded : int
         All of them; those on which the object was never dropped; those that also let it go in the end.
     force_error_median, force_error_worst, estimate_error_worst : float
-        Of the held contact force, per set-point; see ``Verdict``.
+        Of the held contact force, per setpoint; see ``Verdict``.
     sunk_worst, moved_worst : float
         [m]
     slip_margin_least : float
@@ -77,7 +77,7 @@ class Summary:
         return {
             "held": f"{self.held} of {self.plants} plants",
             "held and released": f"{self.succeeded} of {self.plants}",
-            "held force": f"{100 * self.force_error_median:.1f} % off its set-point (median of plants), "
+            "held force": f"{100 * self.force_error_median:.1f} % off its setpoint (median of plants), "
             f"{100 * self.force_error_worst:.1f} % at worst",
             "its estimate": f"{100 * self.estimate_error_worst:.1f} % off at worst",
             "sunk": f"{1e3 * self.sunk_worst:.3g} mm at worst",

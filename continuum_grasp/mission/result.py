@@ -28,7 +28,7 @@ T = TypeVar("T")
 _LOOKS = 50
 """Instants at which overlaps are looked for."""
 _THROUGH = 0.5
-"""Overlap between contacts that is told, as a part of the half thickness."""
+"""Overlap between contacts that is reported, as a part of the half thickness: what chords cut off is less."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class MissionRun(MotionResult):
 
     @property
     def pulls(self) -> dict[str, Array]:
-        """Wrench (3) of each phase that pulls: world force x, y [N] and moment about the centre of mass [N m]."""
+        """Wrench (3) of each phase that pulls: world force x, y [N] and moment about the center of mass [N m]."""
         return {f"pull {k + 1}": wrench for k, wrench in enumerate(self.assignment.pulls)}
 
     @cached_property
@@ -111,10 +111,10 @@ class MissionRun(MotionResult):
     @property
     def body(self) -> GraspObject:
         """The object."""
-        thing = self.scene.object
-        if thing is None:
+        body = self.scene.object
+        if body is None:
             raise ValueError("a mission has an object that moves")
-        return thing
+        return body
 
     @cached_property
     def friction_use(self) -> Array:
@@ -191,12 +191,12 @@ def _present(value: T | None) -> T:
 def wrench_text(wrench: Array) -> str:
     """A wrench in words, without what is zero."""
     units = (("N", "in x", 1.0), ("N", "in y", 1.0), ("mN m", "about z", 1e3))
-    told = [
+    words = [
         f"{scale * value:+.3g} {unit} {along}"
         for value, (unit, along, scale) in zip(wrench, units, strict=True)
         if value
     ]
-    return ", ".join(told) or "nothing"
+    return ", ".join(words) or "nothing"
 
 
 def estimated_force(run: ControlRun, model: Prediction, contact: str) -> Array:

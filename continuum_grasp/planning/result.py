@@ -35,7 +35,7 @@ class PlanStatus(StrEnum):
     OPTIMAL = "optimal"
     """A local optimum."""
     FEASIBLE = "feasible"
-    """All constraints are kept, but the solver stopped before the optimum, or the search before its end."""
+    """All constraints are satisfied, but the solver stopped before the optimum, or the search before its end."""
     INFEASIBLE = "infeasible"
     """No plan was found that keeps all constraints; this one comes as near to the goal as was found."""
     NOT_SOLVED = "not_solved"
@@ -156,7 +156,7 @@ class Plan(MotionResult):
 
     @property
     def solved(self) -> bool:
-        """Whether all constraints are kept."""
+        """Whether all constraints are satisfied."""
         return self.status in (PlanStatus.OPTIMAL, PlanStatus.FEASIBLE)
 
     @property

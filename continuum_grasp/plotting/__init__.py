@@ -1,4 +1,4 @@
-"""Pictures of results: one file per thing drawn.
+"""Pictures of results: the package ``drawing`` has what they share.
 
 Every ``plot_x(result, *, ax=None)`` draws into the axes it is given, or into axes of a new figure, and returns the
 axes; `continuum_grasp.results.save_picture` saves their figure. Nothing is shown, saved, or changed in matplotlib's

@@ -27,7 +27,7 @@ _WIDTHS = 159, 4096
 _REST_MS = 700
 """A GIF rests before it starts again [ms]: long enough to see that it ended."""
 _COLORS_APART = 12
-"""Levels of 255 by which colours of a palette differ: closer ones look alike, and make still areas flicker."""
+"""Levels of 255 by which colors of a palette differ: closer ones look alike, and make still areas flicker."""
 
 
 def write_animation(
@@ -87,7 +87,7 @@ def _write_gif(path: Path, pictures: Iterator[NDArray[Any]], count: int, fps: fl
 
 
 def _palette(images: list[Image]) -> Image:
-    """One palette for all frames, from a few of them side by side, so that colours do not flicker."""
+    """One palette for all frames, from a few of them side by side, so that colors do not flicker."""
     from PIL import Image
 
     chosen = [images[k] for k in np.unique(np.linspace(0, len(images) - 1, 6).astype(int))]
@@ -97,12 +97,12 @@ def _palette(images: list[Image]) -> Image:
         sheet.paste(image, (0, top))
         top += image.height
     found = sheet.quantize(colors=256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-    kept = np.full((1, 3), 255)  # the ground stays white: nothing else near it, nor near another colour
+    chosen_colors = np.full((1, 3), 255)  # the ground stays white: none is near it, nor near another color
     for color in np.array(found.getpalette(), dtype=int).reshape(-1, 3):
-        if np.abs(kept - color).max(axis=1).min() > _COLORS_APART:
-            kept = np.vstack([kept, color])
+        if np.abs(chosen_colors - color).max(axis=1).min() > _COLORS_APART:
+            chosen_colors = np.vstack([chosen_colors, color])
     palette = Image.new("P", (1, 1))
-    palette.putpalette(kept.ravel().tolist())
+    palette.putpalette(chosen_colors.ravel().tolist())
     return palette
 
 

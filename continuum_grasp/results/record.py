@@ -18,8 +18,10 @@ RECORD = ".run.json"
 _TEMPORARY = re.compile(r"\.tmp-(\d+)-[0-9a-f]{12}-.")
 
 
-def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, kept: Collection[str] | None = ()) -> Path:
-    """Make a folder that of a new run: what an earlier run wrote and nobody changed since is removed.
+def begin_run(
+    folder: str | os.PathLike[str], kind: str | None = None, *, retained: Collection[str] | None = ()
+) -> Path:
+    """Make a folder that of a new run: what an earlier run wrote and has not been changed since is removed.
 
     A file is recorded with its content's SHA-256 before it gets its name, so a process killed at any instant leaves
     no file of its own unrecorded. Files that no run wrote, and files changed since, stay.
@@ -30,7 +32,7 @@ def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, kept: 
         Made where missing.
     kind : str, optional
         What the run is: the name of a command.
-    kept : collection of str, optional
+    retained : collection of str, optional
         Files that stay: the caller replaces them next, or they are of this run already; None for all.
 
     Returns
@@ -46,13 +48,13 @@ def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, kept: 
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     old = _read(target)
-    kept = old["files"].keys() if kept is None else kept
-    _remove(target, old, kept)
+    retained = old["files"].keys() if retained is None else retained
+    _remove(target, old, retained)
     for path in target.glob(".tmp-*"):
         found = _TEMPORARY.match(path.name)
         if found and not _alive(int(found[1])):  # of a process that was killed
             path.unlink(missing_ok=True)
-    files = {name: digests for name, digests in old["files"].items() if name in kept}
+    files = {name: digests for name, digests in old["files"].items() if name in retained}
     _write(target, {"kind": kind, "files": files, "parts": []})
     return target
 

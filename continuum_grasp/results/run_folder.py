@@ -79,7 +79,7 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     meta : mapping, optional
         How it was computed. Keys used by the package: ``kind`` (command that computes such runs), ``config``
         (resolved configuration), ``seed``,
-        ``status``, ``statistics``, ``warnings``; others are kept as given. Added here: ``format_version``,
+        ``status``, ``statistics``, ``warnings``; others are stored as given. Added here: ``format_version``,
         ``config_sha256`` (of the plain form of ``config``), ``versions``, ``platform``, ``created`` (UTC).
         ``versions`` given by the caller, of a compiler or solver, are joined to those added.
 
@@ -108,7 +108,7 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     content = _packed(checked, text)
     with replacing(target / RESULT) as temporary:
         temporary.write_bytes(content)
-        begin_run(target, (meta or {}).get("kind"), kept=(RESULT,))
+        begin_run(target, (meta or {}).get("kind"), retained=(RESULT,))
         (target / META).unlink(missing_ok=True)
         flush_folder(target)
     write_text(text, target / META)

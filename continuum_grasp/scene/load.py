@@ -211,8 +211,8 @@ def model_of(kind: str) -> type[BaseModel]:
         Where there is no such kind.
     """
     if kind in _MODELS:
-        room, name = _MODELS[kind]
-        found: type[BaseModel] = getattr(import_module(f"continuum_grasp.scene.{room}"), name)
+        module, name = _MODELS[kind]
+        found: type[BaseModel] = getattr(import_module(f"continuum_grasp.scene.{module}"), name)
         return found
     raise InputError(f"no such kind of configuration: expected one of {', '.join(_MODELS)}, got {kind!r}")
 

@@ -29,7 +29,7 @@ class Modes(Result):
     Attributes
     ----------
     coordinates : (m, n) ndarray
-        Modes in the bending coordinates, normalised by the mass matrix.
+        Modes in the bending coordinates, normalized by the mass matrix.
     equilibrium : Equilibrium
     scene : Scene
     statistics : mapping
@@ -77,7 +77,7 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     scene : Scene or path-like
         The scene, or its YAML file.
     about : Equilibrium, optional
-        Equilibrium to linearise about; found where not given.
+        Equilibrium to linearize about; found where not given.
     points : int
         Number of points of the shapes.
 

@@ -61,7 +61,7 @@ def store_plan(folder: Path, plan: Plan) -> list[str]:
             file=str(folder),
         )
     if old.get("pictures") != pictures:
-        begin_run(folder, "sweep", kept=(PLAN,))
+        begin_run(folder, "sweep", retained=(PLAN,))
         _write(folder, {**old, "pictures": pictures})
     was, now = old.get("versions", {}), versions()
     other = [f"{name} {was.get(name)}, now {now[name]}" for name in now if was.get(name) != now[name]]

@@ -48,7 +48,7 @@ class GridMap:
     kind : ndarray of str, shape (ny, nx)
         Why there is none; empty where there is one, or no row yet.
     labels : (str, str, str)
-        Of x, y and colour, with units.
+        Of x, y and color, with units.
     """
 
     x: NDArray[Any]
@@ -80,7 +80,7 @@ class Front:
     best : ndarray of int, shape (n,)
         Positions of the front in x and y, with increasing x.
     labels : (str, str, str)
-        Of x, y and colour, with units.
+        Of x, y and color, with units.
     best_words : str
         Which way is better.
     """

@@ -90,7 +90,7 @@ PLOTS = {
 
 
 @pytest.mark.parametrize("name", PLOTS)
-def test_axes_are_labelled_with_units_and_used_where_given(motion: Motion, name: str) -> None:
+def test_axes_are_labeled_with_units_and_used_where_given(motion: Motion, name: str) -> None:
     plot, x_label, y_label = PLOTS[name]
     given = new_axes()[0]
     for ax in (plot(motion), plot(motion, ax=given)):

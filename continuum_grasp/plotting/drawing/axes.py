@@ -54,7 +54,7 @@ def new_axes(ax: Axes | None, width: float = 6.4, height: float = 4.2) -> Axes:
 
 
 def plane_axes(ax: Axes | None, box: Box, colorbar: bool = True) -> Axes:
-    """World axes in metres, one scale for both: those given, or new ones in a figure that fits."""
+    """World axes in meters, one scale for both: those given, or new ones in a figure that fits."""
     wide = (box[1] - box[0]) / (box[3] - box[2])
     height = min(4.4, 5.4 / wide)
     ax = new_axes(ax, wide * height + (1.9 if colorbar else 0.8), height + 1.1)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["Film"]
 
 _DPI = 100
-"""Pixels per inch: labels of 9 points are 12 pixels high, which a frame of 640 pixels has room for."""
+"""Pixels per inch: labels of 9 points are 12 pixels high, which suits a frame of 640 pixels."""
 _BESIDE, _BELOW = 80, 110
 """Taken by labels and ticks beside the axes, and by these and the title above and below them [pixels]."""
 

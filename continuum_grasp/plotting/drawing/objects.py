@@ -25,11 +25,11 @@ _EDGE_WIDTH = 3.0
 """[points]; half of it lies under the filling."""
 
 
-def object_outlines(thing: GraspObject, pose: Array) -> list[Array]:
+def object_outlines(body: GraspObject, pose: Array) -> list[Array]:
     """World outlines (points, 2) [m] of the parts of an object in a pose (3,): x, y [m] and angle [rad]."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     turn = np.array([[c, s], [-s, c]])
-    return [pose[:2] + np.asarray(part.outline()) @ turn for part in thing.parts]
+    return [pose[:2] + np.asarray(part.outline()) @ turn for part in body.parts]
 
 
 def draw_object(ax: Axes, outlines: Sequence[Array], *, faint: bool = False, **style: Any) -> list[Polygon]:

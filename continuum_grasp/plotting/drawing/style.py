@@ -1,4 +1,4 @@
-"""The look of all pictures in one place: colors, widths [points], and which thing covers which."""
+"""The look of all pictures in one place: colors, widths [points], and what covers what."""
 
 from __future__ import annotations
 

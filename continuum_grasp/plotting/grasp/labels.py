@@ -24,7 +24,7 @@ Array = NDArray[Any]
 _CELL = 2.0
 """Side of a cell of the map of what is taken [points]: as wide as the widest line."""
 _PAD = 2.5
-"""Kept free around a label [points]."""
+"""Free margin around a label [points]."""
 _TURNS = np.linspace(0.0, math.tau, 32, endpoint=False)
 """Directions in which a label is tried."""
 _NEAR, _FAR, _STEP = 7.0, 170.0, 7.0
@@ -116,7 +116,7 @@ class _Sheet:
         return np.asarray((pixels - self.corner) * self.points_per_pixel)
 
     def write(self, label: Label, size: float) -> Text:
-        """Place one label and take its room."""
+        """Place one label and mark its box as taken."""
         text = self.ax.text(
             0, 0, label.text, color=label.color, fontsize=size, ha="center", va="center", zorder=Z.LABEL
         )
@@ -196,7 +196,7 @@ class _Sheet:
                     self.taken[wide[:, 0], wide[:, 1]] = True
 
     def _inside(self, outline: Array) -> Array:
-        """Cells whose centres lie inside an outline."""
+        """Cells whose centers lie inside an outline."""
         from matplotlib.path import Path
 
         nx, ny = self.taken.shape

@@ -28,12 +28,12 @@ __all__ = ["plot_grasp"]
 
 Array = NDArray[Any]
 
-_ROOM = (6.2, 5.4)
+_DRAWING = (6.2, 5.4)
 """Greatest width and height of the drawing [inch]."""
 _NARROW = (4.6, 5.0)
 """The same where it stands alone, as on a small screen."""
 _LEFT, _BELOW, _ABOVE = 0.65, 0.55, 0.62
-"""Kept for the axes' ticks and labels, and for two lines of title [inch]."""
+"""Margins for the axes' ticks and labels, and for two lines of title [inch]."""
 _BETWEEN, _PANEL, _POLYGON = 0.3, 2.9, 2.05
 """Distance to the numbers, their width for four columns, and the side of the resisted forces below them [inch]."""
 _FAILED = "#A03000"
@@ -93,7 +93,7 @@ def plot_grasp(
 def _sheet(view: GraspView, rows: list[Row], resisted: ArrayLike | None) -> Axes:
     """Axes in a new figure, which holds what stands beside them too."""
     low, high = view.box
-    size = (high - low) * min(np.array(_ROOM if rows else _NARROW) / (high - low))
+    size = (high - low) * min(np.array(_DRAWING if rows else _NARROW) / (high - low))
     polygon = bool(rows) and resisted is not None and resistance_extremes(resisted)[1] > 0
     text = ROW * len(rows)
     tall = max(size[1], text + (_POLYGON + 1.0 if polygon else 0.0))

@@ -97,7 +97,7 @@ class GraspView:
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
-        """Lower left and upper right corner of what must be seen, with room for labels [mm]."""
+        """Lower left and upper right corner of what must be seen, with a margin for labels [mm]."""
         points = [*self.outlines, *(self.body(name) for name in self.fingers)]
         for wall in self.result.scene.walls:
             if math.isfinite(wall.half_length):
@@ -135,7 +135,7 @@ class GraspView:
         return force_scale([self.greatest_force], _LONGEST_FORCE * self.extent)
 
     def color(self, name: str) -> str:
-        """Colour of a finger, a support, or what a contact's name begins with."""
+        """Color of a finger, a support, or what a contact's name begins with."""
         names = list(self.fingers)
         owner = name.split(".")[0]
         return _FINGERS[names.index(owner)] if owner in names else _SUPPORT

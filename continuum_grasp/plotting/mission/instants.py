@@ -49,13 +49,13 @@ def instants(mission: MissionRun) -> dict[int, str]:
 def pull_label(wrench: Array) -> str:
     """A wrench in a few words."""
     force, moment = wrench[:2], float(wrench[2])
-    told = []
+    words = []
     for value, axis in zip(force, "xy", strict=True):
         if value:
-            told.append(f"{value:+.1f} N in {axis}".replace("-", "\N{MINUS SIGN}"))
+            words.append(f"{value:+.1f} N in {axis}".replace("-", "\N{MINUS SIGN}"))
     if moment:
-        told.append(f"{1e3 * moment:+.0f} mN m".replace("-", "\N{MINUS SIGN}"))
-    return "pull " + (", ".join(told) or "of nothing")
+        words.append(f"{1e3 * moment:+.0f} mN m".replace("-", "\N{MINUS SIGN}"))
+    return "pull " + (", ".join(words) or "of nothing")
 
 
 def box_of(mission: MissionRun, shapes: Array, poses: Array, margin: float) -> Box:

@@ -30,7 +30,7 @@ _BANDS = {
 }
 """Pale, since curves are drawn on them; phases that undo each other share one."""
 _LEAST_INCH = 0.14
-"""Width of a phase below which its name has no room: a line of 7.5 points, upright."""
+"""Width of a phase below which its name is left out: a line of 7.5 points, upright."""
 
 
 def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = None) -> list[Axes]:

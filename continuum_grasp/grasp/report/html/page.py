@@ -137,7 +137,7 @@ def _resistance(resisted: ArrayLike | None) -> str:
     drawing = inline_svg(plot_resistance(resisted), "resisted", "resisted force by direction")
     words = resistance_words(resisted)
     said = (
-        "The greatest pure force at the centre of mass that is resisted on top of the weight, direction by direction; "
+        "The greatest pure force at the center of mass that is resisted on top of the weight, direction by direction; "
         f"the dashed circle is what is resisted whichever way it acts. {words[0].upper() + words[1:]}."
     )
     return f'<figure class="polygon">\n{drawing}\n<figcaption>{escaped(said)}</figcaption>\n</figure>'
