@@ -9,7 +9,7 @@ from continuum_grasp._lazy import TYPE_CHECKING, lazy_names
 
 __version__ = "0.1.0"
 
-_ROOMS = {
+_MODULES = {
     "continuum_grasp.core": ("compile",),
     "continuum_grasp.errors": ("ContinuumGraspError", "InputError", "Interrupted", "NumericalError", "SolverError"),
     "continuum_grasp.grasp": ("optimize_grasp",),
@@ -50,7 +50,7 @@ _ROOMS = {
     "continuum_grasp.sweeps": ("sweep", "sweep_table"),
     "continuum_grasp.verbs": ("equilibrium", "modes", "simulate"),
 }
-__all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)]
+__all__ = ["__version__", *(name for names in _MODULES.values() for name in names)]
 
 if TYPE_CHECKING:
     from continuum_grasp.accuracy.choose import choose_fidelity as choose_fidelity
@@ -99,4 +99,4 @@ if TYPE_CHECKING:
     from continuum_grasp.verbs import modes as modes
     from continuum_grasp.verbs import simulate as simulate
 
-__getattr__, __dir__ = lazy_names(__name__, _ROOMS)
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -152,7 +152,7 @@ def test_processes_that_are_started_never_see_it():
         import subprocess
         child = "import time; print('here', flush=True); time.sleep(1.0); print('done')"
         with interrupt.listening():
-            with interrupt.kept_from_children():
+            with interrupt.ignored_by_children():
                 process = subprocess.Popen([sys.executable, "-c", child], stdout=subprocess.PIPE, text=True)
             process.stdout.readline()
             try:

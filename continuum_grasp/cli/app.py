@@ -29,7 +29,9 @@ from continuum_grasp.errors import ContinuumGraspError, InputError
 __all__ = ["app", "main"]
 
 SOLVER_FAILED = 1
+"""Exit status, also of a supervisor that tripped and an object that was dropped."""
 BAD_INPUT = 2
+"""Exit status, as argparse and click have it."""
 INTERRUPTED = interrupt.STATUS
 
 
@@ -46,7 +48,7 @@ class _Verbs(TyperGroup):
             typer.echo(str(error) or "interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None
         except OSError as error:
-            if error.errno == errno.EPIPE:  # the reader has gone, as with head; click ends without a word
+            if error.errno == errno.EPIPE:  # the reader has closed, as with head; click ends silently
                 raise
             where = "" if error.filename is None else f"{error.filename}: "
             typer.echo(f"error: {where}{error.strerror or error}", err=True)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["Output", "run_folder"]
 
 _PATIENCE = 2.0
+"""After which a progress bar appears [s]: what is done sooner needs none."""
 
 
 @dataclass(frozen=True)

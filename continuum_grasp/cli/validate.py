@@ -23,7 +23,7 @@ def validate(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Check configurations, any number of them, and whether a finger can be modeled so."""
+    """Check configurations, any number of them, and whether a finger can be modelled so."""
     from continuum_grasp.errors import InputError
     from continuum_grasp.scene.load import kind_of_scene
 
@@ -45,7 +45,7 @@ def validate(
 
 
 def _checked(file: Path, changes: Iterable[str]) -> Loaded:
-    """The configuration, checked as far as its own model's structure; no expressions are built.
+    """The configuration, checked as far as the structure of its model; no expressions are built.
 
     Raises
     ------

@@ -11,12 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.codes import Code
-from continuum_grasp.export.part import Argument, Call
+from continuum_grasp.export.part import Argument, Call, Code
 from continuum_grasp.export.reals import REALS, Real
-from continuum_grasp.export.runner import arguments_of
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.vectors import reach_of, split
+from continuum_grasp.export.vectors import arguments_of, reach_of, split
 
 __all__ = ["OutputError", "check_errors", "error_bounds", "sampled_rows", "worst_of"]
 

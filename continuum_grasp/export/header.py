@@ -7,15 +7,15 @@ import textwrap
 from collections.abc import Mapping, Sequence
 
 from continuum_grasp import __version__
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.fields import Struct
-from continuum_grasp.export.part import Call, Part, Stateful
+from continuum_grasp.export.part import Call, Code, Part, Stateful
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill, filled
 
 __all__ = ["abi_of", "calls_of", "codes_of_package", "header", "prototype", "stateful_of", "structs_of"]
 
 _LINE = 118
+"""Characters of a line in the header, which is as wide as the sources of this package."""
 
 
 def structs_of(subject: Subject, parts: Sequence[Part]) -> list[Struct]:

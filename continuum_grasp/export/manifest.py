@@ -6,11 +6,13 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 
 from continuum_grasp import __version__
+from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.fields import Field
 from continuum_grasp.export.header import calls_of, codes_of_package, stateful_of, structs_of
@@ -19,7 +21,8 @@ from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.model import FingerModel
 
-__all__ = ["FLAGS", "manifest", "manifest_text", "model_description"]
+__all__ = ["FLAGS", "MANIFEST", "manifest", "manifest_text", "model_description", "write_package"]
+
 
 FLAGS = {
     "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],
@@ -127,3 +130,47 @@ def _entry(field: Field) -> dict[str, Any]:
     if field.high < math.inf:
         found["high"] = float(field.high)
     return found
+
+
+MANIFEST = "MANIFEST.json"
+
+
+def write_package(folder: Path, files: Mapping[str, str]) -> None:
+    """Every file whole, the manifest last; files of an earlier package that are of no more use are removed.
+
+    Raises
+    ------
+    InputError
+        If a file of that name is there that no export wrote, or that was changed since; nothing is written then.
+    """
+    from continuum_grasp.results import kind_of_run, write_text
+
+    kind = kind_of_run(folder)
+    if kind not in (None, "export-c"):
+        raise InputError(f"{folder} holds a run of {kind}: take another folder", key="folder")
+    earlier = _earlier(folder)
+    for name, text in files.items():
+        path = folder / name
+        if path.exists() and _digest(path) not in (hashlib.sha256(text.encode()).hexdigest(), earlier.get(name)):
+            raise InputError(f"{path} is not as an export left it: move it away, or take another folder", key="folder")
+    for name in earlier.keys() - files.keys():
+        path = folder / name
+        if path.resolve().is_relative_to(folder.resolve()) and path.is_file() and _digest(path) == earlier[name]:
+            path.unlink()
+    for name, text in files.items():
+        write_text(text, folder / name)
+
+
+def _earlier(folder: Path) -> dict[str, str]:
+    """SHA-256 of the files of the package that is there, its manifest included; empty where there is none."""
+    path = folder / MANIFEST
+    try:
+        listed = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        digests = {str(name): str(digest) for name, digest in listed["sha256"].items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return {}
+    return digests | {MANIFEST: _digest(path)} if "configuration_hash" in listed else {}
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""

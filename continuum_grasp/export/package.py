@@ -12,26 +12,22 @@ from typing import Any
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.export.accuracy import OutputError, check_errors, error_bounds, worst_of
-from continuum_grasp.export.arguments import count_of, parts_of, positive, prefix_of
 from continuum_grasp.export.bindings import python_binding, wasm_files
-from continuum_grasp.export.check_program import check_source, vectors_source
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.stateful import SIZES, UNKNOWN, stateful_usage, stateful_vectors
 from continuum_grasp.export.examples import example_files
-from continuum_grasp.export.folder import MANIFEST, write_package
 from continuum_grasp.export.header import abi_of, calls_of, header, stateful_of
 from continuum_grasp.export.layer import internal_header, kernels_source, layer_source
-from continuum_grasp.export.manifest import manifest, manifest_text
-from continuum_grasp.export.measure import measure
+from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
 from continuum_grasp.export.part import Part, Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.readme import readme
 from continuum_grasp.export.reals import REALS, real_of
-from continuum_grasp.export.source import Given, Source, source_of
+from continuum_grasp.export.source import Given, Source, count_of, parts_of, positive, prefix_of, source_of
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.targets import Target, target_of
+from continuum_grasp.export.targets import Target, measure, target_of
 from continuum_grasp.export.template import fill
-from continuum_grasp.export.vectors import vectors_of
+from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 
 __all__ = ["Package", "export_c"]
 

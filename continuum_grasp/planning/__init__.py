@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from continuum_grasp._lazy import lazy_names
 
-_ROOMS = {
+_MODULES = {
     "continuum_grasp.planning.solve": ("plan",),
     "continuum_grasp.planning.result": ("Constraint", "Plan", "PlanStatus"),
 }
-__all__ = [name for names in _ROOMS.values() for name in names]
+__all__ = [name for names in _MODULES.values() for name in names]
 
 if TYPE_CHECKING:
     from continuum_grasp.planning.result import Constraint as Constraint
@@ -18,4 +18,4 @@ if TYPE_CHECKING:
     from continuum_grasp.planning.result import PlanStatus as PlanStatus
     from continuum_grasp.planning.solve import plan as plan
 
-__getattr__, __dir__ = lazy_names(__name__, _ROOMS)
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

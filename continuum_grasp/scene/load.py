@@ -43,6 +43,7 @@ __all__ = [
 Kind = TypeVar("Kind")
 
 _VERSION = 1
+"""``schema_version`` of the configurations that this version reads."""
 _MODELS = {
     "simulate": ("simulate", "Scene"),
     "identify": ("identify", "IdentifyScene"),

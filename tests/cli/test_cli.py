@@ -183,13 +183,13 @@ class FakeTrajectory(SimpleNamespace):
 
 @pytest.fixture
 def pretend(monkeypatch, tmp_path):
-    """Replace functions of a room, and stand in an empty folder."""
+    """Replace functions of a module, and stand in an empty folder."""
     monkeypatch.chdir(tmp_path)
 
-    def _pretend(room, **names):
-        module = ModuleType(room)
+    def _pretend(name, **names):
+        module = ModuleType(name)
         vars(module).update(names)
-        monkeypatch.setitem(sys.modules, room, module)
+        monkeypatch.setitem(sys.modules, name, module)
 
     return _pretend
 
@@ -262,7 +262,7 @@ TAKES = {"simulate": ["simulate"], "grasp": ["grasp"], "plan": ["plan"], "mpc": 
 
 
 @pytest.mark.parametrize(("command", "kind"), [(c, k) for c in TAKES for k in KINDS if k not in TAKES[c]])
-def test_a_file_of_another_kind_is_told_with_its_own_command(command, kind):
+def test_a_file_of_another_kind_is_reported_with_its_own_command(command, kind):
     name, called = KINDS[kind]
     result = run(command, str(Path(__file__).parents[2] / "configs" / kind / name))
     assert result.exit_code == 2

@@ -16,9 +16,9 @@ from continuum_grasp.control.estimator import Estimator
 from continuum_grasp.control.status import Status
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
-from continuum_grasp.export.codes import Code
-from continuum_grasp.export.control.names import identifiers, unit_of
+from continuum_grasp.export.control.loop import identifiers, unit_of
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
+from continuum_grasp.export.part import Code
 from continuum_grasp.export.reals import REALS
 from continuum_grasp.scene.control import ControlScene
 from tests.control_cases import Reality
@@ -95,7 +95,7 @@ def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(compiler, packages, tmp_path):  # noqa: F811
-    """The vectors are full of NaN and infinity, of which the compiler is told that there are none."""
+    """The vectors are full of NaN and infinity, of which the compiler may assume that there are none."""
     package, fast = packages("observed", "float"), ("-std=c99", "-O3", "-ffast-math", "-march=native")
     vectors, fuzz = compile_programs(compiler, package, tmp_path, "main fuzz", *fast)
     run(vectors, "2e-3")
@@ -111,7 +111,7 @@ def test_threads_do_not_meet(packages, tmp_path):  # noqa: F811
 
 @needs("gcc", "nm")
 @pytest.mark.parametrize(("name", "real"), CASES)
-def test_nothing_is_called_or_kept_and_the_stack_is_bounded(name, real, packages, tmp_path):  # noqa: F811
+def test_nothing_is_called_or_stored_and_the_stack_is_bounded(name, real, packages, tmp_path):  # noqa: F811
     package = packages(name, real)
     flags = (*STRICT, "-O2", "-fstack-usage", f"-I{package / 'include'}")
     run("gcc", *flags, "-c", *(package / "src").glob("*.c"), cwd=tmp_path)
@@ -255,7 +255,7 @@ def test_scratch_needs_no_beginning_and_may_be_shared(libraries):
         ("most_tension_2", 61.0, Code.ERR_RANGE),
         ("least_tension_1", 0.5, Code.ERR_RANGE),
         ("least_curvature_1", 2.0, Code.ERR_RANGE),
-        ("price_curvature_1", math.inf, Code.ERR_NON_FINITE),
+        ("penalty_curvature_1", math.inf, Code.ERR_NON_FINITE),
     ],
 )
 def test_settings_that_cannot_be_used_are_refused_and_nothing_changes(field, value, code, libraries):
@@ -374,7 +374,7 @@ def test_the_ten_lines_of_the_readme_control(name, real, packages, tmp_path):  #
 
 
 @needs("cc")
-def test_a_command_beyond_its_settings_is_told(packages, tmp_path):  # noqa: F811
+def test_a_command_beyond_its_settings_is_reported(packages, tmp_path):  # noqa: F811
     """Where limits move faster than the command may; no fuzzed input gives one by another code of a new plan."""
     package = packages("limited", "float")
     (fuzz,) = compile_programs("cc", package, tmp_path, "fuzz", *STRICT, "-O1")
@@ -482,7 +482,7 @@ def test_conditions_of_a_macro_are_settled():
     assert without("V", text) == "a\ne\n#ifdef X\nf\n#endif\ng\n"
 
 
-def test_prototypes_are_told_from_types():
+def test_prototypes_are_separated_from_types():
     types, functions = (
         "typedef struct {\n  int a;\n} t;\n",
         "/* Does. */\nint f(const t *a,\n      int b);\nvoid g(void);\n",

@@ -78,7 +78,7 @@ def test_own_functions_are_right_to_two_roundings(name, real):
 @needs("cc")
 @pytest.mark.parametrize("real", REALS.values(), ids=REALS)
 @pytest.mark.parametrize("name", PLACES)
-def test_own_functions_are_their_twins_to_the_bit(name, real, tmp_path):
+def test_own_functions_are_their_references_to_the_bit(name, real, tmp_path):
     x = ca.SX.sym("x")
     kernel = Kernel("f", ca.Function("f", [x], [getattr(ca, name)(x)], ["x"], ["y"]), "")
     places = PLACES[name].astype(real.dtype)[:, None]

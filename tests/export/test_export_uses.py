@@ -111,7 +111,7 @@ def test_the_skeletons_are_c(name, packages, tmp_path):  # noqa: F811
     run("cc", "-std=c99", "-Wall", "-Wextra", "-fsyntax-only", *include, package / "examples/simulink/sfun_finger.c")
 
 
-@pytest.mark.parametrize("name", ["rubbing", "observed"])
+@pytest.mark.parametrize("name", ["friction", "observed"])
 def test_a_node_is_built_behind_its_library(name, packages):  # noqa: F811
     """By what package.xml says to colcon, and find_package to CMake."""
     package = packages(name, "float")

@@ -23,6 +23,7 @@ Array = NDArray[Any]
 _FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-fno-math-errno", "-shared", "-fPIC", "-w")
 _GCC = ("-fexcess-precision=fast", "-fno-tree-vectorize")
 _TIMEOUT = 600.0
+"""After which a compiler is taken to hang [s]; builds take seconds."""
 
 
 class Host:

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.setpoints import set_points
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.part import Vectors
+from continuum_grasp.export.part import Code, Vectors
 from continuum_grasp.export.reals import Real
 from continuum_grasp.export.vectors import bad_entries
 
@@ -24,7 +23,9 @@ __all__ = ["controller_vectors", "estimator_vectors", "replayed"]
 Array = NDArray[Any]
 
 _EPISODE = 70
+"""Calls from one start to the next: three times ``_HELD``, so that setpoints change in each, and some at the end."""
 _EPISODES = 3
+"""Each with harder knocks than the one before; from the second on, commands that were applied differ too."""
 _HELD = 20
 """Calls for which setpoints stay."""
 _FLAGS = 4

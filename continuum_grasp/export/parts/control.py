@@ -6,16 +6,15 @@ from collections.abc import Callable
 from functools import partial
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.replay import controller_vectors, estimator_vectors
 from continuum_grasp.export.control.source import control_sources
 from continuum_grasp.export.fields import Struct
-from continuum_grasp.export.part import SECONDS, Method, Part, Stateful, Vectors
+from continuum_grasp.export.part import SECONDS, Code, Method, Part, Stateful, Vectors
 from continuum_grasp.export.reals import Real
-from continuum_grasp.export.runner import runner_head
 from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.vectors import runner_head
 
 __all__ = ["estimator", "mpc"]
 

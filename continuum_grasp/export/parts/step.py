@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Argument, Array, Call, Part, Rows
-from continuum_grasp.export.parts.dynamics import codes_of, dynamics_kernel
+from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Rows
+from continuum_grasp.export.parts.model import codes_of, dynamics_kernel
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill

@@ -54,7 +54,7 @@ int <<p>>_reference_init_abi(<<p>>_reference *reference, uint32_t abi);
 int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<start>> *state, const <<p>>_command *before);
 /* The command for <<what_is_measured>> and setpoints.
    Zero: of a new plan. <<P>>_WARN_ITERATION_LIMIT, <<P>>_WARN_BOUND_LEFT: of a new plan all the same.
-   <<P>>_WARN_PREVIOUS_PLAN, <<P>>_WARN_SAFE_RAMP: there is none; of the last plan as long as it lasts, then on the way to
+   <<P>>_WARN_PREVIOUS_PLAN, <<P>>_WARN_SAFE_RAMP: there is none; of the last plan as long as it lasts, then en route to
    <<safe>>, at a bounded rate; <<p>>_controller_diagnosis tells why.
    A command that is written is finite, and changes at its rate at most. It is within the limits, but where these were
    moved faster than its rate allows, or what was applied is beyond them: then it is on its way to them, by
