@@ -36,6 +36,17 @@ def plot_map(drawn: GridMap | ScatterMap, *, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from continuum_grasp import plotting
+    >>> from continuum_grasp.sweeps.maps import ScatterMap
+    >>> labels = "diameter [m]", "friction [1]", "tension [N]"
+    >>> points = np.array([0.07, 0.08]), np.array([0.3, 0.4]), np.array([5.0, 4.0]), np.array(["", ""])
+    >>> ax = plotting.plot_map(ScatterMap(*points, labels))
+    >>> ax.get_xlabel()
+    'diameter [m]'
     """
     ax = new_axes(ax, 6.6, 4.9)
     ax.grid(False)
@@ -63,6 +74,16 @@ def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from continuum_grasp import plotting
+    >>> from continuum_grasp.sweeps.maps import Front, pareto
+    >>> x, y = np.array([1.0, 2.0, 3.0]), np.array([3.0, 1.0, 2.0])
+    >>> front = Front(x, y, None, pareto(x, y), ("mass [kg]", "tension [N]", ""), "least x and least y are best")
+    >>> plotting.plot_front(front).get_ylabel()
+    'tension [N]'
     """
     ax = new_axes(ax, 6.6, 4.9)
     size = 18.0 if len(drawn.x) < 2000 else 5.0

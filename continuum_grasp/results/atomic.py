@@ -39,6 +39,17 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         The folder cannot be made or the file not be written; it names the file.
     FileNotFoundError
         The body wrote nothing.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.results import replacing
+    >>> path = Path(mkdtemp()) / "numbers.csv"
+    >>> with replacing(path) as temporary:
+    ...     count = temporary.write_text("1,2")
+    >>> path.read_text()
+    '1,2'
     """
     target = Path(path)
     with naming(target):

@@ -44,6 +44,15 @@ def begin_run(
     ------
     OSError
         The folder cannot be written.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.results import begin_run, write_text
+    >>> folder = begin_run(mkdtemp(), "grasp")
+    >>> path = write_text("a picture", folder / "grasp.svg")
+    >>> path.exists(), begin_run(folder, "grasp") == folder, path.exists()
+    (True, True, False)
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
@@ -60,7 +69,19 @@ def begin_run(
 
 
 def kind_of_run(folder: str | os.PathLike[str]) -> str | None:
-    """The command whose run or C package is in a folder; None where there is none, or it does not say."""
+    """The command whose run or C package is in a folder; None where there is none, or it does not say.
+
+    Parameters
+    ----------
+    folder : path-like
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.results import begin_run, kind_of_run
+    >>> kind_of_run(begin_run(mkdtemp(), "grasp"))
+    'grasp'
+    """
     kind = _read(Path(folder))["kind"]
     if isinstance(kind, str):
         return kind
@@ -81,7 +102,22 @@ def note_file(target: Path, content: Path) -> None:
 
 
 def note_part(folder: Path, name: str) -> None:
-    """Record that the run in a folder below belongs to this one."""
+    """Record that the run in a folder below belongs to this one.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Of a run.
+    name : str
+        Of a folder in it.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.results import begin_run, note_part
+    >>> folder = begin_run(mkdtemp(), "mpc")
+    >>> note_part(folder, "grasp")  # the next run in the folder removes that one too
+    """
     record = _read(folder)
     if record["known"]:
         _write(folder, {**record, "parts": sorted({*record["parts"], name})})

@@ -99,6 +99,15 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     Notes
     -----
     The meta data is converted as by `continuum_grasp.results.plain.plain`: NaN and infinity become strings.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import numpy as np
+    >>> from continuum_grasp.results import read_run, write_run
+    >>> folder = write_run(mkdtemp(), {"force": np.ones(2)}, {"kind": "test", "status": "finished"})
+    >>> sorted(path.name for path in folder.iterdir())
+    ['.run.json', 'meta.json', 'result.npz']
     """
     if not os.fspath(folder):
         raise InputError("expected the name of a folder, got an empty one", key="folder")
@@ -131,6 +140,16 @@ def pack_run(arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -
     ------
     InputError
         As in `write_run`.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.results import pack_run, read_run
+    >>> folder = Path(mkdtemp())
+    >>> count = (folder / "result.npz").write_bytes(pack_run({"force": [1.0, 2.0]}))
+    >>> read_run(folder).arrays["force"]
+    array([1., 2.])
     """
     checked = {_checked_name(name): _checked_array(name, value) for name, value in arrays.items()}
     return _packed(checked, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
@@ -153,6 +172,15 @@ def read_run(folder: str | os.PathLike[str]) -> Run:
     ------
     InputError
         There is no run in the folder, or its file is damaged or of a later format.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import numpy as np
+    >>> from continuum_grasp.results import read_run, write_run
+    >>> run = read_run(write_run(mkdtemp(), {"force": np.ones(2)}, {"kind": "test"}))
+    >>> run.meta["kind"], run.arrays["force"]
+    ('test', array([1., 1.]))
     """
     target = Path(folder)
     path = target / RESULT

@@ -12,7 +12,6 @@ import pytest
 from scipy.optimize import minimize
 
 import continuum_grasp as cg
-from continuum_grasp import plotting
 from continuum_grasp.closed_loop.converged import Converged
 from continuum_grasp.closed_loop.metrics import metrics_of
 from continuum_grasp.closed_loop.plant import Plant
@@ -24,6 +23,7 @@ from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.problem import stages_of
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
+from continuum_grasp.plotting import control as plotting
 from continuum_grasp.plotting.control.control_frames import control_frames
 from continuum_grasp.scene import (
     ControlScene,

@@ -68,6 +68,15 @@ def plot_grasp(
     -------
     matplotlib.axes.Axes
         Arrows are the forces that the object bears, and its weight; the light wedges are the friction cones.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> scene = cg.load("configs/grasp/pinch.yaml", ["solver.max_iterations=1"])
+    >>> result = cg.optimize_grasp(scene, raise_on_failure=False)
+    >>> plotting.plot_grasp(result).get_xlabel()
+    'x [mm]'
     """
     view = GraspView(result)
     alone = ax is None

@@ -34,6 +34,12 @@ def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
         The outline encloses the forces that are resisted; the dashed circle those of any direction.
+
+    Examples
+    --------
+    >>> from continuum_grasp import plotting
+    >>> plotting.plot_resistance([[2.0, 0.0], [0.0, 1.0], [-2.0, 0.0], [0.0, -1.0]]).get_xlabel()
+    'force x [N]'
     """
     from matplotlib.patches import Circle, Polygon
 

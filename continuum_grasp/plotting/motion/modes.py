@@ -51,6 +51,14 @@ def plot_modes(
     ------
     InputError
         There are fewer axes than modes asked for, or fewer modes.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> found = cg.modes("configs/simulate/standing.yaml")
+    >>> [ax.get_xlabel() for ax in plotting.plot_modes(found, count=1)]
+    ['x [m]']
     """
     present = len(modes.frequencies_hz)
     given = None if ax is None else list(np.ravel(np.asarray(ax, dtype=object)))

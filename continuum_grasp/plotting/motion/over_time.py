@@ -36,6 +36,14 @@ def plot_coordinates(trajectory: Trajectory | Plan, *, ax: Axes | None = None) -
     -------
     matplotlib.axes.Axes
         The axes; one line per coordinate, in order.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
+    >>> len(plotting.plot_coordinates(motion).lines) == motion.n
+    True
     """
     ax = new_axes(ax)
     names = [split_unit(name) for name in trajectory.x_names[: trajectory.n]]
@@ -64,6 +72,14 @@ def plot_energy(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
         The axes; lines are kinetic, potential and total energy.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
+    >>> [line.get_label() for line in plotting.plot_energy(motion).lines]
+    ['kinetic', 'potential', 'total']
     """
     ax = new_axes(ax)
     kinetic, potential = np.asarray(trajectory.kinetic), np.asarray(trajectory.potential)
@@ -93,6 +109,14 @@ def plot_contact_forces(trajectory: Trajectory | Plan, *, ax: Axes | None = None
     ------
     InputError
         There is no object.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> motion = cg.simulate(cg.load("configs/simulate/swing_against_disc.yaml", ["time.duration=0.02"]))
+    >>> plotting.plot_contact_forces(motion).get_ylabel()
+    'normal force, dashed: friction [N]'
     """
     contacts = trajectory.contacts
     if contacts is None:

@@ -52,6 +52,14 @@ def plot_snapshots(
     ------
     InputError
         No instant is asked for, or one outside the trajectory.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
+    >>> len(plotting.plot_snapshots(motion, times=[0.0, 0.05]).collections[0].get_segments())
+    2
     """
     from matplotlib.collections import LineCollection
 

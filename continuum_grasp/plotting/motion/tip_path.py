@@ -31,6 +31,14 @@ def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
         The axes; the path is their first collection.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
+    >>> plotting.plot_tip_path(motion).get_xlabel()
+    'x [m]'
     """
     from matplotlib.collections import LineCollection
 
