@@ -18,7 +18,7 @@ __all__ = ["Metrics", "Times", "Tracking", "Violation", "metrics_of"]
 Array = NDArray[np.float64]
 
 _FINAL = 0.1
-"""Last share of the run over which the final error is averaged."""
+"""Last share of the run over which the final error is averaged: noise averages out, and a step has settled."""
 _GROUPS = {
     "tip": re.compile(r"tip_[xy]"),
     "bending": re.compile(r"bending_\d+"),

@@ -25,6 +25,7 @@ __all__ = ["Constraint", "Plan", "PlanStatus"]
 Array = NDArray[np.float64]
 
 _ACTIVE = 1e-6
+"""Multiplier above which a bound counts as active, in the units of `Constraint.multipliers`."""
 _PARTS = ("values", "lower", "upper", "multipliers")
 """Arrays of a constraint."""
 

@@ -26,6 +26,7 @@ __all__ = ["RESULT", "Run", "pack_run", "read_run", "write_run"]
 RESULT = "result.npz"
 META = "meta.json"
 FORMAT_VERSION = 1
+"""Of run folders, the only one so far; a later one is refused rather than misread."""
 _META_KEY = "__meta__"
 # what zipfile and numpy raise on damaged files
 _BROKEN = (

@@ -18,6 +18,7 @@ __all__ = ["ROW", "Row", "panel_rows", "write_panel"]
 ROW = 0.17
 """Height of a row [inch]."""
 _SIZE = 8.0
+"""Of the font [points]: a row of 0.17 inch is 12 points high."""
 _Cell = tuple[str, str]
 Row = tuple[_Cell, ...]
 

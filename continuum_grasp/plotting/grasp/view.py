@@ -154,6 +154,7 @@ def lighter(color: str, share: float) -> str:
 
 
 _ROUND = np.stack([np.cos(np.linspace(0, math.tau, 25)), np.sin(np.linspace(0, math.tau, 25))], axis=1)
+"""Points of a unit circle: enough for the limits of a picture."""
 
 
 def _unloaded(finger: GraspFinger) -> Array:
