@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import head, new_axes, time_map
+from continuum_grasp.plotting.drawing.axes import color_bar, head, new_axes, time_map
 from continuum_grasp.plotting.drawing.style import BLUE, GREY, INK, ORANGE
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def plot_map(drawn: GridMap | ScatterMap, *, ax: Axes | None = None) -> Axes:
     draw = _draw_grid if drawn.color.ndim == 2 else _draw_points
     shown = draw(ax, drawn, kinds)
     if np.isfinite(drawn.color).any():
-        _color_bar(ax, shown, drawn.labels[2])
+        color_bar(ax, shown, drawn.labels[2])
     ax.set_xlabel(drawn.labels[0], color=INK)
     ax.set_ylabel(drawn.labels[1], color=INK)
     head(ax, None if kinds else drawn.labels[2], len(kinds), columns=2)
@@ -92,7 +92,7 @@ def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
         ax.scatter(drawn.x, drawn.y, s=size, color=BLUE, alpha=0.45, linewidths=0.0, label="grasps")
     else:
         shown = ax.scatter(drawn.x, drawn.y, s=size, c=drawn.color, cmap=time_map(), linewidths=0.0, label="grasps")
-        _color_bar(ax, shown, drawn.labels[2])
+        color_bar(ax, shown, drawn.labels[2])
     ax.plot(drawn.x[drawn.best], drawn.y[drawn.best], color=ORANGE, linewidth=1.2, alpha=0.8, zorder=3)
     ax.plot(
         drawn.x[drawn.best],
@@ -158,13 +158,6 @@ def _draw_points(ax: Axes, drawn: GridMap | ScatterMap, kinds: list[str]) -> Sca
         )
     there = np.isfinite(drawn.color)
     return ax.scatter(drawn.x[there], drawn.y[there], s=size, c=drawn.color[there], cmap=time_map(), linewidths=0.0)
-
-
-def _color_bar(ax: Axes, shown: ScalarMappable, label: str) -> None:
-    bar = ax.figure.colorbar(shown, ax=ax, pad=0.03)
-    bar.set_label(label, color=INK)
-    bar.ax.tick_params(colors=INK, labelsize=9)
-    bar.outline.set_visible(False)
 
 
 def _patch(ax: Axes, color: str, hatch: str, label: str) -> None:

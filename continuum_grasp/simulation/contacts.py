@@ -76,7 +76,12 @@ STORED = tuple(
     for name, shape, unit, meaning in (
         ("gap", "(T, C)", "m", "distance of the surfaces, negative where they are pressed together"),
         ("normal_force", "(T, C)", "N", "normal force"),
-        ("friction", "(T, C)", "N", "friction in the plane, along the object's outward normal turned by +90 degrees"),
+        (
+            "friction",
+            "(T, C)",
+            "N",
+            "friction in the plane, on what touches the object, along its normal turned by +90 degrees",
+        ),
         ("lift", "(T, C)", "N", "friction out of the plane, on the object"),
         ("force", "(T, 2, C)", "N", "world force on the object in the plane"),
         ("point", "(T, 2, C)", "m", "where it acts, world"),

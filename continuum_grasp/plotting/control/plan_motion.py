@@ -8,13 +8,13 @@ import numpy as np
 
 from continuum_grasp.plotting.drawing.axes import (
     bend_box,
+    color_bar,
     colors,
     head,
     new_axes,
     plane_axes,
     split_unit,
     time_axes,
-    time_bar,
     time_map,
 )
 from continuum_grasp.plotting.drawing.fingers import draw_clamp
@@ -69,7 +69,7 @@ def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
     goals = _goal_points(scene.goal)
     if goals:
         ax.plot(*np.array(goals).T, "x", color=ORANGE, markersize=8, markeredgewidth=2.0, zorder=4, label="goal")
-    time_bar(ax, lines)
+    color_bar(ax, lines)
     head(ax, plan.name, entries=1 + bool(goals))
     return ax
 

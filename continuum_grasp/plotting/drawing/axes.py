@@ -22,6 +22,7 @@ Box = tuple[float, float, float, float]
 __all__ = [
     "Box",
     "bend_box",
+    "color_bar",
     "colors",
     "head",
     "new_axes",
@@ -31,7 +32,6 @@ __all__ = [
     "split_unit",
     "symbol",
     "time_axes",
-    "time_bar",
     "time_map",
 ]
 
@@ -66,10 +66,10 @@ def plane_axes(ax: Axes | None, box: Box, colorbar: bool = True) -> Axes:
     return ax
 
 
-def time_bar(ax: Axes, drawn: ScalarMappable) -> None:
-    """A color bar for artists colored by time [s]."""
+def color_bar(ax: Axes, drawn: ScalarMappable, label: str = "time [s]") -> None:
+    """A bar beside the axes for what is colored by a quantity."""
     bar = ax.figure.colorbar(drawn, ax=ax, pad=0.03)
-    bar.set_label("time [s]", color=INK)
+    bar.set_label(label, color=INK)
     bar.ax.tick_params(colors=INK, labelsize=9)
     bar.outline.set_visible(False)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.drawing.axes import bend_box, plane_axes, time_bar, time_map
+from continuum_grasp.plotting.drawing.axes import bend_box, color_bar, plane_axes, time_map
 from continuum_grasp.plotting.drawing.fingers import draw_body, draw_clamp, finger_outline, mass_positions, masses_of
 from continuum_grasp.plotting.drawing.forces import draw_forces, explain, force_scale, sizes_of
 from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
@@ -91,7 +91,7 @@ def plot_snapshots(
         ax.scatter(spots[:, 0], spots[:, 1], s=34, c=shade, edgecolors="white", linewidths=0.7, zorder=Z.MASS)
     draw_forces(ax, forces, scale)
     explain(ax, masses, forces, trajectory.name)
-    time_bar(ax, lines)
+    color_bar(ax, lines)
     return ax
 
 

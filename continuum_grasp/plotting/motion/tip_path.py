@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting.drawing.axes import bend_box, head, plane_axes, time_bar, time_map
+from continuum_grasp.plotting.drawing.axes import bend_box, color_bar, head, plane_axes, time_map
 from continuum_grasp.plotting.drawing.style import INK
 
 if TYPE_CHECKING:
@@ -53,6 +53,6 @@ def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     ax.add_collection(path)
     ax.plot(*tip[0], "o", color="white", markeredgecolor=INK, markersize=6, label="start", zorder=4)
     ax.plot(*tip[-1], "s", color=INK, markersize=5, label="end", zorder=4)
-    time_bar(ax, path)
+    color_bar(ax, path)
     head(ax, trajectory.name, entries=2)
     return ax
