@@ -19,7 +19,7 @@ _TEMPORARY = re.compile(r"\.tmp-(\d+)-[0-9a-f]{12}-.")
 
 
 def begin_run(
-    folder: str | os.PathLike[str], kind: str | None = None, *, retained: Collection[str] | None = ()
+    folder: str | os.PathLike[str], kind: str | None = None, *, retained: Collection[str] = ()
 ) -> Path:
     """Make a folder that of a new run: what an earlier run wrote and has not been changed since is removed.
 
@@ -33,7 +33,7 @@ def begin_run(
     kind : str, optional
         What the run is: the name of a command.
     retained : collection of str, optional
-        Files that stay: the caller replaces them next, or they are of this run already; None for all.
+        Files that stay: the caller replaces them next, or they are of this run already.
 
     Returns
     -------
@@ -57,7 +57,6 @@ def begin_run(
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     old = _read(target)
-    retained = old["files"].keys() if retained is None else retained
     _remove(target, old, retained)
     for path in target.glob(".tmp-*"):
         found = _TEMPORARY.match(path.name)
