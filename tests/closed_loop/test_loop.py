@@ -464,7 +464,7 @@ def test_pictures_show_the_arrays():
     found = run()
     path = lines(plotting.plot_control_path(found))
     assert np.array_equal(path["tip"], found.tip)
-    assert path["set-point"] == pytest.approx(np.array([ON_CURVE] * 2))
+    assert path["setpoint"] == pytest.approx(np.array([ON_CURVE] * 2))
     tracking = lines(plotting.plot_tracking(found))
     assert np.array_equal(tracking["tip y"][:, 1], found.tracked[:, 1])
     error = plotting.plot_tracking_error(found).get_lines()[0].get_ydata()
