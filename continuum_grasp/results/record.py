@@ -18,9 +18,7 @@ RECORD = ".run.json"
 _TEMPORARY = re.compile(r"\.tmp-(\d+)-[0-9a-f]{12}-.")
 
 
-def begin_run(
-    folder: str | os.PathLike[str], kind: str | None = None, *, retained: Collection[str] = ()
-) -> Path:
+def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, retained: Collection[str] = ()) -> Path:
     """Make a folder that of a new run: what an earlier run wrote and has not been changed since is removed.
 
     A file is recorded with its content's SHA-256 before it gets its name, so a process killed at any instant leaves

@@ -1,10 +1,9 @@
-"""What users give to controllers and estimators, as scenes and arrays of the right size."""
+"""Arguments of controllers and estimators as arrays of the right size."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -12,30 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.checks import finite
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import load
 
-__all__ = ["control_scene", "numbers", "shown", "slices", "vector"]
+__all__ = ["numbers", "shown", "slices", "vector"]
 
 Array = NDArray[np.float64]
 
 
-def control_scene(given: ControlScene | str | PathLike[str]) -> ControlScene:
-    """The scene itself, or that of a file.
-
-    Raises
-    ------
-    InputError
-        If it is none of a controller.
-    """
-    scene = given if isinstance(given, ControlScene) else load(given)  # type: ignore[arg-type]
-    if not isinstance(scene, ControlScene):
-        raise InputError(f"expected a closed loop (finger, controller, ...), got a {type(scene).__name__}")
-    return scene
-
-
 def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Array:
-    """A vector, finite unless that is not to be checked.
+    """Convert to a vector; ``check``: a finite one.
 
     Raises
     ------
@@ -52,12 +35,12 @@ def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Arr
 
 
 def numbers(value: ArrayLike) -> Array:
-    """A copy in double precision; what no double can hold is infinite, so that checks of ranges see it.
+    """Copy in double precision; what no double can hold becomes infinite, so that checks of ranges see it.
 
     Raises
     ------
     TypeError, ValueError
-        If it is no array of real numbers (text and complex numbers are none), or ragged.
+        If it is ragged, or not an array of real numbers (text and complex numbers are not).
     """
     array = np.asarray(value)
     if array.dtype.kind not in "biufO":
@@ -77,7 +60,9 @@ def _double(value: Any) -> float:
 
 
 def shown(value: Any, width: int = 60) -> str:
-    """The beginning of a value in a message; its type where it cannot be printed (integers of over 4300 digits)."""
+    """Return the beginning of a value for a message; its type if it cannot be printed (integers of over 4300
+    digits).
+    """
     try:
         return f"{value!r:.{width}}"
     except ValueError:
@@ -85,6 +70,6 @@ def shown(value: Any, width: int = 60) -> str:
 
 
 def slices(sizes: Mapping[str, int]) -> dict[str, slice]:
-    """Where each of the named vectors lies, one after the other."""
+    """Return where each of the named vectors lies in their concatenation."""
     ends = np.cumsum([0, *sizes.values()])
     return {name: slice(int(a), int(b)) for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)}
