@@ -21,7 +21,7 @@ __all__ = ["plot_front", "plot_map"]
 _HATCHES = ("////", "....", "xxxx", "\\\\\\\\", "oooo", "++++", "----")
 _MARKERS = ("x", "+", "v", "s", "^", "d", "1")
 _SHADES = ("#BFBFBF", "#D9D9D9", "#CFC4B8", "#C3CBD3", "#D8C8D0", "#C9D3C3", "#E0DCC8")
-"""By which reasons without a grasp are told apart, in print too: none is a color of the quantity's scale."""
+"""Distinguish reasons why there is no grasp, in print too: none is a color of the quantity's scale."""
 
 
 def plot_map(drawn: GridMap | ScatterMap, *, ax: Axes | None = None) -> Axes:
