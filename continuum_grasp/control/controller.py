@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.arguments import control_scene, numbers, shown, slices, vector
+from continuum_grasp.control.arguments import numbers, shown, slices, vector
 from continuum_grasp.control.command import Command, Layout
 from continuum_grasp.control.compiled.library import Compiled
 from continuum_grasp.control.compiled.settings import controller_fields, delay_periods
@@ -28,6 +28,7 @@ from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.load import scene_of
 
 __all__ = ["Controller"]
 
@@ -119,7 +120,7 @@ class Controller(Remade):
         precision: str = "double",
         deadline: float | None = None,
     ) -> None:
-        self.scene = control_scene(scene)
+        self.scene = scene_of(scene, ControlScene)
         self._arguments = (
             (self.scene,),
             {"precision": precision, "deadline": deadline},

@@ -20,7 +20,8 @@ from continuum_grasp.interrupt import ignored_by_children
 from continuum_grasp.mission.assignment import Assignment, assign
 from continuum_grasp.mission.outcomes import Outcome
 from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.run import Crew, mission_of
+from continuum_grasp.mission.run import Crew
+from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene, Trials
 
 __all__ = ["run_trials", "variations"]
@@ -79,7 +80,7 @@ def run_trials(
     Interrupted
         On Ctrl-C; ``result`` is the list of those that were done.
     """
-    mission = mission_of(scene)
+    mission = scene_of(scene, MissionScene)
     drawn = variations(mission.trials)
     count = min(os.cpu_count() or 1 if jobs is None else jobs, len(drawn))
     if count < 1:

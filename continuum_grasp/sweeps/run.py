@@ -99,7 +99,7 @@ def sweep(
         job = Job(plan.variation.base, plan.keys, plan.paths, plan.sweep.record, keep, evaluate or solve)
         run = _Run(plan, job, target, progress)
         if run.done < len(plan):
-            begin_run(target, "sweep", kept=(PLAN,))
+            begin_run(target, "sweep", retained=(PLAN,))
             with _crew(executor, scheduler, count) as crew:
                 run.go(crew)
         write_csv(target)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache
-from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -13,7 +12,6 @@ import pytest
 from scipy.optimize import minimize
 
 import continuum_grasp as cg
-from continuum_grasp import plotting
 from continuum_grasp.closed_loop.converged import Converged
 from continuum_grasp.closed_loop.metrics import metrics_of
 from continuum_grasp.closed_loop.plant import Plant
@@ -25,7 +23,8 @@ from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
-from continuum_grasp.plotting.control.frames import control_frames
+from continuum_grasp.plotting import control as plotting
+from continuum_grasp.plotting.control.control_frames import control_frames
 from continuum_grasp.scene import (
     ControlScene,
     Damping,
@@ -266,10 +265,9 @@ def test_metrics_by_hand():
     error[2, :2], error[10, :2] = (3e-3, 4e-3), (0.0, 2e-3)
     error[:, 2] = 2.0
     u = np.array([[3.0, 1.0]] * 5 + [[3.0, 5.0]] * 5)
-    run = SimpleNamespace(
+    found = metrics_of(
         u=u,
-        r=np.zeros((11, 4)),
-        tracked=error,
+        error=error,
         period=0.01,
         deadline=0.01,
         weights=np.array([2.0, 2.0, 0.5, 0.5]),
@@ -284,7 +282,6 @@ def test_metrics_by_hand():
         health=("ok",) * 8 + ("mismatch",) * 2,
         mismatch=np.array([1.0] * 8 + [3.5, 3.25]),
     )
-    found = metrics_of(run)
     (tip,) = found.tracking
     assert (tip.name, tip.unit) == ("tip", "m")
     assert (tip.rms, tip.max, tip.final) == pytest.approx((math.sqrt((25e-6 + 4e-6) / 11), 5e-3, 2e-3))
@@ -467,7 +464,7 @@ def test_pictures_show_the_arrays():
     found = run()
     path = lines(plotting.plot_control_path(found))
     assert np.array_equal(path["tip"], found.tip)
-    assert path["set-point"] == pytest.approx(np.array([ON_CURVE] * 2))
+    assert path["setpoint"] == pytest.approx(np.array([ON_CURVE] * 2))
     tracking = lines(plotting.plot_tracking(found))
     assert np.array_equal(tracking["tip y"][:, 1], found.tracked[:, 1])
     error = plotting.plot_tracking_error(found).get_lines()[0].get_ydata()

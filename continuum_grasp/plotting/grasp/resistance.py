@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.plotting.drawing.axes import BLUE, INK, ORANGE, new_axes
+from continuum_grasp.plotting.drawing.axes import new_axes
+from continuum_grasp.plotting.drawing.style import BLUE, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,6 +34,12 @@ def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
     -------
     matplotlib.axes.Axes
         The outline encloses the forces that are resisted; the dashed circle those of any direction.
+
+    Examples
+    --------
+    >>> from continuum_grasp import plotting
+    >>> plotting.plot_resistance([[2.0, 0.0], [0.0, 1.0], [-2.0, 0.0], [0.0, -1.0]]).get_xlabel()
+    'force x [N]'
     """
     from matplotlib.patches import Circle, Polygon
 

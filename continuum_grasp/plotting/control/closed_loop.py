@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from continuum_grasp.plotting.control.scene import draw_surroundings, zone_points
-from continuum_grasp.plotting.drawable import DrawableControl
-from continuum_grasp.plotting.drawing.axes import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    bend_box,
-    colors,
-    head,
-    new_axes,
-    plane_axes,
-    split_unit,
-)
-from continuum_grasp.plotting.drawing.finger_shape import draw_clamp
-from continuum_grasp.plotting.drawing.pictures import save_picture
+from continuum_grasp.plotting.drawing.axes import bend_box, colors, head, new_axes, plane_axes, split_unit, time_axes
+from continuum_grasp.plotting.drawing.fingers import draw_clamp
+from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
+from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GREY, INK, ORANGE, Z
+from continuum_grasp.plotting.drawing.surroundings import draw_supports, draw_zones, zone_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from continuum_grasp.closed_loop.result import ControlRun
+
 __all__ = [
+    "draw_surroundings",
     "plot_bounds",
     "plot_control_path",
     "plot_controller_times",
@@ -36,14 +26,15 @@ __all__ = [
     "plot_inputs",
     "plot_tracking",
     "plot_tracking_error",
-    "save_control_pictures",
+    "shown_points",
 ]
 
 _SNAPSHOTS = 9
+"""Shapes drawn: of a run of a few seconds about two per second, which stay apart."""
 
 
-def plot_control_path(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
-    """Draw the path of the tip in the plane with its set-points, some shapes of the finger and what must be avoided.
+def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw the path of the tip in the plane with its setpoints, some shapes of the finger and what must be avoided.
 
     Parameters
     ----------
@@ -58,9 +49,8 @@ def plot_control_path(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
     tip, wanted = np.asarray(run.tip), run.tip_reference
     shown = np.unique(np.linspace(0, len(tip) - 1, _SNAPSHOTS).astype(int))
     shapes = run.backbone(shown, points=60)
-    points = [shapes, tip, *([] if wanted is None else [wanted]), *zone_points(run.scene)]
-    ax = plane_axes(ax, bend_box(points, 0.07 * run.length), colorbar=False)
-    draw_surroundings(ax, run.scene)
+    ax = plane_axes(ax, bend_box(shown_points(run, shapes), 0.07 * run.length), colorbar=False)
+    draw_surroundings(ax, run)
     draw_clamp(ax, shapes[0], run.length)
     for shape in shapes:
         ax.plot(*shape.T, color=GREY, linewidth=0.8, alpha=0.7, zorder=1)
@@ -69,32 +59,46 @@ def plot_control_path(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
         whole = np.insert(wanted, jumps + 1, np.nan, axis=0)
         ax.plot(*whole.T, color=ORANGE, linewidth=1.0, linestyle="--", zorder=5)
         ends = wanted[np.unique([0, *jumps, *(jumps + 1), len(wanted) - 1])]
-        ax.plot(*ends.T, "o", color=ORANGE, markersize=4, label="set-point", zorder=5)
+        ax.plot(*ends.T, "o", color=ORANGE, markersize=4, label="setpoint", zorder=5)
     ax.plot(*tip.T, color=BLUE, linewidth=1.6, label="tip", zorder=4)
     head(ax, run.name, entries=1 + (wanted is not None))
     return ax
 
 
+def shown_points(run: ControlRun, shapes: Any) -> list[Any]:
+    """World points that a picture of a run should show, beside the finger's shapes (n, points, 2)."""
+    wanted = run.tip_reference
+    zones = zone_points(run.scene.controller.bounds.keep_out)
+    return [shapes, np.asarray(run.tip), *([] if wanted is None else [wanted]), *zones]
+
+
+def draw_surroundings(ax: Axes, run: ControlRun) -> None:
+    """Draw zones, supports, and the object where it is at the start, into axes whose limits are set."""
+    scene = run.scene
+    draw_zones(ax, scene.controller.bounds.keep_out)
+    draw_supports(ax, scene.supports)
+    if scene.object is not None:
+        pose = np.asarray(scene.object.pose if run.object_pose is None else run.object_pose[0, :3])
+        draw_object(ax, object_outlines(scene.object, pose))
+
+
 def _jumps(wanted: Any) -> Any:
-    """After which set-points the next one is far away."""
+    """After which setpoints the next one is far away."""
     steps = np.linalg.norm(np.diff(wanted, axis=0), axis=1)
     return np.flatnonzero(steps > max(20.0 * float(np.median(steps)), 1e-6))
 
 
-def plot_inputs(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
+def plot_inputs(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     """Draw the commands over time, with their limits."""
     ax = new_axes(ax)
     for column, name, color in zip(np.asarray(run.u).T, run.u_names, colors(len(run.u_names)), strict=True):
         ax.stairs(column, run.t, color=color, linewidth=1.4, baseline=None, label=split_unit(name)[0].replace("_", " "))
     for limit in np.unique([*run.u_min, *run.u_max]):
         ax.axhline(limit, color=GREY, linewidth=0.9, linestyle="--", zorder=1)
-    ax.set_xlabel("time [s]", color=INK)
-    ax.set_ylabel(f"input [{split_unit(run.u_names[0])[1]}]", color=INK)
-    head(ax, run.name, entries=len(run.u_names))
-    return ax
+    return time_axes(ax, f"input [{split_unit(run.u_names[0])[1]}]", run.name, len(run.u_names))
 
 
-def plot_tracking(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
+def plot_tracking(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     """Draw tracked quantities and setpoints over time; of several units, the first on the left, the second on the
     right.
     """
@@ -107,18 +111,16 @@ def plot_tracking(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
         label = split_unit(run.r_names[k])[0].replace("_", " ")
         axis = ax if unit == units[0] else right
         axis.plot(run.t, run.r[:, k], color=color, linewidth=1.0, linestyle="--")
-        axis.plot(run.t, run.tracked[:, k], color=color, linewidth=1.4)
-        ax.plot([], [], color=color, linewidth=1.4, label=label)
+        axis.plot(run.t, run.tracked[:, k], color=color, linewidth=1.4, label=label)
+        if axis is not ax:  # the legend is of the left axes
+            ax.plot([], [], color=color, linewidth=1.4, label=label)
     ax.plot([], [], color=GREY, linewidth=1.0, linestyle="--", label="setpoint")
-    ax.set_xlabel("time [s]", color=INK)
-    ax.set_ylabel(f"tracked [{units[0]}]", color=INK)
     if right is not ax:
         right.set_ylabel(f"tracked [{units[1]}]", color=INK)
-    head(ax, run.name, entries=len(columns) + 1)
-    return ax
+    return time_axes(ax, f"tracked [{units[0]}]", run.name, len(columns) + 1)
 
 
-def plot_tracking_error(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
+def plot_tracking_error(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     """Draw the distance of the tip from its setpoint over time, or else the greatest error of the first tracked
     quantity.
     """
@@ -132,29 +134,23 @@ def plot_tracking_error(run: DrawableControl, *, ax: Axes | None = None) -> Axes
         size = np.abs(run.tracked[:, columns] - run.r[:, columns]).max(axis=1)
     ax.plot(run.t, size, color=BLUE, linewidth=1.4)
     ax.set_ylim(bottom=0.0)
-    ax.set_xlabel("time [s]", color=INK)
-    ax.set_ylabel(f"error of the {label.replace('_', ' ')} [{unit}]", color=INK)
-    head(ax, run.name)
-    return ax
+    return time_axes(ax, f"error of the {label.replace('_', ' ')} [{unit}]", run.name)
 
 
-def plot_bounds(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
+def plot_bounds(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     """Draw how far each bound is away over time, as a share of its scale; above zero it is exceeded."""
     ax = new_axes(ax)
     for bound, color in zip(run.bounds, colors(len(run.bounds)), strict=True):
         ax.plot(run.t, bound.excess / bound.scale, color=color, linewidth=1.3, label=bound.name.replace("_", " "))
     top = max(0.02, 1.1 * max(float(np.max(b.excess)) / b.scale for b in run.bounds))
     bottom = min(-0.3, ax.get_ylim()[0])
-    ax.axhspan(0.0, top, color="#F6DDD4", zorder=0)
+    ax.axhspan(0.0, top, color=FORBIDDEN["facecolor"], alpha=0.75, zorder=Z.ZONE)
     ax.set_ylim(max(bottom, -1.05), top)
-    ax.set_xlabel("time [s]", color=INK)
-    ax.set_ylabel("beyond the bound [share of its scale]", color=INK)
-    head(ax, run.name, entries=len(run.bounds))
-    return ax
+    return time_axes(ax, "beyond the bound [share of its scale]", run.name, len(run.bounds))
 
 
-def plot_disturbances(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
-    """Draw what the estimator thinks of the disturbances, with two standard deviations either way."""
+def plot_disturbances(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw the estimated disturbances, with two standard deviations either way."""
     ax = new_axes(ax)
     names = run.disturbance_names
     unit = split_unit(names[0])[1] if names else ""
@@ -163,13 +159,10 @@ def plot_disturbances(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
         value, spread = run.disturbance[:, k], 2.0 * run.disturbance_std[:, k]
         ax.fill_between(run.t[:-1], value - spread, value + spread, color=color, alpha=0.15, linewidth=0.0)
         ax.plot(run.t[:-1], value, color=color, linewidth=1.4, label=split_unit(names[k])[0].replace("_", " "))
-    ax.set_xlabel("time [s]", color=INK)
-    ax.set_ylabel(f"estimated disturbance [{unit}]", color=INK)
-    head(ax, run.name, entries=len(chosen), columns=2)
-    return ax
+    return time_axes(ax, f"estimated disturbance [{unit}]", run.name, len(chosen), columns=2)
 
 
-def plot_controller_times(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
+def plot_controller_times(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     """Draw a histogram of the time that each phase of the controller took."""
     ax = new_axes(ax)
     times = 1e6 * np.asarray(run.phase_times)
@@ -185,32 +178,3 @@ def plot_controller_times(run: DrawableControl, *, ax: Axes | None = None) -> Ax
     ax.set_ylabel("steps [1]", color=INK)
     head(ax, run.name, entries=len(run.phase_names), columns=2)
     return ax
-
-
-def save_control_pictures(run: DrawableControl, folder: str | os.PathLike[str]) -> list[Path]:
-    """Draw a closed loop into PNG files.
-
-    Parameters
-    ----------
-    run : ControlRun
-        What to draw.
-    folder : path-like
-        Where the files go; made where missing, files of the same names are replaced.
-
-    Returns
-    -------
-    list of pathlib.Path
-        ``path.png``, ``inputs.png``, ``tracking.png``, ``error.png``, ``bounds.png`` and ``times.png`` in that folder,
-        and ``disturbances.png`` where some are estimated.
-    """
-    drawn = {
-        "path": plot_control_path,
-        "inputs": plot_inputs,
-        "tracking": plot_tracking,
-        "error": plot_tracking_error,
-        "bounds": plot_bounds,
-        "times": plot_controller_times,
-    }
-    if run.disturbance_names:
-        drawn["disturbances"] = plot_disturbances
-    return [save_picture(draw(run), Path(folder) / f"{name}.png") for name, draw in drawn.items()]

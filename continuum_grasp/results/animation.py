@@ -1,4 +1,4 @@
-"""A moving picture of the finger."""
+"""Frames into an animation file."""
 
 from __future__ import annotations
 
@@ -10,79 +10,63 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.plotting.drawable import DrawableControl, DrawableTrajectory
-from continuum_grasp.plotting.motion.frames import frames
-from continuum_grasp.results import replacing
+from continuum_grasp.results.atomic import replacing
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-__all__ = ["animate"]
+__all__ = ["write_animation"]
+
+_RANGES = {".gif": 50.0, ".mp4": 240.0}
+"""Greatest frames per second: browsers show no frame of a GIF shorter than 20 ms; 240 is the fastest screen."""
+_WIDTHS = 159, 4096
+"""Between which a width lies [pixels]: labels fill a narrower frame, H.264 takes no wider one."""
+_REST_MS = 700
+"""A GIF rests before it starts again [ms]: long enough to see that it ended."""
+_COLORS_APART = 12
+"""Levels of 255 by which colors of a palette differ: closer ones look alike, and make still areas flicker."""
 
 
-def animate(
-    trajectory: DrawableTrajectory | DrawableControl,
+def write_animation(
     path: str | os.PathLike[str],
-    fps: float = 30.0,
+    t: ArrayLike,
+    draw: Callable[[NDArray[np.int64]], Iterator[NDArray[Any]]],
+    fps: float,
     *,
     speed: float = 1.0,
     width: int = 640,
-    draw: Callable[[Any, NDArray[Any], int], Iterator[NDArray[Any]]] = frames,
 ) -> Path:
-    """Write an animation of the moving finger with the path of its tip and the forces on it.
+    """Write an animation of what happens at instants ``t`` (T,) [s]; see `MotionResult.animate`.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        What moves.
-    path : path-like
-        ``.gif``, written by Pillow, or ``.mp4``, written by ffmpeg where that is found. It is replaced whole.
-    fps : float
-        Frames per second of the animation. A GIF tells time in hundredths of a second: above 50 it is
-        refused, below that single frames last up to 10 ms more or less, never the whole.
-    speed : float
-        Seconds of motion per second of animation; 0.1 is ten times slowed down.
-    width : int
-        Width of the frames [pixels], from 160 on.
-    draw : callable
-        What draws the frames, with the arguments and the yield of ``frames``.
-
-    Returns
-    -------
-    pathlib.Path
-        ``path``.
-
-    Raises
-    ------
-    InputError
-        Another suffix, a number out of range, or MP4 without ffmpeg.
+    ``draw`` is given the indices of the instants to show, one per frame, and yields (height, width, 3) arrays of uint8.
     """
     target = Path(path)
     suffix = target.suffix.lower()
     for name, value, low, high in (
-        ("fps", fps, 0.0, 50.0 if suffix == ".gif" else 240.0),
+        ("fps", fps, 0.0, _RANGES.get(suffix, 240.0)),
         ("speed", speed, 0.0, 1e9),
-        ("width", width, 159, 4096),
+        ("width", width, *_WIDTHS),
     ):
         if not low < value <= high:
             raise InputError(f"expected more than {low:g} and at most {high:g}, got {value}", key=name)
-    if suffix not in (".gif", ".mp4"):
+    if suffix not in _RANGES:
         raise InputError(f"expected a file name ending in .gif or .mp4, got {target.name!r}", key="path")
     ffmpeg = shutil.which("ffmpeg") if suffix == ".mp4" else None
     if suffix == ".mp4" and ffmpeg is None:
         raise InputError("MP4 needs ffmpeg, which is not found on this machine; use .gif", key="path")
 
-    t = np.asarray(trajectory.t)
-    duration = float(t[-1] - t[0]) / speed
-    moments = t[0] + speed * np.arange(max(1, int(np.floor(duration * fps * (1 + 1e-12))) + 1)) / fps
-    indices = np.abs(t[None, :] - moments[:, None]).argmin(axis=1)
-    pictures = draw(trajectory, indices, width)
+    instants = np.asarray(t, dtype=float)
+    duration = float(instants[-1] - instants[0]) / speed
+    # a duration that is a whole number of frames must not lose the last one to rounding
+    count = max(1, int(np.floor(duration * fps * (1 + 1e-12))) + 1)
+    moments = instants[0] + speed * np.arange(count) / fps
+    pictures = draw(np.abs(instants[None, :] - moments[:, None]).argmin(axis=1))
     with replacing(target) as temporary:
         if ffmpeg is None:
-            _write_gif(temporary, pictures, len(indices), fps)
+            _write_gif(temporary, pictures, count, fps)
         else:
             _write_mp4(temporary, pictures, fps, ffmpeg)
     return target
@@ -93,7 +77,7 @@ def _write_gif(path: Path, pictures: Iterator[NDArray[Any]], count: int, fps: fl
 
     ends = np.round(100.0 * np.arange(1, count + 1) / fps).astype(int)
     shown = (10 * np.diff(ends, prepend=0)).tolist()
-    shown[-1] += 700  # rest a moment before it starts again
+    shown[-1] += _REST_MS
     images = [Image.fromarray(picture) for picture in pictures]
     palette = _palette(images)
     paletted = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
@@ -103,7 +87,7 @@ def _write_gif(path: Path, pictures: Iterator[NDArray[Any]], count: int, fps: fl
 
 
 def _palette(images: list[Image]) -> Image:
-    """One palette for all frames, from a few of them side by side, so that colours do not flicker."""
+    """One palette for all frames, from a few of them side by side, so that colors do not flicker."""
     from PIL import Image
 
     chosen = [images[k] for k in np.unique(np.linspace(0, len(images) - 1, 6).astype(int))]
@@ -113,12 +97,12 @@ def _palette(images: list[Image]) -> Image:
         sheet.paste(image, (0, top))
         top += image.height
     found = sheet.quantize(colors=256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-    kept = np.full((1, 3), 255)  # the ground stays white: nothing else near it, nor near another colour
+    chosen_colors = np.full((1, 3), 255)  # the ground stays white: none is near it, nor near another color
     for color in np.array(found.getpalette(), dtype=int).reshape(-1, 3):
-        if np.abs(kept - color).max(axis=1).min() > 12:
-            kept = np.vstack([kept, color])
+        if np.abs(chosen_colors - color).max(axis=1).min() > _COLORS_APART:
+            chosen_colors = np.vstack([chosen_colors, color])
     palette = Image.new("P", (1, 1))
-    palette.putpalette(kept.ravel().tolist())
+    palette.putpalette(chosen_colors.ravel().tolist())
     return palette
 
 

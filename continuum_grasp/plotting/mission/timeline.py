@@ -1,33 +1,22 @@
-"""Pictures of missions: what happened over time, the finger at the instants that matter, and many plants."""
+"""A mission over time: tensions, contact forces, friction and motion of the object, phase by phase."""
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting.drawing.axes import GREY, INK, colors, head, new_figure, quiet
-from continuum_grasp.plotting.drawing.finger_shape import draw_clamp, draw_forces, force_scale
-from continuum_grasp.plotting.drawing.objects import draw_surroundings
-from continuum_grasp.plotting.drawing.pictures import save_picture
-from continuum_grasp.plotting.mission.scene import (
-    DrawableMission,
-    acting_forces,
-    box_of,
-    draw_grasp,
-    draw_moment,
-    explain_forces,
-    instants,
-    pull_at,
-    pull_label,
-)
+from continuum_grasp.plotting.drawing.axes import colors, head, new_figure, quiet
+from continuum_grasp.plotting.drawing.style import GREY, INK
+from continuum_grasp.plotting.mission.instants import pull_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_mission_snapshots", "plot_mission_timeline", "save_mission_pictures"]
+    from continuum_grasp.mission.result import MissionRun
+
+__all__ = ["plot_mission_timeline"]
 
 _BANDS = {
     "approach": "#EAF2FA",
@@ -39,32 +28,34 @@ _BANDS = {
     "lower": "#FBEFD5",
     "release": "#EAF2FA",
 }
+"""Pale, since curves are drawn on them; phases that undo each other share one."""
 _LEAST_INCH = 0.14
-"""Width of a phase below which its name has no room."""
-_COLUMNS = (4, 5, 6)
-"""Numbers of snapshots in a row."""
+"""Width of a phase below which its name is left out: a line of 7.5 points, upright."""
 
 
-def plot_mission_timeline(mission: DrawableMission) -> list[Axes]:
+def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Draw tensions, contact forces, use of friction and motion of the object over the phases.
 
     Parameters
     ----------
     mission : MissionRun
+    ax : sequence of 5 matplotlib.axes.Axes, optional
+        Where to draw; a new figure where not given.
 
     Returns
     -------
     list of matplotlib.axes.Axes
         Of phases, tensions, normal forces, friction, and motion, in one figure.
     """
-    figure = new_figure(8.6, 9.4)
-    axes = list(figure.subplots(5, 1, sharex=True, height_ratios=(0.66, 1.0, 1.35, 1.0, 1.0)))
+    if ax is None:
+        ax = new_figure(8.6, 9.4).subplots(5, 1, sharex=True, height_ratios=(0.66, 1.0, 1.35, 1.0, 1.0))
+    axes = list(ax)
     strip, tension, force, friction, motion = axes
     end = float(mission.run.t[-1])
-    for ax in axes[1:]:
-        quiet(ax)
+    for one in axes[1:]:
+        quiet(one)
         for span in mission.spans:
-            ax.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0, zorder=0)
+            one.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0, zorder=0)
     _draw_tensions(tension, mission)
     _draw_forces(force, mission)
     _draw_friction(friction, mission)
@@ -79,7 +70,7 @@ def _band(name: str) -> str:
     return _BANDS.get(name.partition(" ")[0], "white")
 
 
-def _draw_phases(ax: Axes, mission: DrawableMission, end: float) -> None:
+def _draw_phases(ax: Axes, mission: MissionRun, end: float) -> None:
     """Names of the phases, upright, and with what each pull pulls."""
     ax.set_axis_off()
     ax.set_ylim(0.0, 1.0)
@@ -99,7 +90,7 @@ def _draw_phases(ax: Axes, mission: DrawableMission, end: float) -> None:
     ax.set_title(mission.name or " ", fontsize=10, color=INK, loc="left")
 
 
-def _draw_tensions(ax: Axes, mission: DrawableMission) -> None:
+def _draw_tensions(ax: Axes, mission: MissionRun) -> None:
     run = mission.run
     for k, color in zip(range(run.u.shape[1]), colors(run.u.shape[1]), strict=True):
         name = run.u_names[k]
@@ -113,7 +104,7 @@ def _draw_tensions(ax: Axes, mission: DrawableMission) -> None:
         )
         if name in run.r_names:
             ax.plot(run.t, run.r[:, run.r_names.index(name)], color=color, linewidth=0.9, linestyle="--")
-    ax.plot([], [], color=GREY, linewidth=0.9, linestyle="--", label="set-point")
+    ax.plot([], [], color=GREY, linewidth=0.9, linestyle="--", label="setpoint")
     for limit in np.unique([*run.u_min, *run.u_max]):
         ax.axhline(limit, color=GREY, linewidth=0.9, linestyle=":", zorder=1)
     ax.plot([], [], color=GREY, linewidth=0.9, linestyle=":", label="limit")
@@ -121,25 +112,25 @@ def _draw_tensions(ax: Axes, mission: DrawableMission) -> None:
     _legend(ax, run.u.shape[1] + 2)
 
 
-def _draw_forces(ax: Axes, mission: DrawableMission) -> None:
+def _draw_forces(ax: Axes, mission: MissionRun) -> None:
     run = mission.run
-    contacts = run.contacts
+    contacts = mission.contacts
     shown = [k for k, name in enumerate(contacts.names) if np.any(contacts.normal_force[:, k] > 0.0)]
     for k, color in zip(shown, colors(len(shown)), strict=True):
         ax.plot(run.t, contacts.normal_force[:, k], color=color, linewidth=1.3, label=contacts.names[k])
     wanted = run.r[:, run.r_names.index(f"contact_force_{mission.held_contact} [N]")]
-    ax.plot(run.t, wanted, color=INK, linewidth=1.0, linestyle="--", label=f"set-point of {mission.held_contact}")
+    ax.plot(run.t, wanted, color=INK, linewidth=1.0, linestyle="--", label=f"setpoint of {mission.held_contact}")
     ax.plot(run.t[:-1], mission.force_estimate, color=GREY, linewidth=0.9, label="its estimate", zorder=1.9)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel("normal force [N]", color=INK)
     _legend(ax, len(shown) + 2)
 
 
-def _draw_friction(ax: Axes, mission: DrawableMission) -> None:
+def _draw_friction(ax: Axes, mission: MissionRun) -> None:
     run = mission.run
-    names = run.contacts.names
+    names = mission.contacts.names
     shown = [k for k, name in enumerate(names) if np.any(np.isfinite(mission.friction_use[:, k]))]
-    everything = [k for k, name in enumerate(names) if np.any(run.contacts.normal_force[:, k] > 0.0)]
+    everything = [k for k, name in enumerate(names) if np.any(mission.contacts.normal_force[:, k] > 0.0)]
     shade = dict(zip(everything, colors(len(everything)), strict=True))
     for k in shown:
         ax.plot(run.t, mission.friction_use[:, k], color=shade.get(k, GREY), linewidth=1.3, label=names[k])
@@ -149,12 +140,12 @@ def _draw_friction(ax: Axes, mission: DrawableMission) -> None:
     _legend(ax, len(shown) + 1)
 
 
-def _draw_motion(ax: Axes, mission: DrawableMission) -> None:
+def _draw_motion(ax: Axes, mission: MissionRun) -> None:
     """Motion since the lift began; before that, the object is slid along the table by the finger."""
     run = mission.run
     start = next((span.start for span in mission.spans if span.name == "lift"), 0.0)
     begin = min(int(np.searchsorted(run.t, start - 1e-9)), len(run.t) - 1)
-    moved = 1e3 * (run.object_pose - run.object_pose[begin])
+    moved = 1e3 * (mission.object_pose - mission.object_pose[begin])
     labels = ("x since the lift", "y", "height")
     for values, label, color in zip((moved[:, 0], moved[:, 1], moved[:, 3]), labels, colors(3), strict=True):
         ax.plot(run.t, values, color=color, linewidth=1.3, label=label)
@@ -164,61 +155,3 @@ def _draw_motion(ax: Axes, mission: DrawableMission) -> None:
 
 def _legend(ax: Axes, entries: int) -> None:
     head(ax, None, entries=entries, columns=max(entries, 1))
-
-
-def plot_mission_snapshots(mission: DrawableMission) -> list[Axes]:
-    """Draw finger, object, supports and forces at the instants that matter, side by side.
-
-    Parameters
-    ----------
-    mission : MissionRun
-
-    Returns
-    -------
-    list of matplotlib.axes.Axes
-        One per instant, in one figure; forces of all are to one scale.
-    """
-    run, chosen = mission.run, instants(mission)
-    at = np.array(list(chosen))
-    shapes, poses = np.asarray(run.backbone(at, points=60)), np.asarray(run.object_pose)[at, :3]
-    box = box_of(mission, shapes, poses, 0.06 * run.length)
-    loads = [load for k in at for load in acting_forces(mission, int(k))]
-    scale = force_scale(loads, run.length)
-    columns = min(_COLUMNS, key=lambda count: -len(at) % count) if len(at) > max(_COLUMNS) else len(at)
-    rows = -(-len(at) // columns)
-    wide = 2.1
-    high = wide * (box[3] - box[2]) / (box[1] - box[0])
-    figure = new_figure(columns * (wide + 0.12) + 0.55, rows * (high + 0.42) + 0.95)
-    grid = figure.subplots(rows, columns, squeeze=False)
-    for ax in grid.ravel()[len(at) :]:
-        ax.set_axis_off()
-    axes = list(grid.ravel()[: len(at)])
-    for j, (ax, k, shape, pose) in enumerate(zip(axes, at, shapes, poses, strict=True)):
-        quiet(ax).set_aspect("equal")
-        ax.set_xlim(box[0], box[1])
-        ax.set_ylim(box[2], box[3])
-        ax.grid(False)
-        ax.tick_params(labelleft=j % columns == 0, labelbottom=j + columns >= len(at), labelsize=8)
-        draw_surroundings(ax, mission.scene)
-        draw_clamp(ax, shape, run.length)
-        draw_grasp(ax, mission, shape, pose)
-        wrench = pull_at(mission, float(run.t[k]))
-        draw_forces(ax, acting_forces(mission, int(k)), scale)
-        draw_moment(ax, pose, float(wrench[2]), 0.12 * run.length)
-        ax.set_title(f"{chosen[int(k)]}\n{run.t[k]:.2f} s", fontsize=8.5, color=INK, loc="left")
-    figure.supxlabel("x [m]", fontsize=9, color=INK)
-    figure.supylabel("y [m]", fontsize=9, color=INK)
-    explain_forces(figure, mission.name, loads)
-    return axes
-
-
-def save_mission_pictures(mission: DrawableMission, folder: str | os.PathLike[str]) -> list[Path]:
-    """Draw a mission into PNG files.
-
-    Returns
-    -------
-    list of pathlib.Path
-        ``timeline.png`` and ``snapshots.png`` in the folder, which is made where missing.
-    """
-    drawn = {"timeline": plot_mission_timeline, "snapshots": plot_mission_snapshots}
-    return [save_picture(draw(mission), Path(folder) / f"{name}.png") for name, draw in drawn.items()]

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.plotting.drawing.axes import INK, new_figure, quiet
-from continuum_grasp.plotting.drawing.object import draw_object, draw_supports
+from continuum_grasp.plotting.drawing.axes import new_figure, quiet
+from continuum_grasp.plotting.drawing.objects import draw_object
+from continuum_grasp.plotting.drawing.style import INK
+from continuum_grasp.plotting.drawing.surroundings import draw_supports
+from continuum_grasp.plotting.grasp.bodies import draw_fingers
 from continuum_grasp.plotting.grasp.contacts import draw_contacts, draw_scale, draw_weight, weight_words
-from continuum_grasp.plotting.grasp.fingers import draw_fingers
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.panel import ROW, Row, panel_rows, write_panel
-from continuum_grasp.plotting.grasp.polygon import plot_resistance, resistance_extremes, resistance_words
+from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp.view import MM, GraspView
 
 if TYPE_CHECKING:
@@ -23,15 +24,20 @@ if TYPE_CHECKING:
 
     from continuum_grasp.grasp.result import GraspResult
 
-__all__ = ["plot_grasp", "save_grasp_plot"]
+__all__ = ["plot_grasp"]
 
 Array = NDArray[Any]
 
-_ROOM = (6.2, 5.4)
+_DRAWING = (6.2, 5.4)
 """Greatest width and height of the drawing [inch]."""
 _NARROW = (4.6, 5.0)
 """The same where it stands alone, as on a small screen."""
-_LEFT, _BELOW, _ABOVE, _BETWEEN, _PANEL, _POLYGON = 0.65, 0.55, 0.62, 0.3, 2.9, 2.05
+_LEFT, _BELOW, _ABOVE = 0.65, 0.55, 0.62
+"""Margins for the axes' ticks and labels, and for two lines of title [inch]."""
+_BETWEEN, _PANEL, _POLYGON = 0.3, 2.9, 2.05
+"""Distance to the numbers, their width for four columns, and the side of the resisted forces below them [inch]."""
+_FAILED = "#A03000"
+"""Color of the title where there is no grasp: a red that is read on white."""
 
 
 def plot_grasp(
@@ -42,7 +48,7 @@ def plot_grasp(
     numbers: bool = True,
     resisted: ArrayLike | None = None,
 ) -> Axes:
-    """Draw a grasp in the plane of the fingers, in millimetres.
+    """Draw a grasp in the plane of the fingers, in millimeters.
 
     Parameters
     ----------
@@ -62,6 +68,15 @@ def plot_grasp(
     -------
     matplotlib.axes.Axes
         Arrows are the forces that the object bears, and its weight; the light wedges are the friction cones.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> scene = cg.load("configs/grasp/pinch.yaml", ["solver.max_iterations=1"])
+    >>> result = cg.optimize_grasp(scene, raise_on_failure=False)
+    >>> plotting.plot_grasp(result).get_xlabel()
+    'x [mm]'
     """
     view = GraspView(result)
     alone = ax is None
@@ -73,31 +88,21 @@ def plot_grasp(
     ax.set_ylim(low[1], high[1])
     ax.set_xlabel("x [mm]", color=INK)
     ax.set_ylabel("y [mm]", color=INK)
-    ax.set_title(_title(result), fontsize=10, color=INK if result.solved else "#A03000", loc="left")
-    bodies = draw_object(ax, view)
-    areas = [*draw_supports(ax, view), *draw_fingers(ax, view, tendons)]
+    ax.set_title(_title(result), fontsize=10, color=INK if result.solved else _FAILED, loc="left")
+    draw_object(ax, view.outlines)
+    areas = [*draw_supports(ax, result.scene.supports, MM), *draw_fingers(ax, view, tendons)]
     cones, arrows = draw_contacts(ax, view)
     areas += [*cones, *draw_scale(ax, view)]
-    place_labels(ax, _labels(view, forces=numbers and not alone), areas, [*arrows, *draw_weight(ax, view)], bodies)
-    return ax
-
-
-def save_grasp_plot(result: GraspResult, path: str | os.PathLike[str], *, resisted: ArrayLike | None = None) -> Axes:
-    """Draw a grasp into a picture file, whose suffix is the format; returns the axes.
-
-    ``resisted`` is as in `plot_grasp`.
-    """
-    from continuum_grasp.plotting.drawing.pictures import save_picture
-
-    ax = plot_grasp(result, resisted=resisted)
-    save_picture(ax, path)
+    place_labels(
+        ax, _labels(view, forces=numbers and not alone), areas, [*arrows, *draw_weight(ax, view)], view.outlines
+    )
     return ax
 
 
 def _sheet(view: GraspView, rows: list[Row], resisted: ArrayLike | None) -> Axes:
     """Axes in a new figure, which holds what stands beside them too."""
     low, high = view.box
-    size = (high - low) * min(np.array(_ROOM if rows else _NARROW) / (high - low))
+    size = (high - low) * min(np.array(_DRAWING if rows else _NARROW) / (high - low))
     polygon = bool(rows) and resisted is not None and resistance_extremes(resisted)[1] > 0
     text = ROW * len(rows)
     tall = max(size[1], text + (_POLYGON + 1.0 if polygon else 0.0))
