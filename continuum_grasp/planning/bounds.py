@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.stages import ABSENT
+from continuum_grasp.nlp import Block
+from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.grid import Grid
 from continuum_grasp.planning.motion import Motion
-from continuum_grasp.planning.programme import OBJECTIVE, Block, Programme
 from continuum_grasp.planning.term import Term, derived
 
 __all__ = ["StateBounds"]
@@ -43,7 +44,7 @@ class StateBounds:
 
     Parameters
     ----------
-    programme : Programme
+    assembly : Assembly
         Gets the rows.
     motion : Motion
     grid : Grid
@@ -51,8 +52,8 @@ class StateBounds:
         Whether hard bounds get a price.
     """
 
-    def __init__(self, programme: Programme, motion: Motion, grid: Grid, relaxed: bool) -> None:
-        self._programme, self._motion, self._grid = programme, motion, grid
+    def __init__(self, assembly: Assembly, motion: Motion, grid: Grid, relaxed: bool) -> None:
+        self._assembly, self._motion, self._grid = assembly, motion, grid
         self._bounds: dict[str, _Bound] = {}
         stages = motion.stages
         lower = np.where(stages.c_min > -ABSENT, stages.c_min, -np.inf)
@@ -65,8 +66,8 @@ class StateBounds:
             bound = self._bounds[name] = self._bound(entries, _PARTS if name in zones else 1)
             scale = np.full(len(entries), size)
             count = grid.intervals * bound.parts
-            rows = programme.require(name, key, unit, count, scale, lower[entries], upper[entries])
-            programme.add(bound.term, bound.columns, rows, bound.data)
+            rows = assembly.rows(name, key, unit, count, scale, lower[entries], upper[entries])
+            assembly.add(bound.term, bound.columns, rows, bound.data)
             share = motion.first_duration / count / motion.scales.objective
             if relaxed:
                 self._soften(rows, np.full(len(entries), _OUTSIDE_WHEN_RELAXED), np.zeros(len(entries)))
@@ -114,12 +115,12 @@ class StateBounds:
         squared = ca.DM(np.sqrt(quadratic)) * z
         term = derived("price", z, ca.SX(0, 1), price, exact=self._motion.exact, squared=squared)
         for sign in (1.0, -1.0):
-            slack = self._programme.variables(len(rows), rows.shape[1], 0.0)
-            self._programme.add_linear(rows, slack, sign)
-            self._programme.add(term, slack, [OBJECTIVE], [])
+            slack = self._assembly.variables(len(rows), rows.shape[1], 0.0)
+            self._assembly.add_linear(rows, slack, sign)
+            self._assembly.add(term, slack, [OBJECTIVE], [])
 
     def values(self, w: Array, g: Array, block: Block) -> Array:
-        """What a block of the programme bounds (count, size), without slacks."""
+        """What a block of constraints bounds (count, size), without slacks."""
         bound = self._bounds.get(block.name)
         if bound is None:
             return np.asarray(g[block.rows])
@@ -128,7 +129,7 @@ class StateBounds:
     def tighten(self, margins: Array) -> None:
         """Move the bounds inwards by amounts (N, ns)."""
         for name, bound in self._bounds.items():
-            self._programme.margins[name] = np.repeat(margins[:, bound.entries], bound.parts, axis=0)
+            self._assembly.margins[name] = np.repeat(margins[:, bound.entries], bound.parts, axis=0)
 
 
 def _groups(names: tuple[str, ...], zones: tuple[str, ...]) -> dict[str, list[int]]:

@@ -29,7 +29,7 @@ _COMPILE_FROM = 150_000
 
 @dataclass(frozen=True)
 class _Scales:
-    """What one unit of the programme amounts to."""
+    """What one unit of the problem amounts to."""
 
     x: Array
     u: Array
@@ -213,9 +213,9 @@ class Motion:
         s, _, _, d = self.symbols
         return derived(name, s, d, expression, exact=self.exact, squared=squared)
 
-    # -- between the programme and the world --------------------------------------------------------------------------
+    # -- between the problem and the world --------------------------------------------------------------------------
 
     def scaled_state(self, x: ArrayLike, u: ArrayLike) -> Array:
-        """States (..., ns) of the programme."""
+        """States (..., ns) of the problem."""
         parts = [np.asarray(x) / self.scales.x]
         return np.concatenate([*parts, np.asarray(u) / self.scales.u] if self.linear else parts, axis=-1)

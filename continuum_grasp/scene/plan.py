@@ -12,6 +12,7 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reference import Reference, Row, RowSamples
 from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.surroundings import ContactLaw, Surroundings
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Value, Vector2
 
@@ -141,8 +142,8 @@ class PlanBounds(Bounds):
     """Of curvature and speed."""
 
 
-class PlanSolver(Value):
-    """IPOPT, and what it is given."""
+class PlanSolver(SolverOptions):
+    """The solver, and what it is given."""
 
     hessian: Literal["exact", "gauss_newton"] = "exact"
     """gauss_newton: without the curvature of the motion and of the bounds."""
@@ -152,9 +153,6 @@ class PlanSolver(Value):
     max_total_iterations: Annotated[int, Field(ge=1, le=10_000_000)] = 3000
     """Of all starts together, 10 to 60 ms each: counted work, so that the verdict does not depend on how fast or busy
     the machine is. Shipped plans take up to 400."""
-    time_limit: Positive = 3600.0
-    """Emergency stop of all starts together by the clock [s]; the status is then ``timed_out``, or ``feasible`` with a
-    plan."""
     starts: Annotated[int, Field(ge=1, le=9)] | None = None
     """Paths from which the search begins, the direct one first; None: one, or five where there are zones. The best
     plan counts."""

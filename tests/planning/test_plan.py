@@ -65,21 +65,14 @@ def test_derivatives_are_those_of_automatic_differentiation(kind, method):
     zone = {"keep_out": {"post": {"type": "disc", "center": (-0.05, 0.28), "radius": 0.01}}}
     bounds = KINDS[kind].get("bounds", {}) | zone
     scene = two_arcs(**(KINDS[kind] | {"method": method, "intervals": 4, "bounds": bounds}))
-    programme = Search(scene).problem.programme
-    nlp, lam = programme.nlp, ca.MX.sym("lam", programme.count)
-    lagrangian = 0.7 * nlp["f"] + ca.dot(lam, nlp["g"])
-    truth = ca.Function(
-        "truth",
-        [nlp["x"], lam],
-        [
-            ca.gradient(nlp["f"], nlp["x"]),
-            ca.jacobian(nlp["g"], nlp["x"]),
-            ca.triu(ca.hessian(lagrangian, nlp["x"])[0]),
-        ],
-    )
+    assembly = Search(scene).problem.assembly
+    nlp, lam = assembly.nlp, ca.MX.sym("lam", assembly.count)
+    lagrangian = 0.7 * nlp.f + ca.dot(lam, nlp.g)
+    slopes = [ca.gradient(nlp.f, nlp.x), ca.jacobian(nlp.g, nlp.x), ca.triu(ca.hessian(lagrangian, nlp.x)[0])]
+    truth = ca.Function("truth", [nlp.x, lam], slopes)
     rng = np.random.default_rng(0)
-    w, force = rng.uniform(0.1, 0.9, programme.size), rng.normal(size=programme.count)
-    own = programme.functions
+    w, force = rng.uniform(0.1, 0.9, assembly.size), rng.normal(size=assembly.count)
+    own = nlp.functions
     found = [own["grad_f"](w, [])[1], own["jac_g"](w, [])[1], own["hess_lag"](w, [], 0.7, force)]
     for value, expected in zip(found, truth(w, force), strict=True):
         expected = np.array(expected)
@@ -91,18 +84,18 @@ def test_conditions_of_optimality_hold(kind):
     """Karush, Kuhn and Tucker, with gradients of CasADi rather than the assembled ones."""
     search = Search(two_arcs(**KINDS[kind]))
     search.run()
-    programme, best = search.problem.programme, search.best
+    assembly, best = search.problem.assembly, search.best
     assert best.converged
-    nlp, bounds = programme.nlp, programme.bounds
-    slopes = ca.Function("s", [nlp["x"]], [ca.gradient(nlp["f"], nlp["x"]), ca.jacobian(nlp["g"], nlp["x"])])
-    gradient, jacobian = (np.array(v) for v in slopes(best.w))
-    free = bounds["lbx"] < bounds["ubx"]
+    nlp, bounds = assembly.nlp, assembly.start(best.x)
+    slopes = ca.Function("s", [nlp.x], [ca.gradient(nlp.f, nlp.x), ca.jacobian(nlp.g, nlp.x)])
+    gradient, jacobian = (np.array(v) for v in slopes(best.x))
+    free = bounds.low < bounds.high
     lam_x, lam_g = best.multipliers.bounds, best.multipliers.constraints
     stationary = gradient.ravel() + jacobian.T @ lam_g + lam_x
     assert np.abs(stationary[free]).max() < 1e-5 * max(1.0, np.abs(gradient).max())
     for value, low, high, lam in (
-        (best.w[free], bounds["lbx"][free], bounds["ubx"][free], lam_x[free]),
-        (best.g, bounds["lbg"], bounds["ubg"], lam_g),
+        (best.x[free], bounds.low[free], bounds.high[free], lam_x[free]),
+        (best.g, bounds.lower, bounds.upper, lam_g),
     ):
         assert np.all(value >= low - 1e-7)
         assert np.all(value <= high + 1e-7)
