@@ -80,7 +80,7 @@ class ShootingProblem:
                 "nlp_hess_l", [*given, lam_f, lam_g], [upper_half], [*names, "lam:f", "lam:g"], ["triu:hess:gamma:x:x"]
             ),
         }
-        return NLP("converged", self._z, f, g, self._p, derivatives)
+        return NLP("converged", self._z, f, g, self._p, derivatives, semidefinite=True)
 
     def _shoot(self, x: ca.MX, u: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
         """A stage, and its derivatives by the chain rule over its sub-steps."""

@@ -137,7 +137,7 @@ def _least_squares(x: ca.MX, errors: ca.MX, gaps: ca.MX, guess: Array) -> tuple[
         ["x", "p", "lam_f", "lam_g"],
         ["triu_hess_gamma_x_x"],
     )
-    problem = NLP("moving_horizon", x, 0.5 * ca.sumsqr(errors), gaps, p, {"hess_lag": hessian})
+    problem = NLP("moving_horizon", x, 0.5 * ca.sumsqr(errors), gaps, p, {"hess_lag": hessian}, semidefinite=True)
     free, none = np.full(len(guess), np.inf), np.zeros(gaps.numel())
     found = new_solver(Settings(tolerance=1e-8)).solve(problem, Start(guess, -free, free, none, none), Budget())
     if not found.converged:

@@ -25,6 +25,8 @@ class NLP:
         Those that are assembled by hand, in the form of CasADi; the others are found by automatic differentiation:
         ``grad_f`` (x, p) -> f, gradient; ``jac_g`` (x, p) -> g, Jacobian; ``hess_lag`` (x, p, lam_f, lam_g) -> upper
         triangle of the Hessian of lam_f f + lam_g' g, or what stands for it.
+    semidefinite : bool
+        Whether ``hess_lag`` is positive semidefinite everywhere, as that of Gauss and Newton is.
 
     Examples
     --------
@@ -41,6 +43,7 @@ class NLP:
     g: Any
     p: Any = None
     derivatives: Mapping[str, ca.Function] = field(default_factory=dict)
+    semidefinite: bool = False
 
     def __post_init__(self) -> None:
         if self.p is None:

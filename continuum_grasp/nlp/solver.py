@@ -103,14 +103,14 @@ class Solver(ABC):
         """
         began = time.perf_counter()
         function, stop = self._function(problem, start.multipliers is not None, start.barrier)
-        stop.until = until
+        stop.until, stop.calls = until, 0
         given = {}
         if start.multipliers is not None:
             given = {"lam_x0": start.multipliers.bounds, "lam_g0": start.multipliers.constraints}
         bounds = {"lbx": start.low, "ubx": start.high, "lbg": start.lower, "ubg": start.upper}
         with interrupt.held():  # an exception within the callback would be lost in C++
             found = function(x0=np.clip(start.x, start.low, start.high), p=start.p, **bounds, **given)
-        stats = function.stats()
+        stats = self.statistics(function)
         x, g, bound_forces, forces = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
         outcome = str(stats["return_status"])
         return Attempt(
@@ -120,16 +120,20 @@ class Solver(ABC):
             g,
             float(found["f"]),
             Multipliers(bound_forces, forces),
-            int(stats["iter_count"]),
+            int(stats.get("iter_count", stop.calls - 1)),
             time.perf_counter() - began,
             start.violation(x, g),
         )
+
+    def statistics(self, function: ca.Function) -> dict[str, Any]:
+        """What the solver reports of its last run: ``return_status``, ``iter_count``."""
+        return dict(function.stats())
 
     def _function(self, problem: NLP, near: bool, barrier: float | None) -> tuple[ca.Function, _Stop]:
         key = problem, near, barrier
         if key not in self._built:
             stop = _Stop(problem)
-            common = {
+            common: dict[str, Any] = {
                 "print_time": False,
                 "error_on_fail": False,
                 "show_eval_warnings": False,
@@ -168,7 +172,7 @@ class _Stop(ca.Callback):
         ca.Callback.__init__(self)
         n, m, p = (int(part.numel()) for part in (problem.x, problem.g, problem.p))
         self._sizes = {"x": n, "lam_x": n, "g": m, "lam_g": m, "f": 1, "lam_p": p}
-        self.until = Budget()
+        self.until, self.calls = Budget(), 0
         self.construct("stop", {})
 
     def get_n_in(self) -> int:
@@ -184,5 +188,6 @@ class _Stop(ca.Callback):
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
 
     def eval(self, _: Any) -> list[int]:
+        self.calls += 1
         self.until.left -= 1
         return [int(interrupt.pressed() or self.until.over)]

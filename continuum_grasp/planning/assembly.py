@@ -41,14 +41,17 @@ class Assembly(Constraints):
 
     Attributes
     ----------
+    semidefinite : bool
+        Whether all terms have Hessians of Gauss and Newton.
     low, high : list of float
         Bounds of the unknowns.
     margins : dict of str to ndarray
         By how much the bounds of a block are moved inwards, by its name.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, semidefinite: bool = False) -> None:
         super().__init__()
+        self.semidefinite = semidefinite
         self.low: list[float] = []
         self.high: list[float] = []
         self.margins: dict[str, Array] = {}
@@ -202,7 +205,7 @@ class Assembly(Constraints):
                 "nlp_hess_l", [w, p, sigma, lam], [self._curvature(sigma, lam)], hessian_names, ["triu_hess_gamma_x_x"]
             ),
         }
-        return NLP("plan", w, f, g, p, functions)
+        return NLP("plan", w, f, g, p, functions, self.semidefinite)
 
 
 def _sparse(rows: Indices, columns: Indices, factors: Array, height: int, width: int) -> ca.DM:

@@ -52,7 +52,7 @@ class PlanProblem:
 
     def __init__(self, motion: Motion, x0: Array, *, relaxed: bool = False) -> None:
         self.motion, self.relaxed = motion, relaxed
-        self.assembly = Assembly()
+        self.assembly = Assembly(semidefinite=not motion.exact)
         self.goal = goal_parts(motion)
         self._add_unknowns(x0)
         price = _EFFORT_WHEN_RELAXED if relaxed else 1.0
