@@ -163,6 +163,12 @@ class PlanSolver(SolverOptions):
     degree: Annotated[int, Field(ge=2, le=9)] = 3
     """Number of collocation points per interval."""
 
+    @model_validator(mode="after")
+    def _hessian_is_convex(self) -> PlanSolver:
+        if self.method == "sqp" and self.hessian == "exact":
+            raise ValueError("method: sqp needs hessian: gauss_newton, since its QPs have to be convex")
+        return self
+
 
 class FineCheck(Value):
     """The inputs of the plan played to a finely integrated model."""

@@ -10,7 +10,7 @@ from continuum_grasp.scene.value import Positive, Value
 
 __all__ = ["Method", "SolverOptions"]
 
-Method = Literal["ipopt"]
+Method = Literal["ipopt", "sqp"]
 """Solvers of nonlinear problems: each is a file of `continuum_grasp.nlp` with that name."""
 
 
@@ -18,7 +18,7 @@ class SolverOptions(Value):
     """A solver of nonlinear problems, and what all its runs may spend."""
 
     method: Method = "ipopt"
-    """ipopt: an interior-point method."""
+    """ipopt: an interior-point method; sqp: sequential quadratic programming, for starts near a solution."""
     max_iterations: Annotated[int, Field(ge=1, le=100_000)]
     """Of one solver run."""
     max_total_iterations: Annotated[int, Field(ge=1, le=10_000_000)]

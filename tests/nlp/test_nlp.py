@@ -15,12 +15,18 @@ from typing import get_args
 import casadi as ca
 import numpy as np
 import pytest
+from grasp_scenes import UPRIGHT, make_scene
 from numpy.testing import assert_allclose
+from plan_cases import two_arcs
 
 from continuum_grasp.errors import ContinuumGraspError
+from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.nlp import NLP, Attempt, Budget, Constraints, Settings, Start, Status, new_solver
 from continuum_grasp.nlp.solver import _Stop
+from continuum_grasp.planning import plan
+from continuum_grasp.scene.grasp_options import GraspSolver
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.plan import PlanSolver
 from continuum_grasp.scene.solver import Method
 
 METHODS = get_args(Method)
@@ -153,6 +159,27 @@ def test_ctrl_c_ends_it_after_the_iteration(method, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         solved(method, problem, start)
     assert count[0] == 3
+
+
+def test_another_solver_finds_the_same_plan():
+    """Both with the Hessian of Gauss and Newton."""
+    one, two = (plan(two_arcs(solver={"hessian": "gauss_newton", "method": method})) for method in ("ipopt", "sqp"))
+    assert two.status == one.status == "optimal"
+    assert two.objective == pytest.approx(one.objective, rel=1e-6)
+    assert two.x == pytest.approx(one.x, abs=1e-3 * np.abs(one.x).max())
+
+
+def test_another_solver_finds_the_same_grasp():
+    scenes = (make_scene("arc", UPRIGHT, solver=GraspSolver(seeds=1, method=method)) for method in ("ipopt", "sqp"))
+    one, two = (optimize_grasp(scene) for scene in scenes)
+    assert two.status == one.status == "optimal"
+    assert two.certificate.passed
+    assert two.tension == pytest.approx(one.tension, rel=1e-6)
+
+
+def test_plans_with_an_indefinite_hessian_are_not_for_sqp():
+    with pytest.raises(ValueError, match="needs hessian: gauss_newton"):
+        PlanSolver(method="sqp")
 
 
 def test_violations_are_named_with_their_amounts():
