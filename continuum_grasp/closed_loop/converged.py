@@ -103,7 +103,7 @@ class Converged(Remade):
         measurement : (nx,) array_like
             State of the prediction.
         reference : (N + 1, nr) array_like
-            Set-points of the nodes.
+            Setpoints of the nodes.
         p : (np,) array_like, optional
             Parameters; nominal where not given.
 

@@ -23,7 +23,7 @@ class ShootingProblem:
     """Multiple shooting on the grid of the stages; the Hessian is the Gauss-Newton one.
 
     Variables: x_0, u_0, ..., x_N, then a slack for every row of every node. Parameters: the initial state, p, and the
-    set-points node by node. Constraints: initial state, gaps, rows from above, rows from below.
+    setpoints node by node. Constraints: initial state, gaps, rows from above, rows from below.
     """
 
     def __init__(self, stages: Stages) -> None:

@@ -185,9 +185,9 @@ class Assembly(Constraints):
             rows = np.tile(placed.columns[:, None, :], (1, inputs, 1)).ravel(order="F")
             columns = np.tile(placed.columns[None, :, :], (inputs, 1, 1)).ravel(order="F")
             # The lower triangle counts too where a place reads its unknowns in another order than that of the columns.
-            kept = rows <= columns
-            blocks.append(ca.vec(out)[np.flatnonzero(kept).tolist()])
-            entries.append((rows[kept], columns[kept], np.ones(int(kept.sum()))))
+            upper = rows <= columns
+            blocks.append(ca.vec(out)[np.flatnonzero(upper).tolist()])
+            entries.append((rows[upper], columns[upper], np.ones(int(upper.sum()))))
         return _gathered(entries, blocks, self.size, self.size)
 
     @cached_property

@@ -21,9 +21,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _PARTS = 4
-"""Places per interval at which zones are kept clear, the last one at the node."""
+"""Places per interval at which the finger stays out of zones [1], the last one at the node."""
 _OUTSIDE_WHEN_RELAXED = 100.0
-"""Price of a share by which a hard bound is left, where only the distance from the goal is sought."""
+"""Penalty per share by which a hard bound is violated, where only the distance from the goal is minimized
+[units of the squared distance]: large, so that bounds give way last."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class StateBounds:
     motion : Motion
     grid : Grid
     relaxed : bool
-        Whether hard bounds get a price.
+        Whether hard bounds get a penalty.
     """
 
     def __init__(self, assembly: Assembly, motion: Motion, grid: Grid, relaxed: bool) -> None:
@@ -109,11 +110,11 @@ class StateBounds:
         return ca.vertcat(*values)
 
     def _soften(self, rows: Indices, linear: Array, quadratic: Array) -> None:
-        """Slacks of rows, and their price."""
+        """Slacks of rows, and their penalty."""
         z = ca.SX.sym("slack", rows.shape[1])
-        price = ca.dot(ca.DM(linear), z) + 0.5 * ca.dot(ca.DM(quadratic), z * z)
+        penalty = ca.dot(ca.DM(linear), z) + 0.5 * ca.dot(ca.DM(quadratic), z * z)
         squared = ca.DM(np.sqrt(quadratic)) * z
-        term = derived("price", z, ca.SX(0, 1), price, exact=self._motion.exact, squared=squared)
+        term = derived("penalty", z, ca.SX(0, 1), penalty, exact=self._motion.exact, squared=squared)
         for sign in (1.0, -1.0):
             slack = self._assembly.variables(len(rows), rows.shape[1], 0.0)
             self._assembly.add_linear(rows, slack, sign)

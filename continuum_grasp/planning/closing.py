@@ -89,7 +89,7 @@ def _numbers(scene: PlanScene, given: Any) -> Mapping[str, Any]:
         return {}
     result = optimize_grasp(scene.grasp, raise_on_failure=False) if given is None else given
     if given is None and result.statistics["interrupted"]:
-        raise Interrupted("interrupted while the grasp was optimised")
+        raise Interrupted("interrupted while the grasp was optimized")
     if not result.solved:
         raise SolverError("no grasp to close to", status=str(result.status), advice=result.advice, result=result)
     arrays: Mapping[str, Any] = result.arrays

@@ -1,4 +1,4 @@
-"""The scene of a plan as that of a controller: where models, bounds and set-points are made."""
+"""The scene of a plan as that of a controller: where models, bounds and setpoints are built."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 def control_scene(scene: PlanScene) -> ControlScene:
     """A controller's scene with the model, the bounds of the state and the cost of a plan.
 
-    Limits of the input's rate and its price are left out: their rows depend on the duration.
+    Limits of the input's rate and its weight are left out: their rows depend on the duration.
     """
     cost, reference = Cost.model_validate({"bending": 1.0, "effort": 1.0}), Reference()
     if scene.cost is not None:

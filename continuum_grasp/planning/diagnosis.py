@@ -53,7 +53,7 @@ def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis:
     nearest = _nearest(problem, attempt.x)
     if not missed and not outside:
         return Diagnosis(True, (), "", "")
-    what = f"goal out of reach: {nearest}" if missed else "a bound of the state cannot be kept"
+    what = f"goal out of reach: {nearest}" if missed else "a bound of the state cannot be satisfied"
     if not missed:
         advice = "the motion begins outside the bound, or is driven out of it: move the bound or the initial state"
     elif stops:
@@ -77,7 +77,7 @@ _TEXTS = {
     "curvature": ("the curvature limit stops it", "allow more curvature (bounds.curvature, fidelity.bending_range)"),
     "speed": ("the speed limit stops it", "raise bounds.speed"),
 }
-"""What is said of a limit, and what to try."""
+"""What the message says of a limit, and what to try."""
 
 
 def _missed(problem: PlanProblem, w: Array) -> tuple[list[str], float]:

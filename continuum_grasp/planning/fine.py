@@ -43,7 +43,7 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
     times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.load_varies else [0.0]
     p = parameters_over_time(scene, model, times)
     t = np.linspace(0.0, path.duration, intervals + 1)
-    return Player(model, rate).play(x0, t, path.u, p, linear=scene.input.form == "linear", kept=parts)
+    return Player(model, rate).play(x0, t, path.u, p, linear=scene.input.form == "linear", parts=parts)
 
 
 def excess_over_intervals(motion: Motion, states: Array) -> Array:
@@ -77,8 +77,8 @@ def checked(plan: Plan, motion: Motion) -> Plan:
         warnings.append(f"between the nodes {text}: take more intervals")
     finer = None
     if scene.check.finer is not None:
-        finer, told = _on_finer(scene, plan, path)
-        warnings += told
+        finer, found_there = _on_finer(scene, plan, path)
+        warnings += found_there
     return replace(plan, deviation=found, finer=finer, warnings=tuple(warnings))
 
 

@@ -22,7 +22,7 @@ __all__ = ["Motion"]
 Array = NDArray[np.float64]
 
 _HARD_FROM = 1e4
-"""Linear price from which on a row of ``Stages`` counts as hard."""
+"""Linear penalty from which on a row of ``Stages`` counts as hard [1]; that of hard bounds there."""
 _COMPILE_FROM = 150_000
 """Instructions of the second derivatives at all intervals from which on compiling them pays."""
 
@@ -69,7 +69,7 @@ class Motion:
         self.linear = scene.input.form == "linear"
         self.nx, self.nu = self.prediction.nx, self.prediction.nu
         self.ns, self.nv = self.nx + (self.nu if self.linear else 0), self.nu
-        self._set_points = set_points(control, self.stages, self.prediction)
+        self._setpoints = set_points(control, self.stages, self.prediction)
         self.scales = self._scales()
 
     # -- units --------------------------------------------------------------------------------------------------------
@@ -116,7 +116,7 @@ class Motion:
 
     @cached_property
     def hard(self) -> NDArray[np.bool_]:
-        """Which of the state's bounds (ns) have no price."""
+        """Which of the state's bounds (ns) are hard."""
         return np.asarray(self.stages.linear[: self.stages.ns] >= _HARD_FROM)
 
     @property
@@ -138,10 +138,10 @@ class Motion:
     # -- numbers that the functions read ------------------------------------------------------------------------------
 
     def numbers(self, times: ArrayLike) -> Array:
-        """Parameters and set-points (len(times), nd) at instants [s]."""
+        """Parameters and setpoints (len(times), nd) at instants [s]."""
         instants = np.atleast_1d(np.asarray(times, dtype=float))
         p = parameters_over_time(self.scene, self.prediction, instants)
-        return np.hstack([p, self._set_points.rows(instants), np.tile(self.units, (len(instants), 1))])
+        return np.hstack([p, self._setpoints.rows(instants), np.tile(self.units, (len(instants), 1))])
 
     @property
     def length(self) -> float:
@@ -152,7 +152,7 @@ class Motion:
 
     @cached_property
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """Scaled s, v and T, and the numbers d: parameters, set-points, units (so that the code serves all units)."""
+        """Scaled s, v and T, and the numbers d: parameters, setpoints, units (so that the code serves all units)."""
         size = self.prediction.np + self.stages.nr + self.nx + self.nu + 2
         return ca.SX.sym("s", self.ns), ca.SX.sym("v", self.nv), ca.SX.sym("T"), ca.SX.sym("d", size)
 
@@ -166,7 +166,7 @@ class Motion:
 
     @cached_property
     def physical(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
-        """x, u, T, p and set-points r as expressions of the symbols."""
+        """x, u, T, p and setpoints r as expressions of the symbols."""
         s, v, duration, d = self.symbols
         of_x, of_u, of_time, _ = self._units
         u = s[self.nx :] if self.linear else v
@@ -183,9 +183,9 @@ class Motion:
         if self.linear:
             rate = ca.vertcat(rate, v / of_time)
         errors = self._errors()
-        price = time * ca.dot(errors, errors) / 2 / of_objective
+        running = time * ca.dot(errors, errors) / 2 / of_objective
         squared = ca.sqrt(time / of_objective) * errors
-        z, out = ca.vertcat(s, v, duration), ca.vertcat(time * rate, price)
+        z, out = ca.vertcat(s, v, duration), ca.vertcat(time * rate, running)
         term = derived("flow", z, d, out, exact=self.exact, squared=squared)
         work = term.hessian.n_instructions() * self.scene.intervals
         return compiled(term) if work > _COMPILE_FROM else term
@@ -202,9 +202,9 @@ class Motion:
             return ca.SX(np.sqrt(2.0) * rate)
         if objective == "tracking":
             weighted: ca.SX = ca.DM(np.sqrt(self.stages.weights)) * (self.stages.outputs(x, u, p) - r)
-            price = self.scene.cost.input_rate if self.scene.cost is not None else None
-            if price and self.linear:
-                return ca.vertcat(weighted, np.sqrt(price) * rate)
+            rate_weight = self.scene.cost.input_rate if self.scene.cost is not None else None
+            if rate_weight and self.linear:
+                return ca.vertcat(weighted, np.sqrt(rate_weight) * rate)
             return weighted
         return ca.SX(0, 1)
 

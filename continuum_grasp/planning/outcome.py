@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 def constraints_of(problem: PlanProblem, attempt: Attempt) -> dict[str, Constraint]:
     """All constraints by name, in physical units."""
     motion, assembly = problem.motion, problem.assembly
-    price, lam = motion.scales.objective, attempt.multipliers
+    unit_cost, lam = motion.scales.objective, attempt.multipliers
     found = {}
     for block in assembly.blocks:
         values = problem.bounds.values(attempt.x, attempt.g, block)
@@ -28,7 +28,7 @@ def constraints_of(problem: PlanProblem, attempt: Attempt) -> dict[str, Constrai
             values * block.scale,
             block.lower * block.scale,
             block.upper * block.scale,
-            lam.constraints[block.rows] * price / block.scale,
+            lam.constraints[block.rows] * unit_cost / block.scale,
         )
     unit = "N m" if motion.nu == 1 else "N"
     of_input = "finger.tendons" if motion.nu == 2 else "input.moment_max"
@@ -39,7 +39,7 @@ def constraints_of(problem: PlanProblem, attempt: Attempt) -> dict[str, Constrai
     low, high = np.array(assembly.low), np.array(assembly.high)
     for name, key, unit, columns, scale in bounded:
         parts = (attempt.x[columns] * scale, low[columns] * scale, high[columns] * scale)
-        found[name] = Constraint(name, key, unit, *parts, lam.bounds[columns] * price / scale)
+        found[name] = Constraint(name, key, unit, *parts, lam.bounds[columns] * unit_cost / scale)
     return found
 
 

@@ -34,7 +34,7 @@ class PlanProblem:
     x0 : (nx,) ndarray
         State at the beginning.
     relaxed : bool
-        Whether the distance from the goal is minimised in place of the objective, and hard bounds have a price.
+        Whether the distance from the goal is minimized in place of the objective, and hard bounds have a penalty.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class PlanProblem:
     before : (1, nu) ndarray of int
         Columns of the input before the motion begins.
     inputs : (N + 1, nu) ndarray of int
-        Columns of the inputs at the nodes; the last one is kept after the end.
+        Columns of the inputs at the nodes; the last one is held after the end.
     goal : list of GoalPart
     bounds : StateBounds
     substeps : int
@@ -55,14 +55,14 @@ class PlanProblem:
         self.assembly = Assembly(semidefinite=not motion.exact)
         self.goal = goal_parts(motion)
         self._add_unknowns(x0)
-        price = _EFFORT_WHEN_RELAXED if relaxed else 1.0
+        weight = _EFFORT_WHEN_RELAXED if relaxed else 1.0
         scene = motion.scene
         self.substeps = 0
         if scene.method == "collocation":
-            add_collocation(self.assembly, motion, self.grid, price)
+            add_collocation(self.assembly, motion, self.grid, weight)
         else:
             self.substeps = scene.solver.substeps or default_substeps(motion)
-            add_shooting(self.assembly, motion, self.grid, self.substeps, price)
+            add_shooting(self.assembly, motion, self.grid, self.substeps, weight)
         self.bounds = StateBounds(self.assembly, motion, self.grid, relaxed)
         self._add_rate_limit()
         self._add_goal()
@@ -155,7 +155,7 @@ class PlanProblem:
         for part in self.goal:
             if self.relaxed or part.weight is not None:
                 if part.weight is None or not self.relaxed:
-                    self.assembly.add(part.price(self.motion, self.relaxed), end, [OBJECTIVE], data)
+                    self.assembly.add(part.cost(self.motion, self.relaxed), end, [OBJECTIVE], data)
                 continue
             rows = self.assembly.rows(part.name, part.key, part.unit, 1, part.scale)
             self.assembly.add(part.rows(self.motion), end, rows, data)
@@ -168,20 +168,20 @@ class PlanProblem:
         if scene.objective == "least_time":
             self.assembly.add_linear(OBJECTIVE, self.grid.time, 1.0)
             self._add_changes(lambda change, time: scene.smoothing * ca.dot(change, change))
-        price = scene.cost.input_rate if scene.cost is not None else 2.0
-        if scene.objective in ("least_input_rate", "tracking") and price and not motion.linear:
+        rate_weight = scene.cost.input_rate if scene.cost is not None else 2.0
+        if scene.objective in ("least_input_rate", "tracking") and rate_weight and not motion.linear:
             scale = ca.DM(motion.scales.u)
-            factor = 0.5 * price * self.grid.intervals / motion.scales.objective
+            factor = 0.5 * rate_weight * self.grid.intervals / motion.scales.objective
             self._add_changes(lambda change, time: factor * ca.dot(change * scale, change * scale) / time)
         if scene.objective == "tracking":
             self._add_terminal()
 
-    def _add_changes(self, price: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
-        """A price of the input's changes, in units of its range, and of the duration [s]."""
+    def _add_changes(self, cost: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
+        """A cost of the input's changes, in units of its range, and of the duration [s]."""
         motion = self.motion
         now, before, time = ca.SX.sym("now", motion.nu), ca.SX.sym("before", motion.nu), ca.SX.sym("T")
         z = ca.vertcat(now, before, time)
-        term = derived("change", z, ca.SX(0, 1), price(now - before, motion.scales.time * time))
+        term = derived("change", z, ca.SX(0, 1), cost(now - before, motion.scales.time * time))
         columns = np.hstack([*self._changes, np.repeat(self.grid.time, len(self._changes[0]), axis=0)])
         self.assembly.add(term, columns, [OBJECTIVE], [])
 

@@ -35,9 +35,9 @@ class PlanStatus(StrEnum):
     OPTIMAL = "optimal"
     """A local optimum."""
     FEASIBLE = "feasible"
-    """All constraints are kept, but the solver stopped before the optimum, or the search before its end."""
+    """All constraints are satisfied, but the solver stopped before the optimum, or the search before its end."""
     INFEASIBLE = "infeasible"
-    """No plan was found that keeps all constraints; this one comes as near to the goal as was found."""
+    """No plan was found that satisfies all constraints; this one comes as near to the goal as was found."""
     NOT_SOLVED = "not_solved"
     """The solver stopped without a plan, and without showing that there is none."""
     TIMED_OUT = "timed_out"
@@ -96,7 +96,7 @@ class Plan:
     x : (N + 1, nx) ndarray
         States.
     u : (N + 1, nu) ndarray
-        Inputs: constant from their node to the next one, or linear in between (``input.form``). The last one is kept
+        Inputs: constant from their node to the next one, or linear in between (``input.form``). The last one is held
         after the end.
     objective : float
         The duration [s], the integral of the squared input [N2 s] or input rate [N2/s] (with N m for a tip moment), or
@@ -145,7 +145,7 @@ class Plan:
 
     @property
     def solved(self) -> bool:
-        """Whether all constraints are kept."""
+        """Whether all constraints are satisfied."""
         return self.status in (PlanStatus.OPTIMAL, PlanStatus.FEASIBLE)
 
     @property

@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 FEASIBLE = 1e-6
 """Violation below which constraints count as satisfied [units of the problem]: 100 times the solver's tolerance."""
 _STARTS_WITH_ZONES = 5
+"""The direct path, and two to either side [1], so that both ways past a zone are tried."""
 _BARRIERS = (1e-3, 1e-4, 1e-2)
 """First barrier parameters from a simulated motion with contact, whose forces change steeply."""
 

@@ -121,10 +121,10 @@ def _result(search: Search) -> Plan:
             problem, attempt = search.nearest
     elif not attempt.converged:
         status = PlanStatus.FEASIBLE
-        message = f"all constraints are kept, but {_stopped(search, attempt)} before the optimum was reached"
+        message = f"all constraints are satisfied, but {_stopped(search, attempt)} before the optimum was reached"
     elif search.budget.cut:
         status = PlanStatus.FEASIBLE
-        message = f"all constraints are kept at the nodes, but {_cut(search)} before the search was complete"
+        message = f"all constraints are satisfied at the nodes, but {_cut(search)} before the search was complete"
     path = problem.path(attempt.x)
     lead = "" if violated else _lead(scene, path.u, path.duration)
     warnings = [lead] if lead else []

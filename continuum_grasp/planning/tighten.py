@@ -1,4 +1,4 @@
-"""Bounds that are kept between the nodes too: where a plan leaves them there, they are tightened at the nodes."""
+"""Bounds that hold between the nodes too: where a plan violates them there, they are tightened at the nodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A motion to be planned as a whole: from where, to what, at what price and within which limits."""
+"""A motion to be planned as a whole: from where, to what, at what cost and within which limits."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _exact(value: Any) -> Any:
 
 class _Aim(Value):
     weight: Positive | None = None
-    """Price of half the squared error, per unit squared; None: reached exactly."""
+    """Weight of half the squared error, per unit squared; None: reached exactly."""
 
 
 class RowAim(_Aim):
@@ -91,7 +91,7 @@ class Goal(Value):
     input: Aim | None = None
     """Last input: tip moment [N m] or tensions [N]."""
     grasp_weight: Positive = 1e4
-    """Price of half the squared error of the contact forces of ``grasp`` [1/N2]."""
+    """Weight of half the squared error of the contact forces of ``grasp`` [1/N2]."""
 
 
 class DurationRange(Value):
@@ -119,13 +119,13 @@ class PlanInput(InputLimits):
 
 
 class PlanHalfPlaneZone(HalfPlaneZone):
-    """All behind a line; hard where no price is given."""
+    """All behind a line; hard by default."""
 
     penalty: Penalty | Literal["hard"] = "hard"
 
 
 class PlanDiscZone(DiscZone):
-    """A disc; hard where no price is given."""
+    """A disc; hard by default."""
 
     penalty: Penalty | Literal["hard"] = "hard"
 
@@ -134,7 +134,7 @@ _PlanZone = Annotated[PlanHalfPlaneZone | PlanDiscZone, Field(discriminator="typ
 
 
 class PlanBounds(Bounds):
-    """What must not be left at the nodes of the grid; prices of soft bounds are per share and second."""
+    """What must not be left at the nodes of the grid; penalties of soft bounds are per share and second."""
 
     keep_out: dict[str, _PlanZone] = Field(default_factory=dict)  # type: ignore[assignment]
     """Zones by name."""
@@ -196,7 +196,7 @@ class PlanScene(Surroundings):
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Model parameters that stay arguments of the model."""
     grasp: GraspScene | None = None
-    """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimised first:
+    """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimized first:
     contacts, contact forces to be reached, the finger's base and the object's pose are then those of the grasp."""
     initial: Initial = Initial(pose="rest")
     input: PlanInput = PlanInput()
@@ -210,9 +210,9 @@ class PlanScene(Surroundings):
     cost: Cost | None = None
     """Weights of ``tracking``."""
     reference: Reference = Reference()
-    """Set-points of ``tracking`` over time."""
+    """Setpoints of ``tracking`` over time."""
     smoothing: NonNegative = 1e-3
-    """Price of input changes beside ``least_time``, whose inputs would not be unique: the plan is this share of the
+    """Weight of input changes beside ``least_time``, whose inputs would not be unique: the plan is this share of the
     duration, or less, longer for smooth inputs."""
     duration: Positive | DurationRange
     """[s]"""

@@ -131,7 +131,7 @@ def test_gauss_newton_finds_the_same_plan(kind):
         (two_arcs, {"keep_out": {"post": {"type": "disc", "center": (-0.02, 0.295), "radius": 0.004}}}),
     ],
 )
-def test_bounds_are_kept_between_the_nodes_of_a_fine_simulation(make, bounds):
+def test_bounds_hold_between_the_nodes_of_a_fine_simulation(make, bounds):
     excess = []
     for asked in (bounds, {}):
         scene = make(bounds={"curvature": None, **asked}, solver={"starts": 2})
@@ -164,12 +164,12 @@ def test_least_time_of_held_inputs_reports_by_how_much_they_lead_the_drive():
     interval = held.duration / held.scene.intervals
     assert 0.5 * interval < ramps.duration - held.duration < 1.05 * interval
     assert "up to one interval longer" in held.message
-    (told,) = held.warnings
+    (warning,) = held.warnings
     assert (
         f"at the end): a drive that keeps input.rate_max = 1 N m/s needs up to one interval ({1e3 * interval:.3g} ms)"
-        in told
+        in warning
     )
-    assert "input.form: linear" in told
+    assert "input.form: linear" in warning
     assert (ramps.message, ramps.warnings) == ("solved", ())
 
 
@@ -196,7 +196,7 @@ def test_simulation_of_the_inputs_is_the_plan():
     scene = tendons(input=form, goal={"bending": (0.9,)}, intervals=15, solver={"substeps": 20})
     found = plan(scene)
     tensions = tuple(cg.Samples(times=tuple(found.t), values=tuple(c), interpolation="linear") for c in found.u.T)
-    told = cg.Scene(
+    played = cg.Scene(
         schema_version=1,
         finger=HAND,
         gravity=scene.gravity,
@@ -205,7 +205,7 @@ def test_simulation_of_the_inputs_is_the_plan():
         initial=cg.Initial(pose="rest"),
         time=cg.Timing(duration=scene.duration, step=scene.duration / 1500, method="reference"),
     )
-    moved = cg.simulate(told)
+    moved = cg.simulate(played)
     assert moved.tip[::100] == pytest.approx(found.tip, abs=2e-6)
     assert found.deviation.tip < 1e-6
 
@@ -262,7 +262,7 @@ def test_goals_out_of_reach_are_named_with_what_stops_them(changes, texts):
     assert nearest.constraints["motion"].excess < 1e-6
 
 
-def test_failure_is_told_by_the_status_where_that_is_wanted():
+def test_failure_is_reported_by_the_status_if_that_is_wanted():
     found = plan(two_arcs(duration=0.02), raise_on_failure=False)
     assert found.status is PlanStatus.INFEASIBLE
     assert not found.solved
@@ -276,7 +276,7 @@ def test_failure_is_told_by_the_status_where_that_is_wanted():
         ({"time_limit": 1e-6}, PlanStatus.TIMED_OUT, "solver.time_limit"),
     ],
 )
-def test_solver_that_is_stopped_is_told(solver, status, text):
+def test_solver_that_is_stopped_says_so(solver, status, text):
     found = plan(two_arcs(solver=solver), raise_on_failure=False)
     assert found.status is status
     assert text in found.message
@@ -377,9 +377,9 @@ def test_command(tmp_path):
     )
     done = CliRunner().invoke(app, [str(file), "--out", str(tmp_path / "run"), "--json", "--no-pictures"])
     assert done.exit_code == 0
-    told = json.loads(done.stdout)
-    assert told["status"] == "optimal"
-    assert load_plan(tmp_path / "run").objective == pytest.approx(told["objective"])
+    printed = json.loads(done.stdout)
+    assert printed["status"] == "optimal"
+    assert load_plan(tmp_path / "run").objective == pytest.approx(printed["objective"])
     failed = CliRunner().invoke(app, [str(file), "--out", str(tmp_path / "no"), "--set", "duration=0.005"])
     assert isinstance(failed.exception, SolverError)
     assert load_plan(tmp_path / "no").status is PlanStatus.INFEASIBLE
@@ -391,9 +391,9 @@ def test_command(tmp_path):
 def test_plan_presses_on_an_object():
     """A single arc that lies against a disc with a force that is asked for: the moment carries it."""
     law = {"stiffness": 500.0, "friction": 0.0, "dissipation": 0.5, "rounding": 5e-4}
-    thing = {"shape": "circle", "diameter": 0.06, "mass": 0.1, "position": (-0.13, 0.24)}
+    obstacle = {"shape": "circle", "diameter": 0.06, "mass": 0.1, "position": (-0.13, 0.24)}
     scene = small(
-        object=thing,
+        object=obstacle,
         contact_law=law,
         fidelity=cg.Fidelity(family="clothoid", elements=1),
         goal={"contact_force": {"value": (0.3,), "weight": 1e3}, "end": "held"},
@@ -408,6 +408,6 @@ def test_plan_presses_on_an_object():
 
 
 def test_friction_with_a_state_is_refused():
-    thing = {"shape": "circle", "diameter": 0.06, "mass": 0.1, "position": (-0.13, 0.24)}
+    obstacle = {"shape": "circle", "diameter": 0.06, "mass": 0.1, "position": (-0.13, 0.24)}
     with pytest.raises(InputError, match="slip_speed"):
-        small(object=thing, contact_law={"stiffness": 500.0, "friction": 0.5})
+        small(object=obstacle, contact_law={"stiffness": 500.0, "friction": 0.5})
