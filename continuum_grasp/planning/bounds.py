@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.stages import ABSENT
+from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.nlp import Block
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.grid import Grid

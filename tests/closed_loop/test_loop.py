@@ -22,8 +22,8 @@ from continuum_grasp.closed_loop.plant_scene import plant_scene
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.closed_loop.schedule import Phase, Schedule
+from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.problem import stages_of
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.plotting.control.frames import control_frames
 from continuum_grasp.scene import (
@@ -404,7 +404,7 @@ def test_the_estimator_leaves_no_offset():
     assert run_closed_loop(scene).metrics().tracking[0].final < 1e-3 * 0.18
 
 
-def test_phases_have_their_own_set_points():
+def test_phases_have_their_own_setpoints():
     scene = make(estimator=ESTIMATOR, duration=None)
     home = [0.0, 0.18, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
     away = [*ON_CURVE, *home[2:]]

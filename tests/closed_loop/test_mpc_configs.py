@@ -60,7 +60,7 @@ def test_loops_without_margin_for_dead_time_are_doubted():
         load(FOLDER / "steady_tip.yaml", ["controller.cost.input_rate=2.78e-4", "estimator.delay=0.0"])
 
 
-def test_the_tip_settles_at_set_points():
+def test_the_tip_settles_at_setpoints():
     found = checked(run("tip_steps", 0.5))
     error = np.linalg.norm(found.tip - found.tip_reference, axis=1)
     assert error[30:].max() < 4e-3

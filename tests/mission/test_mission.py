@@ -89,7 +89,7 @@ def test_the_finger_that_is_about_to_touch_is_near_the_object(assignment):
     assert 0.003 <= gap < 0.004
 
 
-def test_set_points_are_smooth(table, assignment):
+def test_setpoints_are_smooth(table, assignment):
     names = ("contact_force_finger.1 [N]", "tension_1 [N]", "tension_2 [N]", "bending_1 [rad]", "something [1]")
     t = np.arange(0.0, table.duration, 1e-3)
     rows = table.rows(t, names)

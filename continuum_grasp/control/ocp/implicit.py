@@ -1,4 +1,4 @@
-"""A linearly stable step for stiff models: two implicit stages, each by two Newton iterations, with its derivatives."""
+"""An L-stable step for stiff models: two implicit stages, each by two Newton iterations, with its derivatives."""
 
 from __future__ import annotations
 
@@ -9,19 +9,24 @@ import casadi as ca
 __all__ = ["implicit_step"]
 
 _GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
-"""Makes two diagonally implicit stages L-stable and of order 2; R. Alexander (1977), doi:10.1137/0714068."""
+"""Diagonal coefficient [1] that makes two diagonally implicit stages L-stable and of order 2; R. Alexander, SIAM J.
+Numer. Anal. 14 (1977) 1006, doi:10.1137/0714068."""
 
 
 def implicit_step(
     slope: ca.Function, x: ca.SX, others: tuple[ca.SX, ...], h: ca.SX, held: ca.SX | None = None
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """One step and its derivatives, as expressions without loops, branches or pivoting.
+    """Write one step and its derivatives as expressions without loops, branches or pivoting.
+
+    Each stage takes two Newton iterations, a number that does not depend on data, so that the code is straight-line and
+    its time is constant. A contact of 20 kN/m that closes within a step of 10 ms leaves the stage equations unsolved;
+    such models need shorter steps.
 
     Parameters
     ----------
     slope : casadi.Function
-        (x, *others) -> rate (n), its Jacobians with respect to the first n entries of x and to what is differentiated
-        for beside them.
+        (x, *others) -> rate (n), its Jacobian with respect to the first n entries of x (n, n), and that with respect to
+        m further quantities (n, m).
     x : casadi.SX
         State (n).
     others : tuple of casadi.SX
@@ -55,7 +60,9 @@ def implicit_step(
 
 
 def _solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """Gaussian elimination without pivoting that leaves zeros out."""
+    """Solve by Gaussian elimination that skips zeros, without pivoting, since straight-line code cannot branch; the
+    identity in I - h J keeps the pivots away from zero.
+    """
     n, m = right.shape
     a = [[matrix[i, j] for j in range(n)] for i in range(n)]
     b = [[right[i, j] for j in range(m)] for i in range(n)]
