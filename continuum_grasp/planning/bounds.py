@@ -56,11 +56,12 @@ class StateBounds:
     def __init__(self, assembly: Assembly, motion: Motion, grid: Grid, relaxed: bool) -> None:
         self._assembly, self._motion, self._grid = assembly, motion, grid
         self._bounds: dict[str, _Bound] = {}
-        stages = motion.stages
-        lower = np.where(stages.c_min > -ABSENT, stages.c_min, -np.inf)
-        upper = np.where(stages.c_max < ABSENT, stages.c_max, np.inf)
+        bounded = motion.bounded
+        least, most = np.array(bounded.least), np.array(bounded.most)
+        lower = np.where(least > -ABSENT, least, -np.inf)
+        upper = np.where(most < ABSENT, most, np.inf)
         zones = tuple(motion.scene.bounds.keep_out)
-        for name, entries in _groups(stages.c_names[: stages.ns], zones).items():
+        for name, entries in _groups(bounded.names, zones).items():
             key, unit, size = f"bounds.{name}", "of its limit", 1.0
             if name in zones:
                 key, unit, size = f"bounds.keep_out.{name}", "m", motion.length
@@ -73,7 +74,7 @@ class StateBounds:
             if relaxed:
                 self._soften(rows, np.full(len(entries), _OUTSIDE_WHEN_RELAXED), np.zeros(len(entries)))
             elif not motion.hard[entries].any():
-                self._soften(rows, share * stages.linear[entries], share * stages.quadratic[entries])
+                self._soften(rows, share * bounded.linear[entries], share * bounded.quadratic[entries])
 
     def _bound(self, entries: list[int], parts: int) -> _Bound:
         """Rows at equal parts of every interval."""
@@ -82,7 +83,7 @@ class StateBounds:
         at = ca.SX.sym("at")
         s, _, _, numbers = motion.symbols
         model_x, _, _, p, _ = motion.physical
-        rows = motion.stages.rows(model_x, ca.DM.zeros(motion.nu), p)[entries]
+        rows = motion.rows(model_x, ca.DM.zeros(motion.nu), p)[entries]
         state = self._between(before, after, time, at) if parts > 1 else after
         value = ca.substitute(rows, s, state)
         z, d = ca.vertcat(before, after, time), ca.vertcat(numbers, at)
@@ -133,7 +134,7 @@ class StateBounds:
             self._assembly.margins[name] = np.repeat(margins[:, bound.entries], bound.parts, axis=0)
 
 
-def _groups(names: tuple[str, ...], zones: tuple[str, ...]) -> dict[str, list[int]]:
+def _groups(names: list[str], zones: tuple[str, ...]) -> dict[str, list[int]]:
     """Entries of each bound: curvature, speed, and zones by name."""
     found: dict[str, list[int]] = {}
     for k, name in enumerate(names):

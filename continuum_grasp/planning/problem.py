@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.bounds import StateBounds
 from continuum_grasp.planning.goal import goal_parts
@@ -173,8 +174,8 @@ class PlanProblem:
             scale = ca.DM(motion.scales.u)
             factor = 0.5 * rate_weight * self.grid.intervals / motion.scales.objective
             self._add_changes(lambda change, time: factor * ca.dot(change * scale, change * scale) / time)
-        if scene.objective == "tracking":
-            self._add_terminal()
+        if motion.tracked is not None:
+            self._add_terminal(motion.tracked)
 
     def _add_changes(self, cost: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
         """A cost of the input's changes, in units of its range, and of the duration [s]."""
@@ -185,12 +186,12 @@ class PlanProblem:
         columns = np.hstack([*self._changes, np.repeat(self.grid.time, len(self._changes[0]), axis=0)])
         self.assembly.add(term, columns, [OBJECTIVE], [])
 
-    def _add_terminal(self) -> None:
+    def _add_terminal(self, tracked: Outputs) -> None:
         """Half the weighted squared errors of what is tracked at the end."""
-        motion, stages = self.motion, self.motion.stages
+        motion = self.motion
         x, _, _, p, r = motion.physical
-        errors = (stages.outputs(x, ca.DM.zeros(motion.nu), p) - r)[: stages.nt]
-        weighted = ca.DM(np.sqrt(stages.terminal_weights[: stages.nt])) * errors
+        errors = (motion.outputs(x, ca.DM.zeros(motion.nu), p) - r)[: tracked.of_state]
+        weighted = ca.DM(np.sqrt(tracked.weights[: tracked.of_state, 1])) * errors
         term = motion.of_state("terminal", 0.5 * ca.dot(weighted, weighted), squared=weighted)
         data = motion.numbers([motion.scene.duration_range[1]])
         self.assembly.add(term, self.grid.s[-1:], [OBJECTIVE], data)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.planning.control import control_scene, parameters_over_time
+from continuum_grasp.planning.loads import parameters_over_time
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.contacts import ContactForces
 
@@ -156,7 +156,7 @@ class Plan:
     @cached_property
     def prediction(self) -> Prediction:
         """The model."""
-        return Prediction(control_scene(self.scene))
+        return Prediction(self.scene)
 
     @property
     def x_names(self) -> list[str]:

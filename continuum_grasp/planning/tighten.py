@@ -33,7 +33,7 @@ def satisfied_between_nodes(
     hard = motion.hard
     if not hard.any():
         return found, 0
-    margins = np.zeros((grid.intervals, motion.stages.ns))
+    margins = np.zeros((grid.intervals, len(motion.hard)))
     for k in range(_ROUNDS):
         path = problem.path(found.x)
         try:

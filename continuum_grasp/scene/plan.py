@@ -316,6 +316,22 @@ class PlanScene(Surroundings):
         return -most, most
 
     @property
+    def lag(self) -> float | None:
+        """Time constant of the drive [s]; None: the input acts at once."""
+        tendons = self.finger.tendons
+        return self.input.time_constant if tendons is None else tendons.time_constant
+
+    @property
+    def surroundings(self) -> Surroundings | None:
+        """Object and supports, if there is an object."""
+        return None if self.object is None else self
+
+    @property
+    def disturbances(self) -> frozenset[str]:
+        """A known force at the tip is a parameter of the model; with ``contacts``, the tip is one of these."""
+        return frozenset({"tip_force"} if self.loads and not self.contacts else ())
+
+    @property
     def initial_input(self) -> tuple[float, ...]:
         """Input before the motion begins."""
         if self.input.initial is not None:
