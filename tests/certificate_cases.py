@@ -39,14 +39,14 @@ def make_finger(position=(0.0, 0.0), angle=0.0, half=HALF, **changes):
     return GraspFinger(**values)
 
 
-def make_scene(fingers, thing, contacts=None, gravity=WEIGHTLESS, family="matched_clothoid", elements=2, **more):
+def make_scene(fingers, body, contacts=None, gravity=WEIGHTLESS, family="matched_clothoid", elements=2, **more):
     """A scene whose contacts are tips alone unless something else is given."""
     contacts = {"friction": 0.5, "normal_force_max": 50.0, "middle": "off", **(contacts or {})}
     one = {"finger": fingers} if isinstance(fingers, GraspFinger) else {"fingers": fingers}
     return GraspScene(
         schema_version=1,
         **one,
-        object=thing,
+        object=body,
         contacts=GraspContacts(**contacts),
         gravity=gravity,
         fidelity=Fidelity(family=family, elements=elements),
@@ -171,7 +171,7 @@ def two_fingers_below(mass=0.2, radius=0.05, aside=0.03, half=HALF, family="matc
     return scene, stored(scene, fingers, contacts)
 
 
-def pinched_box(width=0.06, height=0.05, press=6.0, mass=0.3, at=0.01, turn=0.0, family="clothoid", thing=None):
+def pinched_box(width=0.06, height=0.05, press=6.0, mass=0.3, at=0.01, turn=0.0, family="clothoid", body=None):
     """Two straight fingers from both sides hold a box between their tips; its weight is out of the plane.
 
     They touch it ``at`` above its middle; the whole scene may be turned.
@@ -180,15 +180,15 @@ def pinched_box(width=0.06, height=0.05, press=6.0, mass=0.3, at=0.01, turn=0.0,
     rotation = np.array([[c, -s], [s, c]])
     reach = LENGTH + HALF + 0.5 * width
     left, right = rotation @ (-reach, 0.0), rotation @ (reach, 0.0)
-    centre = rotation @ (0.0, -at)
-    values = {"mass": mass, "position": tuple(centre), "angle": turn, "free": Freedom(x=(-0.02, 0.02), y=(-0.02, 0.02))}
-    if thing is None:
-        thing = Box(shape="box", width=width, height=height, center_of_mass=(0.0, at), **values)
+    center = rotation @ (0.0, -at)
+    values = {"mass": mass, "position": tuple(center), "angle": turn, "free": Freedom(x=(-0.02, 0.02), y=(-0.02, 0.02))}
+    if body is None:
+        body = Box(shape="box", width=width, height=height, center_of_mass=(0.0, at), **values)
     else:
-        thing = thing(values)
+        body = body(values)
     scene = make_scene(
         {"a": make_finger(left, turn - math.pi / 2), "b": make_finger(right, turn + math.pi / 2)},
-        thing,
+        body,
         {"friction": 0.4},
         UPRIGHT,
         family,
@@ -202,17 +202,17 @@ def pinched_box(width=0.06, height=0.05, press=6.0, mass=0.3, at=0.01, turn=0.0,
     return scene, stored(scene, {"a": {}, "b": {}}, contacts)
 
 
-def pressed_down(thing, supports, reactions, press=5.0, top=0.0, part=0, friction=0.5, **more):
+def pressed_down(body, supports, reactions, press=5.0, top=0.0, part=0, friction=0.5, **more):
     """A straight finger from above presses on the object's point (0, top); the supports bear it."""
     finger = make_finger((0.0, top + HALF + LENGTH), math.pi)
-    scene = make_scene(finger, thing, {"friction": friction}, PLANAR, supports=supports, **more)
+    scene = make_scene(finger, body, {"friction": friction}, PLANAR, supports=supports, **more)
     contacts = [("finger.tip", (0.0, top), UP, (press, 0.0, 0.0), LENGTH, part), *reactions]
     return scene, stored(scene, {"finger": {}}, contacts)
 
 
 def disc_in_groove(press=5.0, mass=0.1, radius=0.03):
     """A disc in a V groove of 90 degrees that opens upwards, without friction; N = (press + m g) / sqrt 2 each."""
-    thing = Circle(shape="circle", diameter=2 * radius, mass=mass, position=(0.0, radius * math.sqrt(2)))
+    body = Circle(shape="circle", diameter=2 * radius, mass=mass, position=(0.0, radius * math.sqrt(2)))
     r = math.sqrt(0.5)
     share = (press + 9.81 * mass) * r
     reactions = [
@@ -220,33 +220,33 @@ def disc_in_groove(press=5.0, mass=0.1, radius=0.03):
         for side, x in (("left", -r), ("right", r))
     ]
     groove = VGroove(type="v_groove", apex=(0.0, 0.0), opening_angle=math.pi / 2, axis_angle=math.pi / 2)
-    return pressed_down(thing, {"groove": groove}, reactions, press, radius * (math.sqrt(2) + 1))
+    return pressed_down(body, {"groove": groove}, reactions, press, radius * (math.sqrt(2) + 1))
 
 
 def box_on_line(press=5.0, mass=0.1, width=0.06, height=0.04):
     """A box that stands on a line wider than itself; both ends of its face bear half the load."""
-    thing = Box(shape="box", width=width, height=height, mass=mass, position=(0.0, 0.5 * height))
+    body = Box(shape="box", width=width, height=height, mass=mass, position=(0.0, 0.5 * height))
     share = 0.5 * (press + 9.81 * mass)
     reactions = [
         ("table.1", (-0.5 * width, 0.0), DOWN, (share, 0.0, 0.0), NONE, 0),
         ("table.2", (0.5 * width, 0.0), DOWN, (share, 0.0, 0.0), NONE, 0),
     ]
     line = Line(type="line", start=(-0.05, 0.0), end=(0.05, 0.0))
-    return pressed_down(thing, {"table": line}, reactions, press, height)
+    return pressed_down(body, {"table": line}, reactions, press, height)
 
 
 def disc_on_pegs(press=5.0, mass=0.1, radius=0.03, peg=0.01, aside=0.02):
     """A disc that rests on two round pegs without friction."""
     slope = math.asin(aside / (radius + peg))
-    centre = np.array([0.0, (radius + peg) * math.cos(slope)])
-    thing = Circle(shape="circle", diameter=2 * radius, mass=mass, position=tuple(centre))
+    center = np.array([0.0, (radius + peg) * math.cos(slope)])
+    body = Circle(shape="circle", diameter=2 * radius, mass=mass, position=tuple(center))
     share = (press + 9.81 * mass) / (2 * math.cos(slope))
     supports, reactions = {}, []
     for name, side in (("first", -1.0), ("second", 1.0)):
         supports[name] = Point(type="point", position=(side * aside, 0.0), radius=peg)
         normal = np.array([side * math.sin(slope), -math.cos(slope)])
-        reactions.append((name, centre + radius * normal, normal, (share, 0.0, 0.0), NONE, 0))
-    return pressed_down(thing, supports, reactions, press, float(centre[1]) + radius)
+        reactions.append((name, center + radius * normal, normal, (share, 0.0, 0.0), NONE, 0))
+    return pressed_down(body, supports, reactions, press, float(center[1]) + radius)
 
 
 def union_on_palm(press=5.0, mass=0.1):
@@ -255,14 +255,14 @@ def union_on_palm(press=5.0, mass=0.1):
         {"shape": "circle", "diameter": 0.05, "position": (0.0, 0.04)},
         {"shape": "box", "width": 0.06, "height": 0.03, "position": (0.0, 0.015)},
     )
-    thing = Union(shape="union", members=members, mass=mass, position=(0.0, 0.0), center_of_mass=(0.0, 0.03))
+    body = Union(shape="union", members=members, mass=mass, position=(0.0, 0.0), center_of_mass=(0.0, 0.03))
     share = 0.5 * (press + 9.81 * mass)
     reactions = [
         ("palm.1", (-0.03, 0.0), DOWN, (share, 0.0, 0.0), NONE, 1),
         ("palm.2", (0.03, 0.0), DOWN, (share, 0.0, 0.0), NONE, 1),
     ]
     palm = Palm(point=(0.0, 0.0), normal_angle=math.pi / 2)
-    return pressed_down(thing, {"palm": palm}, reactions, press, 0.065)
+    return pressed_down(body, {"palm": palm}, reactions, press, 0.065)
 
 
 def wrapped_disc(gravity=UPRIGHT, mass=0.3, used="both", mirrored=False, middles=1, friction=0.5):
@@ -295,7 +295,7 @@ def wrapped_disc(gravity=UPRIGHT, mass=0.3, used="both", mirrored=False, middles
         middles + 1,
         supports={"palm": Palm(point=(0.0, 0.0), normal_angle=0.0)},
     )
-    centre, joints = np.array([0.04, 0.0]), np.cumsum(lengths)
+    center, joints = np.array([0.04, 0.0]), np.cumsum(lengths)
     base, g = (0.0, -side * d, -math.pi / 2), np.array(gravity.vector if gravity.mode == "planar" else (0.0, 0.0))
 
     def shape(q):
@@ -305,7 +305,7 @@ def wrapped_disc(gravity=UPRIGHT, mass=0.3, used="both", mirrored=False, middles
         moment = 0.034 * 0.5 * total * (W60 @ places[len(joints) :, :2]) + 0.002 * places[len(joints) - 1, :2]
         return places[: len(joints)], moment @ g
 
-    normals = [(place[:2] - centre) / np.linalg.norm(place[:2] - centre) for place in shape(q)[0]] + [LEFT]
+    normals = [(place[:2] - center) / np.linalg.norm(place[:2] - center) for place in shape(q)[0]] + [LEFT]
     count = len(normals)
     width = 1 + 3 * count
     rows, right = [], []
@@ -340,7 +340,7 @@ def wrapped_disc(gravity=UPRIGHT, mass=0.3, used="both", mirrored=False, middles
     x[active] -= np.linalg.pinv(rows[:, active]) @ (rows @ x - right)
     setup = scene.setups[0]
     names = (*setup.middle_names, setup.tip_name, "palm")
-    touched = [*(centre + radius * n for n in normals[:-1]), np.zeros(2)]
+    touched = [*(center + radius * n for n in normals[:-1]), np.zeros(2)]
     contacts = [
         (names[k], touched[k], normals[k], x[1 + 3 * k : 4 + 3 * k], [*joints, NONE][k], 0) for k in range(count)
     ]

@@ -72,7 +72,7 @@ def arrays_of(contacts, pose=(0.0, 0.0, 0.0), fingers=None):
 
 
 def on_disc(angles, radius=0.04, forces=None, stations=None):
-    """Contacts on a disc at the origin, seen from its centre at these angles [rad]."""
+    """Contacts on a disc at the origin, seen from its center at these angles [rad]."""
     contacts = []
     for k, angle in enumerate(angles):
         normal = (math.cos(angle), math.sin(angle))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from benchmarks.grasp_oracle.outline import Outline
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.parts import SuperellipsePart
 
 __all__ = ["Hand", "Limits", "Numbers", "Rest"]
 
@@ -181,7 +182,7 @@ def _rests(wall: Any, part: Any, pose: tuple[float, float, float], size: float) 
     outline = Outline(part, pose, 0.0)
     inward = (-wall.normal[0], -wall.normal[1])
     turn = wall.normal_angle + math.pi - pose[2]
-    if part.is_superellipse:
+    if isinstance(part, SuperellipsePart):
         spots = [_extreme(outline, np.array(inward))]
     else:
         local = np.array([math.cos(turn), math.sin(turn)])

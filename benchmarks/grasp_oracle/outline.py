@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.scene.parts import Part
+from continuum_grasp.scene.parts import Part, SuperellipsePart
 
 Array = NDArray[Any]
 CORNERS = 0.05
@@ -30,14 +30,15 @@ class Outline:
 
     def __init__(self, part: Part, pose: tuple[float, float, float], grown: float) -> None:
         self.grown = grown
-        turn = pose[2] + (part.angle if part.is_superellipse else 0.0)
+        smooth = part if isinstance(part, SuperellipsePart) else None
+        turn = pose[2] + (smooth.angle if smooth else 0.0)
         cos, sin = math.cos(pose[2]), math.sin(pose[2])
-        centre = part.center if part.is_superellipse else (0.0, 0.0)
+        center = smooth.center if smooth else (0.0, 0.0)
         self._turn = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
-        self._shift = np.array(pose[:2]) + np.array([[cos, -sin], [sin, cos]]) @ np.array(centre)
+        self._shift = np.array(pose[:2]) + np.array([[cos, -sin], [sin, cos]]) @ np.array(center)
         self._shape: _Smooth | _Cornered = (
-            _Smooth(part.semi_axes, part.exponent, grown)
-            if part.is_superellipse
+            _Smooth(smooth.semi_axes, smooth.exponent, grown)
+            if smooth
             else _Cornered(np.array(part.vertices, dtype=float), part.radius + grown)
         )
 
@@ -60,7 +61,7 @@ class Outline:
 
 
 class _Smooth:
-    """A superellipse about its centre."""
+    """A superellipse about its center."""
 
     SAMPLES = 128
     STEPS = 12

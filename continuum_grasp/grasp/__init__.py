@@ -1,44 +1,27 @@
-"""Finding how a finger holds an object, and proving that it does."""
+"""Finding how fingers hold an object, and proving that they do."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from continuum_grasp._lazy import lazy_names
 
 _MODULES = {
-    "certificate.certificate": ("Certificate", "Check", "certify"),
-    "result": ("Contact", "FingerPosture", "GraspResult", "Reason", "Status"),
-    "solve": ("optimize_grasp",),
+    "continuum_grasp.grasp.certificate.certificate": ("Certificate", "Check", "certify"),
+    "continuum_grasp.grasp.result": ("Contact", "FingerPosture", "GraspResult", "Reason", "Status"),
+    "continuum_grasp.grasp.solve": ("optimize_grasp",),
 }
-_NAMES = {name: room for room, names in _MODULES.items() for name in names}
-
-__all__ = [
-    "Certificate",
-    "Check",
-    "Contact",
-    "FingerPosture",
-    "GraspResult",
-    "Reason",
-    "Status",
-    "certify",
-    "optimize_grasp",
-]
+__all__ = [name for names in _MODULES.values() for name in names]
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.certificate.certificate import Certificate, Check, certify
-    from continuum_grasp.grasp.result import Contact, FingerPosture, GraspResult, Reason, Status
-    from continuum_grasp.grasp.solve import optimize_grasp
+    from continuum_grasp.grasp.certificate.certificate import Certificate as Certificate
+    from continuum_grasp.grasp.certificate.certificate import Check as Check
+    from continuum_grasp.grasp.certificate.certificate import certify as certify
+    from continuum_grasp.grasp.result import Contact as Contact
+    from continuum_grasp.grasp.result import FingerPosture as FingerPosture
+    from continuum_grasp.grasp.result import GraspResult as GraspResult
+    from continuum_grasp.grasp.result import Reason as Reason
+    from continuum_grasp.grasp.result import Status as Status
+    from continuum_grasp.grasp.solve import optimize_grasp as optimize_grasp
 
-
-def __getattr__(name: str) -> Any:
-    room = _NAMES.get(name)
-    if room is None:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    value = getattr(import_module(f"{__name__}.{room}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_NAMES})
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -10,7 +10,8 @@ from continuum_grasp.scene.grasp import GraspScene
 __all__ = ["MOST", "contact_modes"]
 
 MOST = 64
-"""Sets of contacts that are tried, those with the most contacts first."""
+"""Sets of contacts that are tried, those with the most contacts first:
+all choices of six contacts."""
 
 _CHOICES = {"on": (True,), "off": (False,), "auto": (True, False)}
 
@@ -37,7 +38,7 @@ def contact_modes(scene: GraspScene) -> list[frozenset[str]]:
             for choice in product(*(_CHOICES[s] for s in switches))
         ]
         fingers.append([s for s in sets if s])
-    supports = [(thing.name, thing.touch) for thing in scene.places]
+    supports = [(body.name, body.touch) for body in scene.places]
     if scene.object.free is None:
         touching = touching_supports(scene, scene.object.pose)
         chosen = [frozenset(name for name, touch in supports if touch != "off" and name in touching)]

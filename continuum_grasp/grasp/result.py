@@ -1,4 +1,4 @@
-"""What the search for a grasp gives back."""
+"""The result of the search for a grasp."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ from continuum_grasp.scene.grasp import GraspScene
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from continuum_grasp.grasp.fine import Change
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.sensitivity import Sensitivity
 
-__all__ = ["Contact", "FingerPosture", "GraspResult", "Reason", "Status"]
+__all__ = ["Change", "Contact", "FingerPosture", "GraspResult", "Reason", "Status"]
 
 Array = NDArray[Any]
 
@@ -37,7 +36,7 @@ class Status(StrEnum):
     FEASIBLE = "feasible"
     """A grasp that the certificate confirms, but the solver stopped early, or the search before its last start."""
     INFEASIBLE = "infeasible"
-    """There is no grasp near any start, and giving way in a named limit makes one: see ``reasons``."""
+    """There is no grasp near any start, and relaxing a named limit gives one: see ``reasons``."""
     NOT_SOLVED = "not_solved"
     """Neither a grasp nor a proof that there is none."""
     TIMED_OUT = "timed_out"
@@ -138,7 +137,7 @@ class Reason:
     repair : str
         What to do about it.
     confirmed : float, optional
-        What it would have to be at the posture found, by linear programming; None where that cannot tell.
+        What it would have to be at the posture found, by linear programming; None where that gives no answer.
     """
 
     name: str
@@ -149,6 +148,43 @@ class Reason:
     text: str
     repair: str
     confirmed: float | None = None
+
+
+@dataclass(frozen=True)
+class Change:
+    """What other elements change about a grasp.
+
+    Attributes
+    ----------
+    elements : dict of str to int
+        Elements of each finger in the model compared with.
+    tension : float
+        Sum of tensions there [N].
+    tension_change : float
+        Its change, as a part of the sum here.
+    displacement : float
+        Greatest displacement of a contact point [m].
+    length : float
+        Of the shortest finger [m].
+    """
+
+    elements: dict[str, int]
+    tension: float
+    tension_change: float
+    displacement: float
+    length: float
+
+    @property
+    def size(self) -> float:
+        """The greater of the change of tension and the displacement per length [1]."""
+        return max(abs(self.tension_change), self.displacement / self.length)
+
+    def __str__(self) -> str:
+        count = max(self.elements.values())
+        return (
+            f"with {count} elements the tension changes by {self.tension_change:+.2%} to {self.tension:.4g} N, "
+            f"contacts by {1e3 * self.displacement:.2g} mm at most"
+        )
 
 
 @dataclass(frozen=True)
@@ -208,7 +244,7 @@ class GraspResult:
         from continuum_grasp.grasp.quality.quality import grasp_quality
 
         if not self.solved:
-            raise InputError(f"there is no grasp whose quality could be told (status {self.status.value})")
+            raise InputError(f"there is no grasp whose quality could be computed (status {self.status.value})")
         return grasp_quality(self.scene, self.arrays)
 
     @property
@@ -228,7 +264,7 @@ class GraspResult:
             found.append(f"{error}: raise fidelity.elements{other}")
         if not self.certificate.stability.stable:
             found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
-        if "NOT kept" in str(self.statistics.get("fidelity", "")):
+        if "NOT satisfied" in str(self.statistics.get("fidelity", "")):
             found.append(str(self.statistics["fidelity"]))
         if self.statistics.get("cut_short"):
             found.append("the search was cut short: another start may hold the object with less tension")

@@ -26,7 +26,7 @@ class Sensitivity:
     ----------
     name : str
     derivative : float
-        Of the sum of tensions [N] where that is the objective, else of the objective as it is minimised, per ``unit``.
+        Of the sum of tensions [N] where that is the objective, else of the objective as it is minimized, per ``unit``.
     unit : str
         Of the number that changes.
     """
@@ -49,7 +49,7 @@ def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:
     -------
     tuple of Sensitivity
         They hold as long as the same limits stay active. The pose is that of the object with its supports, moved
-        against all fingers' bases together; bases that are free are left out.
+        against all fingers' bases together; bases that are free do not move.
     """
     attempt, problem = found.attempt, found.solver.problem
     slope = np.asarray(found.solver.slope(attempt.x, attempt.numbers, attempt.multipliers.constraints)).ravel()
@@ -69,6 +69,7 @@ def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:
 
 def _changes(scene: GraspScene) -> list[tuple[str, str, float, GraspScene]]:
     """Name, unit, step and changed scene."""
+    # The numbers of the problem are smooth in the scene's, so that a difference of 1e-6 is good to six digits.
     step = 1e-6
     found = [("friction between fingers and object", "1", step, _rougher(scene, step))]
     if scene.weight > 0.0:
@@ -79,7 +80,7 @@ def _changes(scene: GraspScene) -> list[tuple[str, str, float, GraspScene]]:
     for name, unit, size, move in (
         ("object along x", "m", reach, (1.0, 0.0, 0.0)),
         ("object along y", "m", reach, (0.0, 1.0, 0.0)),
-        ("object turned about its centre of mass", "rad", step, (0.0, 0.0, 1.0)),
+        ("object turned about its center of mass", "rad", step, (0.0, 0.0, 1.0)),
     ):
         found.append((name, unit, size, _moved(scene, *(size * m for m in move))))
     return found

@@ -1,4 +1,4 @@
-"""The search for a grasp: starts, solver, verification, and an honest word at the end."""
+"""The search for a grasp: starts, solver, verification, verdict."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def optimize_grasp(
     Parameters
     ----------
     scene : GraspScene or path-like
-        The scene, or its YAML file. Where it has a ``fidelity.tolerance``, the cheapest model that keeps it is found by
-        comparison with a fine one, and the result's scene has it.
+        The scene, or its YAML file. Where it has a ``fidelity.tolerance``, the cheapest model that satisfies it is
+        found by comparison with a fine one, and the result's scene has it.
     raise_on_failure : bool, optional
-        Raise where there is no verified grasp; False: return the result, whose ``status`` says so.
+        Raise where there is no verified grasp; False: return the result with its ``status``.
     fine : bool, optional
-        Solve once more with a fine model and tell in the result's ``fine`` what that changes; takes some seconds.
+        Solve once more with a fine model and report in the result's ``fine`` what that changes; takes some seconds.
 
     Returns
     -------
@@ -49,7 +49,17 @@ def optimize_grasp(
     SolverError
         There is no verified grasp; ``result`` of the error holds what was found.
     Interrupted
-        Ctrl-C was pressed before any grasp was verified. With one, that is the result; its message says so.
+        Ctrl-C was pressed before any grasp was verified. With one, that is the result, and its message
+        reports the interruption.
+
+    Examples
+    --------
+    A finger holds a mug against a palm; tensions and forces in N:
+
+    >>> import continuum_grasp as cg
+    >>> grasp = cg.optimize_grasp("configs/grasp/mug_arcs.yaml")
+    >>> grasp.status.value, round(grasp.tension, 1), len(grasp.contacts)
+    ('optimal', 42.3, 3)
     """
     if not isinstance(scene, GraspScene):
         scene = _load(scene)
@@ -63,7 +73,7 @@ def optimize_grasp(
             except KeyboardInterrupt:
                 result = replace(result, statistics={**result.statistics, "fine_model": "interrupted"})
     else:
-        result = _kept(scene, tolerance, budget)
+        result = _within_tolerance(scene, tolerance, budget)
     if raise_on_failure and not result.solved:
         raise SolverError(
             result.message,
@@ -86,8 +96,8 @@ def _load(path: str | os.PathLike[str]) -> GraspScene:
     return scene
 
 
-def _kept(scene: GraspScene, tolerance: float, budget: Budget) -> GraspResult:
-    """The grasp with the cheapest model that keeps a tolerance."""
+def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> GraspResult:
+    """Find the grasp with the cheapest model that satisfies a tolerance."""
     first = _Verdict(with_elements(scene, ELEMENTS[1]), budget).result()
     if not first.solved or first.statistics["interrupted"]:
         return first

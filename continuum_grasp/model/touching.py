@@ -11,7 +11,7 @@ import casadi as ca
 from continuum_grasp.model.body import Body
 from continuum_grasp.model.contact_law import friction_rate, friction_share, normal_force, stored_energy
 from continuum_grasp.model.planar import ZERO, Scalar, Vec, minus, times
-from continuum_grasp.model.surface import lowest_points, nearest
+from continuum_grasp.model.surfaces import nearest, surface_of
 from continuum_grasp.scene.supports import Peg, Wall
 from continuum_grasp.scene.surroundings import ContactLaw
 
@@ -152,7 +152,7 @@ def support_pairs(body: Body, law: ContactLaw, walls: Sequence[Wall], pegs: Sequ
     for wall in walls:
         down = Vec(*(-v for v in wall.normal))
         local = body.turn.transposed().apply(down)
-        points = [p for part in body.thing.parts for p in lowest_points(part, local)]
+        points = [p for part in body.thing.parts for p in surface_of(part).lowest_points(part, local)]
         for k, place in enumerate(points):
             point = body.position + body.turn.apply(place)
             offset = point - Vec(*wall.point)

@@ -87,6 +87,7 @@ _MODULES = {
         "Freedom",
         "Polygon",
         "RoundedPolygon",
+        "Stadium",
         "Superellipse",
         "Union",
     ),
@@ -148,6 +149,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.objects import Freedom as Freedom
     from continuum_grasp.scene.objects import Polygon as Polygon
     from continuum_grasp.scene.objects import RoundedPolygon as RoundedPolygon
+    from continuum_grasp.scene.objects import Stadium as Stadium
     from continuum_grasp.scene.objects import Superellipse as Superellipse
     from continuum_grasp.scene.objects import Union as Union
     from continuum_grasp.scene.plan import DurationRange as DurationRange

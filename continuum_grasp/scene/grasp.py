@@ -1,4 +1,4 @@
-"""Fingers, an object and its supports: what the grasp optimiser needs."""
+"""Fingers, an object and its supports: what the grasp optimizer needs."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ class GraspScene(Value):
 
     @property
     def wrenches(self) -> tuple[tuple[float, float, float], ...]:
-        """The disturbances: world force x, y [N], moment about the centre of mass [N m]."""
+        """The disturbances: world force x, y [N], moment about the center of mass [N m]."""
         if self.disturbances.wrenches is not None:
             return self.disturbances.wrenches
         m = self.torque_scale
@@ -175,9 +175,9 @@ class GraspScene(Value):
         for setup in self.setups:
             if contact.startswith(setup.name + "."):
                 return setup.friction
-        for thing in self.places:
-            if (contact == thing.name or contact.startswith(thing.name + ".")) and thing.friction is not None:
-                return thing.friction
+        for body in self.places:
+            if (contact == body.name or contact.startswith(body.name + ".")) and body.friction is not None:
+                return body.friction
         return self.contacts.friction
 
     def normal_force_max(self, contact: str) -> float:
@@ -205,8 +205,8 @@ class GraspScene(Value):
             after = tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles)))
         family = fidelity.family
         if family is None:
-            rubs = finger.tendons is not None and finger.tendons.friction > 0.0
-            family = "clothoid" if rubs else "matched_clothoid"
+            has_friction = finger.tendons is not None and finger.tendons.friction > 0.0
+            family = "clothoid" if has_friction else "matched_clothoid"
         length = finger.rod.length
         return FingerSetup(
             name=name,

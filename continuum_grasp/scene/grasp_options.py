@@ -86,7 +86,7 @@ class GraspFinger(Finger):
     contacts: FingerContacts = FingerContacts()
     """Where this finger touches, where it differs from the scene's ``contacts``."""
     fidelity: Fidelity | None = None
-    """How finely this finger is modelled; None: as the scene says."""
+    """How finely this finger is modeled; None: as the scene says."""
     tendons_used: Literal["both", "left", "right"] = "both"
     """Which tendons there are: both (antagonists), only that on the finger's left (-X side, tendon 1), or only that
     on its right (tendon 2)."""
@@ -128,7 +128,7 @@ class OutOfPlaneGravity(Value):
     """[m/s2]"""
     tilt: Literal["balance", "ignore"] = "balance"
     """balance: the friction forces that carry the weight must not tilt the object, all contacts being at the
-    height of its centre of mass; ignore: something else keeps it upright."""
+    height of its center of mass; ignore: something else keeps it upright."""
 
 
 class NoGravity(Value):
@@ -171,11 +171,11 @@ class Disturbances(Value):
         ]
         | None
     ) = None
-    """World force x, y [N] and moment about the centre of mass [N m]; None: forces of 1 N to both sides along both
+    """World force x, y [N] and moment about the center of mass [N m]; None: forces of 1 N to both sides along both
     axes, and moments of 1 N times ``torque_scale`` both ways."""
     torque_scale: Extent | None = None
     """Length that turns a force into the moment that counts as much [m]; None: the greatest distance of the object's
-    boundary from its centre of mass."""
+    boundary from its center of mass."""
     tendons: Literal["retensioned", "locked"] = "retensioned"
     """retensioned: the tensions are chosen anew for each disturbance, within their limits; locked: the drives hold
     their position, so that a taut tendon keeps its length and its tension reacts."""

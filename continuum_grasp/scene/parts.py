@@ -1,86 +1,85 @@
-"""Convex parts of objects: rounded polygons and superellipses, in plain numbers."""
+"""Convex parts of objects in plain numbers: polygons with an offset, and superellipses."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import TypeAlias
 
-__all__ = ["Part", "Point", "check_convex", "counter_clockwise", "farthest", "polygon_centroid", "rounded"]
+__all__ = [
+    "OffsetPolygon",
+    "Part",
+    "Point",
+    "SuperellipsePart",
+    "check_convex",
+    "counter_clockwise",
+    "farthest",
+    "polygon_centroid",
+    "rounded",
+]
 
 Point: TypeAlias = tuple[float, float]
 
 
+class Part(ABC):
+    """A convex part of an object in plain numbers, in the object's frame [m].
+
+    The mathematics that contacts and grasps need of it lies in `continuum_grasp.model.surfaces`.
+    """
+
+    @abstractmethod
+    def placed(self, position: Point, angle: float) -> Part:
+        """The part after a turn about the origin and a shift."""
+
+    @abstractmethod
+    def support(self, angle: float) -> float:
+        """Support function [m]: greatest extent from the origin in the direction of an angle [rad]."""
+
+    @abstractmethod
+    def outline(self, count: int = 240) -> list[Point]:
+        """Points on the boundary, counter-clockwise [m]."""
+
+    @abstractmethod
+    def curvature(self, point: Point, tolerance: float) -> float:
+        """Curvature of the boundary at a point of it [1/m]; infinite at a sharp corner, which is ``tolerance`` wide."""
+
+    @property
+    @abstractmethod
+    def extent(self) -> float:
+        """A distance from the origin that no point of the part exceeds [m]."""
+
+    def distance(self, point: Point) -> float:
+        """Distance of a point of the object's frame from the boundary [m], negative inside."""
+        return _polygon_distance(point, self.outline())
+
+
 @dataclass(frozen=True)
-class Part:
-    """A convex part of an object, in the object's frame: a rounded polygon, or a superellipse.
+class OffsetPolygon(Part):
+    """Everything within a distance of a convex polygon, of a segment (a stadium), or of a point (a disc).
 
     Attributes
     ----------
     vertices : tuple of (float, float)
-        Counter-clockwise corners of the core; one for a disc, two for a slot; none for a superellipse [m].
+        Counter-clockwise corners of the core; one for a disc, two for a stadium [m].
     radius : float
         The part is everything within this distance of the core [m].
-    semi_axes : (float, float)
-        Of a superellipse |x/a|^p + |y/b|^p <= 1 in its own axes [m]; (0, 0) otherwise.
-    exponent : float
-        p of it.
-    center : (float, float)
-        Centre of the superellipse [m].
-    angle : float
-        From the object's axes to the superellipse's [rad].
     """
 
-    vertices: tuple[Point, ...] = ()
+    vertices: tuple[Point, ...]
     radius: float = 0.0
-    semi_axes: Point = (0.0, 0.0)
-    exponent: float = 2.0
-    center: Point = (0.0, 0.0)
-    angle: float = 0.0
 
-    @property
-    def is_superellipse(self) -> bool:
-        """Whether it is a superellipse rather than a rounded polygon."""
-        return not self.vertices
-
-    def placed(self, position: Point, angle: float) -> Part:
-        """The part after a turn about the origin and a shift."""
-        move = _mover(position, angle)
-        return Part(
-            tuple(move(v) for v in self.vertices),
-            self.radius,
-            self.semi_axes,
-            self.exponent,
-            move(self.center),
-            self.angle + angle,
-        )
+    def placed(self, position: Point, angle: float) -> OffsetPolygon:
+        return OffsetPolygon(tuple(map(_mover(position, angle), self.vertices)), self.radius)
 
     def support(self, angle: float) -> float:
-        """Support function [m]: greatest extent from the origin in the direction of an angle [rad]."""
         c, s = math.cos(angle), math.sin(angle)
-        if not self.is_superellipse:
-            return max(c * x + s * y for x, y in self.vertices) + self.radius
-        (a, b), dual = self.semi_axes, self.exponent / (self.exponent - 1.0)
-        u, v = a * abs(math.cos(angle - self.angle)), b * abs(math.sin(angle - self.angle))
-        return float(c * self.center[0] + s * self.center[1] + (u**dual + v**dual) ** (1.0 / dual))
+        return max(c * x + s * y for x, y in self.vertices) + self.radius
 
     def outline(self, count: int = 240) -> list[Point]:
-        """Points on the boundary, counter-clockwise [m]."""
-        if self.is_superellipse:
-            move, power = _mover(self.center, self.angle), 2.0 / self.exponent
-            turns = (math.tau * k / count for k in range(count))
-            return [
-                move(
-                    (
-                        self.semi_axes[0] * math.copysign(abs(math.cos(t)) ** power, math.cos(t)),
-                        self.semi_axes[1] * math.copysign(abs(math.sin(t)) ** power, math.sin(t)),
-                    )
-                )
-                for t in turns
-            ]
         if self.radius == 0.0:
             return list(self.vertices)
         points = []
@@ -98,15 +97,76 @@ class Part:
             points += [(x + self.radius * math.cos(t), y + self.radius * math.sin(t)) for t in angles]
         return points
 
+    def curvature(self, point: Point, tolerance: float) -> float:
+        # On the rounding of a corner no edge is nearer than its ends.
+        if min(math.dist(point, corner) for corner in self.vertices) > self.radius + tolerance:
+            return 0.0
+        return 1.0 / self.radius if self.radius > 0.0 else math.inf
+
+    @property
+    def extent(self) -> float:
+        return max(math.hypot(*v) for v in self.vertices) + self.radius
+
     def distance(self, point: Point) -> float:
-        """Distance of a point of the object's frame from the boundary [m], negative inside."""
-        core = self.outline() if self.is_superellipse else list(self.vertices)
-        if len(core) == 1:
-            return math.dist(point, core[0]) - self.radius
-        edges = list(pairwise([*core, core[0]]))
-        nearest = min(_segment_distance(point, a, b) for a, b in edges)
-        inside = len(core) > 2 and all(_cross(a, b, point) >= 0.0 for a, b in edges)
-        return (-nearest if inside else nearest) - self.radius
+        return _polygon_distance(point, self.vertices) - self.radius
+
+
+@dataclass(frozen=True)
+class SuperellipsePart(Part):
+    """A superellipse |x/a|^p + |y/b|^p <= 1 in axes of its own.
+
+    Attributes
+    ----------
+    semi_axes : (float, float)
+        a and b [m].
+    exponent : float
+        p; 2 is an ellipse.
+    center : (float, float)
+        [m]
+    angle : float
+        From the object's axes to those of the superellipse [rad].
+    """
+
+    semi_axes: Point
+    exponent: float = 2.0
+    center: Point = (0.0, 0.0)
+    angle: float = 0.0
+
+    def placed(self, position: Point, angle: float) -> SuperellipsePart:
+        return replace(self, center=_mover(position, angle)(self.center), angle=self.angle + angle)
+
+    def support(self, angle: float) -> float:
+        c, s = math.cos(angle), math.sin(angle)
+        (a, b), dual = self.semi_axes, self.exponent / (self.exponent - 1.0)
+        u, v = a * abs(math.cos(angle - self.angle)), b * abs(math.sin(angle - self.angle))
+        return float(c * self.center[0] + s * self.center[1] + (u**dual + v**dual) ** (1.0 / dual))
+
+    def outline(self, count: int = 240) -> list[Point]:
+        move, power = _mover(self.center, self.angle), 2.0 / self.exponent
+        turns = (math.tau * k / count for k in range(count))
+        return [
+            move(
+                (
+                    self.semi_axes[0] * math.copysign(abs(math.cos(t)) ** power, math.cos(t)),
+                    self.semi_axes[1] * math.copysign(abs(math.sin(t)) ** power, math.sin(t)),
+                )
+            )
+            for t in turns
+        ]
+
+    def curvature(self, point: Point, tolerance: float) -> float:
+        c, s = math.cos(self.angle), math.sin(self.angle)
+        x, y = point[0] - self.center[0], point[1] - self.center[1]
+        (a, b), p = self.semi_axes, self.exponent
+        u, v = abs(c * x + s * y) / a, abs(c * y - s * x) / b
+        fx, fy = u ** (p - 1.0) / a, v ** (p - 1.0) / b  # a p-th of the gradient of |x/a|^p + |y/b|^p
+        fxx = (p - 1.0) * u ** (p - 2.0) / a**2
+        fyy = (p - 1.0) * v ** (p - 2.0) / b**2
+        return float((fxx * fy**2 + fyy * fx**2) / (fx**2 + fy**2) ** 1.5)
+
+    @property
+    def extent(self) -> float:
+        return math.hypot(*self.center) + math.hypot(*self.semi_axes)
 
 
 @lru_cache(maxsize=256)
@@ -133,6 +193,16 @@ def _segment_distance(p: Point, a: Point, b: Point) -> float:
     share = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / max(dx * dx + dy * dy, 1e-300)
     share = min(max(share, 0.0), 1.0)
     return math.dist(p, (a[0] + share * dx, a[1] + share * dy))
+
+
+def _polygon_distance(point: Point, vertices: Sequence[Point]) -> float:
+    """Distance of a point from a convex polygon, a segment or a point [m], negative inside the polygon."""
+    if len(vertices) == 1:
+        return math.dist(point, vertices[0])
+    edges = list(pairwise([*vertices, vertices[0]]))
+    nearest = min(_segment_distance(point, a, b) for a, b in edges)
+    inside = len(vertices) > 2 and all(_cross(a, b, point) >= 0.0 for a, b in edges)
+    return -nearest if inside else nearest
 
 
 def _area(vertices: tuple[Point, ...]) -> float:
@@ -168,10 +238,10 @@ def check_convex(vertices: tuple[Point, ...]) -> None:
         )
 
 
-def rounded(vertices: tuple[Point, ...], radius: float) -> Part:
+def rounded(vertices: tuple[Point, ...], radius: float) -> OffsetPolygon:
     """The part whose sharp outline is given and whose corners are rounded off inside it."""
     if radius == 0.0:
-        return Part(vertices)
+        return OffsetPolygon(vertices)
     core = []
     for k, (x, y) in enumerate(vertices):
         low = _edge_normal(vertices[k - 1], (x, y))
@@ -179,4 +249,4 @@ def rounded(vertices: tuple[Point, ...], radius: float) -> Part:
         half = 0.5 * ((high - low) % math.tau)
         reach, middle = radius / math.cos(half), low + half
         core.append((x - reach * math.cos(middle), y - reach * math.sin(middle)))
-    return Part(tuple(core), radius)
+    return OffsetPolygon(tuple(core), radius)

@@ -43,7 +43,7 @@ class Fidelity(Value):
         | Annotated[tuple[Length, ...], Field(strict=False, min_length=1, max_length=64)]
         | None
     ) = None
-    """Number of elements, or their lengths from base to tip [m]; None: two, or one per stretch between contacts and
+    """Number of elements, or their lengths from base to tip [m]; None: two, or one per segment between contacts and
     jumps of the rest curvature."""
     bending_range: Annotated[float, Field(ge=1e-3, le=20.0)] | None = None
     """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature); None: 2 pi / 3, or

@@ -64,7 +64,7 @@ class Peg:
     ----------
     name : str
     position : (float, float)
-        World position of its centre [m].
+        World position of its center [m].
     radius : float
         [m]; zero for a point.
     friction : float or None
@@ -85,6 +85,14 @@ class _Support(Value):
     """Whether the object touches it; auto: where it lies against it, or, where its pose is free, whichever is
     better."""
 
+    def walls(self, name: str) -> tuple[Wall, ...]:
+        """Its straight surfaces."""
+        return ()
+
+    def pegs(self, name: str) -> tuple[Peg, ...]:
+        """Its round surfaces."""
+        return ()
+
 
 class Palm(_Support):
     """A fixed half plane."""
@@ -96,12 +104,7 @@ class Palm(_Support):
     """World angle of the surface normal, which points away from the material [rad]; 0 is +x."""
 
     def walls(self, name: str) -> tuple[Wall, ...]:
-        """Its surface."""
         return (Wall(name, self.point, self.normal_angle, math.inf, self.friction, self.touch),)
-
-    def pegs(self, name: str) -> tuple[Peg, ...]:
-        """None."""
-        return ()
 
 
 class Line(_Support):
@@ -114,15 +117,10 @@ class Line(_Support):
     """World position of its end [m]."""
 
     def walls(self, name: str) -> tuple[Wall, ...]:
-        """Its surface."""
         (x0, y0), (x1, y1) = self.start, self.end
         angle = math.atan2(x1 - x0, y0 - y1)
         half = 0.5 * math.dist(self.start, self.end)
         return (Wall(name, (0.5 * (x0 + x1), 0.5 * (y0 + y1)), angle, half, self.friction, self.touch),)
-
-    def pegs(self, name: str) -> tuple[Peg, ...]:
-        """None."""
-        return ()
 
     @model_validator(mode="after")
     def _extended(self) -> Line:
@@ -136,16 +134,11 @@ class Point(_Support):
 
     type: Literal["point"]
     position: Vector2
-    """World position of its centre [m]."""
+    """World position of its center [m]."""
     radius: NonNegative = 0.0
     """Radius [m]."""
 
-    def walls(self, name: str) -> tuple[Wall, ...]:
-        """None."""
-        return ()
-
     def pegs(self, name: str) -> tuple[Peg, ...]:
-        """Itself."""
         return (Peg(name, self.position, self.radius, self.friction, self.touch),)
 
 
@@ -166,10 +159,6 @@ class VGroove(_Support):
         left, right = self.axis_angle + half - 0.5 * math.pi, self.axis_angle - half + 0.5 * math.pi
         sides = ((f"{name}.left", left), (f"{name}.right", right))
         return tuple(Wall(n, self.apex, a, math.inf, self.friction, self.touch) for n, a in sides)
-
-    def pegs(self, name: str) -> tuple[Peg, ...]:
-        """None."""
-        return ()
 
 
 Place = Wall | Peg

@@ -1,4 +1,4 @@
-"""What a finger can touch in motion: an object, what else holds it, and how surfaces press and rub."""
+"""What a finger can touch in motion: an object, what else holds it, and the law of contact between surfaces."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from continuum_grasp.scene.value import Extent, NonNegative, Positive, Value, do
 __all__ = ["ContactLaw", "Surroundings", "Table"]
 
 _PRESLIDING = 1e-4
-"""Displacement before slip where nothing is said [m]."""
+"""Displacement before slip by default [m]."""
 
 
 class ContactLaw(Value):
-    """How two surfaces that touch press and rub.
+    """The force law of two surfaces that touch.
 
     The normal force is ``stiffness * s(d) * max(0, 1 + dissipation * d_rate)`` for a depth ``d``; s(d) = d but for
     a smooth onset within ``rounding`` of touching.
@@ -51,7 +51,7 @@ class ContactLaw(Value):
         if not 10.0 <= self.stiffness <= 1e7:
             doubt(f"contact_law.stiffness = {self.stiffness:g} N/m is that of no fingertip (expected: N/m)")
         if self.rounding > 1e-3:
-            doubt(f"contact_law.rounding = {self.rounding:g} m is more than a millimetre (expected: m)")
+            doubt(f"contact_law.rounding = {self.rounding:g} m is more than a millimeter (expected: m)")
         if self.friction > 3.0:
             doubt(f"contact_law.friction = {self.friction:g} is more than surfaces have")
         return self
@@ -82,7 +82,7 @@ class Surroundings(Value):
     supports: dict[str, Support] = Field(default_factory=dict, max_length=8)
     """Fixed walls, edges, points and grooves by name, which a moving object can touch."""
     contact_law: ContactLaw | None = None
-    """How the object's surface presses and rubs; needed with an object."""
+    """The force law of the object's surface; needed with an object."""
     object_moves: bool = False
     """Whether the object moves, as a rigid body in the plane; it is fixed where not."""
     out_of_plane_gravity: NonNegative = 0.0
@@ -91,13 +91,13 @@ class Surroundings(Value):
     table: Table | None = None
     """What carries the weight out of the plane of an object that moves; None: nothing but friction."""
     moment_of_inertia: Positive | None = None
-    """Of a moving object about its centre of mass [kg m2]; None: that of its mass spread evenly over its shape (over
+    """Of a moving object about its center of mass [kg m2]; None: that of its mass spread evenly over its shape (over
     each part by its area, for a union)."""
 
     @model_validator(mode="after")
     def _complete(self) -> Surroundings:
-        thing = self.object
-        if thing is None:
+        body = self.object
+        if body is None:
             given = [key for key in ("supports", "contact_law", "moment_of_inertia") if getattr(self, key)]
             given += [key for key in ("object_moves", "out_of_plane_gravity", "table") if getattr(self, key)]
             if given:
@@ -105,9 +105,9 @@ class Surroundings(Value):
             return self
         if self.contact_law is None:
             raise ValueError("contact_law is missing: an object needs its stiffness and friction")
-        if thing.free is not None:
+        if body.free is not None:
             raise ValueError("object.free is for grasps; here the object starts where position and angle say")
-        if self.object_moves and thing.mass < 1e-9:
+        if self.object_moves and body.mass < 1e-9:
             raise ValueError("object.mass must be positive for an object that moves")
         if self.table is not None and not self.out_of_plane_gravity:
             raise ValueError("table has no meaning without out_of_plane_gravity")
@@ -119,7 +119,7 @@ class Surroundings(Value):
 
     @property
     def inertia(self) -> float:
-        """Moment of inertia of the object about its centre of mass [kg m2]; zero without an object."""
+        """Moment of inertia of the object about its center of mass [kg m2]; zero without an object."""
         if self.moment_of_inertia is not None or self.object is None:
             return self.moment_of_inertia or 0.0
         return self.object.mass * _squared_gyration(self.object)
@@ -135,11 +135,11 @@ class Surroundings(Value):
         return tuple(peg for name, support in self.supports.items() for peg in support.pegs(name))
 
 
-def _squared_gyration(thing: GraspObject) -> float:
-    """Mean squared distance of the shape from the centre of mass [m2]."""
+def _squared_gyration(body: GraspObject) -> float:
+    """Mean squared distance of the shape from the center of mass [m2]."""
     area = second = 0.0
-    for part in thing.parts:
-        own, moment = _area_moment(part.outline(720), thing.com)
+    for part in body.parts:
+        own, moment = _area_moment(part.outline(720), body.com)
         area, second = area + own, second + moment
     return second / area
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
 from continuum_grasp.model.planar import Vec
-from continuum_grasp.model.surface import nearest
+from continuum_grasp.model.surfaces import nearest
 from continuum_grasp.scene.objects import GraspObject
 
 __all__ = ["ContactForces", "overlaps"]

@@ -51,6 +51,24 @@ def test_mugs_against_linear_programming(family, gravity, base_y):
     assert holds(result)
 
 
+def test_a_flask_against_linear_programming():
+    scene = load(CONFIGS / "oval_flask.yaml", {"fidelity.elements": 2})
+    best = Search(numbers(scene)).best()
+    result = optimize_grasp(scene)
+    assert result.tension == pytest.approx(best.value, rel=2e-3)
+    assert {contact.name for contact in result.contacts} == {"finger.middle", "finger.tip", "palm.1", "palm.2"}
+    assert holds(result)
+
+
+def test_a_stadium_without_straight_sides_is_a_disc(mug):
+    """Its two contacts with the palm are as far apart as its sides are long, which is all the difference."""
+    disc = mug.scene.object
+    values = {**disc.model_dump(), "shape": "stadium", "length": 1e-5, "radius": disc.radius, "angle": math.pi / 2}
+    del values["diameter"]
+    scene = GraspScene.model_validate({**mug.scene.model_dump(), "object": values})
+    assert optimize_grasp(scene).tension == pytest.approx(mug.tension, rel=1e-3)
+
+
 RANDOM = [10, 21, 23, 24, 27, 29, 30, 40, 43, 52, 58, 60]
 """Seeds of scenes of all shapes and families that have a grasp."""
 
@@ -102,12 +120,12 @@ def test_mirrored_scene_gives_the_mirrored_grasp(mug):
 
 
 @pytest.mark.parametrize("family", ["arc", "clothoid"])
-def test_rubbing_tendons_are_certified_too(family):
+def test_tendons_with_friction_are_certified_too(family):
     free = optimize_grasp(make_scene(family, UPRIGHT))
-    rubbing = optimize_grasp(make_scene(family, UPRIGHT, tendon_friction=0.05))
-    assert rubbing.certificate.passed
-    assert holds(rubbing)
-    assert rubbing.tension > free.tension
+    friction_force = optimize_grasp(make_scene(family, UPRIGHT, tendon_friction=0.05))
+    assert friction_force.certificate.passed
+    assert holds(friction_force)
+    assert friction_force.tension > free.tension
 
 
 def test_masses_along_the_finger_stay_where_they_are():

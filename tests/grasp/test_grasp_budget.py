@@ -53,7 +53,7 @@ def test_a_busy_machine_gives_the_same_verdict_bit_by_bit(monkeypatch, changes, 
 
 
 @pytest.mark.parametrize("changes", [HELD, WEAK])
-def test_iterations_are_counted_and_kept(changes):
+def test_iterations_are_counted_and_limited(changes):
     free = solved(**changes)
     spent = free.statistics["total_iterations"]
     assert spent >= sum(a["iterations"] for a in free.statistics["attempts"]) > 0

@@ -21,8 +21,8 @@ def line_of_points(*corners, count=401):
 
 def test_a_corner_between_two_samples_is_seen():
     """A straight backbone passes a sharp corner; the samples are farther apart than the corner reaches beyond it."""
-    thing = Box(shape="box", width=0.1, height=0.1, mass=0.1, position=(0.0, 0.0), angle=np.pi / 4)
-    placed = PlacedObject(thing, thing.pose)
+    body = Box(shape="box", width=0.1, height=0.1, mass=0.1, position=(0.0, 0.0), angle=np.pi / 4)
+    placed = PlacedObject(body, body.pose)
     corner = 0.05 * 2**0.5
     for thickness in (0.0, 1e-4, 5e-3):
         for depth in (-2e-5, 0.0, 1e-4, 2e-4):
@@ -37,10 +37,10 @@ def test_a_thin_object_between_two_samples_is_seen():
     """A needle's end and a wire, thinner than the samples are apart."""
     wire = Circle(shape="circle", diameter=2e-4, mass=0.1, position=(0.0, 0.0))
     needle = Ellipse(shape="ellipse", width=0.1, height=0.001, mass=0.1, position=(0.05, 0.0))
-    for thing, exact in ((wire, 1e-4), (needle, 3.12e-5)):
-        placed = PlacedObject(thing, thing.pose)
+    for body, exact in ((wire, 1e-4), (needle, 3.12e-5)):
+        placed = PlacedObject(body, body.pose)
         points = line_of_points((1e-4, -0.1003), (1e-4, 0.1))
-        if thing is wire:
+        if body is wire:
             points[:, 0] = 0.0
         assert depth_in_object(points, placed, 0.0) == pytest.approx(exact, rel=0.4)
         assert depth_in_object(points - [0.001, 0], placed, 0.0) < 0.0
@@ -72,10 +72,10 @@ def test_an_object_across_a_finite_line():
         for lift in (-1e-3, -1e-5, 1e-5, 1e-3):
             reach = 0.02 * (abs(np.cos(turn)) + abs(np.sin(turn)))
             values = {"mass": 0.1, "position": (0.011, reach + lift), "angle": turn}
-            thing = Box(shape="box", width=0.04, height=0.04, **values)
-            assert depth_in_line(PlacedObject(thing, thing.pose), wall) == pytest.approx(-lift, abs=1e-7)
-    thing = Box(shape="box", width=0.04, height=0.04, mass=0.1, position=(0.08, -0.01))
-    assert depth_in_line(PlacedObject(thing, thing.pose), wall) == pytest.approx(-0.01, abs=1e-9)
+            body = Box(shape="box", width=0.04, height=0.04, **values)
+            assert depth_in_line(PlacedObject(body, body.pose), wall) == pytest.approx(-lift, abs=1e-7)
+    body = Box(shape="box", width=0.04, height=0.04, mass=0.1, position=(0.08, -0.01))
+    assert depth_in_line(PlacedObject(body, body.pose), wall) == pytest.approx(-0.01, abs=1e-9)
 
 
 def test_dense_rod_against_a_circle():

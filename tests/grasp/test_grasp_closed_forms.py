@@ -33,7 +33,7 @@ def planar(x, y):
 
 
 def finger(tip, towards, half=HALF, stiffness=0.05, loose=LOOSE):
-    """A finger that, straight, ends with the centre of its round tip at ``tip``, pointing at the angle ``towards``."""
+    """A finger that, straight, ends with the center of its round tip at ``tip``, pointing at the angle ``towards``."""
     direction = np.array([math.cos(towards), math.sin(towards)])
     x, y = (float(v) for v in np.asarray(tip, dtype=float) - LENGTH * direction)
     angle = math.remainder(towards - 0.5 * math.pi, 2.0 * math.pi)
@@ -47,12 +47,12 @@ def finger(tip, towards, half=HALF, stiffness=0.05, loose=LOOSE):
     )
 
 
-def solve(fingers, thing, gravity, supports=None, friction=FRICTION, objective="least_normal_force", **more):
+def solve(fingers, body, gravity, supports=None, friction=FRICTION, objective="least_normal_force", **more):
     """The grasp by the tips of these fingers."""
     scene = GraspScene(
         schema_version=1,
         fingers=dict(zip(("one", "two", "three"), fingers, strict=False)),
-        object=thing,
+        object=body,
         supports=supports or {},
         contacts=GraspContacts(friction=friction, normal_force_max=100.0, middle="off", tip="on"),
         gravity=gravity,
@@ -84,15 +84,15 @@ CEILING = {"palm": Palm(point=(0.0, 0.04), normal_angle=-0.5 * math.pi)}
 # -- squeezes ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("thing", [disc(), BLOCK], ids=["disc", "block"])
-def test_squeeze_against_a_palm_out_of_the_plane(thing):
+@pytest.mark.parametrize("body", [disc(), BLOCK], ids=["disc", "block"])
+def test_squeeze_against_a_palm_out_of_the_plane(body):
     """Tip below, palm above, weight across: N is the same at both, mu N + mu N = m g, so N = m g / (2 mu)."""
-    result = solve([finger((0.0, -0.04 - HALF), 0.5 * math.pi)], thing, OUT, CEILING)
+    result = solve([finger((0.0, -0.04 - HALF), 0.5 * math.pi)], body, OUT, CEILING)
     assert normal_forces(result)["one.tip"] == pytest.approx(WEIGHT / (2 * FRICTION), rel=1e-6)
 
 
 def test_squeeze_against_a_palm_in_the_plane():
-    """Tip below a block, palm above, weight along x: N is the same at both, each rubs m g / 2 <= mu N:
+    """Tip below a block, palm above, weight along x: N is the same at both, friction of each m g / 2 <= mu N:
     N = m g / (2 mu).
     """
     result = solve([finger((0.0, -0.04 - HALF), 0.5 * math.pi)], BLOCK, planar(1.0, 0.0), CEILING)
@@ -148,8 +148,8 @@ def test_three_tips_without_friction():
     """
     half = 0.15
     corners = ((0.0, -2 * half / math.sqrt(3.0)), (half, half / math.sqrt(3.0)), (-half, half / math.sqrt(3.0)))
-    thing = Polygon(shape="polygon", vertices=corners, mass=MASS, position=(0.0, 0.0))
-    result = solve(star(0.5 * math.pi, half / math.sqrt(3.0)), thing, planar(0.0, -1.0), friction=0.0)
+    body = Polygon(shape="polygon", vertices=corners, mass=MASS, position=(0.0, 0.0))
+    result = solve(star(0.5 * math.pi, half / math.sqrt(3.0)), body, planar(0.0, -1.0), friction=0.0)
     found = normal_forces(result)
     assert found["two.tip"] == pytest.approx(WEIGHT, rel=1e-6)
     assert found["three.tip"] == pytest.approx(WEIGHT, rel=1e-6)
@@ -162,7 +162,7 @@ def test_three_tips_without_friction():
 @pytest.mark.parametrize("opening", [60.0, 90.0, 140.0])
 @pytest.mark.parametrize("friction", [0.0, 0.2])
 def test_a_disc_in_a_groove(opening, friction):
-    """Walls at half the opening b to the axis: 2 N (sin b + mu cos b) = m g, both rubbing upwards; the tip that
+    """Walls at half the opening b to the axis: 2 N (sin b + mu cos b) = m g, friction upwards at both; the tip that
     touches from above presses with nothing.
     """
     b = 0.5 * math.radians(opening)
@@ -185,8 +185,8 @@ def wedge(half_angle, mass=MASS):
     """A triangle whose faces lean to the y axis by half its angle, narrow side up, and the tips in their middles."""
     high = 0.4
     wide = high * math.tan(half_angle)
-    thing = Polygon(shape="polygon", vertices=((-wide, 0.0), (wide, 0.0), (0.0, high)), mass=mass, position=(0.0, 0.0))
-    return thing, 0.5 * wide, 0.5 * high
+    body = Polygon(shape="polygon", vertices=((-wide, 0.0), (wide, 0.0), (0.0, high)), mass=mass, position=(0.0, 0.0))
+    return body, 0.5 * wide, 0.5 * high
 
 
 @pytest.mark.parametrize("degrees", [5.0, 15.0])
@@ -196,12 +196,12 @@ def test_a_wedge_between_two_tips(degrees, down):
     narrow side: N = m g / (2 (sin b + mu cos b)); towards the wide side: N = m g / (2 (mu cos b - sin b)).
     """
     b = math.radians(degrees)
-    thing, x, y = wedge(b)
+    body, x, y = wedge(b)
     tips = [
         finger((side * (x + HALF * math.cos(b)), y + HALF * math.sin(b)), 0.0 if side < 0 else math.pi)
         for side in (-1.0, 1.0)
     ]
-    found = normal_forces(solve(tips, thing, planar(0.0, down)))
+    found = normal_forces(solve(tips, body, planar(0.0, down)))
     expected = WEIGHT / (2.0 * (FRICTION * math.cos(b) + down * math.sin(b)))
     assert max(found.values()) == pytest.approx(expected, rel=1e-6)
     assert min(found.values()) == pytest.approx(expected, rel=1e-6)
@@ -212,12 +212,12 @@ def test_a_wedge_that_slips_out_names_the_coefficient():
     mu = tan b + m g / (2 * 100 N cos b).
     """
     b = math.radians(20.0)
-    thing, x, y = wedge(b)
+    body, x, y = wedge(b)
     tips = [
         finger((side * (x + HALF * math.cos(b)), y + HALF * math.sin(b)), 0.0 if side < 0 else math.pi)
         for side in (-1.0, 1.0)
     ]
-    result = solve(tips, thing, planar(0.0, -1.0), friction=0.3)
+    result = solve(tips, body, planar(0.0, -1.0), friction=0.3)
     assert result.status is Status.INFEASIBLE
     needed = next(r.needed for r in result.reasons if r.name == "friction")
     assert needed == pytest.approx(math.tan(b) + WEIGHT / (200.0 * math.cos(b)), rel=1e-3)
@@ -258,10 +258,10 @@ def test_a_weightless_touch_takes_the_bend_alone():
     stiffness, radius = 0.01, 0.03
     one = finger((0.0, 0.0), 0.5 * math.pi, HALF, stiffness, loose=0.0)
     one = one.model_copy(update={"base": BasePose(position=(0.0, 0.0), angle=0.0)})
-    thing = Circle(shape="circle", diameter=2 * radius, mass=MASS, position=(-0.06, 0.215))
-    result = solve([one], thing, WEIGHTLESS, objective="least_tension")
+    body = Circle(shape="circle", diameter=2 * radius, mass=MASS, position=(-0.06, 0.215))
+    result = solve([one], body, WEIGHTLESS, objective="least_tension")
     assert result.solved, result.message
     kappa = result.tension * 0.005 / stiffness
     bend = kappa * LENGTH
     tip = np.array([-(1 - math.cos(bend)), math.sin(bend)]) / kappa
-    assert math.dist(tip, thing.position) == pytest.approx(radius + HALF, rel=1e-6)
+    assert math.dist(tip, body.position) == pytest.approx(radius + HALF, rel=1e-6)

@@ -37,7 +37,7 @@ def weaker(scene, limit):
 
 
 def holds(name, scene, arrays, amount):
-    """Whether the forces of the linear programme make a grasp that the certificate confirms."""
+    """Whether the forces of the LP are a grasp that the certificate confirms."""
     found = least_amount(name, scene, arrays, amount)
     relaxation = next(r for r in RELAXATIONS if r.name == name)
     forces = ("equilibrium", "balance", "cone", "force", "tension", "lift")
@@ -83,10 +83,10 @@ def test_too_little_of_one_limit_where_another_is_short_is_no_number():
 
 
 def test_moment_that_tilts():
-    """Two contacts on a line that the centre of mass is beside: whatever their shares, the weight tilts by W d."""
+    """Two contacts on a line that the center of mass is beside: whatever their shares, the weight tilts by W d."""
     scene, arrays = pinched_box(mass=0.3, at=0.01)
-    thing = scene.object.model_copy(update={"center_of_mass": (0.002, 0.014)})
-    scene = scene.model_copy(update={"object": thing})
+    body = scene.object.model_copy(update={"center_of_mass": (0.002, 0.014)})
+    scene = scene.model_copy(update={"object": body})
     needed = 0.3 * G * 0.004
     assert confirm("tilt balance", scene, arrays, 1.0) == pytest.approx(needed, rel=1e-4)
     assert confirm("friction", scene, arrays, 1.0) is None
@@ -111,7 +111,7 @@ def test_tension_against_the_couple_of_friction(family):
 
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_tension_of_a_wrapped_disc(mirrored):
-    """The other programme's cones are polygons with 96 sides within the true ones."""
+    """The other problem's cones are polygons with 96 sides within the true ones."""
     scene, arrays = wrapped_disc(mirrored=mirrored)
     needed = float(arrays["finger.tensions"].max())
     short = weaker(scene, 0.6 * needed)
@@ -130,8 +130,8 @@ def test_statics_are_those_of_the_stored_forces():
     assert np.abs(moved.rows @ moved.own + moved.weight - moved.right).max() > 1e-4
 
 
-@pytest.mark.parametrize("name", ["strain", "bending range", "room at the supports", "room at the object"])
-def test_limits_of_the_shape_are_not_for_linear_programmes(name):
+@pytest.mark.parametrize("name", ["strain", "bending range", "clearance at the supports", "clearance at the object"])
+def test_limits_of_the_shape_are_not_for_linear_problems(name):
     scene, arrays = squeezed_disc()
     assert confirm(name, scene, arrays, 0.1) is None
 
@@ -157,7 +157,7 @@ def test_slippery_bottle_names_the_coefficient_twice():
 
 def test_heavy_bottle_names_the_mass_twice():
     reasons, _ = reasons_of("heavy_bottle.yaml")
-    told = [reason for reason in reasons.values() if reason.confirmed is not None]
-    assert told
-    for reason in told:
+    reported = [reason for reason in reasons.values() if reason.confirmed is not None]
+    assert reported
+    for reason in reported:
         assert reason.confirmed == pytest.approx(reason.needed, rel=1e-3)

@@ -109,10 +109,10 @@ def test_ctrl_c_from_outside():
         from continuum_grasp.grasp import optimize_grasp, search
         from continuum_grasp.scene.load import load
         run = solver_run.GraspSolverRun.run
-        def told(self, *arguments, **options):
+        def reported(self, *arguments, **options):
             print("start", flush=True)
             return run(self, *arguments, **options)
-        solver_run.GraspSolverRun.run = told
+        solver_run.GraspSolverRun.run = reported
         search.branch_of = id
         result = optimize_grasp(load(sys.argv[1], ["solver.seeds=1000", "solver.max_total_iterations=1000000"]))
         print(result.status.value, result.statistics["interrupted"])

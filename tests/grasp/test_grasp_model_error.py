@@ -105,7 +105,7 @@ CASES = {
         "base_y": -0.048,
         "finger": {"masses": (PointMass(at=0.05, mass=0.01), PointMass(at=0.12, mass=0.02))},
     },
-    "rubbing tendons": {"family": "clothoid", "friction": 0.05},
+    "tendon friction": {"family": "clothoid", "friction": 0.05},
     "bent at rest": {"finger": {"rest_curvature": 3.0}},
 }
 
@@ -162,7 +162,7 @@ def test_shipped_scenes_warn_where_the_model_is_coarse(name, small):
 
 
 def test_a_lost_equilibrium_is_said_to_be():
-    """The contact forces reversed: the equilibrium that is followed ends on the way, and nothing fails."""
+    """The contact forces reversed: the equilibrium that is followed ends before the end, and nothing fails."""
     result = optimize_grasp(make_scene(elements=4))
     arrays = {name: np.array(value) for name, value in result.arrays.items()}
     arrays["contact_forces"][:, :2] *= -1.0

@@ -1,4 +1,4 @@
-"""Wrench spaces, balance of the object, the multi-aspect index and the linear programmes below them."""
+"""Wrench spaces, balance of the object, the multi-aspect index and the linear problems below them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.quality.conic_program import Cones, solve_conic
-from continuum_grasp.grasp.quality.linear_program import solve_linear
+from continuum_grasp.grasp.quality.lp import solve_lp
 from continuum_grasp.grasp.quality.mag_like import mag_like
 from continuum_grasp.grasp.quality.object_balance import greatest_mass, least_friction
 from continuum_grasp.grasp.quality.quality import grasp_quality
+from continuum_grasp.grasp.quality.socp import Cones, solve_socp
 from continuum_grasp.grasp.quality.wrench_space import WrenchSpace, wrench_space
 from continuum_grasp.results.plain import plain
 from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity, PlanarGravity
@@ -34,10 +34,10 @@ def space_of(angles, friction):
     return wrench_space(rough(friction), arrays_of(on_disc(angles)))
 
 
-# -- linear and conic programmes -----------------------------------------------------------------------------------
+# -- linear and conic problems -------------------------------------------------------------------------------------
 
 
-def test_linear_programmes_end_as_those_of_scipy():
+def test_linear_problems_end_as_those_of_scipy():
     rng = np.random.default_rng(3)
     ends = set()
     for k in range(150):
@@ -45,7 +45,7 @@ def test_linear_programmes_end_as_those_of_scipy():
         rows, high = rng.normal(size=(m, n)), rng.normal(size=m) + rng.uniform(-0.5, 2.0)
         low = np.where(np.arange(m) < equal, high, -np.inf)
         cost, least = rng.normal(size=n), (0.0 if k % 2 else -np.inf)
-        ours = solve_linear(cost, rows, low, high, least)
+        ours = solve_lp(cost, rows, low, high, least)
         theirs = linprog(
             cost, rows[equal:], high[equal:], rows[:equal], high[:equal], bounds=[(None if k % 2 == 0 else 0.0, None)]
         )
@@ -59,21 +59,21 @@ def test_linear_programmes_end_as_those_of_scipy():
 
 @pytest.mark.parametrize(("cost", "rows"), [([math.nan, 1.0], [[1.0, 1.0]]), ([1.0, 1.0], [[math.nan, 1.0]])])
 def test_a_number_that_is_none_is_refused(cost, rows):
-    with pytest.raises(InputError):  # the solver itself calls such programmes optimal
-        solve_linear(cost, rows, 0.0, 1.0, 0.0, 1.0)
+    with pytest.raises(InputError):  # the solver itself calls such problems optimal
+        solve_lp(cost, rows, 0.0, 1.0, 0.0, 1.0)
     with pytest.raises(InputError):
-        solve_linear([1.0, 1.0], [[1.0, 1.0]], math.nan, 1.0)
+        solve_lp([1.0, 1.0], [[1.0, 1.0]], math.nan, 1.0)
 
 
 def test_crossed_bounds_are_infeasible_and_rows_of_rounding_do_no_harm():
-    assert solve_linear([1.0], [[1.0]], 0.0, 1.0, 2.0, 1.0).status == "infeasible"
-    found = solve_linear([-1.0, 0.0], [[1.0, -1.0], [0.0, 1e-16]], 0.0, 0.0, 0.0, 5.0)
+    assert solve_lp([1.0], [[1.0]], 0.0, 1.0, 2.0, 1.0).status == "infeasible"
+    found = solve_lp([-1.0, 0.0], [[1.0, -1.0], [0.0, 1e-16]], 0.0, 0.0, 0.0, 5.0)
     assert found.objective == pytest.approx(-5.0)
 
 
 def test_nothing_is_printed(capfd):
-    solve_linear([1.0, -1.0], [[1.0, 2.0]], 0.0, 1.0, 0.0, 3.0)
-    solve_linear([1.0, -1.0], [[1.0, 2.0]], 7.0, 9.0, 0.0, 1.0)
+    solve_lp([1.0, -1.0], [[1.0, 2.0]], 0.0, 1.0, 0.0, 3.0)
+    solve_lp([1.0, -1.0], [[1.0, 2.0]], 7.0, 9.0, 0.0, 1.0)
     assert capfd.readouterr() == ("", "")
 
 
@@ -81,7 +81,7 @@ def test_a_cone_is_met_exactly():
     matrix = np.zeros((1, 2, 3))
     matrix[0, 0, 0] = matrix[0, 1, 1] = 1.0
     cones = Cones.made(matrix, np.array([[0.3, -0.1]]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1))
-    found = solve_conic([-2.0, 1.0, 0.0], np.zeros((0, 3)), [], [], [-9.0, -9.0, 0.0], [9.0, 9.0, 2.0], cones)
+    found = solve_socp([-2.0, 1.0, 0.0], np.zeros((0, 3)), [], [], [-9.0, -9.0, 0.0], [9.0, 9.0, 2.0], cones)
     direction = np.array([2.0, -1.0]) / math.sqrt(5.0)
     np.testing.assert_allclose(found.x[:2], direction - [0.3, -0.1], atol=1e-4)
     assert found.objective == pytest.approx(-math.sqrt(5.0) + 0.6 + 0.1, abs=5e-8)
@@ -236,7 +236,7 @@ def test_random_balances_as_scipy_finds_them():
 
 @pytest.mark.parametrize("gravity", [DOWN, UPRIGHT])
 def test_at_the_greatest_mass_the_friction_is_the_least(gravity):
-    """Two programmes of different kind, the one for the mass and that for the friction, agree where they meet."""
+    """Two problems of different kind, the one for the mass and that for the friction, agree where they meet."""
     rng = np.random.default_rng(2)
     held = 0
     for count in (2, 3, 4, 5, 6, 8):
@@ -258,7 +258,7 @@ def test_at_the_greatest_mass_the_friction_is_the_least(gravity):
 
 
 def bent_pinch(shift=(0.0, 0.0), friction=0.5):
-    """Two bent fingers that hold a disc from both sides; its centre of mass may be off its centre."""
+    """Two bent fingers that hold a disc from both sides; its center of mass may be off its center."""
     curvatures = (4.0, 3.0, 2.0)
     left, right = (-0.15, -0.1, -0.4), (0.15, -0.1, 0.4)
     scene = make_scene(
@@ -277,7 +277,7 @@ def bent_pinch(shift=(0.0, 0.0), friction=0.5):
     return scene, arrays_of(contacts, fingers=fingers)
 
 
-def test_mag_like_is_greatest_at_the_centre_of_mass_for_translation():
+def test_mag_like_is_greatest_at_the_center_of_mass_for_translation():
     best = mag_like(*bent_pinch())
     assert best.object_aspect == pytest.approx(1.0)
     assert 0.0 < best.value < 1.0
@@ -295,7 +295,7 @@ def test_mag_like_knows_which_ways_a_finger_goes():
     finger = {"finger": straight_finger((0.0, 0.0, 0.0))}
     scene = make_scene(finger=make_finger((0.5, 0.5, 0.0), 0.0, weight=0.03))
     arrays = arrays_of([("finger.tip", (-0.04, 0.0), (-1.0, 0.0), (1.0, 0.0, 0.0), LENGTH)], fingers=finger)
-    assert mag_like(scene, arrays, [(0.0, 1.0, 0.0)]).configuration_aspect < 1e-8  # along the rod: it does not stretch
+    assert mag_like(scene, arrays, [(0.0, 1.0, 0.0)]).configuration_aspect < 1e-8  # along the rod: it is inextensible
     assert mag_like(scene, arrays, [(1.0, 0.0, 0.0)]).configuration_aspect == pytest.approx(1.0)
 
 

@@ -41,7 +41,7 @@ def scene_of(name, /, **changes):
 
 
 def bent(base, length, curvature):
-    """A circular arc from its centre (points, 4): no integration."""
+    """A circular arc from its center (points, 4): no integration."""
     s = np.linspace(0.0, length, 60)
     angle = base[2] + curvature * s
     if abs(curvature) < 1e-12:
@@ -145,7 +145,7 @@ def test_result_yaml_says_why_there_is_none():
 # -- text ----------------------------------------------------------------------------------------------------
 
 
-def test_what_a_fine_model_changes_is_told():
+def test_what_a_fine_model_changes_is_reported():
     result = replace(held(), statistics={"fine_model": {"tension_change": 0.0125, "elements": 24}})
     assert "fine model tension change: 0.0125" in result_text(result)
     assert yaml.safe_load(result_yaml(result))["fine_model"]["elements"] == 24
@@ -295,7 +295,7 @@ def test_labels_lie_on_nothing(name, shown):
     height = pixels.shape[0]
     for k, box in enumerate(boxes):
         under = pixels[height - math.ceil(box.y1) : height - math.floor(box.y0), math.floor(box.x0) : math.ceil(box.x1)]
-        assert (under == under[0, 0]).all(), labels_of(ax)[k].get_text()  # one colour: paper, or the object's body
+        assert (under == under[0, 0]).all(), labels_of(ax)[k].get_text()  # one color: paper, or the object's body
         assert not any(box.overlaps(other) for other in boxes[k + 1 :])
 
 

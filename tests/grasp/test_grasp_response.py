@@ -16,11 +16,11 @@ from continuum_grasp.grasp.quality.quality import grasp_quality
 from continuum_grasp.grasp.quality.resistance import resistance, resistance_polygon
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.quality.response_limits import difference_range
-from continuum_grasp.grasp.quality.rolling import Rolling, surface_curvature
+from continuum_grasp.grasp.quality.rolling import Rolling
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspContacts, NoGravity, OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects import Box, Circle, Ellipse
-from continuum_grasp.scene.parts import Part
+from continuum_grasp.scene.parts import OffsetPolygon
 from continuum_grasp.scene.supports import Palm, Point
 
 RADIUS = 0.04
@@ -61,7 +61,7 @@ def test_beam_columns_give_way_as_the_closed_form_says(push):
     across, turning = 2 * column(push), 2 * column(push) * RADIUS**2 - 2 * push * RADIUS
     assert change.pose[1, 1] == pytest.approx(1 / across, rel=1e-5)
     assert change.pose[2, 2] == pytest.approx(1 / turning, rel=1e-5)
-    assert abs(change.pose[0, 0]) < 1e-6 / across  # rods do not stretch
+    assert abs(change.pose[0, 0]) < 1e-6 / across  # rods are inextensible
     np.testing.assert_allclose(change.forces[:, :, 0], [[-0.5, 0.0], [0.5, 0.0]], atol=1e-8)
     np.testing.assert_allclose(change.forces[:, :, 1], [[0.0, -0.5], [0.0, 0.5]], atol=1e-8)
 
@@ -88,7 +88,7 @@ def test_the_grasp_buckles_where_the_closed_form_says():
 @pytest.mark.parametrize("tendons", ["locked", "retensioned"])
 def test_resisted_forces_of_the_axial_pinch(tendons):
     push, mu = 0.08, 0.5
-    held = resistance(*axial_pinch(push, mu), wrenches=WRENCHES, tendons=tendons, give=None)
+    held = resistance(*axial_pinch(push, mu), wrenches=WRENCHES, tendons=tendons, displacement_limit=None)
     assert held.factors[0] == pytest.approx(2 * push, rel=1e-6)
     assert held.limiting[0] == ("a.tip parts",)
     assert held.factors[1] == pytest.approx(2 * mu * push, rel=1e-6)
@@ -100,14 +100,14 @@ def test_what_the_weight_takes_of_the_cone_out_of_the_plane(tendons):
     push, mu, lift = 0.08, 0.5, 0.03
     upright = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81)
     scene, arrays = axial_pinch(push, mu, lift, upright)
-    held = resistance(scene, arrays, wrenches=WRENCHES, tendons=tendons, give=None)
+    held = resistance(scene, arrays, wrenches=WRENCHES, tendons=tendons, displacement_limit=None)
     assert held.factors[0] == pytest.approx(2 * (push - lift / mu), rel=1e-6)
     assert held.factors[1] == pytest.approx(2 * math.sqrt((mu * push) ** 2 - lift**2), rel=1e-6)
 
 
 def test_the_give_limits_what_the_first_order_may_say():
     scene, arrays = axial_pinch(0.08)
-    held = resistance(scene, arrays, wrenches=WRENCHES, tendons="locked", give=1e-3)
+    held = resistance(scene, arrays, wrenches=WRENCHES, tendons="locked", displacement_limit=1e-3)
     assert held.motions[1, 1] == pytest.approx(1e-3 * RADIUS, rel=1e-9)
     assert held.limiting[1] == ("the object moves",)
 
@@ -161,10 +161,10 @@ def all_forces(hand, state):
 def test_small_disturbances_of_a_nonlinear_equilibrium(kind, tendons):
     hand, state, names = held_disc(kind)
     change = GraspResponse(*stored_scene(hand, state, names)).to_wrenches(tendons)
-    kept = {"differences": state.differences} if tendons == "retensioned" else {"tips": state.tips}
+    retained = {"differences": state.differences} if tendons == "retensioned" else {"tips": state.tips}
     step = 1e-4
     for k, wrench in enumerate(np.array(WRENCHES)):
-        after, before = (disturbed(hand, state, sign * step * wrench, **kept) for sign in (1, -1))
+        after, before = (disturbed(hand, state, sign * step * wrench, **retained) for sign in (1, -1))
         size = 2 * step * np.abs(wrench).max()
         truth = (all_forces(hand, after) - all_forces(hand, before)) / size
         np.testing.assert_allclose(change.forces[:, :, k], truth, atol=1e-3 * np.abs(truth).max())
@@ -251,31 +251,32 @@ def test_two_ends_of_a_face_on_a_wall_share_alike():
 
 
 def test_curvatures_of_surfaces():
-    disc, box = Part(((0.0, 0.0),), 0.04), Part(((-0.03, -0.02), (0.03, -0.02), (0.03, 0.02), (-0.03, 0.02)), 0.005)
+    disc, box = (
+        OffsetPolygon(((0.0, 0.0),), 0.04),
+        OffsetPolygon(((-0.03, -0.02), (0.03, -0.02), (0.03, 0.02), (-0.03, 0.02)), 0.005),
+    )
     ellipse = Ellipse(shape="ellipse", width=0.1, height=0.06, mass=0.1, position=(0.0, 0.0)).parts[0]
     tilted = ellipse.placed((0.01, 0.02), 0.7)
-    assert surface_curvature(disc, np.array([0.04, 0.0]), 0.04) == pytest.approx(25.0)
-    assert surface_curvature(box, np.array([0.01, 0.025]), 0.04) == 0.0
-    assert surface_curvature(box, np.array([0.03, 0.02]) + 0.005 / math.sqrt(2), 0.04) == pytest.approx(200.0)
-    assert surface_curvature(ellipse, np.array([0.05, 0.0]), 0.05) == pytest.approx(0.05 / 0.03**2)
+    assert disc.curvature(np.array([0.04, 0.0]), 1e-6 * 0.04) == pytest.approx(25.0)
+    assert box.curvature(np.array([0.01, 0.025]), 1e-6 * 0.04) == 0.0
+    assert box.curvature(np.array([0.03, 0.02]) + 0.005 / math.sqrt(2), 1e-6 * 0.04) == pytest.approx(200.0)
+    assert ellipse.curvature(np.array([0.05, 0.0]), 1e-6 * 0.05) == pytest.approx(0.05 / 0.03**2)
     end = np.array([0.01 + 0.05 * math.cos(0.7), 0.02 + 0.05 * math.sin(0.7)])
-    assert surface_curvature(tilted, end, 0.05) == pytest.approx(0.05 / 0.03**2)
-    sharp = Part(((0.0, 0.0), (0.04, 0.0), (0.0, 0.04)))
-    assert surface_curvature(sharp, np.array([0.04, 0.0]), 0.04) == math.inf
+    assert tilted.curvature(end, 1e-6 * 0.05) == pytest.approx(0.05 / 0.03**2)
+    sharp = OffsetPolygon(((0.0, 0.0), (0.04, 0.0), (0.0, 0.04)))
+    assert sharp.curvature(np.array([0.04, 0.0]), 1e-6 * 0.04) == math.inf
 
 
 def test_rolling_of_two_discs_and_of_surfaces_that_fit():
     roll = Rolling.of(1 / 0.04, 1 / 0.006, 0.04)
-    assert roll.give == pytest.approx(0.04 * 0.006 / 0.046)
+    assert roll.travel == pytest.approx(0.04 * 0.006 / 0.046)
     assert roll.object_share == pytest.approx(0.04 / 0.046)
-    assert Rolling.of(25.0, -25.0, 0.04).give == pytest.approx(40.0)  # as good as fast to each other
+    assert Rolling.of(25.0, -25.0, 0.04).travel == pytest.approx(40.0)  # as good as fast to each other
     assert Rolling.of(math.inf, 3.0, 0.04) == Rolling(0.0, 1.0, 0.0)
 
 
-def test_a_disc_between_pegs_and_a_wrapping_finger_is_measured_in_time():
-    """A finger with a tangent middle contact; figures of time are generous, the machine may be busy."""
-    import time
-
+def test_a_disc_between_pegs_and_a_wrapping_finger_resists_all_disturbances():
+    """A finger with a tangent middle contact."""
     kappa = -1 / 0.06
     scene = GraspScene(
         schema_version=1,
@@ -297,11 +298,4 @@ def test_a_disc_between_pegs_and_a_wrapping_finger_is_measured_in_time():
             )
         },
     )
-    best = math.inf
-    for _ in range(3):
-        start = time.perf_counter()
-        quality = grasp_quality(scene, arrays)
-        assert quality.resistance.least > 0.0
-        quality.resistance_polygon  # noqa: B018
-        best = min(best, time.perf_counter() - start)
-    assert best < 0.3
+    assert grasp_quality(scene, arrays).resistance.least > 0.0

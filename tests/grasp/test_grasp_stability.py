@@ -106,7 +106,7 @@ def test_a_column_under_a_fixed_object(shape, half):
     """
     values = {"mass": 0.0, "position": (0.0, L + half)}
     top = 0.04
-    thing = (
+    body = (
         Polygon(shape="polygon", vertices=((-0.05, 0.0), (0.05, 0.0), (0.05, top), (-0.05, top)), **values)
         if shape == "face"
         else Polygon(shape="polygon", vertices=((0.0, 0.0), (0.05, top), (-0.05, top)), **values)
@@ -114,7 +114,7 @@ def test_a_column_under_a_fixed_object(shape, half):
 
     def case(load):
         palm = Palm(point=(0.0, L + half + top), normal_angle=-math.pi / 2)
-        scene = cases.make_scene(cases.make_finger(half=half), thing, supports={"palm": palm})
+        scene = cases.make_scene(cases.make_finger(half=half), body, supports={"palm": palm})
         contacts = [
             ("finger.tip", (0, L + half), cases.DOWN, (load, 0, 0), L, 0),
             ("palm.1", (-0.05, L + half + top), cases.UP, (0.5 * load, 0, 0), cases.NONE, 0),
@@ -185,8 +185,8 @@ def test_an_upright_finger_under_its_own_weight(share, stable):
         "below": Palm(point=(0.4, -0.02), normal_angle=math.pi / 2),
         "above": Palm(point=(0.4, 0.02), normal_angle=-math.pi / 2),
     }
-    thing = Box(shape="box", width=0.04, height=0.04, mass=0.0, position=(0.4, 0.0))
-    scene = cases.make_scene(cases.make_finger(rod=rod), thing, {"tip": "auto"}, cases.PLANAR, supports=supports)
+    body = Box(shape="box", width=0.04, height=0.04, mass=0.0, position=(0.4, 0.0))
+    scene = cases.make_scene(cases.make_finger(rod=rod), body, {"tip": "auto"}, cases.PLANAR, supports=supports)
     contacts = [
         (f"{name}.{k}", (x, y), n, (1.0, 0, 0), cases.NONE, 0)
         for name, y, n in (("below", -0.02, cases.DOWN), ("above", 0.02, cases.UP))

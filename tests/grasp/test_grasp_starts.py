@@ -11,9 +11,11 @@ from scipy.optimize import lsq_linear
 
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
 from continuum_grasp.grasp.starts.scan.task import ALLOWED
-from continuum_grasp.grasp.starts.shapes import Frame, make_shape
 from continuum_grasp.grasp.starts.starts import make_starts, reach_report, support_contacts, touching_supports
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.outline import Frame
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.parts import OffsetPolygon
 
 pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
 LENGTH = 0.2
@@ -24,6 +26,7 @@ SHAPES = {
     "box": {"shape": "box", "width": 0.08, "height": 0.06},
     "rounded box": {"shape": "box", "width": 0.08, "height": 0.06, "corner_radius": 0.012},
     "polygon": {"shape": "polygon", "vertices": [(-0.04, -0.03), (0.045, -0.02), (0.03, 0.04), (-0.02, 0.045)]},
+    "stadium": {"shape": "stadium", "length": 0.04, "radius": 0.03},
     "union": {
         "shape": "union",
         "center_of_mass": (0.0, 0.0),
@@ -36,12 +39,12 @@ SHAPES = {
 TOUCHES = {"both": ("on", "on"), "middle": ("on", "off"), "tip": ("off", "on")}
 
 
-def scene_of(thing, fingers, **changes):
+def scene_of(body, fingers, **changes):
     """A weightless scene; fingers as (x, y, angle) or with more keys."""
     values = {
         "schema_version": 1,
         "fingers": fingers,
-        "object": {"mass": 0.1, "position": (0.0, 0.0), **thing},
+        "object": {"mass": 0.1, "position": (0.0, 0.0), **body},
         "contacts": {"friction": 0.5, "normal_force_max": 50.0},
         "gravity": {"mode": "none"},
         "fidelity": {"family": "matched_clothoid", "elements": 2, "bending_range": 6.0},
@@ -85,7 +88,7 @@ def world_curve(finger):
 
 def outline(part, count=1200):
     """Fine points on the outline of a part."""
-    if part.is_superellipse or part.radius > 0.0:
+    if not isinstance(part, OffsetPolygon) or part.radius > 0.0:
         z = np.array([complex(*p) for p in part.outline(count)])
     else:
         z = np.array([complex(*p) for p in part.vertices])
@@ -155,10 +158,10 @@ def starts_of(scene, on=None, count=6, seed=0):
     return make_starts(scene, frozenset(on), count, np.random.default_rng(seed))
 
 
-def touching(thing, kind, half=0.004, base=(-0.05, -0.09, 0.1)):
+def touching(body, kind, half=0.004, base=(-0.05, -0.09, 0.1)):
     middle, tip = TOUCHES[kind]
     contacts = {"friction": 0.5, "normal_force_max": 50.0, "middle": middle, "tip": tip}
-    return scene_of(thing, {"f": finger_at(*base, half)}, contacts=contacts)
+    return scene_of(body, {"f": finger_at(*base, half)}, contacts=contacts)
 
 
 @pytest.mark.parametrize("half", [0.0, 0.004])
@@ -307,7 +310,7 @@ def reachable(rng, shape, kind):
 
 
 @pytest.mark.parametrize("kind", TOUCHES)
-@pytest.mark.parametrize("shape", ["circle", "ellipse", "superellipse", "box", "rounded box", "polygon"])
+@pytest.mark.parametrize("shape", ["circle", "ellipse", "superellipse", "box", "rounded box", "polygon", "stadium"])
 def test_postures_are_found_where_there_are_some(shape, kind):
     rng = np.random.default_rng(5)
     hits, made = 0, 0
@@ -325,10 +328,10 @@ def test_postures_are_found_where_there_are_some(shape, kind):
 
 def test_distances_from_parts():
     rng = np.random.default_rng(0)
-    for thing in SHAPES.values():
-        for part in scene_of(thing, {"f": finger_at(9.0, 9.0, 0.0)}).object.parts:
+    for body in SHAPES.values():
+        for part in scene_of(body, {"f": finger_at(9.0, 9.0, 0.0)}).object.parts:
             for frame in (Frame(), Frame(np.exp(0.3j), 0.1 + 0.2j, 5.0, True)):
-                shape = make_shape(part, frame, 0.01 * frame.scale)
+                shape = surface_of(part).outline(part, frame, 0.01 * frame.scale)
                 old = rng.uniform(-0.08, 0.08, (300, 2)) @ [1.0, 1.0j]
                 gap, walk = shape.nearest(frame.point(old))
                 angles = np.linspace(0.0, math.tau, 20000, endpoint=False)
@@ -401,14 +404,14 @@ def test_free_polygons_come_to_lie_flat():
 
 
 def test_what_cannot_be_reached_is_said():
-    thing = {"shape": "circle", "diameter": 0.08, "position": (0.4, 0.0)}
-    fixed = scene_of(thing, {"f": finger_at(0.0, 0.0, 0.0)})
+    body = {"shape": "circle", "diameter": 0.08, "position": (0.4, 0.0)}
+    fixed = scene_of(body, {"f": finger_at(0.0, 0.0, 0.0)})
     middle, tip = reach_report(fixed)
     assert (middle.contact, tip.contact) == ("f.middle", "f.tip")
     assert tip.missing == pytest.approx(0.36 - LENGTH - 0.004)
     assert middle.missing == pytest.approx(0.36 - 0.95 * LENGTH - 0.004)
     assert starts_of(fixed)[0].label == "near"
-    moved = scene_of({**thing, "free": {"x": (0.3, 0.5), "y": (-0.1, 0.2)}}, {"f": finger_at(0.0, 0.0, 0.0)})
+    moved = scene_of({**body, "free": {"x": (0.3, 0.5), "y": (-0.1, 0.2)}}, {"f": finger_at(0.0, 0.0, 0.0)})
     assert reach_report(moved)[-1].distance == pytest.approx(0.26)
     box = {**SHAPES["box"], "position": (0.4, 0.0), "angle": 0.3, "free": {"angle": (0.0, 3.0)}}
     turned = scene_of(box, {"f": finger_at(0.0, 0.0, 0.0)})

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject, nearest, segment_distance, support_point
-from continuum_grasp.scene.objects import Box, Circle, Ellipse, Polygon, RoundedPolygon, Superellipse, Union
-from continuum_grasp.scene.parts import Part
+from continuum_grasp.scene.objects import Box, Circle, Ellipse, Polygon, RoundedPolygon, Stadium, Superellipse, Union
+from continuum_grasp.scene.parts import OffsetPolygon, SuperellipsePart
 
 AT = {"mass": 0.1, "position": (0.02, -0.01), "angle": 0.3}
 CORNERS = ((0.0, 0.0), (0.06, 0.01), (0.05, 0.05), (0.01, 0.04))
@@ -24,15 +24,16 @@ SHAPES = {
     "box": Box(shape="box", width=0.07, height=0.04, **AT),
     "rounded box": Box(shape="box", width=0.07, height=0.04, corner_radius=0.008, **AT),
     "polygon": Polygon(shape="polygon", vertices=CORNERS, **AT),
+    "stadium": Stadium(shape="stadium", length=0.05, radius=0.015, **AT),
     "rounded polygon": RoundedPolygon(shape="rounded_polygon", vertices=CORNERS[::-1], corner_radius=0.005, **AT),
 }
-SLOT = Part(((-0.02, 0.0), (0.03, 0.01)), 0.012)
+SLOT = OffsetPolygon(((-0.02, 0.0), (0.03, 0.01)), 0.012)
 PARTS = {name: shape.parts[0] for name, shape in SHAPES.items()} | {"slot": SLOT}
 
 
 def outline(part, count=40_000):
     """Dense boundary points of a part (n, 2), from its definition."""
-    if part.is_superellipse:
+    if isinstance(part, SuperellipsePart):
         t = np.linspace(0, 2 * np.pi, count, endpoint=False)
         a, b = part.semi_axes
         polar = np.arctan2(b * np.sin(t), a * np.cos(t))
@@ -136,12 +137,12 @@ def test_placed_object_and_union():
             "angle": 1.0,
         },
     )
-    thing = Union(shape="union", members=members, mass=0.1, position=(0.1, 0.2), angle=0.7, center_of_mass=(0.0, 0.03))
-    placed = PlacedObject(thing, thing.pose)
+    body = Union(shape="union", members=members, mass=0.1, position=(0.1, 0.2), angle=0.7, center_of_mass=(0.0, 0.03))
+    placed = PlacedObject(body, body.pose)
     turn = np.exp(0.7j)
     com = complex(0.1, 0.2) + turn * 0.03j
     assert placed.com == pytest.approx([com.real, com.imag], abs=1e-15)
-    zs = [turn * (outline(part) @ [1, 1j]) + 0.1 + 0.2j for part in thing.parts]
+    zs = [turn * (outline(part) @ [1, 1j]) + 0.1 + 0.2j for part in body.parts]
     edges = [np.column_stack([z.real, z.imag]) for z in zs]
     rng = np.random.default_rng(1)
     points = rng.uniform([0.0, 0.15], [0.2, 0.35], (60, 2))

@@ -12,9 +12,10 @@ from pydantic import TypeAdapter
 from scipy.optimize import brentq
 
 from continuum_grasp.model.planar import Vec
-from continuum_grasp.model.surface import lowest_points, nearest
-from continuum_grasp.scene import Box, Circle, Ellipse, Polygon, RoundedPolygon, Superellipse, Union
-from continuum_grasp.scene.objects import UnionPart
+from continuum_grasp.model.surfaces import nearest, surface_of
+from continuum_grasp.scene import Box, Circle, Ellipse, Polygon, RoundedPolygon, Stadium, Superellipse, Union
+from continuum_grasp.scene.objects import UnionMember
+from continuum_grasp.scene.parts import SuperellipsePart
 
 KEYS = {"mass": 0.1, "position": (0.0, 0.0)}
 CORNERS = ((0.0, 0.0), (0.08, 0.01), (0.05, 0.06), (0.01, 0.05))
@@ -22,7 +23,7 @@ MUG = Union(
     shape="union",
     center_of_mass=(0.0, 0.0),
     members=tuple(
-        TypeAdapter(UnionPart).validate_python(member)
+        TypeAdapter(UnionMember).validate_python(member)
         for member in (
             {"shape": "circle", "diameter": 0.08},
             {
@@ -43,6 +44,7 @@ OBJECTS = {
     "rounded box": Box(shape="box", width=0.08, height=0.05, corner_radius=0.01, **KEYS),
     "polygon": Polygon(shape="polygon", vertices=CORNERS, **KEYS),
     "rounded polygon": RoundedPolygon(shape="rounded_polygon", vertices=CORNERS, corner_radius=0.006, **KEYS),
+    "stadium": Stadium(shape="stadium", length=0.05, radius=0.02, **KEYS),
     "slim ellipse": Ellipse(shape="ellipse", width=0.05, height=0.12, **KEYS),
     "ellipse": Ellipse(shape="ellipse", width=0.1, height=0.05, **KEYS),
     "superellipse 3": Superellipse(shape="superellipse", width=0.1, height=0.06, exponent=3.0, **KEYS),
@@ -93,7 +95,7 @@ def truth(thing, point: np.ndarray) -> tuple[float, np.ndarray]:
     """Signed distance and normal, by the nearest of the parts."""
     answers = []
     for part in thing.parts:
-        if part.is_superellipse:
+        if isinstance(part, SuperellipsePart):
             (a, b), p = part.semi_axes, part.exponent
             there, inside = nearest_on_superellipse(part, point), abs(point[0] / a) ** p + abs(point[1] / b) ** p < 1.0
             size = np.hypot(*(point - there)) * (-1.0 if inside else 1.0)
@@ -138,7 +140,7 @@ def test_one_of_the_lowest_points_reaches_as_far_as_the_support_function(name):
     part = OBJECTS[name].parts[0]
     for turn in np.linspace(0.0, math.tau, 41):
         way = Vec(math.cos(turn), math.sin(turn))
-        reaches = [float(ca.DM(way.dot(at))) for at in lowest_points(part, way)]
+        reaches = [float(ca.DM(way.dot(at))) for at in surface_of(part).lowest_points(part, way)]
         assert max(reaches) == pytest.approx(part.support(turn), abs=1e-9)
 
 

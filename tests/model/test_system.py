@@ -25,6 +25,7 @@ from continuum_grasp.scene import (
     PointMass,
     Polygon,
     Rod,
+    Stadium,
     Superellipse,
     Tendons,
     VGroove,
@@ -42,6 +43,7 @@ SHAPES = {
     "eccentric": Circle(shape="circle", diameter=0.06, center_of_mass=(0.01, -0.005), **PLACED),
     "box": Box(shape="box", width=0.07, height=0.05, corner_radius=0.004, **PLACED),
     "polygon": Polygon(shape="polygon", vertices=((-0.03, -0.02), (0.04, -0.02), (0.0, 0.04)), **PLACED),
+    "stadium": Stadium(shape="stadium", length=0.04, radius=0.02, **PLACED),
     "ellipse": Ellipse(shape="ellipse", width=0.08, height=0.05, **PLACED),
     "superellipse": Superellipse(shape="superellipse", width=0.08, height=0.05, exponent=4.0, **PLACED),
 }
@@ -228,6 +230,13 @@ def test_the_moment_of_inertia_of_even_shapes():
         (SHAPES["disc"], 0.5 * 0.2 * 0.03**2),
         (SHAPES["eccentric"], 0.2 * (0.5 * 0.03**2 + 0.01**2 + 0.005**2)),
         (Box(shape="box", width=0.07, height=0.05, **PLACED), 0.2 * (0.07**2 + 0.05**2) / 12),
+        # A rectangle and two half discs: the second moments of each about the middle, over the area.
+        (
+            SHAPES["stadium"],
+            0.2
+            * (0.04 * 0.04 * (0.04**2 + 0.04**2) / 12 + math.pi * (0.02**4 / 2 + 0.02**4) + 4 / 3 * 0.04 * 0.02**3)
+            / (0.04 * 0.04 + math.pi * 0.02**2),
+        ),
         (SHAPES["ellipse"], 0.2 * (0.04**2 + 0.025**2) / 4),
     ):
         assert Surroundings(object=thing, contact_law=LAW, object_moves=True).inertia == pytest.approx(

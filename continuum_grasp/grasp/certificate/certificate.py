@@ -1,10 +1,10 @@
-"""Verification of a grasp by numpy alone, from its stored numbers; nothing is shared with the optimiser.
+"""Verification of a grasp by numpy alone, from its stored numbers; nothing is shared with the optimizer.
 
 The backbones are integrated anew from their curvature profiles. The fingers' equilibrium is tested by virtual
 work: the potential of bending, weight, tendons and contact forces must be stationary in the bending
 coordinates, its gradient taken by complex steps. Normals, contact points and gaps are recomputed, never taken
 from the result on trust. Whether fingers overlap in the plane is no check, since they may lie at different
-heights; the certificate says by how much.
+heights; the certificate reports by how much.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from continuum_grasp.grasp.certificate.stability import Stability, contact_stabi
 from continuum_grasp.grasp.certificate.stored import misfits, not_finite
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
-from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.objects.body import Freedom, pose_bounds
 
 __all__ = ["Certificate", "Check", "certify"]
 
@@ -36,7 +36,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Certificate:
-    """What an independent recomputation says about a grasp.
+    """The result of recomputing a grasp independently.
 
     Attributes
     ----------
@@ -46,7 +46,16 @@ class Certificate:
         1 - |friction force| / (friction coefficient * normal force) of each contact that has friction; positive:
         it is not about to slip; 0 where nothing presses.
     grasp : RecomputedGrasp or None
-        What was recomputed; None where the stored numbers do not make a grasp.
+        What was recomputed; None where the stored numbers are no grasp.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> certificate = cg.optimize_grasp("configs/grasp/mug_arcs.yaml").certificate
+    >>> certificate.passed, certificate.stability.stable, certificate.model_error.small
+    (True, True, False)
+    >>> certificate["object force balance"].value < certificate["object force balance"].limit
+    True
     """
 
     checks: tuple[Check, ...]
@@ -110,6 +119,20 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
     Returns
     -------
     Certificate
+
+    Examples
+    --------
+    A change of the stored numbers is seen:
+
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.grasp import certify
+    >>> grasp = cg.optimize_grasp("configs/grasp/mug_arcs.yaml")
+    >>> certify(grasp.scene, grasp.arrays).passed
+    True
+    >>> less = grasp.arrays["finger.tensions"] * [0.999, 1.0]
+    >>> changed = certify(grasp.scene, {**grasp.arrays, "finger.tensions": less})
+    >>> [check.name for check in changed.failed]
+    ['finger equilibrium, finger']
     """
     setups = scene.setups
     with np.errstate(all="ignore"):
@@ -193,10 +216,10 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
 
 
 def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
-    thing, gravity, size = grasp.scene.object, grasp.scene.gravity, grasp.size
-    yield Check("object pose", _beyond(thing.pose, thing.free, grasp.pose, size), LIMIT, "1", f"{size:.4g} m")
+    body, gravity, size = grasp.scene.object, grasp.scene.gravity, grasp.size
+    yield Check("object pose", _beyond(body.pose, body.free, grasp.pose, size), LIMIT, "1", f"{size:.4g} m")
     scale = grasp.force_scale
-    force, turn, lift, tilt = thing.mass * gravity_vector(gravity), 0.0, 0.0, np.zeros(2)
+    force, turn, lift, tilt = body.mass * gravity_vector(gravity), 0.0, 0.0, np.zeros(2)
     for contact in grasp.contacts:
         arm, load = contact.point - grasp.object.com, contact.force
         force = force - load
@@ -206,7 +229,7 @@ def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
     reference = f"{scale:.4g} N"
     yield Check("object force balance", float(np.abs(force).max()) / scale, EQUILIBRIUM, "1", reference)
     yield Check("object moment balance", abs(turn) / (scale * size), EQUILIBRIUM, "1", f"{scale * size:.4g} N m")
-    weight = thing.mass * gravity.magnitude if isinstance(gravity, OutOfPlaneGravity) else 0.0
+    weight = body.mass * gravity.magnitude if isinstance(gravity, OutOfPlaneGravity) else 0.0
     yield Check("object lift balance", abs(lift - weight) / scale, EQUILIBRIUM, "1", reference)
     if isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance":
         value = float(np.abs(tilt).max()) / (scale * size)
@@ -215,9 +238,7 @@ def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
 
 def _beyond(start: tuple[float, float, float], free: Freedom | None, pose: Array, length: float) -> float:
     """How far a pose lies outside its bounds, or from where it is fixed, as a part of a length and in radians."""
-    bounds = (None,) * 3 if free is None else (free.x, free.y, free.angle)
     over = []
-    for value, own, bound, unit in zip(pose, start, bounds, (length, length, 1.0), strict=True):
-        low, high = (own, own) if bound is None else bound
+    for value, (low, high), unit in zip(pose, pose_bounds(start, free), (length, length, 1.0), strict=True):
         over += [(low - value) / unit, (value - high) / unit]
     return worst(*over)

@@ -22,7 +22,7 @@ Array = NDArray[Any]
 _SHARP = 20.0
 """Radius of curvature, in distances of two samples, below which a surface may reach between them."""
 _FINE = np.linspace(0.0, 1.0, 33)
-"""Places along a panel that passes a corner closely."""
+"""Places along a panel that passes a corner closely: one of them is within 1/64 of the panel from it."""
 
 
 def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
@@ -39,8 +39,8 @@ def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
         for wall in grasp.walls:
             yield check(wall.name, depth_in_wall(finger.points, wall, finger.thickness, emerges))
         for peg in grasp.pegs:
-            centre = np.asarray(peg.position)
-            away = float(segment_distance(centre, finger.points[:-1], finger.points[1:]).min())
+            center = np.asarray(peg.position)
+            away = float(segment_distance(center, finger.points[:-1], finger.points[1:]).min())
             yield check(peg.name, finger.thickness + peg.radius - away)
     length = min(finger.length for finger in grasp.fingers)
     for wall in grasp.walls:
@@ -55,60 +55,60 @@ def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
         yield Check(f"penetration of the object into {peg.name}", depth / length, PENETRATION, "1", f"{length:.4g} m")
 
 
-def depth_in_object(points: Array, thing: PlacedObject, thickness: float) -> float:
-    """Greatest depth of a finger's body in an object [m]; negative where there is room.
+def depth_in_object(points: Array, body: PlacedObject, thickness: float) -> float:
+    """Greatest depth of a finger's body in an object [m]; negative where they are apart.
 
     Parameters
     ----------
     points : ndarray, shape (K, 2)
         Its backbone, densely [m].
-    thing : PlacedObject
+    body : PlacedObject
     thickness : float
         Half thickness of the finger [m].
     """
-    depth = thickness - float(thing.distance(points).min())
+    depth = thickness - float(body.distance(points).min())
     start, end = points[:-1], points[1:]
     step = float(np.hypot(*(end - start).T).max())
-    corners, radii = thing.sharp_places(_SHARP * step)
+    corners, radii = body.sharp_places(_SHARP * step)
     if not len(corners):
         return depth
     gaps = segment_distance(corners[:, None], start, end) - radii[:, None]
     close = np.flatnonzero((gaps < thickness + step).any(axis=0))
     if close.size:  # between two samples a corner may reach deeper
         fine = start[close, None] + _FINE[:, None] * (end - start)[close, None]
-        depth = worst(depth, thickness - float(thing.distance(fine.reshape(-1, 2)).min()))
+        depth = worst(depth, thickness - float(body.distance(fine.reshape(-1, 2)).min()))
     return depth
 
 
 def depth_in_wall(points: Array, wall: Wall, thickness: float, emerges: int) -> float:
-    """Greatest depth of a finger's body in a wall [m]; negative where there is room.
+    """Greatest depth of a finger's body in a wall [m]; negative where they are apart.
 
-    A finger whose base is closer to the wall than half its thickness comes out of it: it then needs room only
+    A finger whose base is closer to the wall than half its thickness comes out of it: it then needs space only
     behind the point ``emerges``, and before that must not lie deeper than its base.
     """
     normal, middle = np.asarray(wall.normal), np.asarray(wall.point)
     height = (points - middle) @ normal
-    room = height
+    spare = height
     crossing = -np.inf
     if np.isfinite(wall.half_length):
         along = np.array([-normal[1], normal[0]])
         reach = wall.half_length * along
-        room = segment_distance(points, middle - reach, middle + reach)
+        spare = segment_distance(points, middle - reach, middle + reach)
         for end in (middle - reach, middle + reach):  # may lie between two samples
             nearer = segment_distance(end, points[:-1], points[1:])
-            room[1:] = np.minimum(room[1:], nearer)
+            spare[1:] = np.minimum(spare[1:], nearer)
         beside = np.abs((points - middle) @ along) <= wall.half_length
         passes = beside[:-1] & beside[1:] & (height[:-1] * height[1:] < 0.0)
         if passes.any():
             crossing = thickness + min(float(height[beside].max()), -float(height[beside].min()))
     needed = np.full(len(points), thickness)
-    if not room[0] >= thickness * (1.0 - 1e-9):
-        needed[: emerges + 1] = min(0.0, float(room[0]))
-    return worst(float((needed - room).max()), crossing)
+    if not spare[0] >= thickness * (1.0 - 1e-9):
+        needed[: emerges + 1] = min(0.0, float(spare[0]))
+    return worst(float((needed - spare).max()), crossing)
 
 
-def depth_in_line(thing: PlacedObject, wall: Wall) -> float:
-    """How deep a finite line lies in an object [m]; negative where there is room.
+def depth_in_line(body: PlacedObject, wall: Wall) -> float:
+    """How deep a finite line lies in an object [m]; negative where they are apart.
 
     The distance along the line is searched closer and closer. A corner that pokes through it counts as deep as
     it reaches.
@@ -116,16 +116,16 @@ def depth_in_line(thing: PlacedObject, wall: Wall) -> float:
     normal, middle = np.asarray(wall.normal), np.asarray(wall.point)
     along = np.array([-normal[1], normal[0]])
     deepest = -np.inf
-    for part in range(len(thing.parts)):
+    for part in range(len(body.parts)):
         low, high = -wall.half_length, wall.half_length
         for _ in range(5):
             places = np.linspace(low, high, 41)
-            away = thing.nearest(middle + places[:, None] * along, part).distance
+            away = body.nearest(middle + places[:, None] * along, part).distance
             k = int(away.argmin())
             low, high = places[max(k - 1, 0)], places[min(k + 1, 40)]
         depth = -float(away[k])
         if depth > 0.0:
-            tip = thing.farthest(-normal)[part] - middle
+            tip = body.farthest(-normal)[part] - middle
             if abs(float(along @ tip)) <= wall.half_length:
                 depth = worst(depth, -float(normal @ tip))
         deepest = worst(deepest, depth)

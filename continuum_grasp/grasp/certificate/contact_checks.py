@@ -24,11 +24,11 @@ def mode_check(grasp: RecomputedGrasp) -> Check:
     wrong = sum(count - 1 for count in present.values())
     wrong += len(set(present) - set(known_contacts(grasp.setups, grasp.walls, grasp.pegs)))
     supports: list[Wall | Peg] = [*grasp.walls, *grasp.pegs]
-    for thing in supports:
-        ends = (f"{thing.name}.1" in present) + (f"{thing.name}.2" in present)
-        whole = thing.name in present
+    for body in supports:
+        ends = (f"{body.name}.1" in present) + (f"{body.name}.2" in present)
+        whole = body.name in present
         wrong += ends == 1 or (ends == 2 and whole)
-        wrong += _amiss(thing.touch, whole or ends == 2)
+        wrong += _amiss(body.touch, whole or ends == 2)
     wrong += sum(_amiss(switch, name in present) for name, switch in switches.items())
     return Check("contacts as the scene has them", float(wrong), 0.0)
 

@@ -1,4 +1,4 @@
-"""The bent rod integrated densely from its curvature profile, apart from the optimiser and its model."""
+"""The bent rod integrated densely from its curvature profile, apart from the optimizer and its model."""
 
 from __future__ import annotations
 

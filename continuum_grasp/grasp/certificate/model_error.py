@@ -181,7 +181,7 @@ class _FineRod:
         return shape - self.pull * self._share(phi), shape
 
     def _share(self, phi: Array) -> Array:
-        """Share of the tendons' moment that gets past the rubbing guides to the cells' middles."""
+        """Share of the tendons' moment that gets past the friction of the guides to the cells' middles."""
         turned = np.abs(np.diff(phi))
         return np.asarray(np.exp(-self.friction * (np.cumsum(turned) - 0.5 * turned)))
 

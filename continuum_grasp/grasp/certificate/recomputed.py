@@ -19,7 +19,7 @@ __all__ = ["RecomputedContact", "RecomputedGrasp", "across", "known_contacts"]
 Array = NDArray[Any]
 
 _BLUNT = 1e-3
-"""Least radius of a tip, as a part of the length, from whose centre the normal can be told precisely."""
+"""Least radius of a tip, as a part of the length, from whose center the normal follows precisely."""
 
 
 @dataclass
@@ -190,13 +190,13 @@ class RecomputedGrasp:
         if not contacts:
             return
         parts = [c.part for c in contacts]
-        centres = np.stack([_centre(c) for c in contacts])
-        near = self.object.nearest_of(centres, parts)
+        centers = np.stack([_center(c) for c in contacts])
+        near = self.object.nearest_of(centers, parts)
         for k, c in enumerate(contacts):
             unit = c.stored_normal / max(float(np.hypot(*c.stored_normal)), 1e-300)
             if isinstance(c.support, Wall):
-                c.normal, c.point = -np.asarray(c.support.normal), centres[k]
-                c.gap = float(np.max(np.abs([near.distance[k], c.support.height((centres[k][0], centres[k][1]))])))
+                c.normal, c.point = -np.asarray(c.support.normal), centers[k]
+                c.gap = float(np.max(np.abs([near.distance[k], c.support.height((centers[k][0], centers[k][1]))])))
                 continue
             if c.kind == "middle" and c.finger is not None:  # tangent: the finger's own normal
                 angle = c.finger.angles[c.finger.joint_edges[c.joint]]
@@ -204,7 +204,7 @@ class RecomputedGrasp:
                 c.normal = own if own @ unit >= 0.0 else -own
             else:
                 c.normal = unit if c.radius < _BLUNT * c.length else near.normal[k]
-            c.point = centres[k] - c.radius * c.normal
+            c.point = centers[k] - c.radius * c.normal
             c.gap = abs(float(near.distance[k]) - c.radius)
         points = np.stack([c.point for c in contacts])
         away = np.array([c.length for c in contacts])
@@ -238,8 +238,8 @@ def across(normal: Array) -> Array:
     return np.array([-normal[1], normal[0]])
 
 
-def _centre(contact: RecomputedContact) -> Array:
-    """World position of the round body that touches the object; of a wall, where it is said to be touched."""
+def _center(contact: RecomputedContact) -> Array:
+    """World position of the round body that touches the object; of a wall, the stored contact."""
     if contact.finger is not None:
         return np.asarray(contact.finger.points[contact.finger.joint_edges[contact.joint]])
     return np.asarray(contact.support.position if isinstance(contact.support, Peg) else contact.stored_position)

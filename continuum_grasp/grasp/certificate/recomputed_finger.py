@@ -116,6 +116,7 @@ class RecomputedFinger:
         The potential of bending, weight, tendons and contact forces must be stationary in the bending
         coordinates; its gradient is taken by complex steps.
         """
+        # A complex step subtracts nothing, so the derivative is exact to rounding (Squire and Trapp 1998).
         step = 1e-30
         rod = DenseRod(self.finger, self.lengths, _COARSE, self.base)
         shifted = self.q + 1j * step * np.eye(self.q.size)
@@ -142,7 +143,7 @@ class RecomputedFinger:
         return np.asarray(energy)
 
     def _capstan(self) -> Array:
-        """Share of the tendons' moment that reaches each element's middle past the rubbing guides."""
+        """Share of the tendons' moment that reaches each element's middle past the friction of the guides."""
         tendons = self.finger.tendons
         if tendons is None or tendons.friction == 0.0:
             return np.ones(self.lengths.size)

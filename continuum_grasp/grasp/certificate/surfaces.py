@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.parts import Part
+from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
 
 __all__ = ["Nearest", "PlacedObject", "nearest", "segment_distance", "support_point"]
 
 Array = NDArray[Any]
 
 _FLAT = np.inf
+"""Radius of curvature of a flat face [m]."""
 _SMALLEST = 1e-300
+"""Keeps a division by a zero distance finite; the quotient is not used then."""
 _ROUNDING = 1e-13
 """Distance from a sharp corner, as a part of the longest edge, below which the way to it means nothing."""
 _TURNS = np.linspace(0.0, 0.5 * np.pi, 33)
@@ -56,20 +58,24 @@ def nearest(part: Part, points: Array) -> Nearest:
         [m]
     """
     points = np.asarray(points, dtype=float).reshape(-1, 2)
-    if part.vertices:
+    if isinstance(part, OffsetPolygon):
         return _rounded_polygon(np.asarray(part.vertices, dtype=float), part.radius, points)
+    part = _superellipse_part(part)
+    part = _superellipse_part(part)
     turn = _turn(part.angle)
-    centre = np.asarray(part.center)
-    found = _superellipse(part.semi_axes, part.exponent, (points - centre) @ turn)
-    return Nearest(found.distance, found.point @ turn.T + centre, found.normal @ turn.T, found.radius)
+    center = np.asarray(part.center)
+    found = _superellipse(part.semi_axes, part.exponent, (points - center) @ turn)
+    return Nearest(found.distance, found.point @ turn.T + center, found.normal @ turn.T, found.radius)
 
 
 def support_point(part: Part, direction: Array) -> Array:
     """The point of a part that lies farthest in a direction (unit vector), both in the object's frame [m]."""
     direction = np.asarray(direction, dtype=float)
-    if part.vertices:
+    if isinstance(part, OffsetPolygon):
         core = np.asarray(part.vertices, dtype=float)
         return np.asarray(core[np.argmax(core @ direction)] + part.radius * direction)
+    part = _superellipse_part(part)
+    part = _superellipse_part(part)
     turn, axes = _turn(part.angle), np.asarray(part.semi_axes)
     share = np.abs(axes * (direction @ turn))
     share = share / share.max()
@@ -83,17 +89,17 @@ class PlacedObject:
 
     Parameters
     ----------
-    thing : GraspObject
+    body : GraspObject
     pose : array_like, shape (3,)
         World x, y [m] and angle [rad].
     """
 
-    def __init__(self, thing: GraspObject, pose: Array) -> None:
-        self.parts = thing.parts
+    def __init__(self, body: GraspObject, pose: Array) -> None:
+        self.parts = body.parts
         self.position = np.asarray(pose[:2], dtype=float)
         self._turn = _turn(float(pose[2]))
-        self.com = self.position + self._turn @ np.asarray(thing.com)
-        """World position of the centre of mass [m]."""
+        self.com = self.position + self._turn @ np.asarray(body.com)
+        """World position of the center of mass [m]."""
 
     def world(self, points: Array) -> Array:
         """World positions of points of the object's frame [m]."""
@@ -133,10 +139,12 @@ class PlacedObject:
         """World positions (m, 2) where the surface bends sharper than a radius, and how round it is there (m,) [m]."""
         places, rounds = [np.zeros((0, 2))], [np.zeros(0)]
         for part in self.parts:
-            if part.radius < radius and part.vertices:
-                places.append(np.asarray(part.vertices, dtype=float))
-                rounds.append(np.full(len(part.vertices), part.radius))
-            elif not part.vertices:
+            if isinstance(part, OffsetPolygon):
+                if part.radius < radius:
+                    places.append(np.asarray(part.vertices, dtype=float))
+                    rounds.append(np.full(len(part.vertices), part.radius))
+            else:
+                part = _superellipse_part(part)
                 (a, b), turn = part.semi_axes, _turn(part.angle)
                 quadrant = np.stack(_curve(a, b, part.exponent, _polar(a, b))[0], axis=1)
                 found = _superellipse(part.semi_axes, part.exponent, quadrant)
@@ -153,6 +161,12 @@ def segment_distance(points: Array, start: Array, end: Array) -> Array:
     share = (off * span).sum(axis=-1) / np.maximum((span * span).sum(axis=-1), _SMALLEST)
     rest = off - np.clip(share, 0.0, 1.0)[..., None] * span
     return np.asarray(np.hypot(rest[..., 0], rest[..., 1]))
+
+
+def _superellipse_part(part: Part) -> SuperellipsePart:
+    if not isinstance(part, SuperellipsePart):
+        raise TypeError(f"the certificate knows no surface of {type(part).__name__}: add one here, on its own")
+    return part
 
 
 def _turn(angle: float) -> Array:

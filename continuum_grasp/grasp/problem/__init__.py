@@ -1,1 +1,1 @@
-"""The grasp as a nonlinear programme, and IPOPT on it."""
+"""The grasp as a nonlinear problem (NLP), and IPOPT on it."""

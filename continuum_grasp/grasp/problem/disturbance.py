@@ -4,33 +4,31 @@ Under a small wrench the fingers bend, the object moves, the contacts roll witho
 and object move together, supports stay), and forces and tensions change. With the changes d( ) per wrench as unknowns:
 
     finger    d(inverse dynamics at rest) = 0
-    object    d(sum of forces and moments about the centre of mass) + rho * wrench = 0
+    object    d(sum of forces and moments about the center of mass) + rho * wrench = 0
     contact   d(surface point of the finger) = d(surface point of the object)
               where finger and object turn by d phi and d psi, the contact rolls on by (d phi - d psi) / (ko + kf) and
               its normal turns by (kf d psi + ko d phi) / (ko + kf), ko and kf being the curvatures of their surfaces
     limits    forces + changes within their cones, tensions + changes within their limits
 
-Retensioned tendons change their tension freely; locked ones keep their length, so the tip's angle stays and the tension
-reacts, shared equally where both tendons are there.
+Retensioned tendons change their tension freely; locked ones have a fixed length, so the tip's angle stays and the
+tension reacts, shared equally where both tendons are there.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.numbers import APEX
-from continuum_grasp.grasp.problem.unit_finger import FingerMake, rotation
-
-if TYPE_CHECKING:
-    from continuum_grasp.grasp.problem.problem import FingerState, GraspProblem, TouchState
+from continuum_grasp.grasp.problem.limits import friction_cone
+from continuum_grasp.grasp.problem.unit_finger import FingerSpec, rotation
+from continuum_grasp.grasp.problem.unknowns import FingerState, TouchState, Unknowns
 
 __all__ = ["add_disturbances"]
 
 LEAST = 0.02
-"""Least sum of the curvatures of two surfaces that touch, per size of the object: beyond, they count as wrapped."""
+"""Least sum of the curvatures of two surfaces that touch, per size of the object: below it the contact
+point would run along the finger without bound as it rolls; a finger that fits the object counts as wrapped."""
 
 
 @dataclass(frozen=True)
@@ -44,15 +42,15 @@ class _Change:
     pose: ca.SX
 
 
-def add_disturbances(problem: GraspProblem) -> ca.SX:
+def add_disturbances(problem: Unknowns) -> ca.SX:
     """Add unknowns and constraints for all wrenches; returns the factor by which each of them is resisted."""
     factor = problem.parts.unknown("resisted disturbance")
-    wrenches = ca.reshape(problem.numbers("wrenches", 3 * problem.make.wrenches), 3, problem.make.wrenches)
+    wrenches = ca.reshape(problem.numbers("wrenches", 3 * problem.spec.wrenches), 3, problem.spec.wrenches)
     slopes = [
-        _slope(finger, [c for c in problem.contacts if c.make.finger == index])
+        _slope(finger, [c for c in problem.contacts if c.spec.finger == index])
         for index, finger in enumerate(problem.fingers)
     ]
-    for k in range(problem.make.wrenches):
+    for k in range(problem.spec.wrenches):
         change = _changes(problem, k)
         moved = [_moved(problem, change, index, slope) for index, slope in enumerate(slopes)]
         _balance_fingers(problem, change, moved, k)
@@ -63,12 +61,12 @@ def add_disturbances(problem: GraspProblem) -> ca.SX:
     return factor
 
 
-def _changes(problem: GraspProblem, k: int) -> _Change:
+def _changes(problem: Unknowns, k: int) -> _Change:
     add = problem.parts.unknown
     return _Change(
-        [add(f"{f.make.name}.change of q, {k}", f.unit.model.n) for f in problem.fingers],
-        [add(f"{f.make.name}.change of pulls, {k}", 2) for f in problem.fingers],
-        [add(f"change of force, {c.make.name}, {k}", 2) for c in problem.contacts],
+        [add(f"{f.spec.name}.change of q, {k}", f.unit.model.n) for f in problem.fingers],
+        [add(f"{f.spec.name}.change of pulls, {k}", 2) for f in problem.fingers],
+        [add(f"change of force, {c.spec.name}, {k}", 2) for c in problem.contacts],
         add(f"change of pose, {k}", 3),
     )
 
@@ -88,27 +86,27 @@ class _Roll:
     """Along the surface."""
 
     @staticmethod
-    def of(problem: GraspProblem, contact: TouchState, finger_turn: ca.SX, object_turn: ca.SX) -> _Roll:
+    def of(problem: Unknowns, contact: TouchState, finger_turn: ca.SX, object_turn: ca.SX) -> _Roll:
         ours, theirs = _curvatures(problem, contact)
         both = ca.fmax(ours + theirs, LEAST / problem.numbers("size"))
         turn = (theirs * object_turn + ours * finger_turn) / both
         return _Roll(turn, (finger_turn - object_turn) / both)
 
 
-def _curvatures(problem: GraspProblem, contact: TouchState) -> tuple[ca.SX, ca.SX]:
+def _curvatures(problem: Unknowns, contact: TouchState) -> tuple[ca.SX, ca.SX]:
     """Curvatures of the object's surface and of what touches it, convex positive."""
-    make, name = contact.make, contact.make.name
-    ours = contact.local.curvature if make.smooth and contact.local.curvature is not None else None
+    spec, name = contact.spec, contact.spec.name
+    ours = contact.local.curvature
     if ours is None:
         ours = problem.numbers(f"{name}.curvature")
-    if make.finger < 0:
+    if spec.finger < 0:
         return ours, problem.numbers(f"{name}.support curvature")
-    finger = problem.fingers[make.finger]
-    if make.joint < 0:
+    finger = problem.fingers[spec.finger]
+    if spec.joint < 0:
         return ours, 1.0 / problem.thickness(finger)
-    unit, end = finger.unit, finger.end_of(make)
+    unit, end = finger.unit, finger.end_of(spec)
     nodes = unit.curvatures(finger.q, finger.u, finger.p)
-    bent = nodes[end + 1] if finger.make.family != "arc" else 0.5 * (nodes[end] + nodes[end + 1])
+    bent = nodes[end + 1] if finger.spec.family != "arc" else 0.5 * (nodes[end] + nodes[end + 1])
     side = ca.dot(contact.normal, ca.vertcat(ca.cos(finger.angles[end]), ca.sin(finger.angles[end])))
     bent = side * bent / unit.number("length")
     return ours, -bent / (1.0 - problem.thickness(finger) * bent)
@@ -121,10 +119,10 @@ def _force_change(contact: TouchState, change: ca.SX, turn: ca.SX) -> ca.SX:
 
 @dataclass(frozen=True)
 class _Moved:
-    """What the changes make of a finger."""
+    """A finger after the changes."""
 
     missing: ca.SX
-    """Generalised force, in units of the finger."""
+    """Generalized force, in units of the finger."""
     ends: ca.SX
     """Elements' ends (2, N), in units and axes of the finger."""
     angles: ca.SX
@@ -135,7 +133,7 @@ class _Moved:
 
 def _slope(finger: FingerState, touching: list[TouchState]) -> ca.SX:
     """Derivative of (missing force, ends, angles) with respect to (q, u, w), in units and axes of the finger."""
-    unit, make = finger.unit, finger.make
+    unit, spec = finger.unit, finger.spec
     model, share, h = unit.model, unit.number("force share"), unit.number("thickness")
     q, u, w = (ca.SX.sym(name, size) for name, size in (("q", model.n), ("u", 3), ("w", model.nw)))
     rest = ca.SX.zeros(model.n)
@@ -143,60 +141,60 @@ def _slope(finger: FingerState, touching: list[TouchState]) -> ca.SX:
     missing -= unit.hanging_masses(q, u, finger.p, finger.base[2])
     ends, angles = model.joints(q, u, finger.p)
     back = rotation(-finger.base[2])
-    now = {c.make.joint: (back @ c.world / share, -h * c.force[1] / share) for c in touching}
+    now = {c.spec.joint: (back @ c.world / share, -h * c.force[1] / share) for c in touching}
     forces = {joint: force for joint, (force, _) in now.items()}
     couples = {joint: couple for joint, (_, couple) in now.items()}
     slope = ca.jacobian(ca.vertcat(missing, ca.vec(ends), angles), ca.vertcat(q, u, w))
-    return ca.substitute(slope, ca.vertcat(q, u, w), ca.vertcat(finger.q, finger.u, _loads(make, forces, couples)))
+    return ca.substitute(slope, ca.vertcat(q, u, w), ca.vertcat(finger.q, finger.u, _loads(spec, forces, couples)))
 
 
-def _loads(make: FingerMake, forces: dict[int, ca.SX], couples: dict[int, ca.SX]) -> ca.SX:
+def _loads(spec: FingerSpec, forces: dict[int, ca.SX], couples: dict[int, ca.SX]) -> ca.SX:
     """The model's loads for forces and couples by joint; the tip is -1, its couple is an input."""
-    middles, zero = range(len(make.before)), ca.SX.zeros(2)
+    middles, zero = range(len(spec.before)), ca.SX.zeros(2)
     return ca.vertcat(*(forces.get(k, zero) for k in [*middles, -1]), *(couples.get(k, 0.0) for k in middles))
 
 
-def _moved(problem: GraspProblem, change: _Change, index: int, slope: ca.SX) -> _Moved:
-    """What the changes make of a finger."""
+def _moved(problem: Unknowns, change: _Change, index: int, slope: ca.SX) -> _Moved:
+    """A finger after the changes."""
     finger = problem.fingers[index]
-    unit, make = finger.unit, finger.make
+    unit, spec = finger.unit, finger.spec
     share, h = unit.number("force share"), problem.thickness(finger)
     back = rotation(-finger.base[2])
-    touching = [(c, own) for c, own in zip(problem.contacts, change.forces, strict=True) if c.make.finger == index]
-    n, rows = unit.model.n, slope.shape[0] - make.elements
+    touching = [(c, own) for c, own in zip(problem.contacts, change.forces, strict=True) if c.spec.finger == index]
+    n, rows = unit.model.n, slope.shape[0] - spec.elements
     angles, du = slope[rows:, :], unit.input(change.pulls[index], ca.SX(0))
     moments = share * unit.number("length")
-    for contact, own in touching:  # a round tip rolls about its own centre
-        if contact.make.joint < 0:
+    for contact, own in touching:  # a round tip rolls about its own center
+        if contact.spec.joint < 0:
             du[2] = -h * own[1] / moments
     turns = angles[:, : n + 3] @ ca.vertcat(change.q[index], du)
     rolls, couples, moved = {}, {}, {}
     for contact, own in touching:
-        turn = turns[finger.end_of(contact.make)]
-        roll = rolls[contact.make.name] = _Roll.of(problem, contact, turn, change.pose[2])
+        turn = turns[finger.end_of(contact.spec)]
+        roll = rolls[contact.spec.name] = _Roll.of(problem, contact, turn, change.pose[2])
         lever = h * (turn - roll.turn) - roll.step
-        couples[contact.make.joint] = (-h * own[1] + contact.force[0] * lever) / moments
-        moved[contact.make.joint] = back @ _force_change(contact, own, roll.turn) / share
-    values = slope @ ca.vertcat(change.q[index], du, _loads(make, moved, couples))
-    return _Moved(values[:n], ca.reshape(values[n:rows], 2, make.elements), values[rows:], rolls)
+        couples[contact.spec.joint] = (-h * own[1] + contact.force[0] * lever) / moments
+        moved[contact.spec.joint] = back @ _force_change(contact, own, roll.turn) / share
+    values = slope @ ca.vertcat(change.q[index], du, _loads(spec, moved, couples))
+    return _Moved(values[:n], ca.reshape(values[n:rows], 2, spec.elements), values[rows:], rolls)
 
 
-def _balance_fingers(problem: GraspProblem, change: _Change, moved: list[_Moved], k: int) -> None:
+def _balance_fingers(problem: Unknowns, change: _Change, moved: list[_Moved], k: int) -> None:
     for index, finger in enumerate(problem.fingers):
-        name, require = finger.make.name, problem.parts.require
+        name, require = finger.spec.name, problem.parts.require
         scale = finger.unit.number("force share") * finger.unit.number("length")
         require(f"disturbed finger, {name}, {k}", scale * moved[index].missing, "N m", "disturbances")
-        if problem.make.locked:
-            kept = ca.vertcat(moved[index].angles[-1], ca.sum1(change.pulls[index]))
-            require(f"locked tendons, {name}, {k}", kept, "rad", "disturbances.tendons")
+        if problem.spec.locked:
+            retained = ca.vertcat(moved[index].angles[-1], ca.sum1(change.pulls[index]))
+            require(f"locked tendons, {name}, {k}", retained, "rad", "disturbances.tendons")
 
 
-def _balance_object(problem: GraspProblem, change: _Change, rolls: dict[str, _Roll], wrench: ca.SX, k: int) -> None:
+def _balance_object(problem: Unknowns, change: _Change, rolls: dict[str, _Roll], wrench: ca.SX, k: int) -> None:
     force, moment = wrench[:2], wrench[2]
     turn = change.pose[2]
     for contact, own in zip(problem.contacts, change.forces, strict=True):
-        arm = contact.point - problem.centre_of_mass
-        roll = rolls.get(contact.make.name) or _Roll.of(problem, contact, ca.SX(0), turn)
+        arm = contact.point - problem.center_of_mass
+        roll = rolls.get(contact.spec.name) or _Roll.of(problem, contact, ca.SX(0), turn)
         moved = _force_change(contact, own, roll.turn)
         force -= moved
         swung = _spin(turn, arm) + roll.step * contact.across
@@ -206,32 +204,28 @@ def _balance_object(problem: GraspProblem, change: _Change, rolls: dict[str, _Ro
     problem.parts.require(f"disturbed object, moment, {k}", moment / problem.numbers("size"), "N", "disturbances")
 
 
-def _stick(problem: GraspProblem, change: _Change, moved: list[_Moved], k: int) -> None:
+def _stick(problem: Unknowns, change: _Change, moved: list[_Moved], k: int) -> None:
     for contact in problem.contacts:
         gap = change.pose[:2] + _spin(change.pose[2], contact.point - problem.pose[:2])
-        if contact.make.finger >= 0:
-            finger = problem.fingers[contact.make.finger]
-            own, end = moved[contact.make.finger], finger.end_of(contact.make)
+        if contact.spec.finger >= 0:
+            finger = problem.fingers[contact.spec.finger]
+            own, end = moved[contact.spec.finger], finger.end_of(contact.spec)
             gap -= finger.unit.number("length") * rotation(finger.base[2]) @ own.ends[:, end]
             gap += _spin(own.angles[end], problem.thickness(finger) * contact.normal)
-        problem.parts.require(f"sticking contact, {contact.make.name}, {k}", gap, "m", "disturbances")
+        problem.parts.require(f"sticking contact, {contact.spec.name}, {k}", gap, "m", "disturbances")
 
 
-def _keep_limits(problem: GraspProblem, change: _Change, k: int) -> None:
+def _keep_limits(problem: Unknowns, change: _Change, k: int) -> None:
     require = problem.parts.require
     for contact, own in zip(problem.contacts, change.forces, strict=True):
-        name = contact.make.name
+        name = contact.spec.name
         n, f, lift = contact.force[0] + own[0], contact.force[1] + own[1], contact.force[2]
         friction = problem.numbers(f"{name}.friction")
-        if problem.make.gravity == "out_of_plane":
-            apex = APEX * problem.numbers("force reference")
-            cone = friction * n - ca.sqrt(f**2 + lift**2 + apex**2)
-        else:
-            cone = ca.vertcat(friction * n - f, friction * n + f)
+        cone = friction_cone(problem, friction, n, f, lift)
         require(f"disturbed friction cone, {name}, {k}", cone, "N", "contacts.friction", upper=ca.inf)
-        room = problem.numbers(f"{name}.normal_force_max") - n
-        require(f"disturbed normal force, {name}, {k}", room, "N", "contacts.normal_force_max", upper=ca.inf)
+        spare = problem.numbers(f"{name}.normal_force_max") - n
+        require(f"disturbed normal force, {name}, {k}", spare, "N", "contacts.normal_force_max", upper=ca.inf)
     for finger, own in zip(problem.fingers, change.pulls, strict=True):
         pulls, number = finger.pulls + own, finger.unit.number
-        room = ca.vertcat(pulls - number("pull_min", 2), number("pull_most", 2) - pulls)
-        require(f"disturbed tension, {finger.make.name}, {k}", room, "1", "tendons", upper=ca.inf)
+        spare = ca.vertcat(pulls - number("pull_min", 2), number("pull_most", 2) - pulls)
+        require(f"disturbed tension, {finger.spec.name}, {k}", spare, "1", "tendons", upper=ca.inf)

@@ -3,41 +3,38 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
 from continuum_grasp.grasp.problem.numbers import APEX
-from continuum_grasp.grasp.problem.obstacles import CORNERS, separation, smooth_support
 from continuum_grasp.grasp.problem.unit_finger import rotation
+from continuum_grasp.grasp.problem.unknowns import FingerState, Unknowns
+from continuum_grasp.model.surfaces.surface import CORNERS, separation
 
-if TYPE_CHECKING:
-    from continuum_grasp.grasp.problem.problem import FingerState, GraspProblem
-
-__all__ = ["add_limits", "guarded", "part_numbers"]
+__all__ = ["add_limits", "friction_cone", "guarded"]
 
 
-def add_limits(problem: GraspProblem) -> None:
+def add_limits(problem: Unknowns) -> None:
     """Add the inequalities to a problem whose unknowns and contacts are there."""
     _bound_contacts(problem)
     for finger in problem.fingers:
         _keep_clear(problem, finger)
         _keep_limits(problem, finger)
-    if problem.make.free:
+    if problem.spec.free:
         _keep_object_clear(problem)
 
 
 def guarded(finger: FingerState) -> tuple[ca.SX, list[int], list[bool]]:
-    """World positions (2, K) that are kept clear along a finger, the elements that they are in, and whether the finger
+    """World positions (2, K) that must stay clear along a finger, the elements that they are in, and whether the finger
     touches the object there.
 
     These are waypoints, joints, and probes, which the search puts where a finger is deepest.
     """
-    make, model = finger.make, finger.unit.model
-    touching = {n - 1 for n, on in zip(make.before, make.touching, strict=True) if on}
-    touching |= {make.elements - 1} if make.tip else set()
-    joints, count = range(make.elements), finger.unit.probes
-    at = ca.reshape(finger.unit.number("probes", count * make.elements), count, make.elements)
+    spec, model = finger.spec, finger.unit.model
+    touching = {n - 1 for n, on in zip(spec.before, spec.touching, strict=True) if on}
+    touching |= {spec.elements - 1} if spec.tip else set()
+    joints, count = range(spec.elements), finger.unit.probes
+    at = ca.reshape(finger.unit.number("probes", count * spec.elements), count, spec.elements)
     shares = finger.unit.waypoint_shares
     every = model.waypoints(finger.q, finger.u, finger.p)
     points = ca.horzcat(
@@ -46,60 +43,69 @@ def guarded(finger: FingerState) -> tuple[ca.SX, list[int], list[bool]]:
         finger.world(model.probes(count)(finger.q, finger.u, at, finger.p)),
     )
     inside = [element for _, element in shares]
-    elements = [*inside, *joints, *(k for k in range(make.elements) for _ in range(count))]
+    elements = [*inside, *joints, *(k for k in range(spec.elements) for _ in range(count))]
     touches = [*(False for _ in inside), *(k in touching for k in joints)]
     return points, elements, touches + [False] * (len(elements) - len(touches))
 
 
-def _bound_contacts(problem: GraspProblem) -> None:
+def friction_cone(problem: Unknowns, friction: ca.SX, n: ca.SX, f: ca.SX, lift: ca.SX) -> ca.SX:
+    """What is not negative for forces within a friction cone."""
+    if problem.spec.gravity == "out_of_plane":
+        # Rounded from inside: the root has a kink where nothing presses, at which IPOPT would zigzag.
+        apex = APEX * problem.numbers("force reference")
+        return friction * n - ca.sqrt(f**2 + lift**2 + apex**2)
+    # In the plane the cone is two half planes: linear, nothing to round.
+    return ca.vertcat(friction * n - f, friction * n + f)
+
+
+def _bound_contacts(problem: Unknowns) -> None:
     require, number = problem.parts.require, problem.numbers
     for contact in problem.contacts:
-        name, (n, f, lift) = contact.make.name, ca.vertsplit(contact.force)
-        friction = number(f"{name}.friction") + problem.give["friction"]
-        if "greatest_friction_margin" in problem.make.aims:
+        name, (n, f, lift) = contact.spec.name, ca.vertsplit(contact.force)
+        friction = number(f"{name}.friction") + problem.slack["friction"]
+        if "greatest_friction_margin" in problem.spec.aims:
             friction *= 1.0 - problem.parts.variables["friction margin"].symbol
-        if problem.make.gravity == "out_of_plane":
-            apex = APEX * problem.numbers("force reference")
-            cone = friction * n - ca.sqrt(f**2 + lift**2 + apex**2)
-        else:
-            cone = ca.vertcat(friction * n - f, friction * n + f)
-        key = f"contacts.friction ({name})"
-        require(f"friction cone, {name}", cone, "N", key, upper=ca.inf)
-        most = number(f"{name}.normal_force_max") + problem.give["normal force"]
+        cone = friction_cone(problem, friction, n, f, lift)
+        require(f"friction cone, {name}", cone, "N", f"contacts.friction ({name})", upper=ca.inf)
+        most = number(f"{name}.normal_force_max") + problem.slack["normal force"]
         require(f"normal force, {name}", most - n, "N", "contacts.normal_force_max", upper=ca.inf)
 
 
-def _keep_clear(problem: GraspProblem, finger: FingerState) -> None:
-    make, number, require = finger.make, finger.unit.number, problem.parts.require
+def _keep_clear(problem: Unknowns, finger: FingerState) -> None:
+    spec, number, require = finger.spec, finger.unit.number, problem.parts.require
     points, _, touches = guarded(finger)
     tolerance, half = problem.numbers("tolerance"), problem.thickness(finger)
     back = rotation(-problem.pose[2])
+    # A place that touches has its gap as an equation already: the inequality beside it would be dependent.
     free = [j for j, touching in enumerate(touches) if not touching]
-    for part in range(problem.make.parts):
-        slack = problem.give["room at the object"] + tolerance - half
-        beta = _directions(problem, f"{make.name}.separating_{part}", len(free), problem.make.corners[part] != 1)
-        room = []
+    for part, surface in enumerate(problem.spec.surfaces):
+        # The tolerance is never zero: a finger that lies along the object makes all its places active at once, and the
+        # active constraints dependent (93 % of 60 discs converged with 0, all with 1e-9 and more).
+        slack = problem.slack["clearance at the object"] + tolerance - half
+        beta = _directions(problem, f"{spec.name}.separating_{part}", len(free), surface.has_directions)
+        spare = []
         for k, j in enumerate(free):
             local = back @ (points[:, j] - problem.pose[:2])
-            near = number(f"corners_{part}_{j}", 2 * CORNERS) if problem.make.corners[part] > CORNERS else None
-            room.append(_room(problem, part, local, beta[k] if beta.numel() else None, near) + slack)
-        require(f"penetration into the object, {make.name}", ca.vertcat(*room), "m", "object", upper=ca.inf)
-    slack = problem.give["room at the supports"] + tolerance
-    room = []
-    for k in range(problem.make.planes):
+            near = number(f"corners_{part}_{j}", 2 * CORNERS) if surface.looks_at_corners else None
+            away = surface.clearance(local, beta[k] if beta.numel() else beta, _part_numbers(problem, part), near)
+            spare.append(away + slack)
+        require(f"penetration into the object, {spec.name}", ca.vertcat(*spare), "m", "object", upper=ca.inf)
+    slack = problem.slack["clearance at the supports"] + tolerance
+    spare = []
+    for k in range(problem.spec.planes):
         normal, at = problem.numbers(f"plane_{k}.normal", 2), problem.numbers(f"plane_{k}.point", 2)
-        room += [ca.dot(normal, points[:, j] - at) - number(f"needed_{k}_{j}") + slack for j in range(points.shape[1])]
-    for k in range(problem.make.lines):
+        spare += [ca.dot(normal, points[:, j] - at) - number(f"needed_{k}_{j}") + slack for j in range(points.shape[1])]
+    for k in range(problem.spec.lines):
         ends = ca.reshape(problem.numbers(f"line_{k}.ends", 4), 2, 2)
-        beta = _directions(problem, f"{make.name}.beside_{k}", points.shape[1], True)
-        room += [separation(points[:, j], beta[j], ends) - half + slack for j in range(points.shape[1])]
-    for k in range(problem.make.pegs):
+        beta = _directions(problem, f"{spec.name}.beside_{k}", points.shape[1], True)
+        spare += [separation(points[:, j], beta[j], ends) - half + slack for j in range(points.shape[1])]
+    for k in range(problem.spec.pegs):
         at, radius = problem.numbers(f"peg_{k}.position", 2), problem.numbers(f"peg_{k}.radius")
-        room += [_reach(points[:, j] - at) - radius - half + slack for j in range(points.shape[1])]
-    require(f"penetration into a support, {make.name}", ca.vertcat(*room), "m", "supports", upper=ca.inf)
+        spare += [_reach(points[:, j] - at) - radius - half + slack for j in range(points.shape[1])]
+    require(f"penetration into a support, {spec.name}", ca.vertcat(*spare), "m", "supports", upper=ca.inf)
 
 
-def _directions(problem: GraspProblem, name: str, count: int, wanted: bool) -> ca.SX:
+def _directions(problem: Unknowns, name: str, count: int, wanted: bool) -> ca.SX:
     return problem.parts.unknown(name, count) if wanted else ca.SX(0, 1)
 
 
@@ -107,63 +113,46 @@ def _reach(arm: ca.SX) -> ca.SX:
     return ca.sqrt(ca.sumsqr(arm) + 1e-24)
 
 
-def _room(problem: GraspProblem, part: int, point: ca.SX, beta: ca.SX | None, near: ca.SX | None) -> ca.SX:
-    """Distances of a point from a part, all of which must be kept; both in the object's frame."""
-    shape, count = part_numbers(problem, part), problem.make.corners[part]
-    if beta is None:
-        return _reach(point - shape[:2]) - shape[2]
-    if problem.make.smooth_parts[part]:
-        return ca.cos(beta) * point[0] + ca.sin(beta) * point[1] - smooth_support(beta, shape)
-    corners = shape[: 2 * count] if near is None else near
-    return separation(point, beta, ca.reshape(corners, 2, corners.numel() // 2)) - shape[-1]
+def _part_numbers(problem: Unknowns, part: int) -> ca.SX:
+    return problem.numbers(f"part_{part}", problem.spec.surfaces[part].number_count)
 
 
-def part_numbers(problem: GraspProblem, part: int) -> ca.SX:
-    """Numbers of a part: (A, B, p, centre, angle) of a superellipse, or corners of the core and radius."""
-    size = 6 if problem.make.smooth_parts[part] else 2 * problem.make.corners[part] + 1
-    return problem.numbers(f"part_{part}", size)
-
-
-def _keep_limits(problem: GraspProblem, finger: FingerState) -> None:
-    require, give, number = problem.parts.require, problem.give, finger.unit.number
-    name = finger.make.name
-    over = finger.pulls - number("pull_max") - give["tension"] * number("pull_per_force")
+def _keep_limits(problem: Unknowns, finger: FingerState) -> None:
+    require, slack, number = problem.parts.require, problem.slack, finger.unit.number
+    name = finger.spec.name
+    over = finger.pulls - number("pull_max") - slack["tension"] * number("pull_per_force")
     require(f"tendon tension, {name}", over, "1", f"{name}.tendons.max_tension", lower=-ca.inf)
     bends = finger.unit.greatest_bends(finger.q, finger.u, finger.p)
-    most = number("bending_range") + give["bending range"]
-    room = ca.vertcat(most - bends, most + bends)
-    require(f"bending range, {name}", room, "rad", "fidelity.bending_range", upper=ca.inf)
-    if finger.make.strained:
+    most = number("bending_range") + slack["bending range"]
+    spare = ca.vertcat(most - bends, most + bends)
+    require(f"bending range, {name}", spare, "rad", "fidelity.bending_range", upper=ca.inf)
+    if finger.spec.strained:
         curvature = finger.unit.curvatures(finger.q, finger.u, finger.p)
-        most = number("curvature_limit") * (1.0 + give["strain"])
-        room = ca.vertcat(most - curvature, most + curvature)
-        require(f"bending strain, {name}", room, "1", f"{name}.strain_limit", upper=ca.inf)
-    on = [joint for joint, touches in zip(finger.joints, finger.make.touching, strict=True) if touches]
+        most = number("curvature_limit") * (1.0 + slack["strain"])
+        spare = ca.vertcat(most - curvature, most + curvature)
+        require(f"bending strain, {name}", spare, "1", f"{name}.strain_limit", upper=ca.inf)
+    on = [joint for joint, touches in zip(finger.joints, finger.spec.touching, strict=True) if touches]
     if len(on) > 1:
+        # Elements between two contacts have a length: the moments of shorter ones than 2 % are all but dependent.
         gaps = ca.vertcat(*(b - a for a, b in pairwise(on))) - 0.02
         require(f"order of the middle contacts, {name}", gaps, "1", "contacts.middle", upper=ca.inf)
 
 
-def _keep_object_clear(problem: GraspProblem) -> None:
-    number, make, tolerance = problem.numbers, problem.make, problem.numbers("tolerance")
-    turn, back = rotation(problem.pose[2]), rotation(-problem.pose[2])
-    room = []
-    for k in range(make.planes):
+def _keep_object_clear(problem: Unknowns) -> None:
+    number, spec, tolerance = problem.numbers, problem.spec, problem.numbers("tolerance")
+    back = rotation(-problem.pose[2])
+    spare = []
+    for k in range(spec.planes):
         normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
-        for part in range(make.parts):
-            shape = part_numbers(problem, part)
-            if make.smooth_parts[part]:
-                beta = number(f"plane_{k}.angle") + ca.pi - problem.pose[2]
-                room.append(ca.dot(normal, problem.pose[:2] - at) - smooth_support(beta, shape))
-            for c in range(make.corners[part]):
-                corner = problem.pose[:2] + turn @ shape[2 * c : 2 * c + 2]
-                room.append(ca.dot(normal, corner - at) - shape[-1])
-    for k in range(make.pegs):
+        for part, surface in enumerate(spec.surfaces):
+            angle, shape = number(f"plane_{k}.angle"), _part_numbers(problem, part)
+            spare += surface.wall_clearance(normal, at, angle, problem.pose, shape)
+    for k in range(spec.pegs):
         local = back @ (number(f"peg_{k}.position", 2) - problem.pose[:2])
-        for part in range(make.parts):
-            beta = _directions(problem, f"peg_{k}.separating_{part}", 1, make.corners[part] != 1)
-            near = number(f"peg_{k}.corners_{part}", 2 * CORNERS) if make.corners[part] > CORNERS else None
-            away = _room(problem, part, local, beta if beta.numel() else None, near)
-            room.append(away - number(f"peg_{k}.radius"))
-    if room:
-        problem.parts.require("object in a support", ca.vertcat(*room) + tolerance, "m", "supports", upper=ca.inf)
+        for part, surface in enumerate(spec.surfaces):
+            beta = _directions(problem, f"peg_{k}.separating_{part}", 1, surface.has_directions)
+            near = number(f"peg_{k}.corners_{part}", 2 * CORNERS) if surface.looks_at_corners else None
+            away = surface.clearance(local, beta, _part_numbers(problem, part), near)
+            spare.append(away - number(f"peg_{k}.radius"))
+    if spare:
+        problem.parts.require("object in a support", ca.vertcat(*spare) + tolerance, "m", "supports", upper=ca.inf)

@@ -24,7 +24,7 @@ class Numbers:
         self._symbols: dict[str, ca.SX] = {}
 
     def __call__(self, name: str, size: int = 1) -> ca.SX:
-        """The symbol of a name; made on the first call."""
+        """The symbol of a name; created on the first call."""
         if name not in self._symbols:
             self._symbols[name] = ca.SX.sym(name, size)
         return self._symbols[name]

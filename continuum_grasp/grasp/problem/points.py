@@ -8,11 +8,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.problem.problem import FingerState, GraspProblem
-from continuum_grasp.grasp.problem.surface import Feature
+from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.unknowns import FingerState
 from continuum_grasp.grasp.problem.values import Units
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, turning
 from continuum_grasp.grasp.starts.starts import Start
+from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 __all__ = ["PointReader", "starting_point"]
@@ -35,15 +36,15 @@ def starting_point(problem: GraspProblem, scene: GraspScene, start: Start, featu
     force = max(scene.weight / units.force, 1.0)
     lift = force / max(len(problem.contacts), 1)
     values["greatest normal force"] = force
-    for contact in problem.make.contacts:
+    for contact in problem.spec.contacts:
         at = start.contacts[contact.name]
-        part = scene.object.parts[at.part]
-        values[f"place, {contact.name}"] = features[contact.name].place(part, at.point, at.normal_angle)
+        part, feature = scene.object.parts[at.part], features[contact.name]
+        values[f"place, {contact.name}"] = contact.surface.place(part, feature, at.point, at.normal_angle)
         pressed = (force, 0.0, lift if scene.weight else 0.0)
         if contact.name in start.forces:
             n, f, carried = (component / units.force for component in start.forces[contact.name])
             pressed = max(n, PRESSED * force), f, carried
-        values[f"force, {contact.name}"] = pressed if problem.make.gravity == "out_of_plane" else pressed[:2]
+        values[f"force, {contact.name}"] = pressed if problem.spec.gravity == "out_of_plane" else pressed[:2]
     return problem.parts.pack(values, 0.0)
 
 
@@ -86,7 +87,7 @@ class PointReader:
 
     def arrays(self, scene: GraspScene, start: Start, x: Array, numbers: Array) -> dict[str, Array]:
         """The physical numbers of a point; see `continuum_grasp.grasp.GraspResult`."""
-        units, make = Units.of(scene), self._problem.make
+        units, spec = Units.of(scene), self._problem.spec
         pose, points, normals, forces, stations, *rest = (np.array(v) for v in self._values(x, numbers))
         m = units.length
         out: dict[str, Array] = {"object.pose": pose.ravel() * [m, m, 1.0]}
@@ -105,14 +106,14 @@ class PointReader:
                 f"{name}.base": base.ravel() * [m, m, 1.0],
                 f"{name}.backbone": line.T * [length, m, m, 1.0],
             }
-        scale = [lengths.get(contact.finger, np.nan) for contact in make.contacts]
+        scale = [lengths.get(contact.finger, np.nan) for contact in spec.contacts]
         return out | {
-            "contact_names": np.array([contact.name for contact in make.contacts]),
+            "contact_names": np.array([contact.name for contact in spec.contacts]),
             "contact_positions": points.T * m,
             "contact_normals": normals.T,
             "contact_forces": forces.T * units.force,
             "contact_stations": stations.ravel() * scale,
-            "contact_parts": np.array([start.contacts[contact.name].part for contact in make.contacts], dtype=int),
+            "contact_parts": np.array([start.contacts[contact.name].part for contact in spec.contacts], dtype=int),
         }
 
 
@@ -121,10 +122,10 @@ def _values(problem: GraspProblem) -> ca.Function:
     touched, count = problem.contacts, len(problem.contacts)
     stations = [
         ca.SX(0)
-        if c.make.finger < 0
+        if c.spec.finger < 0
         else ca.SX(1)
-        if c.make.joint < 0
-        else problem.fingers[c.make.finger].joints[c.make.joint]
+        if c.spec.joint < 0
+        else problem.fingers[c.spec.finger].joints[c.spec.joint]
         for c in touched
     ]
     at = [
@@ -133,7 +134,7 @@ def _values(problem: GraspProblem) -> ca.Function:
     ]
     plain: list[Any] = [problem.pose, *at, ca.vertcat(*stations)]
     for finger in problem.fingers:
-        lengths = finger.p[: finger.make.elements]
+        lengths = finger.p[: finger.spec.elements]
         plain += [finger.q, lengths, finger.unit.tip_curvature(finger.q, finger.u, finger.p), finger.pulls, finger.base]
     read = ca.Function("read", [x, numbers], plain)
     mx, mp = ca.MX.sym("x", x.numel()), ca.MX.sym("p", numbers.numel())

@@ -32,11 +32,11 @@ class Relaxation:
     start : callable
         An amount to begin the search with, for a scene; well inside what it may be.
     most : float
-        Amount that makes no sense any more: nothing short of it is a repair.
+        Amount from which on a relaxation makes no sense.
     size : int
-        Components of what gives way; beyond one, the amount is their norm.
+        Components of the relaxation; beyond one, the amount is their norm.
     measured : bool
-        The amount is itself the number to tell; no key of the scene holds one.
+        The amount itself is the number to report; no key of the scene holds one.
     excuses : callable, optional
         Whether a check of the certificate, by its name, may then be off by the amount: where no key of the scene can
         be changed for it.
@@ -68,7 +68,7 @@ class Relaxation:
         return scene if self.measured else self.relaxed(scene, amount)
 
     def value(self, scene: GraspScene, amount: float) -> float:
-        """The limit after it has given way by ``amount``."""
+        """The limit after it is relaxed by ``amount``."""
         if self.measured:
             return amount
         return self.limit(self.relaxed(scene, amount))
@@ -106,23 +106,19 @@ def _tension(scene: GraspScene, amount: float) -> GraspScene:
     return _each_finger(scene, stronger)
 
 
-def _friction(scene: GraspScene, amount: float) -> GraspScene:
-    def rougher(value: V) -> V:
-        given = getattr(value, "friction", None)
-        return value if given is None else _with(value, friction=given + amount)
+def _raised(key: str) -> Callable[[GraspScene, float], GraspScene]:
+    """What raises a limit of contacts wherever the scene has a number for it."""
 
-    fingers = _each_finger(scene, lambda f: _with(f, contacts=rougher(f.contacts)))
-    supports = {name: rougher(support) for name, support in scene.supports.items()}
-    return _with(fingers, contacts=rougher(scene.contacts), supports=supports)
+    def raised(scene: GraspScene, amount: float) -> GraspScene:
+        def more(value: V) -> V:
+            given = getattr(value, key, None)
+            return value if given is None else _with(value, **{key: given + amount})
 
+        fingers = _each_finger(scene, lambda f: _with(f, contacts=more(f.contacts)))
+        supports = {name: more(support) for name, support in scene.supports.items()}
+        return _with(fingers, contacts=more(scene.contacts), supports=supports)
 
-def _normal(scene: GraspScene, amount: float) -> GraspScene:
-    def stronger(value: V) -> V:
-        given = getattr(value, "normal_force_max", None)
-        return value if given is None else _with(value, normal_force_max=given + amount)
-
-    fingers = _each_finger(scene, lambda f: _with(f, contacts=stronger(f.contacts)))
-    return _with(fingers, contacts=stronger(scene.contacts))
+    return raised
 
 
 def _mass(scene: GraspScene, amount: float) -> GraspScene:
@@ -168,8 +164,8 @@ def _unchanged(scene: GraspScene, amount: float) -> GraspScene:
 
 def _without_obstacles(scene: GraspScene) -> GraspScene:
     """Without the supports that the object must not touch."""
-    kept = {name: support for name, support in scene.supports.items() if support.touch != "off"}
-    return scene if len(kept) == len(scene.supports) else _with(scene, supports=kept)
+    retained = {name: support for name, support in scene.supports.items() if support.touch != "off"}
+    return scene if len(retained) == len(scene.supports) else _with(scene, supports=retained)
 
 
 def _max_tension(scene: GraspScene) -> float:
@@ -207,7 +203,7 @@ RELAXATIONS = (
         "contacts.friction",
         "1",
         _least_friction,
-        _friction,
+        _raised("friction"),
         "friction is too low: coefficient {limit:.4g}, {needed:.4g} needed",
         lambda s: 0.5,
         most=20.0,
@@ -217,7 +213,7 @@ RELAXATIONS = (
         "contacts.normal_force_max",
         "N",
         _normal_max,
-        _normal,
+        _raised("normal_force_max"),
         "a contact must bear more: {limit:.4g} N allowed, {needed:.4g} N needed",
         _normal_max,
     ),
@@ -265,7 +261,7 @@ RELAXATIONS = (
         most=3.0,
     ),
     Relaxation(
-        "room at the supports",
+        "clearance at the supports",
         "supports",
         "m",
         lambda s: 0.0,
@@ -275,10 +271,10 @@ RELAXATIONS = (
         measured=True,
         excuses=lambda name: name.startswith("penetration into ") and not _into_object(name),
         without=_without_obstacles,
-        repair="make room of {needed:.2g} m at the support (a shorter finger, another base or support)",
+        repair="make space of {needed:.2g} m at the support (a shorter finger, another base or support)",
     ),
     Relaxation(
-        "room at the object",
+        "clearance at the object",
         "object",
         "m",
         lambda s: 0.0,

@@ -16,11 +16,11 @@ from continuum_grasp import nlp
 from continuum_grasp.grasp.problem.points import PointReader, starting_point
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
-from continuum_grasp.grasp.problem.structure import ProblemMake
-from continuum_grasp.grasp.problem.surface import Feature
+from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Sight, Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values
 from continuum_grasp.grasp.starts.starts import Start
+from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspSolver
@@ -34,7 +34,7 @@ CONSTRAINT_TOLERANCE = 1e-7
 EFFORT_WHEN_RELAXED = 1e-4
 """Weight of what is sought beside the amount of a relaxed limit."""
 ROUNDS = 8
-"""How often the places that are kept clear are moved to where fingers are deepest."""
+"""How often the places that must stay clear are moved to where fingers are deepest."""
 DEEP = 2e-5
 """Penetration above which that is done again (problem's units)."""
 
@@ -71,11 +71,11 @@ class Attempt(nlp.Attempt):
 
 
 class GraspSolverRun:
-    """IPOPT prepared for all scenes of one make.
+    """IPOPT prepared for all scenes of one structure.
 
     Parameters
     ----------
-    make : ProblemMake
+    spec : ProblemSpec
 
     Attributes
     ----------
@@ -84,9 +84,9 @@ class GraspSolverRun:
     build_seconds : float
     """
 
-    def __init__(self, make: ProblemMake) -> None:
+    def __init__(self, spec: ProblemSpec) -> None:
         began = time.perf_counter()
-        self.problem = GraspProblem(make)
+        self.problem = GraspProblem(spec)
         self.reader = PointReader(self.problem)
         self._near = Surroundings(self.problem)
         parts, numbers = self.problem.parts, self.problem.numbers.symbol
@@ -117,7 +117,7 @@ class GraspSolverRun:
         features: dict[str, Feature] | None = None,
         x0: Array | None = None,
     ) -> Attempt:
-        """Solve from a start, moving what is kept clear to where fingers are deepest.
+        """Solve from a start, moving the guarded places to where fingers are deepest.
 
         Parameters
         ----------
@@ -128,8 +128,7 @@ class GraspSolverRun:
         iterations : int, optional
             Most iterations of all solver runs together; all that the budget has by default.
         relaxed : mapping, optional
-            Names of limits that may give way and by how much at most (SI); the amount they give is minimised
-            then.
+            Names of limits that may be relaxed and by how much at most (SI); the amount is minimized then.
         given : mapping, optional
             Amounts to begin with (SI).
         features : dict, optional
@@ -200,7 +199,7 @@ class GraspSolverRun:
         return attempts, numbers
 
     def given(self, scene: GraspScene, x: Array, relaxation: Relaxation) -> float:
-        """By how much a limit gives way at a point (SI, or as a part of the limit)."""
+        """By how much a limit is relaxed at a point (SI, or as a part of the limit)."""
         variable = self.problem.parts.variables[f"relaxed {relaxation.name}"]
         amount = float(np.linalg.norm(x[variable.start : variable.stop]))
         return amount * _amount_unit(relaxation, Units.of(scene))
@@ -214,7 +213,7 @@ class GraspSolverRun:
         return ca.Function("slope", [parts.x, numbers, force], [ca.gradient(lagrangian, numbers)])
 
     def _face(self, x: Array, sight: Sight) -> None:
-        """Turn the separating directions among the unknowns to where things are nearest."""
+        """Turn the separating directions among the unknowns to where obstacles are nearest."""
         for name, values in sight.directions.items():
             variable = self.problem.parts.variables.get(name)
             if variable is not None:
@@ -267,6 +266,6 @@ def _amount_unit(relaxation: Relaxation, units: Units) -> float:
 
 
 @lru_cache(maxsize=24)
-def solver_for(make: ProblemMake) -> GraspSolverRun:
-    """The solver of a make; built once in a process."""
-    return GraspSolverRun(make)
+def solver_for(spec: ProblemSpec) -> GraspSolverRun:
+    """The solver of a structure; built once in a process."""
+    return GraspSolverRun(spec)

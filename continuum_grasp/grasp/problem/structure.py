@@ -1,20 +1,23 @@
-"""What decides how the equations of a grasp look; two scenes of one make share one compiled solver."""
+"""Structure of the equations of a grasp; two scenes of one structure share one compiled solver."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
-from continuum_grasp.grasp.problem.unit_finger import FingerMake
+from continuum_grasp.grasp.problem.unit_finger import FingerSpec
 from continuum_grasp.grasp.starts.starts import ContactStart
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.surface import Surface
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
-__all__ = ["ContactMake", "ProblemMake"]
+__all__ = ["ContactSpec", "ProblemSpec"]
 
 
 @dataclass(frozen=True)
-class ContactMake:
+class ContactSpec:
     """A contact.
 
     Attributes
@@ -26,35 +29,31 @@ class ContactMake:
         Index of the middle contact along the finger; -1 for the tip, -2 for a support's.
     peg : bool
         Whether the support is round.
-    smooth : bool
-        Whether the part that is touched is a superellipse.
+    surface : Surface
+        Of the part that is touched.
     bounded : bool
         Whether the support is a finite line.
     """
 
     name: str
-    finger: int = -1
-    joint: int = -2
-    peg: bool = False
-    smooth: bool = False
-    bounded: bool = False
+    finger: int
+    joint: int
+    peg: bool
+    surface: Surface[Any]
+    bounded: bool
 
 
 @dataclass(frozen=True)
-class ProblemMake:
+class ProblemSpec:
     """A grasp problem but for its numbers.
 
     Attributes
     ----------
-    fingers : tuple of FingerMake
-    contacts : tuple of ContactMake
+    fingers : tuple of FingerSpec
+    contacts : tuple of ContactSpec
         Those that are on.
-    parts : int
-        Convex parts of the object.
-    smooth_parts : tuple of bool
-        Which of them are superellipses.
-    corners : tuple of int
-        Corners of their cores.
+    surfaces : tuple of Surface
+        Of the object's convex parts.
     planes, lines, pegs : int
         Supports: half planes, finite lines, round ones.
     free : bool
@@ -70,11 +69,9 @@ class ProblemMake:
         Whether tendons are locked under disturbances.
     """
 
-    fingers: tuple[FingerMake, ...]
-    contacts: tuple[ContactMake, ...]
-    parts: int
-    smooth_parts: tuple[bool, ...]
-    corners: tuple[int, ...]
+    fingers: tuple[FingerSpec, ...]
+    contacts: tuple[ContactSpec, ...]
+    surfaces: tuple[Surface[Any], ...]
     planes: int
     lines: int
     pegs: int
@@ -86,8 +83,8 @@ class ProblemMake:
     locked: bool
 
     @staticmethod
-    def of(scene: GraspScene, contacts: dict[str, ContactStart]) -> ProblemMake:
-        """The make of a scene with some contacts on, which sit where a start has them."""
+    def of(scene: GraspScene, contacts: dict[str, ContactStart]) -> ProblemSpec:
+        """The structure of the problem of a scene with some contacts on, which sit where a start has them."""
         gravity, weights, parts = scene.gravity, scene.weights, scene.object.parts
         planar, on = isinstance(gravity, PlanarGravity), frozenset(contacts)
         setups = scene.setups
@@ -101,16 +98,14 @@ class ProblemMake:
         for name, start in contacts.items():
             finger, joint = places.get(name, (-1, -2))
             support = support_of(name, scene)
-            smooth = parts[start.part].is_superellipse
-            made.append(ContactMake(name, finger, joint, support in pegs, smooth, support in bounded))
+            surface = surface_of(parts[start.part])
+            made.append(ContactSpec(name, finger, joint, support in pegs, surface, support in bounded))
         aims = tuple(name for name in type(weights).model_fields if getattr(weights, name) > 0.0)
         disturbed = "greatest_disturbance" in aims
-        return ProblemMake(
-            fingers=tuple(FingerMake.of(s, on, planar and any(gravity.vector)) for s in setups),  # type: ignore[union-attr]
+        return ProblemSpec(
+            fingers=tuple(FingerSpec.of(s, on, planar and any(gravity.vector)) for s in setups),  # type: ignore[union-attr]
             contacts=tuple(made),
-            parts=len(parts),
-            smooth_parts=tuple(p.is_superellipse for p in parts),
-            corners=tuple(len(p.vertices) for p in parts),
+            surfaces=tuple(surface_of(part) for part in parts),
             planes=sum(math.isinf(wall.half_length) for wall in scene.walls),
             lines=sum(math.isfinite(wall.half_length) for wall in scene.walls),
             pegs=len(scene.pegs),
@@ -125,5 +120,5 @@ class ProblemMake:
 
 def support_of(contact: str, scene: GraspScene) -> str:
     """Name of the wall or peg of a contact; empty for a finger's."""
-    names = [thing.name for thing in scene.places]
+    names = [body.name for body in scene.places]
     return next((n for n in names if contact in (n, f"{n}.1", f"{n}.2")), "")

@@ -1,8 +1,8 @@
-"""What is near the fingers at a point of the search: obstacles for the places that are kept clear, and the depth."""
+"""What is near the fingers at a point of the search: obstacles for the guarded places, and the depth."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
@@ -10,20 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.problem.limits import guarded
-from continuum_grasp.grasp.problem.obstacles import CORNERS, Nearest, nearest
-from continuum_grasp.grasp.problem.problem import FingerState, GraspProblem
+from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.unknowns import FingerState
 from continuum_grasp.grasp.problem.values import Units
 from continuum_grasp.grasp.starts.scan.curves import sample
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.surface import CORNERS
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.parts import Part
+from continuum_grasp.scene.parts import OffsetPolygon, Part
 
 __all__ = ["Sight", "Surroundings"]
 
 Array = NDArray[Any]
 Values = dict[str, Any]
+Nearest = tuple[Array, Array, Array]
+"""Directions (K,) of the nearest surface points' normals [rad], distances (K,), and corners (K, 2 * CORNERS)."""
 
 FINE = 64
-"""Places per element at which the depth is looked at."""
+"""Places per element at which the depth is looked at: parabolas through the deepest place the probes."""
 CLEAR = 1.0 - 1e-9
 """Part of the half thickness from which on a base counts as clear of a support."""
 
@@ -39,7 +43,7 @@ class Sight:
     directions : dict
         Values of the separating directions among the unknowns.
     deepest : float
-        Greatest penetration beyond what is given way to, in units of the problem.
+        Greatest penetration beyond the relaxation, in units of the problem.
     """
 
     numbers: Values
@@ -48,16 +52,17 @@ class Sight:
 
 
 @dataclass(frozen=True)
-class _Thing:
-    """Something that fingers keep clear of."""
+class _Obstacle:
+    """What fingers must stay clear of: a part, or where there is none a half plane."""
 
     label: str
+    direction: str
+    """What the separating directions among a finger's unknowns are called; empty where there are none."""
     part: Part | None
-    """None: a half plane."""
-    moves: bool
+    moves: bool = False
     """Whether it moves with the object."""
-    normal: Array
-    point: Array
+    normal: Array = field(default_factory=lambda: np.zeros(2))
+    point: Array = field(default_factory=lambda: np.zeros(2))
 
 
 class Surroundings:
@@ -76,11 +81,11 @@ class Surroundings:
         self._touches: list[Array] = []
         for finger in problem.fingers:
             points, elements, touches = guarded(finger)
-            count = points.shape[1] - finger.unit.probes * finger.make.elements
+            count = points.shape[1] - finger.unit.probes * finger.spec.elements
             self._elements.append(elements[:count])
             self._touches.append(np.array(touches))
             curvatures = finger.unit.curvatures(finger.q, finger.u, finger.p)
-            out += [points[:, :count], curvatures, finger.p[: finger.make.elements], finger.base]
+            out += [points[:, :count], curvatures, finger.p[: finger.spec.elements], finger.base]
         self._places = ca.Function("places", [x, numbers], out)
 
     def look(self, scene: GraspScene, x: Array, numbers: Array) -> Sight:
@@ -95,7 +100,7 @@ class Surroundings:
         units = Units.of(scene)
         pose, *rest = (np.array(v) for v in self._places(x, numbers))
         pose, variables = pose.ravel(), self._problem.parts.variables
-        given = tuple(float(x[variables[f"relaxed room at the {name}"].start]) for name in ("supports", "object"))
+        given = tuple(float(x[variables[f"relaxed clearance at the {name}"].start]) for name in ("supports", "object"))
         found: Values = {}
         directions: Values = {}
         deepest = -np.inf
@@ -117,42 +122,40 @@ class Surroundings:
         units: Units,
         given: tuple[float, ...],
     ) -> Sight:
-        """Look along one finger; supports and object may be as deep in it as is given."""
+        """Look along one finger; supports and object may be ``given`` deep in it."""
         finger, name = self._problem.fingers[index], setup.name
         points, curvatures, lengths, base = values
         line = _Line(finger, curvatures.ravel(), lengths.ravel(), base.ravel(), setup, units)
-        things = _things(scene)
+        obstacles = _obstacles(scene)
 
         def look(at: Array, owner: Array) -> list[tuple[Nearest, Array]]:
-            return [_look(thing, setup, base.ravel(), at, owner, pose, units) for thing in things]
+            return [_look(obstacle, setup, base.ravel(), at, owner, pose, units) for obstacle in obstacles]
 
-        even = np.tile(np.arange(FINE + 1) / FINE, (finger.make.elements, 1))
-        room = [given[thing.moves] for thing in things]
-        depth = np.max([needed - s[1] - r for (s, needed), r in zip(look(*line.at(even)), room, strict=True)], axis=0)
+        even = np.tile(np.arange(FINE + 1) / FINE, (finger.spec.elements, 1))
+        spare = [given[obstacle.moves] for obstacle in obstacles]
+        depth = np.max([needed - s[1] - r for (s, needed), r in zip(look(*line.at(even)), spare, strict=True)], axis=0)
         probes = _deepest(depth.reshape(-1, FINE + 1), finger.unit.probes)
         at, owner = line.at(probes)
         looked = look(np.concatenate([points.T, at]), np.concatenate([self._elements[index], owner]).astype(int))
         free = ~self._touches[index]
         found: Values = {f"{name}.probes": probes.ravel()}
         directions: Values = {}
-        deepest, planes, lines = -np.inf, 0, 0
-        for thing, ((direction, gap, corners), needed), slack in zip(things, looked, room, strict=True):
-            kept = free if thing.moves else np.ones(len(gap), dtype=bool)
-            deepest = max(deepest, float((needed - gap)[kept].max()) - slack)
-            if thing.moves:
-                directions[f"{name}.separating_{thing.label}"] = direction[kept]
-                found |= {f"{name}.corners_{thing.label}_{j}": row for j, row in enumerate(corners)}
-            elif thing.part is None:
+        deepest, planes = -np.inf, 0
+        for obstacle, ((direction, gap, corners), needed), slack in zip(obstacles, looked, spare, strict=True):
+            retained = free if obstacle.moves else np.ones(len(gap), dtype=bool)
+            deepest = max(deepest, float((needed - gap)[retained].max()) - slack)
+            if obstacle.direction:
+                directions[f"{name}.{obstacle.direction}"] = direction[retained]
+            if obstacle.moves:
+                found |= {f"{name}.corners_{obstacle.label}_{j}": row for j, row in enumerate(corners)}
+            elif obstacle.part is None:
                 found |= {f"{name}.needed_{planes}_{j}": value for j, value in enumerate(needed)}
                 planes += 1
-            elif len(thing.part.vertices) == 2:
-                directions[f"{name}.beside_{lines}"] = direction
-                lines += 1
         return Sight(found, directions, deepest)
 
     def _pegs(self, scene: GraspScene, pose: Array, units: Units, found: Values, directions: Values) -> None:
         """Parts of the object near the round supports, where its pose is sought."""
-        if not self._problem.make.free:
+        if not self._problem.spec.free:
             return
         for i, peg in enumerate(scene.pegs):
             local = _local(np.asarray(peg.position)[None] / units.length, pose)
@@ -162,29 +165,30 @@ class Surroundings:
                 found[f"peg_{i}.corners_{k}"] = corners[0]
 
 
-def _things(scene: GraspScene) -> list[_Thing]:
-    none = np.zeros(2)
-    things = [_Thing(f"{k}", part, True, none, none) for k, part in enumerate(scene.object.parts)]
-    for wall in scene.walls:
-        if np.isinf(wall.half_length):
-            things.append(_Thing(wall.name, None, False, np.asarray(wall.normal), np.asarray(wall.point)))
-    things += [_Thing(w.name, Part(w.ends), False, none, none) for w in scene.walls if np.isfinite(w.half_length)]
-    return things + [_Thing(peg.name, Part((peg.position,), peg.radius), False, none, none) for peg in scene.pegs]
+def _obstacles(scene: GraspScene) -> list[_Obstacle]:
+    found = [_Obstacle(f"{k}", f"separating_{k}", part, moves=True) for k, part in enumerate(scene.object.parts)]
+    planes = [wall for wall in scene.walls if np.isinf(wall.half_length)]
+    edges = [wall for wall in scene.walls if np.isfinite(wall.half_length)]
+    for wall in planes:
+        found.append(_Obstacle(wall.name, "", None, normal=np.asarray(wall.normal), point=np.asarray(wall.point)))
+    found += [_Obstacle(edge.name, f"beside_{k}", OffsetPolygon(edge.ends)) for k, edge in enumerate(edges)]
+    return found + [_Obstacle(peg.name, "", OffsetPolygon((peg.position,), peg.radius)) for peg in scene.pegs]
 
 
 def _look(
-    thing: _Thing, setup: FingerSetup, base: Array, at: Array, owner: Array, pose: Array, units: Units
+    obstacle: _Obstacle, setup: FingerSetup, base: Array, at: Array, owner: Array, pose: Array, units: Units
 ) -> tuple[Nearest, Array]:
     """What is nearest, and the gaps that are needed (K,)."""
     half = setup.finger.thickness_radius / units.length
     needed = np.full(len(at), half)
-    if thing.part is not None:
-        return _nearest(thing.part, _local(at, pose) if thing.moves else at, units), needed
-    point = thing.point / units.length
-    height = float((base[:2] - point) @ thing.normal)
-    if height < CLEAR * half:  # the finger comes out of it
+    if obstacle.part is not None:
+        return _nearest(obstacle.part, _local(at, pose) if obstacle.moves else at, units), needed
+    point = obstacle.point / units.length
+    height = float((base[:2] - point) @ obstacle.normal)
+    # A base within a support is no penetration: the finger comes out of it, up to its first contact.
+    if height < CLEAR * half:
         needed[owner < setup.before[0]] = min(0.0, height)
-    return (np.zeros(len(at)), (at - point) @ thing.normal, np.zeros((len(at), 2 * CORNERS))), needed
+    return (np.zeros(len(at)), (at - point) @ obstacle.normal, np.zeros((len(at), 2 * CORNERS))), needed
 
 
 class _Line:
@@ -196,7 +200,7 @@ class _Line:
         self._ends = np.concatenate([[0.0], np.cumsum(lengths)])
         self._lengths, self._base = lengths, base
         self._scale = setup.finger.rod.length / units.length
-        arcs = finger.make.family == "arc"
+        arcs = finger.spec.family == "arc"
         self._knots = np.repeat(self._ends, 2)[1:-1] if arcs else self._ends
         self._curvatures = np.repeat(curvatures, 2) if arcs else curvatures
 
@@ -236,6 +240,7 @@ def _local(points: Array, pose: Array) -> Array:
 
 
 def _nearest(part: Part, points: Array, units: Units) -> Nearest:
-    """`nearest` in units of the problem."""
-    direction, gap, corners = nearest(part, points * units.length)
-    return direction, gap / units.length, corners / units.length
+    """What of a part is nearest to points of its frame (K, 2), in units of the problem."""
+    at, surface = points * units.length, surface_of(part)
+    direction, gap = surface.nearest_places(part, at)
+    return direction, gap / units.length, surface.near_corners(part, at) / units.length

@@ -1,6 +1,6 @@
 """One finger of a grasp in units of its own: length, bending stiffness and linear density are 1.
 
-Every number of the finger is then a run-time parameter of the same model, so that fingers of one make-up share one
+Every number of the finger is then a run-time parameter of the same model, so that fingers of one structure share one
 solver. Its base is at the origin, pointing along +Y.
 """
 
@@ -20,17 +20,17 @@ from continuum_grasp.scene.finger import Finger, PointMass, Rod, Tendons
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.loads import MomentLoad
 
-__all__ = ["FingerMake", "UnitFinger", "finger_numbers", "inner_masses"]
+__all__ = ["FingerSpec", "UnitFinger", "finger_numbers", "inner_masses"]
 
 ACCURACY = 1e-7
-"""Relative accuracy of the model's quadrature where the scene says nothing; its positions are some ten times better."""
+"""Relative accuracy of the model's quadrature by default; its positions are some ten times better."""
 _OFFSET = 0.5
 """Tendon offset of the unit finger; tensions are scaled so that any value does."""
 
 
 @dataclass(frozen=True)
-class FingerMake:
-    """What decides how a finger's equations look; all else are numbers.
+class FingerSpec:
+    """Structure of a finger's equations; all else are numbers.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class FingerMake:
         Which of the middle contacts are on.
     tip : bool
         Whether the tip touches.
-    rubs, weighs, preshaped, tip_heavy : bool
+    has_tendon_friction, weighs, preshaped, tip_heavy : bool
         Tendon friction; own weight; rest curvature; a mass on the tip.
     masses : int
         Point masses elsewhere, where the finger weighs.
@@ -62,7 +62,7 @@ class FingerMake:
     before: tuple[int, ...]
     touching: tuple[bool, ...]
     tip: bool
-    rubs: bool
+    has_tendon_friction: bool
     weighs: bool
     preshaped: bool
     tip_heavy: bool
@@ -73,18 +73,18 @@ class FingerMake:
     accuracy: float | None
 
     @staticmethod
-    def of(setup: FingerSetup, on: frozenset[str], weighs: bool) -> FingerMake:
-        """The make-up of a finger with some of its contacts on."""
+    def of(setup: FingerSetup, on: frozenset[str], weighs: bool) -> FingerSpec:
+        """The structure of a finger with some of its contacts on."""
         finger = setup.finger
         tendons, length = finger.tendons, finger.rod.length
-        return FingerMake(
+        return FingerSpec(
             name=setup.name,
             family=setup.family,
             elements=setup.elements,
             before=setup.before,
             touching=tuple(name in on for name in setup.middle_names),
             tip=setup.tip_name in on,
-            rubs=tendons is not None and tendons.friction > 0.0,
+            has_tendon_friction=tendons is not None and tendons.friction > 0.0,
             weighs=weighs,
             preshaped=finger.curvature_pieces[0][2] != 0.0,
             tip_heavy=weighs and any(_on_tip(m.at, length) for m in finger.masses),
@@ -101,28 +101,28 @@ class UnitFinger:
 
     Parameters
     ----------
-    make : FingerMake
+    spec : FingerSpec
     numbers : Numbers
         Where its numbers are put, under names that begin with the finger's.
     """
 
-    def __init__(self, make: FingerMake, numbers: Numbers) -> None:
-        self.make = make
+    def __init__(self, spec: FingerSpec, numbers: Numbers) -> None:
+        self.spec = spec
         self._numbers = numbers
-        lengths = (1.0 / make.elements,) * make.elements
-        ends = [n / make.elements for n in make.before]
+        lengths = (1.0 / spec.elements,) * spec.elements
+        ends = [n / spec.elements for n in spec.before]
         parameters = ["element_lengths"]
-        parameters += ["gravity"] * make.weighs + ["rest_curvature"] * make.preshaped
-        parameters += ["tendon_friction"] * make.rubs + ["tip_mass"] * make.tip_heavy
+        parameters += ["gravity"] * spec.weighs + ["rest_curvature"] * spec.preshaped
+        parameters += ["tendon_friction"] * spec.has_tendon_friction + ["tip_mass"] * spec.tip_heavy
         self._parameters = tuple(parameters)
         self.model = FingerModel(
-            _unit_finger(make),
+            _unit_finger(spec),
             contacts=tuple(ends),
             gravity=(0.0, 0.0),
-            family=make.family,
+            family=spec.family,
             elements=lengths,
-            bending_range=make.bending_range,
-            accuracy=make.accuracy or ACCURACY,
+            bending_range=spec.bending_range,
+            accuracy=spec.accuracy or ACCURACY,
             parameters=self._parameters,
             loads=(*(MomentLoad(at=at, moment=0.0) for at in ends), MomentLoad(at=1.0, moment=0.0)),
             tip_force=True,
@@ -130,11 +130,11 @@ class UnitFinger:
 
     def number(self, name: str, size: int = 1) -> ca.SX:
         """A run-time number of this finger."""
-        return self._numbers(f"{self.make.name}.{name}", size)
+        return self._numbers(f"{self.spec.name}.{name}", size)
 
     def element_lengths(self, joints: Sequence[Any]) -> tuple[Any, ...]:
         """Element lengths for positions of the middle contacts: equal between them."""
-        marks, counts = [0.0, *joints, 1.0], [0, *self.make.before, self.make.elements]
+        marks, counts = [0.0, *joints, 1.0], [0, *self.spec.before, self.spec.elements]
         lengths: list[Any] = []
         for k in range(len(marks) - 1):
             count = counts[k + 1] - counts[k]
@@ -144,7 +144,7 @@ class UnitFinger:
     def parameters(self, lengths: ca.SX, turn: ca.SX) -> ca.SX:
         """The model's run-time argument for element lengths and the base's angle in the world."""
         values = {"element_lengths": lengths}
-        if self.make.weighs:
+        if self.spec.weighs:
             values["gravity"] = rotation(-turn) @ self.number("weight", 2)
         for name in ("rest_curvature", "tendon_friction", "tip_mass"):
             if name in self._parameters:
@@ -156,46 +156,46 @@ class UnitFinger:
         return ca.vertcat(pulls / _OFFSET, couple)
 
     def hanging_masses(self, q: ca.SX, u: ca.SX, p: ca.SX, turn: ca.SX) -> ca.SX:
-        """Generalised force of point masses that are not on the tip."""
+        """Generalized force of point masses that are not on the tip."""
         force = ca.SX.zeros(self.model.n)
-        for k in range(self.make.masses):
+        for k in range(self.spec.masses):
             arm = self.model.jacobian(q, u, self.number(f"mass_{k}.at"), p)
             force += self.number(f"mass_{k}") * arm.T @ rotation(-turn) @ self.number("weight", 2)
         return force
 
     def curvatures(self, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
         """Curvature of each arc, or at each node of the clothoids."""
-        if self.make.family == "arc":
-            return q / p[: self.make.elements]
-        return q if self.make.family == "clothoid" else ca.vertcat(q, self.tip_curvature(q, u, p))
+        if self.spec.family == "arc":
+            return q / p[: self.spec.elements]
+        return q if self.spec.family == "clothoid" else ca.vertcat(q, self.tip_curvature(q, u, p))
 
     def greatest_bends(self, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
         """Bends of arcs; for clothoids their lengths times the curvatures at both ends."""
-        if self.make.family == "arc":
+        if self.spec.family == "arc":
             return q
-        lengths, nodes = p[: self.make.elements], self.curvatures(q, u, p)
+        lengths, nodes = p[: self.spec.elements], self.curvatures(q, u, p)
         return ca.vertcat(lengths * nodes[:-1], lengths * nodes[1:])
 
     def tip_curvature(self, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
         """Curvature at the tip; where it is matched, what the moment balance imposes."""
-        if self.make.family == "arc":
-            return q[-1] / p[self.make.elements - 1]
-        if self.make.family == "clothoid":
+        if self.spec.family == "arc":
+            return q[-1] / p[self.spec.elements - 1]
+        if self.spec.family == "clothoid":
             return q[-1]
-        rest = self.number("rest_curvature") if self.make.preshaped else 0.0
+        rest = self.number("rest_curvature") if self.spec.preshaped else 0.0
         return _OFFSET * (u[0] - u[1]) + u[2] + rest
 
     @property
     def probes(self) -> int:
-        """Places per element that are kept clear where it is deepest."""
-        return 2 if self.make.elements < 4 else 1
+        """Guarded places per element, where it is deepest: long elements can enter an object at two places."""
+        return 2 if self.spec.elements < 4 else 1
 
     @cached_property
     def waypoint_shares(self) -> list[tuple[int, int]]:
-        """Indices and elements of the waypoints that are kept clear: a few of each element, spread evenly."""
+        """Indices and elements of the guarded waypoints: a few of each element, spread evenly."""
         found, start = [], 0
         for element, inside in enumerate(self.model.waypoint_fractions):
-            count = min(len(inside), 4 if self.make.elements > 3 else 6)
+            count = min(len(inside), 4 if self.spec.elements > 3 else 6)
             wanted = (np.arange(count) + 0.5) / count
             picks = {int(np.abs(np.array(inside) - at).argmin()) for at in wanted}
             found += [(start + k, element) for k in sorted(picks)]
@@ -232,12 +232,12 @@ def rotation(angle: ca.SX) -> ca.SX:
     return ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c))
 
 
-def _unit_finger(make: FingerMake) -> Finger:
+def _unit_finger(spec: FingerSpec) -> Finger:
     return Finger(
         rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0),
-        rest_curvature=1.0 if make.preshaped else 0.0,
-        masses=(PointMass(at=1.0, mass=1.0),) if make.tip_heavy else (),
-        tendons=Tendons(offset=_OFFSET, max_tension=1.0, friction=0.1 if make.rubs else 0.0),
+        rest_curvature=1.0 if spec.preshaped else 0.0,
+        masses=(PointMass(at=1.0, mass=1.0),) if spec.tip_heavy else (),
+        tendons=Tendons(offset=_OFFSET, max_tension=1.0, friction=0.1 if spec.has_tendon_friction else 0.0),
     )
 
 

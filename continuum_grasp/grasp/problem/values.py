@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import support_of
-from continuum_grasp.grasp.problem.surface import SHARP, Feature, features, nearest_feature
 from continuum_grasp.grasp.problem.unit_finger import finger_numbers
 from continuum_grasp.grasp.starts.starts import ContactStart, Start
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.offset_polygon import SHARP
+from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
-from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.objects.body import Freedom, pose_bounds
 
 __all__ = ["Units", "contact_features", "problem_bounds", "problem_values", "tension_weight"]
 
@@ -62,7 +64,8 @@ def contact_features(scene: GraspScene, contacts: dict[str, ContactStart]) -> di
     found = {}
     for name, start in contacts.items():
         part = scene.object.parts[start.part]
-        found[name] = features(part)[nearest_feature(part, start.point, start.normal_angle)]
+        surface = surface_of(part)
+        found[name] = surface.features(part)[surface.nearest_feature(part, start.point, start.normal_angle)]
     return found
 
 
@@ -82,7 +85,7 @@ def problem_values(problem: GraspProblem, scene: GraspScene, start: Start, featu
         values |= finger_numbers(setup, gravity)
         values |= _finger_values(scene, setup, units)
         values |= {f"{setup.name}.joint_{k}": count / setup.elements for k, count in enumerate(setup.before)}
-    for contact in problem.make.contacts:
+    for contact in problem.spec.contacts:
         values |= _contact_values(scene, contact.name, start.contacts[contact.name], features[contact.name], units)
     return values
 
@@ -108,15 +111,17 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
             low[f"{name}.base"], high[f"{name}.base"] = _pose_bounds(pose, finger.base_free, units.length)
     if scene.object.free is not None:
         low["object pose"], high["object pose"] = _pose_bounds(scene.object.pose, scene.object.free, units.length)
-    steady = bool({"greatest_disturbance", "greatest_friction_margin"} & set(problem.make.aims))
-    for contact in problem.make.contacts:
+    steady = bool({"greatest_disturbance", "greatest_friction_margin"} & set(problem.spec.aims))
+    for contact in problem.spec.contacts:
         name, feature = contact.name, features[contact.name]
         low[f"place, {name}"], high[f"place, {name}"] = list(feature.lower), list(feature.upper)
-        if contact.finger < 0 and not contact.smooth:  # the wall's normal decides, also at the end of a corner's cone
+        if (
+            contact.finger < 0 and not contact.surface.is_smooth
+        ):  # the wall's normal decides, also at the end of a corner's cone
             low[f"place, {name}"][1], high[f"place, {name}"][1] = -np.inf, np.inf
         least = HELD * max(scene.weight / units.force, 1.0) if steady else 0.0
         low[f"force, {name}"] = (
-            [least, -np.inf, -np.inf] if problem.make.gravity == "out_of_plane" else [least, -np.inf]
+            [least, -np.inf, -np.inf] if problem.spec.gravity == "out_of_plane" else [least, -np.inf]
         )
     return problem.parts.pack(low, -np.inf), problem.parts.pack(high, np.inf)
 
@@ -172,22 +177,18 @@ def _objective_values(scene: GraspScene, units: Units) -> Values:
 
 
 def _object_values(scene: GraspScene, units: Units) -> Values:
-    thing, gravity, m = scene.object, scene.gravity, units.length
+    body, gravity, m = scene.object, scene.gravity, units.length
     weight: Any = scene.weight / units.force
     if isinstance(gravity, PlanarGravity):
-        weight = [thing.mass * g / units.force for g in gravity.vector]
+        weight = [body.mass * g / units.force for g in gravity.vector]
     values: Values = {
-        "object pose": [thing.pose[0] / m, thing.pose[1] / m, thing.pose[2]],
-        "centre of mass": [c / m for c in thing.com],
-        "size": thing.size / m,
+        "object pose": [body.pose[0] / m, body.pose[1] / m, body.pose[2]],
+        "center of mass": [c / m for c in body.com],
+        "size": body.size / m,
         "weight": weight,
     }
-    for k, part in enumerate(thing.parts):
-        if part.is_superellipse:
-            (a, b), (x, y) = part.semi_axes, part.center
-            values[f"part_{k}"] = [a / m, b / m, part.exponent, x / m, y / m, part.angle]
-        else:
-            values[f"part_{k}"] = [*(c / m for v in part.vertices for c in v), part.radius / m]
+    for k, part in enumerate(body.parts):
+        values[f"part_{k}"] = surface_of(part).numbers(part, m)
     planes = (wall for wall in scene.walls if math.isinf(wall.half_length))
     for k, wall in enumerate(planes):
         values |= {f"plane_{k}.normal": wall.normal, f"plane_{k}.point": [c / m for c in wall.point]}
@@ -201,16 +202,15 @@ def _object_values(scene: GraspScene, units: Units) -> Values:
 
 
 def _contact_values(scene: GraspScene, name: str, start: ContactStart, feature: Feature, units: Units) -> Values:
-    m, numbers = units.length, feature.numbers
-    scales = (m, m, 1.0, m, m, 1.0) if len(numbers) == 6 else (m,) * 5
+    m, surface = units.length, surface_of(scene.object.parts[start.part])
     values: Values = {
         f"{name}.friction": scene.friction(name),
         f"{name}.normal_force_max": scene.normal_force_max(name) / units.force,
-        f"{name}.feature": [c / s for c, s in zip(numbers, scales, strict=True)],
+        f"{name}.feature": surface.feature_numbers(feature, m),
         f"{name}.point": [c / m for c in start.point],
         f"{name}.normal": [math.cos(start.normal_angle), math.sin(start.normal_angle)],
     }
-    values[f"{name}.curvature"] = 0.0 if len(numbers) == 6 else feature.curvature * m
+    values[f"{name}.curvature"] = feature.curvature * m
     values[f"{name}.support curvature"] = 0.0
     support = support_of(name, scene)
     for wall in scene.walls:
@@ -228,7 +228,7 @@ def _contact_values(scene: GraspScene, name: str, start: ContactStart, feature: 
 
 
 def _pose_bounds(pose: tuple[float, float, float], free: Freedom, length: float) -> tuple[list[float], list[float]]:
-    bounds = [b or (v, v) for b, v in zip((free.x, free.y, free.angle), pose, strict=True)]
+    bounds = pose_bounds(pose, free)
     scales = (length, length, 1.0)
     low = [b[0] / s for b, s in zip(bounds, scales, strict=True)]
     return low, [b[1] / s for b, s in zip(bounds, scales, strict=True)]

@@ -69,7 +69,7 @@ class BentFinger:
     tip_turn : ndarray, shape (n,)
         Change of the whole bend, by which a tendon's path changes, per offset [m].
     tendon_turn : ndarray, shape (n,)
-        The same weighted with the share of the tension that gets past rubbing guides.
+        The same weighted with the share of the tension that gets past the friction of the guides.
     """
 
     def __init__(self, finger: Finger, arrays: Mapping[str, Any], stations: Sequence[float] = ()) -> None:
@@ -153,8 +153,8 @@ class BentFinger:
         self.points = self.base[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
         tendons = self.finger.tendons
         turned = np.abs(bends)
-        rub = 0.0 if tendons is None else tendons.friction
-        self._shares = np.exp(-rub * (np.cumsum(turned) - 0.5 * turned))
+        friction = 0.0 if tendons is None else tendons.friction
+        self._shares = np.exp(-friction * (np.cumsum(turned) - 0.5 * turned))
 
     def _motions(self, inner: Sequence[float]) -> None:
         cells = self._h.size

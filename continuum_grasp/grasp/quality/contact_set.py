@@ -29,7 +29,7 @@ class ContactSet:
     normals, across : ndarray, shape (C, 2)
         Outward normal of the object, and the same turned by +90 degrees.
     arms : ndarray, shape (C, 2)
-        From the centre of mass to the contacts [m].
+        From the center of mass to the contacts [m].
     forces : ndarray, shape (C, 3)
         Normal force, friction in the plane (both on what touches the object), lift (on the object) [N].
     friction, normal_max : ndarray, shape (C,)
@@ -39,11 +39,11 @@ class ContactSet:
     parts : ndarray of int, shape (C,)
         Index into the object's parts.
     com : ndarray, shape (2,)
-        Centre of mass [m].
+        Center of mass [m].
     pose : ndarray, shape (3,)
         Of the object: x, y [m], angle [rad].
     load : ndarray, shape (3,)
-        Weight on the object in the plane, about the centre of mass: two forces [N], no moment.
+        Weight on the object in the plane, about the center of mass: two forces [N], no moment.
     """
 
     names: tuple[str, ...]
@@ -95,7 +95,7 @@ class ContactSet:
         return len(self.names)
 
     def wrench_map(self) -> Array:
-        """Wrench on the object about its centre of mass per (N, f) of each contact, shape (3, C, 2) [1, 1, m]."""
+        """Wrench on the object about its center of mass per (N, f) of each contact, shape (3, C, 2) [1, 1, m]."""
         on_object = -np.stack([self.normals, self.across], axis=1)
         moment = self.arms[:, None, 0] * on_object[:, :, 1] - self.arms[:, None, 1] * on_object[:, :, 0]
         return np.stack([on_object[:, :, 0], on_object[:, :, 1], moment])

@@ -32,7 +32,7 @@ class MagLike:
     Attributes
     ----------
     object_aspect : float
-        How little of the contact forces is spent on the moment that the task's force has about the contacts' centre.
+        How little of the contact forces is spent on the moment that the task's force has about the contacts' center.
     configuration_aspect : float
         How well the fingers' shapes suit motions along the task, against their best direction.
     kinetic_aspect : float
@@ -64,7 +64,7 @@ def mag_like(
     arrays : mapping
         Of the grasp.
     tasks : sequence of (float, float, float), optional
-        Directions of motion of the object: x and y of the centre of mass, and turning times ``scene.torque_scale``.
+        Directions of motion of the object: x and y of the center of mass, and turning times ``scene.torque_scale``.
     """
     contacts = ContactSet.of(scene, arrays)
     touching = [k for k in range(contacts.count) if contacts.finger_of(k) is not None]
@@ -96,10 +96,10 @@ def mag_like(
 
 
 def _object_aspect(arms: Array, wrench: Array) -> float:
-    """Least squares of contact forces for a wrench: the part that is left if its force acted at their centre."""
-    centre = arms.mean(axis=0)
-    spread = float(((arms - centre) ** 2).sum())
-    off = float(centre[0] * wrench[1] - centre[1] * wrench[0])
+    """Least squares of contact forces for a wrench: the part that is left if its force acted at their center."""
+    center = arms.mean(axis=0)
+    spread = float(((arms - center) ** 2).sum())
+    off = float(center[0] * wrench[1] - center[1] * wrench[0])
     force = float(wrench[:2] @ wrench[:2]) / len(arms)
     size = float(np.hypot(*arms.T).max())
     if spread <= 1e-24 * max(size, 1e-300) ** 2:

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import NumericalError
-from continuum_grasp.grasp.quality.conic_program import ROUNDS, Cones, solve_conic
 from continuum_grasp.grasp.quality.contact_set import ContactSet
-from continuum_grasp.grasp.quality.linear_program import solve_linear
+from continuum_grasp.grasp.quality.lp import solve_lp
+from continuum_grasp.grasp.quality.socp import ROUNDS, Cones, solve_socp
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
@@ -26,7 +26,7 @@ __all__ = ["LeastFriction", "greatest_mass", "least_friction"]
 Array = NDArray[Any]
 
 MOST = 1e4
-"""Friction coefficients above this are no answer."""
+"""Friction coefficients above this are no answer: no surface has them."""
 _SLACK = 1e-9
 """Excess over a cone, as a part of the weight, that is none."""
 
@@ -40,7 +40,7 @@ class LeastFriction:
     factor : float
         What all friction coefficients must be multiplied with, at least; infinite where none is enough.
     coefficients : dict
-        The coefficients by contact that this makes [1].
+        The resulting coefficients by contact [1].
     forces : ndarray, shape (C, 3)
         Forces that then balance the object: N, f, lift [N]; NaN where none do.
     """
@@ -74,7 +74,7 @@ def least_friction(
     Raises
     ------
     NumericalError
-        The programmes could not tell.
+        The problems could not be solved.
     """
     contacts = ContactSet.of(scene, arrays)
     balance = _Balance(scene, contacts)
@@ -88,7 +88,8 @@ def least_friction(
             if forces is not None:
                 factor = balance.used(forces, base)
                 break
-    while forces is not None and factor > 0.0:  # down from one balance to the next, which presses harder and rubs less
+    # Down from one balance to the next, which presses harder and needs less friction.
+    while forces is not None and factor > 0.0:
         better = balance.forces(base * factor * (1.0 - tolerance))
         if better is None:
             break
@@ -172,7 +173,7 @@ class _Balance:
         cones.width = np.column_stack([self._unit_width[:, :-1], np.ones(self.count)])
         for _ in range(ROUNDS):
             planes, limit = cones.planes()
-            found = solve_linear(
+            found = solve_lp(
                 np.append(np.zeros(size), 1.0),
                 np.concatenate([rows, planes]),
                 np.concatenate([-self.rows[:, -1] * weight, np.full(limit.size, -np.inf)]),
@@ -189,13 +190,13 @@ class _Balance:
                 return np.asarray(shares * turned * self.force)
             if not cones.cut(found.x):
                 return np.asarray(shares * turned * self.force)
-        raise NumericalError("the balance of the object could not be told from imbalance")
+        raise NumericalError("the balance of the object could not be distinguished from imbalance")
 
     def used(self, forces: Array, base: Array) -> float:
         """Greatest friction per normal force and coefficient."""
-        rubbing = np.hypot(forces[:, 1], forces[:, 2])
-        live = (rubbing > _SLACK * self.force) & (base > 0.0)
-        return float((rubbing[live] / np.maximum(base[live] * forces[live, 0], 1e-300)).max(initial=0.0))
+        friction_force = np.hypot(forces[:, 1], forces[:, 2])
+        live = (friction_force > _SLACK * self.force) & (base > 0.0)
+        return float((friction_force[live] / np.maximum(base[live] * forces[live, 0], 1e-300)).max(initial=0.0))
 
     def greatest(self, friction: Array) -> float:
         """Greatest mass [kg]."""
@@ -204,9 +205,13 @@ class _Balance:
         cost = np.zeros(3 * self.count + 1)
         cost[-1] = -1.0
         cones = Cones(
-            self.cones.matrix, self.cones.offset, self._unit_width * friction[:, None], self.cones.room, self.cones.cuts
+            self.cones.matrix,
+            self.cones.offset,
+            self._unit_width * friction[:, None],
+            self.cones.spare,
+            self.cones.cuts,
         )
-        found = solve_conic(cost, self.rows, 0.0, 0.0, lower, upper, cones)
+        found = solve_socp(cost, self.rows, 0.0, 0.0, lower, upper, cones)
         if not found.optimal:  # without weight nothing has to push
             raise NumericalError("the greatest mass could not be computed")
         return max(0.0, float(found.x[-1])) * self.force / self.weight_per_mass

@@ -1,4 +1,4 @@
-"""Everything that says how good a grasp is, in one place; what costs time is computed when it is first asked for."""
+"""All measures of the quality of a grasp in one place; costly ones are computed when first read."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Quality:
 
     @cached_property
     def response(self) -> GraspResponse:
-        """How the grasp gives way to a small wrench."""
+        """The elastic response to a small wrench."""
         return GraspResponse(self.scene, self.arrays)
 
     @cached_property
@@ -73,12 +73,12 @@ class Quality:
 
     @cached_property
     def resistance_polygon(self) -> Array:
-        """Greatest pure forces at the centre of mass, in 36 directions, shape (36, 2) [N]."""
+        """Greatest pure forces at the center of mass, in 36 directions, shape (36, 2) [N]."""
         return resistance_polygon(self.scene, self.arrays, response=self.response)
 
     @cached_property
     def friction_margins(self) -> dict[str, float]:
-        """1 - |friction force| / (coefficient * normal force) by contact; contacts without friction are left out."""
+        """1 - |friction force| / (coefficient * normal force) by contact; contacts without friction are not listed."""
         contacts = ContactSet.of(self.scene, self.arrays)
         margins = {}
         for name, (normal, friction, lift), mu in zip(contacts.names, contacts.forces, contacts.friction, strict=True):
@@ -114,7 +114,7 @@ class Quality:
         return mag_like(self.scene, self.arrays)
 
     def rows(self) -> tuple[tuple[str, float, str, str], ...]:
-        """Name, value, unit and meaning of every index, for tables."""
+        """Name, value, unit and description of every index, for tables."""
         held = self.resistance
         tendons = "tensions chosen anew" if held.tendons == "retensioned" else "tendons locked"
         per = f"moments per {self.torque_scale:.3g} m"

@@ -1,8 +1,8 @@
 """How far a disturbance may grow until a contact slips, parts or is pressed too hard, a tendon is at its limit, or the
-grasp gives way too much.
+grasp yields too much.
 
-The fingers move as `continuum_grasp.grasp.quality.response` says: to first order, contacts sticking until the first
-one does not. What soft fingers do far from the stored grasp it cannot tell, so how far things move is limited too.
+The fingers move as `continuum_grasp.grasp.quality.response` computes: to first order, contacts sticking until the first
+one does not. It does not hold far from the stored grasp of soft fingers, so motions are limited too.
 Forces out of the plane stay as they are.
 """
 
@@ -24,7 +24,7 @@ __all__ = ["Resistance", "resistance", "resistance_polygon"]
 
 Array = NDArray[Any]
 
-GIVE = 0.1
+DISPLACEMENT_LIMIT = 0.1
 """Greatest motion of the object: as a part of its size, and in rad; finger tips may turn three times as much."""
 
 
@@ -35,16 +35,16 @@ class Resistance:
     Attributes
     ----------
     wrenches : ndarray, shape (K, 3)
-        Disturbances: force x, y [N] and moment about the centre of mass [N m].
+        Disturbances: force x, y [N] and moment about the center of mass [N m].
     factors : ndarray, shape (K,)
         Greatest multiple of each that the grasp resists [1]; infinite where nothing limits it, zero where the grasp is
         unstable or beyond a limit by itself.
     limiting : tuple of tuple of str
         What stops each from growing.
     motions : ndarray, shape (K, 3)
-        How far the object moves on the way there: centre of mass [m], angle [rad]; NaN where not limited.
+        How far the object moves at this factor: center of mass [m], angle [rad]; NaN where not limited.
     tendons : {"retensioned", "locked"}
-        Whether tensions are chosen anew for each disturbance, or tendons keep their lengths.
+        Whether tensions are chosen anew for each disturbance, or tendon lengths are fixed.
     stable : bool
         Whether the grasp is stable with its tendons so.
     """
@@ -68,7 +68,7 @@ def resistance(
     *,
     wrenches: Sequence[Sequence[float]] | None = None,
     tendons: Tendons | None = None,
-    give: float | None = GIVE,
+    displacement_limit: float | None = DISPLACEMENT_LIMIT,
     response: GraspResponse | None = None,
 ) -> Resistance:
     """Greatest multiples of disturbances that a grasp resists, one disturbance at a time.
@@ -79,10 +79,10 @@ def resistance(
     arrays : mapping
         Of the grasp.
     wrenches : sequence of (float, float, float), optional
-        Force x, y [N] and moment about the centre of mass [N m]; those of the scene where not given.
+        Force x, y [N] and moment about the center of mass [N m]; those of the scene where not given.
     tendons : {"retensioned", "locked"}, optional
-        As the scene says where not given.
-    give : float or None, optional
+        Those of the scene by default.
+    displacement_limit : float or None, optional
         Greatest motion of the object, as a part of its size and in rad; finger tips may turn three times as much. None:
         no limit, which takes the first order at its word.
     response : GraspResponse, optional
@@ -94,7 +94,7 @@ def resistance(
     count = len(given)
     if not response.stable(kind):
         return Resistance(given, np.zeros(count), (("unstable",),) * count, np.zeros((count, 3)), kind, False)
-    limits = ResponseLimits(response, kind, math.inf if give is None else give)
+    limits = ResponseLimits(response, kind, math.inf if displacement_limit is None else displacement_limit)
     answers = [limits.greatest(wrench) for wrench in given]
     return Resistance(
         given,
@@ -112,19 +112,26 @@ def resistance_polygon(
     directions: int = 36,
     *,
     tendons: Tendons | None = None,
-    give: float | None = GIVE,
+    displacement_limit: float | None = DISPLACEMENT_LIMIT,
     response: GraspResponse | None = None,
 ) -> Array:
-    """Greatest pure forces at the centre of mass that a grasp resists, in directions all round, shape (D, 2) [N].
+    """Greatest pure forces at the center of mass that a grasp resists, in directions all round, shape (D, 2) [N].
 
     Parameters
     ----------
-    scene, arrays, tendons, give, response
+    scene, arrays, tendons, displacement_limit, response
         As in `resistance`.
     directions : int, optional
         Number D of directions, evenly spread from +x counter-clockwise.
     """
     turns = 2.0 * np.pi * np.arange(directions) / directions
     units = np.stack([np.cos(turns), np.sin(turns), np.zeros(directions)], axis=1)
-    found = resistance(scene, arrays, wrenches=units.tolist(), tendons=tendons, give=give, response=response)
+    found = resistance(
+        scene,
+        arrays,
+        wrenches=units.tolist(),
+        tendons=tendons,
+        displacement_limit=displacement_limit,
+        response=response,
+    )
     return np.asarray(found.factors[:, None] * units[:, :2])

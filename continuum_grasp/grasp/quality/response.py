@@ -1,4 +1,4 @@
-"""How a grasp gives way to a small wrench: fingers bend, the object moves, contacts roll without slip.
+"""The elastic response of a grasp to a small wrench: fingers bend, the object moves, contacts roll without slip.
 
 To first order about the stored grasp. Unknown are the changes of curvature of each finger on a fine mesh, of the
 object's pose and of the contact forces; contacts neither slip nor part, supports do not move. Stiffness comes from the
@@ -38,7 +38,7 @@ class Change:
     Attributes
     ----------
     pose : ndarray, shape (3, K)
-        Of the object: centre of mass [m], angle [rad].
+        Of the object: center of mass [m], angle [rad].
     forces : ndarray, shape (C, 2, K)
         Normal and friction force of each contact, along directions that turn with the contact [N].
     differences : ndarray, shape (F, K)
@@ -91,13 +91,13 @@ class GraspResponse:
             self._plain[k, part], self._shared[k, part] = finger.tip_turn, offset * finger.tendon_turn
         for contact in range(count):
             self._add_contact(contact)
-        self._give = COMPLIANCE * min(f.length**3 / f.finger.rod.stiffness for f in self._fingers)
+        self._compliance = COMPLIANCE * min(f.length**3 / f.finger.rod.stiffness for f in self._fingers)
 
     def stable(self, tendons: Tendons) -> bool:
         """Whether every small motion that the contacts and, where locked, the tendons leave raises the energy."""
         scale = np.sqrt(self._metric())
         jacobian = self._jacobian if tendons == "retensioned" else np.concatenate([self._jacobian, self._locks()])
-        hessian = self._stiffness + jacobian.T @ jacobian / (10.0 * self._give)
+        hessian = self._stiffness + jacobian.T @ jacobian / (10.0 * self._compliance)
         hessian = 0.5 * (hessian + hessian.T) / np.outer(scale, scale)
         least = 1e-9 * min(f.finger.rod.stiffness / f.length for f in self._fingers)
         try:
@@ -107,7 +107,7 @@ class GraspResponse:
         return True
 
     def to_wrenches(self, tendons: Tendons) -> Change:
-        """Response to a force along x and y [1 N] and a moment about the centre of mass [1 N m]: K = 3."""
+        """Response to a force along x and y [1 N] and a moment about the center of mass [1 N m]: K = 3."""
         causes = np.zeros((self._object + 3, 3))
         causes[self._object :] = np.eye(3)
         return self._solve(causes, tendons)
@@ -151,7 +151,7 @@ class GraspResponse:
         rolling = support_rolling(self.scene, contacts, k) if name is None else self._add_section(k, name, move, turn)
         push = float(contacts.forces[k, 0])
         self._stiffness -= float(self._force(k) @ arm) * np.outer(spin, spin)
-        self._stiffness += push * rolling.give * np.outer(turn - spin, turn - spin)
+        self._stiffness += push * rolling.travel * np.outer(turn - spin, turn - spin)
         self._jacobian[2 * k : 2 * k + 2] = np.stack([normal @ move, across @ move])
         self._turn_of_normal[k] = rolling.finger_share * turn + rolling.object_share * spin
 
@@ -172,7 +172,7 @@ class GraspResponse:
     # -- solving ---------------------------------------------------------------------------------------------
 
     def _metric(self) -> Array:
-        """What makes the unknowns compare: L per curvature squared, 1 / L^2 per shift squared."""
+        """Weights that make the unknowns comparable: L per curvature squared, 1 / L^2 per shift squared."""
         length = max(finger.length for finger in self._fingers)
         parts = [np.full(finger.size, finger.length**2 / finger.size) for finger in self._fingers]
         return np.concatenate([*parts, [length**-2, length**-2, 1.0]])
@@ -189,7 +189,7 @@ class GraspResponse:
         matrix[:size, :size] = self._stiffness
         matrix[:size, size : size + forces] = -self._jacobian.T
         matrix[size : size + forces, :size] = self._jacobian
-        matrix[size : size + forces, size : size + forces] = self._give * np.eye(forces)
+        matrix[size : size + forces, size : size + forces] = self._compliance * np.eye(forces)
         if fingers:
             matrix[:size, size + forces :] = -self._shared.T
             matrix[size + forces :, :size] = self._plain

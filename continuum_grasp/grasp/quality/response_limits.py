@@ -1,4 +1,4 @@
-"""The limits that a grasp meets as it gives way: cones, normal forces, tensions, and how far things may move."""
+"""The limits that a grasp meets as it yields: cones, normal forces, tensions, and motions of object and fingers."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.quality.conic_program import Cones, solve_conic
-from continuum_grasp.grasp.quality.ray import way, way_in_cone
 from continuum_grasp.grasp.quality.response import Change, GraspResponse, Tendons
+from continuum_grasp.grasp.quality.socp import Cones, solve_socp
 from continuum_grasp.scene.grasp import FingerSetup
 
 __all__ = ["ResponseLimits", "difference_range"]
@@ -18,10 +17,12 @@ __all__ = ["ResponseLimits", "difference_range"]
 Array = NDArray[Any]
 
 UNLIMITED = 1e4
-"""A disturbance that makes forces this many times the greatest limit of a contact is not limited."""
+"""A disturbance that makes forces this many times the greatest limit of a contact counts as unlimited."""
 TURN = 3.0
+"""Allowed turn of a finger's tip, per allowed turn of the object: soft fingers turn more than what they hold."""
 _CALM = 1e-7
-"""Cost of a change of tension beside that of the factor, both scaled."""
+"""Cost of a change of tension beside that of the factor, both scaled: picks the least change among equally good ones
+and lowers the factor by less than 1e-7 of it."""
 _ACTIVE = 1e-6
 """Part of the force scale within which a limit counts as reached."""
 
@@ -37,11 +38,11 @@ class ResponseLimits:
     ----------
     response : GraspResponse
     tendons : {"retensioned", "locked"}
-    give : float
+    displacement_limit : float
         As in `continuum_grasp.grasp.quality.resistance.resistance`; infinite for none.
     """
 
-    def __init__(self, response: GraspResponse, tendons: Tendons, give: float) -> None:
+    def __init__(self, response: GraspResponse, tendons: Tendons, displacement_limit: float) -> None:
         contacts = response.contacts
         self.names, self.setups = contacts.names, response.setups
         self.unit: Change = response.to_wrenches(tendons)
@@ -51,7 +52,7 @@ class ResponseLimits:
         self.scale = max(float(np.abs(contacts.forces).max(initial=0.0)), 1e-3 * float(contacts.normal_max.max()))
         slack = _ACTIVE * self.scale
         over = np.hypot(self.forces[:, 1], self.forces[:, 2]) - self.friction * self.forces[:, 0]
-        self.room = np.where((over > 0.0) & (over < 10.0 * slack), over, 0.0)  # what rounding put outside is let be
+        self.spare = np.where((over > 0.0) & (over < 10.0 * slack), over, 0.0)  # what rounding put outside is let be
         self.low = np.where(self.forces[:, 0] > -slack, np.minimum(self.forces[:, 0], 0.0), 0.0)
         near = self.forces[:, 0] < self.normal_max + slack
         self.high = np.where(near, np.maximum(self.normal_max, self.forces[:, 0]), self.normal_max)
@@ -60,7 +61,7 @@ class ResponseLimits:
         ]
         self.ranges = np.array(ranges).reshape(-1, 2)
         size = response.scene.object.size
-        self.reach = give * np.array([size, size, 1.0, *(TURN for _ in self.setups)])
+        self.reach = displacement_limit * np.array([size, size, 1.0, *(TURN for _ in self.setups)])
         """Greatest motions of the object and turns of the tips."""
         self._cuts: list[tuple[int, Array]] | None = None
 
@@ -70,20 +71,20 @@ class ResponseLimits:
         motion = np.concatenate([self.unit.pose @ wrench, self.unit.bends @ wrench])
         if self.retensioned is None:
             return self._ray(along, self.unit.differences @ wrench, motion)
-        return self._programme(along, motion, self.retensioned)
+        return self._by_socp(along, motion, self.retensioned)
 
     def _ray(self, along: Array, differences: Array, motion: Array) -> Answer:
         """Forces and tensions change in proportion: the first limit that is met."""
         still = np.zeros(len(self.setups))
-        if (np.hypot(*self.forces[:, 1:].T) > self.friction * self.forces[:, 0] + self.room).any():
+        if (np.hypot(*self.forces[:, 1:].T) > self.friction * self.forces[:, 0] + self.spare).any():
             return 0.0, self._reached(self.forces, still, 0.0 * motion), np.zeros(3)
         ways = [math.inf]
         for k in range(len(self.names)):
             dn, df = along[k]
-            ways.append(way(self.forces[k, 0], dn, self.low[k], self.high[k]))
-            ways.append(way_in_cone(self.forces[k], dn, df, self.friction[k], self.room[k]))
-        ways += [way(0.0, d, a, b) for d, (a, b) in zip(differences, self.ranges, strict=True)]
-        ways += [way(0.0, d, -most, most) for d, most in zip(motion, self.reach, strict=True)]
+            ways.append(_way(self.forces[k, 0], dn, self.low[k], self.high[k]))
+            ways.append(_way_in_cone(self.forces[k], dn, df, self.friction[k], self.spare[k]))
+        ways += [_way(0.0, d, a, b) for d, (a, b) in zip(differences, self.ranges, strict=True)]
+        ways += [_way(0.0, d, -most, most) for d, most in zip(motion, self.reach, strict=True)]
         factor = max(0.0, min(ways))
         if factor * max(float(np.abs(along).max(initial=0.0)), 1e-300) > UNLIMITED * float(self.normal_max.max()):
             return math.inf, (), _NOWHERE
@@ -91,8 +92,8 @@ class ResponseLimits:
         forces[:, :2] += factor * along
         return factor, self._reached(forces, factor * differences, factor * motion), factor * motion[:3]
 
-    def _programme(self, along: Array, motion: Array, retensioned: Change) -> Answer:
-        """Tensions are free within their limits: the greatest factor by a conic programme over it and by how much they
+    def _by_socp(self, along: Array, motion: Array, retensioned: Change) -> Answer:
+        """Tensions are free within their limits: the greatest factor by a SOCP over it and by how much they
         grow and fall; of all ways to get there, the one that changes them least.
         """
         count, free = len(self.names), np.flatnonzero(self.ranges[:, 1] > self.ranges[:, 0])
@@ -112,7 +113,7 @@ class ResponseLimits:
             matrix,
             self.forces[:, 1:] / self.scale,
             self.friction[:, None] * effect[:, 0],
-            (self.friction * self.forces[:, 0] + self.room) / self.scale,
+            (self.friction * self.forces[:, 0] + self.spare) / self.scale,
         )
         if self._cuts is not None:
             cones.cuts = list(self._cuts)
@@ -123,7 +124,7 @@ class ResponseLimits:
         row_low = np.concatenate([(self.low - normal) / self.scale, -bound])
         row_high = np.concatenate([(self.high - normal) / self.scale, bound])
         upper = np.concatenate([[most], self.ranges[free, 1] / spans, -self.ranges[free, 0] / spans])
-        found = solve_conic(np.append(-1.0, np.full(both.size, _CALM)), rows, row_low, row_high, 0.0, upper, cones)
+        found = solve_socp(np.append(-1.0, np.full(both.size, _CALM)), rows, row_low, row_high, 0.0, upper, cones)
         changes = np.zeros(len(self.setups))
         if found.status == "infeasible":
             return 0.0, self._reached(self.forces, changes, 0.0 * motion), np.zeros(3)
@@ -145,7 +146,7 @@ class ResponseLimits:
             normal, friction, lift = forces[k]
             if normal <= self.low[k] + slack:
                 words.append(f"{name} parts")
-            elif math.hypot(friction, lift) >= self.friction[k] * normal + self.room[k] - slack:
+            elif math.hypot(friction, lift) >= self.friction[k] * normal + self.spare[k] - slack:
                 words.append(f"{name} slips")
             if normal >= self.high[k] - slack:
                 words.append(f"{name} is pressed too hard")
@@ -178,3 +179,37 @@ def difference_range(setup: FingerSetup, tensions: Array, tendons: Tendons) -> t
         high = float(min(2.0 * spare[0][0], spare[0][0] + spare[1][1]))
         low = -float(min(2.0 * spare[0][1], spare[0][1] + spare[1][0]))
     return min(low, 0.0), max(high, 0.0)
+
+
+def _way(value: float, rate: float, low: float, high: float) -> float:
+    """How far a value that changes at a rate may go."""
+    if rate == 0.0:
+        return math.inf
+    return float(max(0.0, ((high if rate > 0.0 else low) - value) / rate))
+
+
+def _way_in_cone(force: Array, dn: float, df: float, friction: float, spare: float) -> float:
+    """Least factor at which (N + x dn, f + x df, lift) leaves the friction cone; it starts within."""
+    normal, sideways, lift = force
+    width = friction * normal + spare
+    if lift == 0.0:
+        rates = ((df - friction * dn, width - sideways), (-df - friction * dn, width + sideways))
+        return float(min((max(0.0, left) / rate for rate, left in rates if rate > 0.0), default=math.inf))
+    a = df**2 - (friction * dn) ** 2
+    b = sideways * df - width * friction * dn
+    c = min(0.0, sideways**2 + lift**2 - width**2)
+    if c == 0.0 and (b > 0.0 or (b == 0.0 and a > 0.0)):
+        return 0.0
+    open_side = -1e-12 * abs(width)
+    return float(
+        min((x for x in _roots(a, b, c) if x > 0.0 and width + x * friction * dn >= open_side), default=math.inf)
+    )
+
+
+def _roots(a: float, b: float, c: float) -> list[float]:
+    """Roots of a x^2 + 2 b x + c, computed without cancellation."""
+    square = b * b - a * c
+    if square < 0.0 or (a == 0.0 and b == 0.0):
+        return []
+    q = -(b + math.copysign(math.sqrt(square), b))
+    return [*([q / a] if a != 0.0 else []), *([c / q] if q != 0.0 else [])]

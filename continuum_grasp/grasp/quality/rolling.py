@@ -12,17 +12,16 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.quality.bent_finger import Section
 from continuum_grasp.grasp.quality.contact_set import ContactSet, object_part
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.parts import Part
 
-__all__ = ["Rolling", "finger_rolling", "support_rolling", "surface_curvature"]
+__all__ = ["Rolling", "finger_rolling", "support_rolling"]
 
 Array = NDArray[Any]
 
 CONFORMING = 1e-3
-"""Least relative curvature of two surfaces that touch in a point, over the object's size: closer ones are taken to
-lie against each other, which keeps them from turning."""
+"""Least relative curvature of two surfaces that touch in a point, over the object's size: below it they count
+as lying against each other and do not turn."""
 _CORNER = 1e-6
-"""Distance from a corner, as a part of the object's size, that counts as on it."""
+"""Distance from a corner, as a part of the object's size, that counts as on it: the tolerance of stored contacts."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +30,13 @@ class Rolling:
 
     Attributes
     ----------
-    give : float
+    travel : float
         Way of the contact point along the surfaces per turn of one against the other, 1 / (sum of curvatures) [m].
     finger_share, object_share : float
         Turn of the normal per turn of the finger's section, and per turn of the object.
     """
 
-    give: float
+    travel: float
     finger_share: float
     object_share: float
 
@@ -67,7 +66,7 @@ def finger_rolling(
         inward = -np.array([math.cos(section.angle), math.sin(section.angle)])  # where positive curvature bends to
         towards = -section.curvature if contacts.normals[contact] @ inward > 0.0 else section.curvature
         other = -towards / max(1.0 - towards * thickness, 1e-9)
-    return Rolling.of(surface_curvature(part, local, size), other, size)
+    return Rolling.of(part.curvature((local[0], local[1]), _CORNER * size), other, size)
 
 
 def support_rolling(scene: GraspScene, contacts: ContactSet, contact: int) -> Rolling:
@@ -77,42 +76,10 @@ def support_rolling(scene: GraspScene, contacts: ContactSet, contact: int) -> Ro
     for peg in scene.pegs:
         if peg.name == name:
             other = 1.0 / peg.radius if peg.radius > 0.0 else math.inf
-            return Rolling.of(surface_curvature(part, local, size), other, size)
+            return Rolling.of(part.curvature((local[0], local[1]), _CORNER * size), other, size)
     for wall in scene.walls:
         if wall.name == name:
             offset = contacts.positions[contact] - np.asarray(wall.point)
             at_end = abs(float(np.hypot(*offset)) - wall.half_length) <= _CORNER * size
-            return Rolling.of(surface_curvature(part, local, size), math.inf if at_end else 0.0, size)
+            return Rolling.of(part.curvature((local[0], local[1]), _CORNER * size), math.inf if at_end else 0.0, size)
     return Rolling(0.0, 0.0, 0.0)
-
-
-def surface_curvature(part: Part, point: Array, size: float) -> float:
-    """Curvature of a part's boundary at a point of it [1/m]; infinite at a sharp corner.
-
-    Parameters
-    ----------
-    part : Part
-    point : ndarray, shape (2,)
-        In the object's frame [m].
-    size : float
-        Of the object [m].
-    """
-    if part.is_superellipse:
-        return _superellipse_curvature(part, point)
-    corners = np.asarray(part.vertices)
-    distance = np.hypot(*(corners - point).T)
-    if distance.min() <= part.radius + _CORNER * size:  # on the round of a corner: no edge is nearer than its ends
-        return 1.0 / part.radius if part.radius > 0.0 else math.inf
-    return 0.0
-
-
-def _superellipse_curvature(part: Part, point: Array) -> float:
-    c, s = math.cos(part.angle), math.sin(part.angle)
-    offset = point - np.asarray(part.center)
-    u = abs(c * offset[0] + s * offset[1]) / part.semi_axes[0]
-    v = abs(c * offset[1] - s * offset[0]) / part.semi_axes[1]
-    (a, b), p = part.semi_axes, part.exponent
-    fx, fy = u ** (p - 1.0) / a, v ** (p - 1.0) / b  # a p-th of the gradient of |x/a|^p + |y/b|^p
-    fxx = (p - 1.0) * u ** (p - 2.0) / a**2
-    fyy = (p - 1.0) * v ** (p - 2.0) / b**2
-    return float((fxx * fy**2 + fyy * fx**2) / (fx**2 + fy**2) ** 1.5)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.quality.contact_set import ContactSet
-from continuum_grasp.grasp.quality.linear_program import solve_linear
+from continuum_grasp.grasp.quality.lp import solve_lp
 from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["WrenchSpace", "wrench_space"]
@@ -24,7 +24,7 @@ __all__ = ["WrenchSpace", "wrench_space"]
 Array = NDArray[Any]
 
 _FLAT = 1e-12
-"""Below this part of the greatest, a length is none."""
+"""Below this part of the greatest, a length is rounding."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class WrenchSpace:
     Attributes
     ----------
     edges : ndarray, shape (E, 3)
-        Force x, y [1] and moment about the centre of mass over ``torque_scale`` [1] on the object, of both edges of
+        Force x, y [1] and moment about the center of mass over ``torque_scale`` [1] on the object, of both edges of
         each cone; one where there is no friction.
     owner : ndarray of int, shape (E,)
         Contact that an edge belongs to.
@@ -105,7 +105,7 @@ class WrenchSpace:
         rows[:3, :count], rows[3, :count] = self.edges.T, 1.0
         rows[:, count] = rows[:, :count].sum(axis=1)
         right = np.array([0.0, 0.0, 0.0, 1.0])
-        found = solve_linear(np.append(np.zeros(count), -1.0), rows, right, right, 0.0, 1.0)
+        found = solve_lp(np.append(np.zeros(count), -1.0), rows, right, right, 0.0, 1.0)
         return float(found.x[-1]) if found.optimal else 0.0
 
 
@@ -133,8 +133,8 @@ def wrench_space(scene: GraspScene, arrays: Mapping[str, Any]) -> WrenchSpace:
 
 def _units(directions: Array) -> Array:
     lengths = np.linalg.norm(directions, axis=1)
-    kept = lengths > _FLAT * max(1e-300, lengths.max(initial=0.0))
-    return np.asarray(directions[kept] / lengths[kept][:, None])
+    retained = lengths > _FLAT * max(1e-300, lengths.max(initial=0.0))
+    return np.asarray(directions[retained] / lengths[retained][:, None])
 
 
 def _null_space(points: Array) -> Array:

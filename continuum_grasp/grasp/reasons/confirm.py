@@ -1,9 +1,9 @@
-"""The numbers of reasons, found once more by linear programming at the posture that the optimiser ended at.
+"""The numbers of reasons, found once more by linear programming at the posture that the optimizer ended at.
 
 Where shapes and places are given, every equation of a grasp is linear in tensions and contact forces. So the least
 tension, friction coefficient or normal force limit, the greatest mass, and the least moment that tilts, are optima of
-linear programmes (with second-order cones out of the plane), which need no start and know no local optima. Nothing is
-shared with the optimiser: the equations are the certificate's.
+linear problems (LP; SOCP out of the plane), which need no start and know no local optima. Nothing is
+shared with the optimizer: the equations are the certificate's.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.check import EQUILIBRIUM
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.quality.conic_program import Cones, solve_conic
-from continuum_grasp.grasp.quality.linear_program import LinearOutcome
+from continuum_grasp.grasp.quality.lp import LPOutcome
+from continuum_grasp.grasp.quality.socp import Cones, solve_socp
 from continuum_grasp.grasp.reasons.posture_statics import PostureStatics
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -35,12 +35,12 @@ PRECISION = 1e-6
 
 @dataclass(frozen=True)
 class Confirmed:
-    """What a linear programme says of a reason.
+    """The numbers of a reason, by LP.
 
     Attributes
     ----------
     amount : float
-        Least amount by which the limit must give way at the posture.
+        Least amount by which the limit must be relaxed at the posture.
     arrays : dict
         The posture with the tensions and contact forces of that amount.
     """
@@ -61,13 +61,13 @@ def confirm(name: str, scene: GraspScene, arrays: Mapping[str, Any], amount: flo
     arrays : mapping
         Of the grasp that there is with the relaxed limit, as `continuum_grasp.grasp.certify` takes them.
     amount : float
-        By how much the limit gave way there.
+        By how much the limit is relaxed there.
 
     Returns
     -------
     float or None
-        In the unit of the limit, as ``Relaxation.value`` gives; None where no linear programme can tell: for limits of
-        the shape, and where the programme fails.
+        In the unit of the limit, as ``Relaxation.value`` gives; None where no LP applies, for limits of
+        the shape, and where it fails.
     """
     found = least_amount(name, scene, arrays, amount)
     if found is None:
@@ -76,12 +76,12 @@ def confirm(name: str, scene: GraspScene, arrays: Mapping[str, Any], amount: flo
 
 
 def least_amount(name: str, scene: GraspScene, arrays: Mapping[str, Any], amount: float) -> Confirmed | None:
-    """By how much a limit must give way at least at a posture, and the forces that then hold; see `confirm`."""
+    """By how much a limit must be relaxed at least at a posture, and the forces that then hold; see `confirm`."""
     ask = _ASKED.get(name)
     if ask is None:
         return None
     statics = PostureStatics.of(scene, arrays)
-    found = ask(_Programme(statics), amount)
+    found = ask(_PostureProblem(statics), amount)
     if found is None:
         return None
     least, x = found
@@ -92,8 +92,8 @@ def least_amount(name: str, scene: GraspScene, arrays: Mapping[str, Any], amount
     return Confirmed(least, changed)
 
 
-class _Programme:
-    """Programmes over the tensions and forces x and the amount z, which comes last."""
+class _PostureProblem:
+    """LPs or SOCPs over the tensions and forces x and the amount z, which comes last."""
 
     def __init__(self, statics: PostureStatics) -> None:
         self.statics = statics
@@ -106,11 +106,11 @@ class _Programme:
         *,
         along: Array | None = None,
         most: float = np.inf,
-        give: Array | None = None,
+        relaxed: Array | None = None,
         tilted: bool = False,
         added: float = 0.0,
-    ) -> LinearOutcome:
-        """Least z for which x keeps everything.
+    ) -> LPOutcome:
+        """Least z for which x satisfies everything.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class _Programme:
             What z adds to the rows.
         most : float
             Of z.
-        give : ndarray of int, optional
+        relaxed : ndarray of int, optional
             Indices of tensions or forces whose upper limits z is added to.
         tilted : bool
             The norm of the tilting moment may be z, instead of zero.
@@ -126,6 +126,7 @@ class _Programme:
             To all friction coefficients.
         """
         s, size = self.statics, self.size
+        # Equations hold to a tolerance, as ranges: a stored posture solves them to rounding only.
         rows = np.column_stack([s.rows, np.zeros(len(s.rows)) if along is None else along])
         middle, wide = s.right - s.weight, np.full(len(s.rows), OFF)
         blocks, lower, upper = [rows], [middle - wide], [middle + wide]
@@ -134,18 +135,18 @@ class _Programme:
             lower.append(np.full(2, -OFF))
             upper.append(np.full(2, OFF))
         highest = np.append(s.most, most)
-        if give is not None and give.size:
-            room = np.zeros((give.size, size + 1))
-            room[np.arange(give.size), give], room[:, -1] = 1.0, -1.0
-            blocks.append(room)
-            lower.append(np.full(give.size, -np.inf))
-            upper.append(s.most[give])
-            highest[give] = np.inf
+        if relaxed is not None and relaxed.size:
+            spare = np.zeros((relaxed.size, size + 1))
+            spare[np.arange(relaxed.size), relaxed], spare[:, -1] = 1.0, -1.0
+            blocks.append(spare)
+            lower.append(np.full(relaxed.size, -np.inf))
+            upper.append(s.most[relaxed])
+            highest[relaxed] = np.inf
         cost = np.zeros(size + 1)
         cost[-1] = 1.0
         cones = self._cones(s.friction + added, tilted)
         bounds = np.append(s.least, 0.0), highest
-        return solve_conic(cost, np.concatenate(blocks), np.concatenate(lower), np.concatenate(upper), *bounds, cones)
+        return solve_socp(cost, np.concatenate(blocks), np.concatenate(lower), np.concatenate(upper), *bounds, cones)
 
     def _cones(self, friction: Array, tilted: bool) -> Cones:
         count = self.normals.size
@@ -164,41 +165,41 @@ class _Programme:
         return cones
 
 
-def _found(outcome: LinearOutcome, unit: float) -> tuple[float, Array] | None:
+def _found(outcome: LPOutcome, unit: float) -> tuple[float, Array] | None:
     return (max(0.0, float(outcome.x[-1])) * unit, outcome.x[:-1]) if outcome.optimal else None
 
 
-def _tension(programme: _Programme, amount: float) -> tuple[float, Array] | None:
-    s = programme.statics
+def _tension(problem: _PostureProblem, amount: float) -> tuple[float, Array] | None:
+    s = problem.statics
     used = np.flatnonzero(s.most[: s.tensions] > 0.0)
-    return _found(programme.least(give=used), s.force)
+    return _found(problem.least(relaxed=used), s.force)
 
 
-def _normal_force(programme: _Programme, amount: float) -> tuple[float, Array] | None:
-    return _found(programme.least(give=programme.normals), programme.statics.force)
+def _normal_force(problem: _PostureProblem, amount: float) -> tuple[float, Array] | None:
+    return _found(problem.least(relaxed=problem.normals), problem.statics.force)
 
 
-def _mass(programme: _Programme, amount: float) -> tuple[float, Array] | None:
-    return _found(programme.least(along=-programme.statics.weight, most=1.0), 1.0)
+def _mass(problem: _PostureProblem, amount: float) -> tuple[float, Array] | None:
+    return _found(problem.least(along=-problem.statics.weight, most=1.0), 1.0)
 
 
-def _tilt(programme: _Programme, amount: float) -> tuple[float, Array] | None:
-    return _found(programme.least(tilted=True), programme.statics.moment)
+def _tilt(problem: _PostureProblem, amount: float) -> tuple[float, Array] | None:
+    return _found(problem.least(tilted=True), problem.statics.moment)
 
 
-def _friction(programme: _Programme, amount: float) -> tuple[float, Array] | None:
-    """By halving: whether forces hold is a programme for each coefficient."""
+def _friction(problem: _PostureProblem, amount: float) -> tuple[float, Array] | None:
+    """By bisection: whether forces hold is an LP for each coefficient."""
     high, best = 0.0, None
     for more in (1e-5, 1e-3, 1e-1):
         high = amount * (1.0 + more)
-        best = programme.least(added=high)
+        best = problem.least(added=high)
         if best.optimal:
             break
     if best is None or not best.optimal:
         return None
     low, guess = 0.0, amount * (1.0 - 1e-5)
-    while high - low > PRECISION * (high + float(programme.statics.friction.max(initial=0.0))):
-        found = programme.least(added=guess)
+    while high - low > PRECISION * (high + float(problem.statics.friction.max(initial=0.0))):
+        found = problem.least(added=guess)
         if found.status == "infeasible":
             low = guess
         elif found.optimal:
@@ -209,7 +210,7 @@ def _friction(programme: _Programme, amount: float) -> tuple[float, Array] | Non
     return high, best.x[:-1]
 
 
-_ASKED: dict[str, Callable[[_Programme, float], tuple[float, Array] | None]] = {
+_ASKED: dict[str, Callable[[_PostureProblem, float], tuple[float, Array] | None]] = {
     "tension": _tension,
     "friction": _friction,
     "mass": _mass,

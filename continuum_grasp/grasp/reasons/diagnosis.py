@@ -1,4 +1,4 @@
-"""Why a scene has no grasp: each limit is given way to alone, and what it then takes is the reason."""
+"""Why a scene has no grasp: each limit is relaxed alone, and the amount that then suffices is the reason."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from continuum_grasp.scene.objects import Freedom
 __all__ = ["find_reasons", "out_of_reach"]
 
 FIRST, MORE = 4, 8
-"""Starts per limit, and per limit that makes a grasp, or per limit again if none does."""
+"""Starts per limit, and per limit that gives a grasp, or per limit again if none does."""
 RARE = 1.0
-"""Friction coefficient that few surfaces have."""
+"""Friction coefficient that few surfaces have: reasons that ask for more are listed last."""
 
 
 def out_of_reach(scene: GraspScene) -> Reason | None:
@@ -48,18 +48,18 @@ def _reach(setup: FingerSetup) -> float:
 def _distance(scene: GraspScene, setup: FingerSetup) -> float:
     """Least distance between a base and the object's surface [m]; a lower bound where a pose is free."""
     x, y = setup.finger.base.position
-    thing = scene.object
-    if thing.free is None and setup.finger.base_free is None:
-        return thing.distance((x, y))
-    c, s = math.cos(thing.angle), math.sin(thing.angle)
+    body = scene.object
+    if body.free is None and setup.finger.base_free is None:
+        return body.distance((x, y))
+    c, s = math.cos(body.angle), math.sin(body.angle)
     com = (
-        thing.position[0] + c * thing.com[0] - s * thing.com[1],
-        thing.position[1] + s * thing.com[0] + c * thing.com[1],
+        body.position[0] + c * body.com[0] - s * body.com[1],
+        body.position[1] + s * body.com[0] + c * body.com[1],
     )
-    turns = thing.free is not None and thing.free.angle is not None
-    away = math.dist((x, y), com) - thing.size if turns else thing.distance((x, y))
-    slack = math.dist(com, thing.position) if turns else 0.0
-    return away - slack - _shift(thing.free, thing.position) - _shift(setup.finger.base_free, (x, y))
+    turns = body.free is not None and body.free.angle is not None
+    away = math.dist((x, y), com) - body.size if turns else body.distance((x, y))
+    slack = math.dist(com, body.position) if turns else 0.0
+    return away - slack - _shift(body.free, body.position) - _shift(setup.finger.base_free, (x, y))
 
 
 def _shift(free: Freedom | None, at: tuple[float, float]) -> float:
@@ -71,7 +71,7 @@ def _shift(free: Freedom | None, at: tuple[float, float]) -> float:
 
 
 def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
-    """The limits each of which, given way to alone, makes a grasp that the certificate confirms.
+    """Find the limits each of which, relaxed alone, gives a grasp that the certificate confirms.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def _sensible(scene: GraspScene) -> Iterator[Relaxation]:
             continue
         if relaxation.name == "tilt balance" and not _balances_tilt(scene):
             continue
-        if relaxation.name == "room at the supports" and not scene.supports:
+        if relaxation.name == "clearance at the supports" and not scene.supports:
             continue
         if relaxation.name == "strain" and all(f.strain_limit is None for f in scene.named_fingers.values()):
             continue

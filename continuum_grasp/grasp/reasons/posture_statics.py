@@ -36,7 +36,7 @@ class PostureStatics:
     weight, right : ndarray, shape (m,)
     tilt : ndarray, shape (2, n)
         Moment that the lifts leave, which no other force balances, as a part of ``moment``; zero where the scene
-        says that it does not matter.
+        ignores the tilt.
     least, most : ndarray, shape (n,)
         Bounds without those of friction cones.
     tensions : int

@@ -1,4 +1,4 @@
-"""By how little each limit must give way for a grasp: many starts, each answer verified and confirmed."""
+"""The least relaxation of each limit for a grasp: many starts, each answer verified and confirmed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Array = NDArray[Any]
 SHORT = 1e-3
 """By what part of it an amount must stay short of the most that makes sense."""
 HASTY = 200
-"""Iterations from one start, all renewals of what is kept clear included: most limits are no reason."""
+"""Iterations from one start, all renewals of the guarded places included: most limits are no reason."""
 SAME = 1e-4
 """Relative difference up to which two amounts are taken for the same point."""
 BETTER = 1e-3
@@ -37,7 +37,7 @@ BETTER = 1e-3
 
 @dataclass(frozen=True)
 class Repair:
-    """A limit that gives way, and the grasp that this makes.
+    """A relaxed limit, and the resulting grasp.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Repair:
     attempt : Attempt
         That found it.
     confirmed : float, optional
-        Least amount at this posture by linear programming; None where that cannot tell.
+        Least amount at this posture by linear programming; None where that gives no answer.
     """
 
     amount: float
@@ -58,7 +58,7 @@ class Repair:
 
 
 class Repairs:
-    """What makes a grasp where a search found none.
+    """Relaxed limits that give a grasp where a search found none.
 
     Parameters
     ----------
@@ -79,11 +79,11 @@ class Repairs:
 
     @property
     def relaxations(self) -> list[Relaxation]:
-        """Those that make a grasp."""
+        """Those that give a grasp."""
         return [relaxation for relaxation in RELAXATIONS if relaxation.name in self.found]
 
     def starts(self, relaxation: Relaxation) -> list[Start]:
-        """Starts of the scene whose limit has given way, those of different branches first: by as much as was found, or
+        """Starts of the scene with a relaxed limit, those of different branches first: by as much as was found, or
         well beyond what is likely. Where no key of the scene holds the limit, those of the search, too.
         """
         best = self.found.get(relaxation.name)
@@ -95,19 +95,19 @@ class Repairs:
         if eased is self.scene:
             return known
         search = Search(eased, self._search.budget)
-        made = [_spread(search.starts_of(mode)) for mode in contact_modes(eased)]
+        eased_starts = [_spread(search.starts_of(mode)) for mode in contact_modes(eased)]
         self._search.start_seconds += search.start_seconds
-        return [start for rank in zip_longest(*made, known) for start in rank if start is not None]
+        return [start for rank in zip_longest(*eased_starts, known) for start in rank if start is not None]
 
     def try_starts(self, relaxation: Relaxation, starts: Iterable[Start]) -> None:
-        """Let one limit give way as little as can be, from every start."""
+        """Relax one limit as little as possible, from every start."""
         for start in starts:
             if self._search.budget.over:
                 return
             self._try(relaxation, start, amount=relaxation.start(self.scene), iterations=HASTY)
 
     def go_on(self, relaxation: Relaxation) -> None:
-        """Go on where the iterations were used up."""
+        """Resume where the iterations were used up."""
         done: list[float] = []
         for attempt in self._open.pop(relaxation.name, []):
             amount = self._search.solver(attempt.start).given(self.scene, attempt.x, relaxation)
@@ -143,7 +143,7 @@ class Repairs:
                 self.found[name] = Repair(amount, arrays, attempt)
 
     def settled(self, relaxation: Relaxation) -> Repair:
-        """The best, confirmed by linear programming where that can tell; whether its posture needs no repair after all
+        """The best, confirmed by linear programming where it applies; whether its posture needs no repair after all
         is tried too.
         """
         best = self.found[relaxation.name]
@@ -164,7 +164,7 @@ class Repairs:
         return all(relaxation.excuses is not None and relaxation.excuses(check.name) for check in failed)
 
     def _depth(self, relaxation: Relaxation, arrays: Mapping[str, Array]) -> float:
-        """How much of what the relaxation excuses there is, by the certificate [m]: places that are kept clear may swap
+        """How much of what the relaxation excuses there is, by the certificate [m]: guarded places may swap
         to the last, and the amount be too small.
         """
         if relaxation.excuses is None:

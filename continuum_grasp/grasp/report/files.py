@@ -20,7 +20,7 @@ def save_pictures(result: GraspResult, folder: str | os.PathLike[str]) -> list[P
     result : GraspResult
         A grasp, or the closest point to one, or neither: the scene is drawn then.
     folder : path-like
-        Where the files go; made where missing, files of the same names are replaced.
+        Where the files go; created where missing, files of the same names are replaced.
 
     Returns
     -------

@@ -81,7 +81,7 @@ def save_result(result: GraspResult, folder: str | os.PathLike[str], *, quality:
     ----------
     result : GraspResult
     folder : path-like
-        Made where missing; a run in it is replaced.
+        Created where missing; a run in it is replaced.
     quality : bool, optional
         Save the indices of quality too, which take some tenths of a second.
 

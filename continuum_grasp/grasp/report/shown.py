@@ -25,7 +25,7 @@ __all__ = [
     "result_data",
 ]
 
-_KEPT = "_quality"
+_RETAINED = "_quality"
 
 
 def quality_of(result: GraspResult) -> Quality | None:
@@ -34,10 +34,10 @@ def quality_of(result: GraspResult) -> Quality | None:
         return None
     from continuum_grasp.grasp.quality.quality import grasp_quality
 
-    kept = vars(result)
-    if _KEPT not in kept:
-        kept[_KEPT] = grasp_quality(result.scene, result.arrays)
-    found: Quality = kept[_KEPT]
+    retained = vars(result)
+    if _RETAINED not in retained:
+        retained[_RETAINED] = grasp_quality(result.scene, result.arrays)
+    found: Quality = retained[_RETAINED]
     return found
 
 
@@ -70,11 +70,11 @@ def certificate_data(certificate: Certificate) -> dict[str, Any]:
 
 
 def quality_rows(result: GraspResult) -> list[tuple[str, str, str]]:
-    """Indices of quality as (name, value with unit, what it means); none where there is no grasp."""
+    """Indices of quality as (name, value with unit, description); none where there is no grasp."""
     quality = quality_of(result)
     return [
-        (name.replace("_", " "), _short(value) + ("" if unit == "1" else f" {unit}"), meaning)
-        for name, value, unit, meaning in (() if quality is None else quality.rows())
+        (name.replace("_", " "), _short(value) + ("" if unit == "1" else f" {unit}"), description)
+        for name, value, unit, description in (() if quality is None else quality.rows())
     ]
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.postures import neighbours, postures
-from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, make_task
+from continuum_grasp.grasp.starts.scan.postures import neighbors, postures
+from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, make_task
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 __all__ = ["Candidates", "find_candidates", "near_candidates"]
@@ -19,8 +19,8 @@ Pose = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Candidates:
-    """P postures of one finger.
+class Candidates(Postures):
+    """P postures of one finger: curvatures with the finger's own sign, places in the object's frame.
 
     Attributes
     ----------
@@ -28,40 +28,21 @@ class Candidates:
         World pose of the base [m, rad].
     sides : ndarray of int, (P,)
         +1: the object on the finger's left.
-    knots, curvatures : ndarray, (P, K)
-        In lengths of the finger, with the finger's own sign.
-    joints : ndarray, (P, J)
     stations : ndarray, (P, C)
         Positions of the contacts that are on, per length.
-    parts : ndarray of int, (P, C)
     points : ndarray of complex, (P, C)
         On the object's surface, in its frame [m].
     angles : ndarray, (P, C)
         Outward normals in the object's frame [rad].
-    violation : ndarray, (P,)
     """
 
     bases: Array
     sides: Array
-    knots: Array
-    curvatures: Array
-    joints: Array
     stations: Array
-    parts: Array
-    points: Array
-    angles: Array
-    violation: Array
-
-    def __len__(self) -> int:
-        return len(self.violation)
-
-    def take(self, index: Any) -> Candidates:
-        """Some of them."""
-        return Candidates(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
 
     @property
     def features(self) -> Array:
-        """Numbers that tell postures apart (P, F)."""
+        """Numbers in which different postures differ (P, F)."""
         return np.concatenate(
             [
                 2.0 * self.joints,
@@ -83,7 +64,7 @@ def find_candidates(
     middles: tuple[bool, ...],
     tip: bool,
 ) -> Candidates | None:
-    """Postures of a finger that touch the object at a pose of its, best kept apart first come first.
+    """Postures of a finger that touch the object at a pose of its, fewest violations first.
 
     Parameters
     ----------
@@ -106,7 +87,7 @@ def find_candidates(
             family = postures(task, middles, tip)
             if family is not None:
                 groups.append(_as_candidates(task, family, base, side, middles, tip))
-    return _join(groups)
+    return join(groups)
 
 
 def near_candidates(
@@ -136,10 +117,10 @@ def near_candidates(
             angles,
             mine.violation,
         )
-        found = neighbours(task, family, middles, tip, scale)
+        found = neighbors(task, family, middles, tip, scale)
         if found is not None:
             groups.append(_as_candidates(task, found, base, side, middles, tip))
-    return _join(groups)
+    return join(groups)
 
 
 def _as_candidates(
@@ -159,18 +140,3 @@ def _as_candidates(
         angles=task.frame.angle_back(family.angles),
         violation=family.violation,
     )
-
-
-def _join(groups: list[Candidates]) -> Candidates | None:
-    if not groups:
-        return None
-    width = max(g.knots.shape[1] for g in groups)
-    padded = []
-    for g in groups:
-        more = width - g.knots.shape[1]
-        if more:
-            knots = np.concatenate([g.knots, np.repeat(g.knots[:, -1:], more, axis=1)], axis=1)
-            curvatures = np.concatenate([g.curvatures, np.repeat(g.curvatures[:, -1:], more, axis=1)], axis=1)
-            g = Candidates(**{**g.__dict__, "knots": knots, "curvatures": curvatures})
-        padded.append(g)
-    return Candidates(*(np.concatenate([getattr(g, n) for g in padded]) for n in Candidates.__dataclass_fields__))

@@ -17,9 +17,13 @@ Combined = tuple[list[Array], Array, Array, Array]
 """Posture per finger, and for each combination what is left, its cost, and its forces."""
 
 _MOST = 160
+"""Pairs of postures that are weighed where shapes fix the forces."""
 _CLOSE = 0.02
+"""Relative imbalance up to which its size ranks starts; IPOPT brings a few parts in a hundred to zero."""
 _PER_FINGER = {2: 14, 3: 8, 4: 6}
+"""Postures per finger that are combined, by number of fingers: 200 to 1300 combinations."""
 _FIRST, _IMPROVED = 64, 3
+"""Combinations that are weighed first, and the best of them of which one finger's posture at a time is exchanged."""
 
 
 def combine(
@@ -34,7 +38,7 @@ def combine(
         Of the fingers.
     supports : Block
     features : list of ndarray, (P, F)
-        That tell the postures of a finger apart.
+        In which different postures of a finger differ.
     paired : bool
         Only the first of each together, the second, and so on.
     """
@@ -69,7 +73,7 @@ def combine(
 
 def doubt(left: Array) -> Array:
     """How unlikely a grasp is where forces and tensions leave this imbalance: beyond a few parts in a hundred, how much
-    it is tells little.
+    it is means little.
     """
     return np.where(left < _CLOSE, 10.0 * left, 10.0 * _CLOSE + 2.0 * (left - _CLOSE))
 

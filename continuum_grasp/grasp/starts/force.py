@@ -28,10 +28,15 @@ Array = NDArray[Any]
 Pose = tuple[float, float, float]
 
 _FINE = 6
+"""Elements up to which all are balanced; of more, two between contacts."""
 _X, _W = np.polynomial.legendre.leggauss(4)
 _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
-_PRICE, _STEPS = 1e-3, 14
+"""Gauss-Legendre rule of 4 nodes on [0, 1]."""
+_COST_WEIGHT, _STEPS = 1e-3, 14
+"""Weight of the tensions (per their limits) beside the squared imbalance, and steps of the interior point method: the
+barrier falls by 0.3 each, to 5e-10."""
 _TILTS = 0.25 * math.pi * np.arange(5)
+"""Directions of a friction cone's edges out of the plane [rad]: upwards, since friction carries the weight."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +147,7 @@ def _slopes(loads: Loads, friction: float) -> tuple[Array, Array]:
 
 
 def _onto(loads: Loads, arms: Array, edges: Array, lifts: Array) -> Array:
-    """Effect on the object (P, rows, C * E) of forces at ``arms`` (P, C) from its centre of mass."""
+    """Effect on the object (P, rows, C * E) of forces at ``arms`` (P, C) from its center of mass."""
     count = len(arms)
     out = np.zeros((count, loads.rows, *edges.shape[1:]))
     out[:, 0], out[:, 1] = -edges.real, -edges.imag
@@ -331,10 +336,11 @@ def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) ->
 
     The Newton step is solved in the rows of the system, of which there are fewer than columns.
     """
+    # In shares of their ranges all unknowns lie in (0, 1); 1e-6 beside the cost makes the optimum unique.
     span = np.maximum(high - low, 1e-12)
     scaled = system * span
     right = right - system @ low
-    price = _PRICE * cost * span + 1e-6
+    weight = _COST_WEIGHT * cost * span + 1e-6
     x = np.full((len(right), len(low)), 0.2)
     zl, zu = np.full(x.shape, 0.05), np.full(x.shape, 0.05)
     across = np.swapaxes(scaled, 1, 2)
@@ -343,7 +349,7 @@ def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) ->
     for _ in range(_STEPS):
         over = 1.0 - x
         left = (scaled @ x[..., None])[..., 0] - right
-        down = (across @ left[..., None])[..., 0] + price - barrier / x + barrier / over
+        down = (across @ left[..., None])[..., 0] + weight - barrier / x + barrier / over
         soft = 1.0 / (zl / x + zu / over + 1e-9)
         slim = scaled * soft[:, None, :]
         inner = np.linalg.solve(unit + slim @ across, (slim @ down[..., None]))[..., 0]
@@ -351,6 +357,7 @@ def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) ->
         dl = barrier / x - zl - zl / x * step
         du = barrier / over - zu + zu / over * step
         limit = np.maximum(np.maximum(-step / x, step / over), np.maximum(-dl / zl, -du / zu)).max(axis=1)
+        # 95 % of the way to the first bound, for unknowns and multipliers alike.
         length = np.minimum(1.0, 0.95 / np.maximum(limit, 1e-300))[:, None]
         x, zl, zu = x + length * step, zl + length * dl, zu + length * du
         barrier *= 0.3

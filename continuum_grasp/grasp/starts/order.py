@@ -12,6 +12,7 @@ __all__ = ["spread_order"]
 Array = NDArray[Any]
 
 _RANGE = 0.5
+"""Distance of features within which two starts are alike: about 0.25 L along the finger, or 30 degrees of a normal."""
 
 
 def spread_order(score: Array, features: Array, count: int) -> list[int]:

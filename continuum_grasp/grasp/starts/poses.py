@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
-from continuum_grasp.grasp.starts.shapes import PolygonShape, Shape
-from continuum_grasp.grasp.starts.supports import object_shapes, wall_gap
+from continuum_grasp.grasp.starts.supports import object_outlines, wall_gap
+from continuum_grasp.model.surfaces.outline import Outline
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.objects.body import pose_bounds
 from continuum_grasp.scene.supports import Peg, Wall
 
 __all__ = ["base_poses", "object_poses", "settle"]
@@ -19,11 +19,16 @@ Pose = tuple[float, float, float]
 Interval = tuple[float, float]
 
 _MORE_POSES = 5
+"""Further poses of a free object."""
 _MORE_BASES = (4, 1)
 """Further poses of a free base: for the first pose of the object, and for the others."""
 _FLAT = 4
+"""Most angles of a free object at which a face lies flat on a wall."""
 _EXACT = 1e-12
+"""Gap, per size of the object, at which it touches a support: rounding."""
 _SHARES = (1.22074408460575947536, 1.32471795724474602596)
+"""Real roots of x^4 = x + 1 and x^3 = x + 1: powers of their inverses spread points evenly in three and two dimensions
+(additive recurrence; M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018)."""
 
 
 def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
@@ -43,16 +48,16 @@ def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
     own, free = scene.object.pose, scene.object.free
     if free is None:
         return [own]
-    shapes = object_shapes(scene)
-    bounds = _bounds(own, free)
-    round_ = len(shapes) == 1 and isinstance(shapes[0], PolygonShape) and len(shapes[0].vertices) == 1
+    shapes = object_outlines(scene)
+    bounds = pose_bounds(own, free)
+    is_round = len(shapes) == 1 and shapes[0].is_round
     flat = [] if free.angle is None else _flat_angles(scene, on, shapes, bounds[2], own[2])
     tries: list[tuple[Pose, list[Interval]]] = []
     for angle in flat[:_FLAT]:
         tries.append(((own[0], own[1], angle), [bounds[0], bounds[1], (angle, angle)]))
     tries.insert(min(1, len(tries)), (own, bounds))
     for k, pose in enumerate(_spread(bounds, _MORE_POSES)):
-        angle = own[2] if round_ else flat[k % len(flat)] if flat and k % 2 else pose[2]
+        angle = own[2] if is_round else flat[k % len(flat)] if flat and k % 2 else pose[2]
         held = [bounds[0], bounds[1], (angle, angle) if flat and k % 2 else bounds[2]]
         tries.append(((pose[0], pose[1], angle), held))
     found: list[Pose] = []
@@ -69,11 +74,11 @@ def base_poses(setup: FingerSetup, number: int) -> list[Pose]:
     own = (*base.position, base.angle)
     if free is None:
         return [own]
-    return [own, *_spread(_bounds(own, free), _MORE_BASES[min(number, 1)], skip=number)]
+    return [own, *_spread(pose_bounds(own, free), _MORE_BASES[min(number, 1)], skip=number)]
 
 
 def settle(
-    scene: GraspScene, shapes: tuple[Shape, ...], on: frozenset[str], pose: Pose, within: list[Interval]
+    scene: GraspScene, shapes: tuple[Outline, ...], on: frozenset[str], pose: Pose, within: list[Interval]
 ) -> Pose | None:
     """Move the object, within bounds, so that it touches the supports wanted and enters no other.
 
@@ -87,6 +92,8 @@ def settle(
         gaps, slopes = _gaps(scene, shapes, on, (float(here[0]), float(here[1]), float(here[2])))
         if not len(gaps) or np.abs(gaps).max() < _EXACT * size:
             return float(here[0]), float(here[1]), float(here[2])
+        # Newton's step of least length, as there are fewer gaps than freedoms; a coordinate that it drives against its
+        # bound is taken out and the step computed again with the others.
         free = high > low
         for _ in range(3):
             matrix = slopes * scale * free
@@ -104,22 +111,23 @@ def settle(
 
 
 def _gaps(
-    scene: GraspScene, shapes: tuple[Shape, ...], on: frozenset[str], pose: Pose
+    scene: GraspScene, shapes: tuple[Outline, ...], on: frozenset[str], pose: Pose
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gaps of wanted supports, and of others where the object enters them, with slopes along the pose."""
     gaps: list[float] = []
     slopes: list[tuple[float, float, float]] = []
-    things: list[Wall | Peg] = [*scene.walls, *scene.pegs]
-    for thing in things:
-        gap, normal, arm = _wall(shapes, thing, pose) if isinstance(thing, Wall) else _peg(shapes, thing, pose)
-        wanted = thing.name in on
-        if wanted or (gap < 0.0 and not _beside(shapes, thing, pose)):
+    bodies: list[Wall | Peg] = [*scene.walls, *scene.pegs]
+    for body in bodies:
+        gap, normal, arm = _wall(shapes, body, pose) if isinstance(body, Wall) else _peg(shapes, body, pose)
+        wanted = body.name in on
+        # What is entered but not wanted is left by a thousandth of the size, so that it does not count as touching.
+        if wanted or (gap < 0.0 and not _beside(shapes, body, pose)):
             gaps.append(gap if wanted else gap - 1e-3 * scene.object.size)
             slopes.append((normal.real, normal.imag, (normal.conjugate() * 1j * arm).real))
     return np.array(gaps), np.array(slopes).reshape(-1, 3)
 
 
-def _wall(shapes: tuple[Shape, ...], wall: Wall, pose: Pose) -> tuple[float, complex, complex]:
+def _wall(shapes: tuple[Outline, ...], wall: Wall, pose: Pose) -> tuple[float, complex, complex]:
     """Height of the lowest point, normal along which it grows, and arm of that point."""
     turn, normal = cmath.exp(1j * pose[2]), complex(*wall.normal)
     down = -normal / turn
@@ -129,7 +137,7 @@ def _wall(shapes: tuple[Shape, ...], wall: Wall, pose: Pose) -> tuple[float, com
     return wall.height((world.real, world.imag)), normal, arm
 
 
-def _peg(shapes: tuple[Shape, ...], peg: Peg, pose: Pose) -> tuple[float, complex, complex]:
+def _peg(shapes: tuple[Outline, ...], peg: Peg, pose: Pose) -> tuple[float, complex, complex]:
     turn = cmath.exp(1j * pose[2])
     local = np.array([(complex(*peg.position) - complex(pose[0], pose[1])) / turn])
     gap, walk, shape = min(
@@ -139,12 +147,12 @@ def _peg(shapes: tuple[Shape, ...], peg: Peg, pose: Pose) -> tuple[float, comple
     return gap - peg.radius, -cmath.exp(1j * (float(at.angle[0]) + pose[2])), complex(at.point[0]) * turn
 
 
-def _beside(shapes: tuple[Shape, ...], thing: Wall | Peg, pose: Pose) -> bool:
-    return isinstance(thing, Wall) and math.isinf(wall_gap(shapes, thing, pose, 0.0))
+def _beside(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose) -> bool:
+    return isinstance(body, Wall) and math.isinf(wall_gap(shapes, body, pose, 0.0))
 
 
 def _flat_angles(
-    scene: GraspScene, on: frozenset[str], shapes: tuple[Shape, ...], bounds: Interval, own: float
+    scene: GraspScene, on: frozenset[str], shapes: tuple[Outline, ...], bounds: Interval, own: float
 ) -> list[float]:
     """Angles of the object at which a face lies on a wall that is wanted, the nearest to its own first."""
     found: list[float] = []
@@ -152,8 +160,6 @@ def _flat_angles(
         if wall.name not in on:
             continue
         for shape in shapes:
-            if not isinstance(shape, PolygonShape) or len(shape.vertices) < 2:
-                continue
             for normal in shape.face_normals:
                 angle = wall.normal_angle + math.pi - normal
                 angle = own + math.remainder(angle - own, math.tau)
@@ -161,10 +167,6 @@ def _flat_angles(
                 if inside and all(abs(angle - other) > 1e-9 for other in found):
                     found.append(angle)
     return sorted(found, key=lambda angle: abs(angle - own))
-
-
-def _bounds(own: Pose, free: Freedom) -> list[Interval]:
-    return [b or (v, v) for b, v in zip((free.x, free.y, free.angle), own, strict=True)]
 
 
 def _spread(bounds: list[Interval], count: int, skip: int = 0) -> list[Pose]:

@@ -9,9 +9,10 @@ from heapq import heappop, heappush
 
 import numpy as np
 
-from continuum_grasp.grasp.starts.shapes import Frame, make_shape
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.outline import Frame
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.objects.body import pose_bounds
 from continuum_grasp.scene.parts import Part
 
 __all__ = ["Reach", "reach_report"]
@@ -21,6 +22,7 @@ Interval = tuple[float, float]
 _EXACT = 1e-5
 """Part of the object's size to which the distance is found where its angle is free."""
 _MOST = 2000
+"""Angles at which the distance is computed at most: stopping early leaves a valid bound."""
 
 
 @dataclass(frozen=True)
@@ -75,11 +77,11 @@ def reach_report(scene: GraspScene) -> tuple[Reach, ...]:
 
 def _distance(scene: GraspScene, setup: FingerSetup) -> float:
     """Least distance of the object from a finger's base over the poses allowed."""
-    base, thing = setup.finger.base, scene.object
-    x, y, turn = _bounds(thing.pose, thing.free)
-    bx, by, _ = _bounds((*base.position, base.angle), setup.finger.base_free)
+    base, body = setup.finger.base, scene.object
+    x, y, turn = pose_bounds(body.pose, body.free)
+    bx, by, _ = pose_bounds((*base.position, base.angle), setup.finger.base_free)
     box = (bx[0] - x[1], bx[1] - x[0]), (by[0] - y[1], by[1] - y[0])
-    return max(0.0, min(_over_angles(part, box, turn) for part in thing.parts))
+    return max(0.0, min(_over_angles(part, box, turn) for part in body.parts))
 
 
 def _over_angles(part: Part, box: tuple[Interval, Interval], turn: Interval) -> float:
@@ -87,9 +89,7 @@ def _over_angles(part: Part, box: tuple[Interval, Interval], turn: Interval) -> 
 
     A turn by an angle moves no point of the part by more than that times its extent, which bounds what lies between.
     """
-    extent = max((math.hypot(*v) for v in part.vertices), default=0.0) + part.radius
-    if part.is_superellipse:
-        extent = math.hypot(*part.center) + math.hypot(*part.semi_axes)
+    extent = part.extent
     low, high = turn
     high = min(high, low + math.tau)
     values = {angle: _to_box(part, box, angle) for angle in (low, high)}
@@ -109,9 +109,9 @@ def _to_box(part: Part, box: tuple[Interval, Interval], angle: float) -> float:
     """Least distance of a part, turned by an angle, from a box: by projections to and fro, then by the line that they
     find between the two, which is a bound.
     """
-    shape = make_shape(part, Frame(cmath.exp(1j * angle)), 0.0)
+    shape = surface_of(part).outline(part, Frame(cmath.exp(1j * angle)), 0.0)
     (x0, x1), (y0, y1) = box
-    q = complex(min(max(shape.centre.real, x0), x1), min(max(shape.centre.imag, y0), y1))
+    q = complex(min(max(shape.center.real, x0), x1), min(max(shape.center.imag, y0), y1))
     best = 0.0
     for _ in range(500):
         gap, walk = shape.nearest(np.array([q]))
@@ -127,9 +127,3 @@ def _to_box(part: Part, box: tuple[Interval, Interval], angle: float) -> float:
             break
         q = new
     return best
-
-
-def _bounds(own: tuple[float, float, float], free: Freedom | None) -> list[Interval]:
-    if free is None:
-        return [(v, v) for v in own]
-    return [b or (v, v) for b, v in zip((free.x, free.y, free.angle), own, strict=True)]

@@ -35,7 +35,7 @@ __all__ = [
 Array = NDArray[Any]
 
 _STEP = 1e-9
-"""Part of the length within which a curvature that steps changes."""
+"""Part of the length within which a curvature that steps changes: interpolation needs increasing knots."""
 
 
 def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.random.Generator) -> list[Start]:
@@ -55,8 +55,8 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.rando
     -------
     list of Start
         ``count`` starts, the most promising first, then such that differ from those before. Their labels: "scan"
-        touches everywhere it should and keeps clear; "near" does so as nearly as was found; "random" is one of these,
-        changed at random.
+        touches everywhere it should without penetration; "near" does so as nearly as was found; "random" is one of
+        these, changed at random.
     """
     weighing = Weighing(scene, on)
     found = [at for k, pose in enumerate(object_poses(scene, on)) if (at := weighing.at_pose(pose, k)) is not None]
@@ -84,8 +84,8 @@ def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
         posture = int(index[row])
         length = setup.finger.rod.length
         knots, bent = candidates.knots[posture], candidates.curvatures[posture]
-        kept = np.concatenate([[True], (np.diff(knots) > 1e-9) | (np.abs(np.diff(bent)) > 1e-12)])
-        knots, bent = knots[kept], bent[kept]
+        retained = np.concatenate([[True], (np.diff(knots) > 1e-9) | (np.abs(np.diff(bent)) > 1e-12)])
+        knots, bent = knots[retained], bent[retained]
         knots[:-1] -= _STEP * (np.diff(knots) <= 0.0)
         x, y, angle = (float(v) for v in candidates.bases[posture])
         fingers[setup.name] = FingerStart(

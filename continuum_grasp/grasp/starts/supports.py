@@ -8,19 +8,20 @@ from collections.abc import Collection
 
 import numpy as np
 
-from continuum_grasp.grasp.starts.shapes import Frame, Shape, make_shape
 from continuum_grasp.grasp.starts.values import ContactStart
+from continuum_grasp.model.surfaces import outline_of
+from continuum_grasp.model.surfaces.outline import Outline
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.supports import Peg, Wall
 
-__all__ = ["object_shapes", "peg_gap", "support_contacts", "touching_supports", "wall_gap"]
+__all__ = ["nearest_contact", "object_outlines", "peg_gap", "support_contacts", "touching_supports", "wall_gap"]
 
 Pose = tuple[float, float, float]
 
 
-def object_shapes(scene: GraspScene) -> tuple[Shape, ...]:
+def object_outlines(scene: GraspScene) -> tuple[Outline, ...]:
     """The object's parts in its own frame, not grown."""
-    return tuple(make_shape(part, Frame(), 0.0) for part in scene.object.parts)
+    return tuple(outline_of(part) for part in scene.object.parts)
 
 
 def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> dict[str, ContactStart]:
@@ -40,7 +41,7 @@ def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> 
         A wall touches the outermost point; a flat face that lies on it touches at its two ends, "<wall>.1" and
         "<wall>.2", as far as a finite wall reaches.
     """
-    shapes, size = object_shapes(scene), scene.object.size
+    shapes, size = object_outlines(scene), scene.object.size
     found: dict[str, ContactStart] = {}
     for wall in scene.walls:
         if wall.name in wanted:
@@ -51,19 +52,19 @@ def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> 
                 found[f"{wall.name}.1"], found[f"{wall.name}.2"] = ends
     for peg in scene.pegs:
         if peg.name in wanted:
-            found[peg.name] = _peg_contact(shapes, peg, pose)
+            found[peg.name] = nearest_contact(scene, pose, complex(*peg.position))
     return found
 
 
 def touching_supports(scene: GraspScene, pose: Pose) -> frozenset[str]:
     """Names of the walls and pegs that the object touches at a pose, to within a millionth of its size."""
-    shapes, near = object_shapes(scene), TOUCHING * scene.object.size
+    shapes, near = object_outlines(scene), TOUCHING * scene.object.size
     walls = [wall.name for wall in scene.walls if abs(wall_gap(shapes, wall, pose, near)) <= near]
     pegs = [peg.name for peg in scene.pegs if abs(peg_gap(shapes, peg, pose)) <= near]
     return frozenset(walls + pegs)
 
 
-def wall_gap(shapes: tuple[Shape, ...], wall: Wall, pose: Pose, flat: float) -> float:
+def wall_gap(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float) -> float:
     """Height of the object's lowest point above a wall [m]; infinite where it is beside a finite wall."""
     if np.isfinite(wall.half_length):
         ends = _lowest(shapes, wall, pose, flat)
@@ -74,7 +75,7 @@ def wall_gap(shapes: tuple[Shape, ...], wall: Wall, pose: Pose, flat: float) -> 
     return min(height for _, _, height in _lowest(shapes, wall, pose, flat))
 
 
-def peg_gap(shapes: tuple[Shape, ...], peg: Peg, pose: Pose) -> float:
+def peg_gap(shapes: tuple[Outline, ...], peg: Peg, pose: Pose) -> float:
     """Distance of the object from a peg [m]."""
     at = np.array([_to_object(complex(*peg.position), pose)])
     return min(float(shape.distance(at)[0]) for shape in shapes) - peg.radius
@@ -94,7 +95,7 @@ def _along(wall: Wall, pose: Pose, point: complex) -> float:
     return (rel * cmath.exp(-1j * wall.normal_angle)).imag
 
 
-def _lowest(shapes: tuple[Shape, ...], wall: Wall, pose: Pose, flat: float) -> list[tuple[int, complex, float]]:
+def _lowest(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float) -> list[tuple[int, complex, float]]:
     """Part, point in the object's frame and height of the lowest points above a wall, the leftmost and rightmost of
     those that are level.
     """
@@ -111,7 +112,7 @@ def _lowest(shapes: tuple[Shape, ...], wall: Wall, pose: Pose, flat: float) -> l
     return [level[0], level[-1]]
 
 
-def _wall_ends(shapes: tuple[Shape, ...], wall: Wall, pose: Pose, flat: float) -> list[ContactStart]:
+def _wall_ends(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float) -> list[ContactStart]:
     level = _lowest(shapes, wall, pose, flat)
     normal = math.remainder(wall.normal_angle + math.pi - pose[2], math.tau)
     if len(level) == 2 and np.isfinite(wall.half_length):
@@ -126,11 +127,10 @@ def _wall_ends(shapes: tuple[Shape, ...], wall: Wall, pose: Pose, flat: float) -
     return [ContactStart(part, (point.real, point.imag), normal) for part, point, _ in level]
 
 
-def _peg_contact(shapes: tuple[Shape, ...], peg: Peg, pose: Pose) -> ContactStart:
-    at = np.array([_to_object(complex(*peg.position), pose)])
-    gaps = [float(shape.distance(at)[0]) for shape in shapes]
-    part = int(np.argmin(gaps))
-    _, walk = shapes[part].nearest(at)
-    place = shapes[part].walk(walk)
+def nearest_contact(scene: GraspScene, pose: Pose, world: complex) -> ContactStart:
+    """The place on the object nearest to a world point [m]."""
+    outlines, at = object_outlines(scene), np.array([_to_object(world, pose)])
+    part = int(np.argmin([float(outline.distance(at)[0]) for outline in outlines]))
+    place = outlines[part].walk(outlines[part].nearest(at)[1])
     point = complex(place.point[0])
     return ContactStart(part, (point.real, point.imag), math.remainder(float(place.angle[0]), math.tau))

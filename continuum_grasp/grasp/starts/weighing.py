@@ -23,7 +23,7 @@ Array = NDArray[Any]
 Pose = tuple[float, float, float]
 
 _BALANCED = 3e-3
-"""What is left where a posture is in balance but for the price of its tension."""
+"""What is left where a posture is in balance but for the weight of its tension in the least squares."""
 _NEARLY = 0.05
 """Violation, about in lengths of the finger, up to which a posture may have a good one next to it."""
 _ENOUGH, _BEST, _POLISHED, _POSES, _FEW = 6, 12, 16, 2, 8
@@ -31,6 +31,7 @@ _ENOUGH, _BEST, _POLISHED, _POSES, _FEW = 6, 12, 16, 2, 8
 _ROUNDS, _ONE_ROUND = (2.0, 0.7), (1.0,)
 """Sizes of the changes with which they are refined, the latter for several fingers that are close to balance."""
 _CLOSE = 0.05
+"""Relative imbalance from which on several fingers are refined in one round instead of two."""
 
 
 @dataclass(frozen=True)

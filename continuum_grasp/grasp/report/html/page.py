@@ -103,13 +103,13 @@ def _picture(result: GraspResult) -> str:
     from continuum_grasp.plotting.grasp.grasp import plot_grasp
 
     drawing = inline_svg(plot_grasp(result, numbers=False), "drawing", "drawing of object, fingers and forces")
-    said = (
+    caption = (
         "Arrows are the forces that the object bears, to scale; the light wedges are friction cones; the small circles "
         "are joints of the finger's elements."
         if result.arrays
         else "The scene as it starts; the fingers are drawn unloaded."
     )
-    return f'<figure class="drawing">\n{drawing}\n<figcaption>{escaped(said)}</figcaption>\n</figure>'
+    return f'<figure class="drawing">\n{drawing}\n<figcaption>{escaped(caption)}</figcaption>\n</figure>'
 
 
 def _key_numbers(result: GraspResult) -> str:
@@ -154,11 +154,11 @@ def _resistance(resisted: ArrayLike | None) -> str:
         return ""
     drawing = inline_svg(plot_resistance(resisted), "resisted", "resisted force by direction")
     words = resistance_words(resisted)
-    said = (
-        "The greatest pure force at the centre of mass that is resisted on top of the weight, direction by direction; "
+    caption = (
+        "The greatest pure force at the center of mass that is resisted on top of the weight, direction by direction; "
         f"the dashed circle is what is resisted whichever way it acts. {words[0].upper() + words[1:]}."
     )
-    return f'<figure class="polygon">\n{drawing}\n<figcaption>{escaped(said)}</figcaption>\n</figure>'
+    return f'<figure class="polygon">\n{drawing}\n<figcaption>{escaped(caption)}</figcaption>\n</figure>'
 
 
 def _disturbances(result: GraspResult) -> str:

@@ -58,7 +58,7 @@ def section(title: str, *body: str, kind: str = "") -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]], numbers: Sequence[int] = ()) -> str:
-    """A table, without an empty head; ``numbers`` stand on the right, and a cell of ok or FAILED is coloured."""
+    """A table, without an empty head; ``numbers`` stand on the right, and a cell of ok or FAILED is colored."""
     kinds = {"ok": "good", "FAILED": "bad"}
 
     def cell(tag: str, k: int, value: object) -> str:
@@ -92,5 +92,5 @@ def details(summary: str, body: str) -> str:
 
 
 def badge(text: str, good: bool) -> str:
-    """A word in a coloured field."""
+    """A word in a colored field."""
     return f'<span class="badge{" good" if good else ""}">{escaped(text)}</span>'

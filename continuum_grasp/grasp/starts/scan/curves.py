@@ -12,17 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["bends", "curvature_at", "guess_table", "sample", "stretch", "table_of", "turning"]
+__all__ = ["bends", "curvature_at", "guess_table", "sample", "segment_end", "table_of", "turning"]
 
 Array = NDArray[Any]
 
 _X, _W = np.polynomial.legendre.leggauss(12)
 _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
+"""Gauss-Legendre rule of 12 nodes on [0, 1]: one interval may bend by more than a turn."""
 _TWO = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+"""Gauss-Legendre rule of 2 nodes on [0, 1], between samples that lie close to each other."""
 
 
-def stretch(lengths: Array, curvatures: Array) -> tuple[Array, Array, Array, Array]:
-    """Ends of curves made of intervals, with derivatives.
+def segment_end(lengths: Array, curvatures: Array) -> tuple[Array, Array, Array, Array]:
+    """Ends of curves of several intervals, with derivatives.
 
     Parameters
     ----------
@@ -96,7 +98,7 @@ def sample(knots: Array, curvatures: Array, at: Array) -> tuple[Array, Array]:
 
 
 def bends(knots: Array, curvatures: Array, joints: Array, counts: tuple[int, ...]) -> Array:
-    """Greatest length times curvature of an element (B,), which is its bend where it is an arc; the stretches between
+    """Greatest length times curvature of an element (B,), which is its bend where it is an arc; the segments between
     base, ``joints`` (B, J) and tip have ``counts`` equal elements each.
     """
     size = len(joints)
@@ -134,5 +136,5 @@ def table_of(firsts: Array, lasts: Array, joint: float | None = None) -> tuple[A
     lengths = np.array([1.0])
     if joint is not None:
         pairs, lengths = pairs[:, [0, 0, 1, 1]], np.array([joint, 0.0, 1.0 - joint])
-    end, turn, _, _ = stretch(np.broadcast_to(lengths, (len(pairs), len(lengths))), pairs)
+    end, turn, _, _ = segment_end(np.broadcast_to(lengths, (len(pairs), len(lengths))), pairs)
     return end.reshape(first.shape), turn.reshape(first.shape), np.ones(first.shape, bool)

@@ -1,8 +1,8 @@
 """Shapes that a rod takes under a force at its tip: the fingers that touch with their tips alone.
 
-A table of them, made once, in units of the finger's length L and of E I / L^2: initial curvature, force and its
+A table of them, computed once, in units of the finger's length L and of E I / L^2: initial curvature, force and its
 direction against the base. Where the tip of one touches an object and the force points out of it within the friction
-cone, a finger with the right tension is in balance there; its own weight is left out.
+cone, a finger with the right tension is in balance there; its own weight is neglected.
 """
 
 from __future__ import annotations
@@ -20,10 +20,16 @@ __all__ = ["ElasticaTable", "elastica_table", "projection"]
 Array = NDArray[Any]
 
 _FIRST = np.linspace(-10.0, 10.0, 33)
+"""Initial curvatures [1/L]: up to one and a half turns over the length either way."""
 _FORCES = np.array([0.75, 2.0, 4.0, 7.0, 11.0, 16.0, 23.0, 32.0, 44.0])
+"""Forces at the tip [E I / L^2]: from a third of the clamped-free buckling load, pi^2 / 4, to 18 times it."""
 _DIRECTIONS = 24
+"""Directions of the force: 15 degrees apart, well within the friction cones, of 53 degrees at a coefficient of 0.5."""
 _STEPS = 32
+"""Steps of the midpoint rule: the tip is off by 0.1 % of the length (median; 0.8 % at the 95th percentile), and
+Newton's method makes every start touch exactly afterwards."""
 _MOST_CURVED, _MOST_TURNED = 18.0, 6.0
+"""Curvature [1/L] and turn of the tip [rad] beyond which a shape is left unused: almost three turns, or one."""
 
 
 @dataclass(frozen=True)

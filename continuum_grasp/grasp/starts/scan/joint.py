@@ -3,36 +3,49 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import guess_table, sample, stretch
+from continuum_grasp.grasp.starts.scan.curves import guess_table, sample, segment_end
 from continuum_grasp.grasp.starts.scan.task import ALLOWED, FingerTask, Postures, join, touching_family, unique
 from continuum_grasp.grasp.starts.scan.touch import arc_tangent, tangent
-from continuum_grasp.grasp.starts.shapes import Shape, SuperellipseShape
+from continuum_grasp.model.surfaces.outline import Outline
 
 __all__ = ["ends_of", "first_joint", "moved_joint", "next_joint"]
 
 Array = NDArray[Any]
 
 _REACH, _GRID = 6.0, 29
+"""Greatest bend of a curve to the first contact [rad], a turn, and how many curvatures of either end are tried: one per
+0.43 rad."""
 _TILT, _OFF = 0.45, 0.25
+"""Angle [rad] and distance [of the contact's position] by which a tried curve may miss tangency: the spacing of the
+grid, so that the curve next to a solution is within."""
 _POSITIONS = 10
+"""Positions of a contact along the finger that are tried first; `_BETWEEN` adds more where few postures are found."""
 _BETWEEN = (np.array([-0.67, -0.33, 0.33, 0.67]), np.array([-0.5, -0.17, 0.17, 0.5]))
+"""Shifts of the contacts found, in spacings of the positions, in two rounds."""
 _ENOUGH = 16
+"""Postures clear of the object from which on no more positions are tried: with fewer, short feasible pieces of a branch
+are missed."""
 _ARCS = 49
+"""Bends of the arcs that are tried, as there is one number to scan: one per 0.25 rad."""
 _NEAR, _STEEP = 0.12, 0.7
+"""Distance of two neighbors [L] up to which, and change of their bends [rad] from which on, curves between them are
+sought: a branch is steep there."""
 _GUESSES = 10
+"""Best tried curves per position that Newton's method starts from: windings and sides give several solutions."""
 
 
 def first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None:
     """Curves from the base to the first contact, tangent there."""
     here, size = middles.index(True), len(middles)
     low, high = task.bounds
-    room = (high - low) / 20.0
-    positions = np.linspace(low + room * here, high - room * (size - 1 - here), _POSITIONS)
+    spare = (high - low) / 20.0
+    positions = np.linspace(low + spare * here, high - spare * (size - 1 - here), _POSITIONS)
     if task.arcs and sum(task.counts[: here + 1]) == 1:
         return _clear(task, join([_arcs(task, k, positions) for k in range(len(task.shapes))]))
     groups = []
@@ -52,7 +65,7 @@ def first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None:
 
 
 def _between(task: FingerTask, family: Postures) -> Postures | None:
-    """Curves between neighbours of a family that differ much."""
+    """Curves between neighbors of a family that differ much."""
     groups = []
     for part, shape in enumerate(task.shapes):
         mine = family.take(family.parts[:, 0] == part)
@@ -79,36 +92,35 @@ def _table() -> tuple[Array, Array, Array]:
 
 
 def _guesses(
-    task: FingerTask, shape: Shape, positions: Array, bent: Array, ends: Array, turns: Array
+    task: FingerTask, shape: Outline, positions: Array, bent: Array, ends: Array, turns: Array
 ) -> tuple[Array, Array, Array]:
     """Curves of a table that come near to being tangent at given positions: positions, curvatures and walks."""
     points = positions[:, None] * ends
-    row, column = np.nonzero(np.abs(points - shape.centre) < shape.extent + task.half + _OFF * positions[:, None])
+    row, column = np.nonzero(np.abs(points - shape.center) < shape.extent + task.half + _OFF * positions[:, None])
     gap, walk = shape.nearest(points[row, column])
     tilt = np.remainder(turns[column] - shape.walk(walk).angle + math.pi, math.tau) - math.pi
     merit = ((gap - task.half) / (_OFF * positions[row])) ** 2 + (tilt / _TILT) ** 2
-    keep = _best_per_row(row, merit, _GUESSES)
-    ell = positions[row[keep]]
-    return ell, bent[column[keep]] / ell[:, None], walk[keep]
+    best = _best_per_row(row, merit, _GUESSES)
+    ell = positions[row[best]]
+    return ell, bent[column[best]] / ell[:, None], walk[best]
 
 
 def _arcs(task: FingerTask, part: int, positions: Array) -> Postures:
     """Circular arcs from the base to the first contact."""
     bends = np.linspace(-_REACH, _REACH, _ARCS)
     bent = np.stack([bends, bends], axis=1)
-    ends, turns, _, _ = stretch(np.ones((_ARCS, 1)), bent)
+    ends, turns, _, _ = segment_end(np.ones((_ARCS, 1)), bent)
     ell, guess, walk = _guesses(task, task.shapes[part], positions, bent, ends, turns)
     return _even(task, part, ell, guess[:, 0], walk)
 
 
-def _round_corners(shape: Shape) -> tuple[Array, Array, Array]:
-    """Arcs from the base that are tangent to the circles round the corners of a grown polygon."""
-    if isinstance(shape, SuperellipseShape):
-        return np.zeros(0), np.zeros(0), np.zeros(0)
-    radius = (shape.grown**2 - np.abs(shape.vertices) ** 2) / (2.0 * _away_from_zero(shape.vertices.real + shape.grown))
-    turn = np.angle((shape.vertices + radius) / _away_from_zero(radius - shape.grown))
+def _round_corners(shape: Outline) -> tuple[Array, Array, Array]:
+    """Arcs from the base that are tangent to the circles round the corners of a grown outline."""
+    corners, grown = shape.corners, shape.grown
+    radius = (grown**2 - np.abs(corners) ** 2) / (2.0 * _away_from_zero(corners.real + grown))
+    turn = np.angle((corners + radius) / _away_from_zero(radius - grown))
     ell = np.mod(turn * np.sign(radius), math.tau) * np.abs(radius)
-    _, walk = shape.nearest(shape.vertices + shape.grown * np.exp(1j * turn))
+    _, walk = shape.nearest(corners + grown * np.exp(1j * turn))
     return ell, 1.0 / _away_from_zero(radius), walk
 
 
@@ -154,7 +166,7 @@ def _joined(task: FingerTask, part: int, ell: Array, guess: Array, walk: Array) 
     return _to_joint(part, shape, ell[good], bent[good], walk[good])
 
 
-def _to_joint(part: int, shape: Shape, ell: Array, bent: Array, walk: Array) -> Postures:
+def _to_joint(part: int, shape: Outline, ell: Array, bent: Array, walk: Array) -> Postures:
     knots = np.stack([np.zeros_like(ell), ell], axis=1)
     return unique(touching_family(knots, bent, ell[:, None], part, shape, walk))
 
@@ -167,10 +179,10 @@ def next_joint(task: FingerTask, family: Postures, middles: tuple[bool, ...], he
     point, angle = ends_of(family)
     for share in (0.15, 0.3, 0.45, 0.6, 0.8):
         ell = share * (high - last)
-        room = ell > 0.03
-        if not room.any():
+        spare = ell > 0.03
+        if not spare.any():
             continue
-        rows = np.flatnonzero(room)
+        rows = np.flatnonzero(spare)
         ell = ell[rows]
         for part, shape in enumerate(task.shapes):
             begin = family.curvatures[rows, -1]
@@ -178,33 +190,25 @@ def next_joint(task: FingerTask, family: Postures, middles: tuple[bool, ...], he
                 curve = np.stack([begin, factor * begin, factor * begin], axis=1)
                 start = (point[rows], angle[rows])
                 lengths = np.stack([0.5 * ell, 0.5 * ell], axis=1)
-                end, _, _, _ = stretch(lengths, curve)
+                end, _, _, _ = segment_end(lengths, curve)
                 _, walk = shape.nearest(start[0] + np.exp(1j * start[1]) * end)
                 bent, walk, good = tangent(shape, start, lengths, curve, (1, 2), walk)
                 good &= np.abs(bent).max(axis=1) < 30.0
                 if not good.any():
                     continue
-                kept = family.take(rows[good])
+                retained = family.take(rows[good])
                 at = shape.walk(walk[good])
                 there = last[rows][good] + ell[good]
-                groups.append(
-                    Postures(
-                        np.concatenate([kept.knots, (there - 0.5 * ell[good])[:, None], there[:, None]], axis=1),
-                        np.concatenate([kept.curvatures, bent[good, 1:]], axis=1),
-                        np.concatenate([kept.joints, there[:, None]], axis=1),
-                        np.concatenate([kept.parts, np.full((len(there), 1), part)], axis=1),
-                        np.concatenate([kept.points, at.point[:, None]], axis=1),
-                        np.concatenate([kept.angles, at.angle[:, None]], axis=1),
-                        kept.violation,
-                    )
-                )
+                knots = np.stack([there - 0.5 * ell[good], there], axis=1)
+                longer = retained.on_to(knots, bent[good, 1:], part, at)
+                groups.append(replace(longer, joints=np.concatenate([retained.joints, there[:, None]], axis=1)))
     found = join(groups)
     return None if found is None else _clear(task, unique(found))
 
 
 def ends_of(family: Postures) -> tuple[Array, Array]:
     """Where the curves end so far: point and angle."""
-    end, turn, _, _ = stretch(np.diff(family.knots, axis=1), family.curvatures)
+    end, turn, _, _ = segment_end(np.diff(family.knots, axis=1), family.curvatures)
     return end, turn
 
 
@@ -219,7 +223,7 @@ def _best_per_row(row: Array, merit: Array, most: int) -> Array:
 
 
 def _clear(task: FingerTask, family: Postures | None) -> Postures | None:
-    """Those that keep clear of the object so far, or the least deep ones where none does."""
+    """Those clear of the object so far, or the least deep ones where none is."""
     if family is None:
         return None
     share = np.linspace(0.0, 1.0, 33)

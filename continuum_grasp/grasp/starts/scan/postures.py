@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -12,12 +13,14 @@ from continuum_grasp.grasp.starts.scan.joint import first_joint, moved_joint, ne
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, violation
 from continuum_grasp.grasp.starts.scan.tip import bent_by_tip, moved_tip, tip_only, with_tip
 
-__all__ = ["neighbours", "postures"]
+__all__ = ["neighbors", "postures"]
 
 Array = NDArray[Any]
 
 _SHIFTS = 0.01 * np.array([-1.5, -0.5, 0.5, 1.5])
+"""Shifts of the first contact along the finger [L] in a refinement of size one: a sixth of the spacing of the scan."""
 _CHANGE = 0.4
+"""Change of a knot's curvature [1/L] in a refinement of size one: the spacing of the scans of tips, about."""
 
 
 def postures(task: FingerTask, middles: tuple[bool, ...], tip: bool) -> Postures | None:
@@ -51,7 +54,7 @@ def postures(task: FingerTask, middles: tuple[bool, ...], tip: bool) -> Postures
     return _finished(task, family, middles)
 
 
-def neighbours(
+def neighbors(
     task: FingerTask, family: Postures, middles: tuple[bool, ...], tip: bool, scale: float
 ) -> Postures | None:
     """Postures next to those of a family, with the same contacts, at changes of a relative size ``scale``.
@@ -70,27 +73,16 @@ def neighbours(
 
 def _finished(task: FingerTask, family: Postures, middles: tuple[bool, ...]) -> Postures:
     joints = _all_joints(task, family.joints, middles)
-    return Postures(
-        family.knots,
-        family.curvatures,
-        joints,
-        family.parts,
-        family.points,
-        family.angles,
-        violation(task, family.knots, family.curvatures, joints),
-    )
+    wrong = violation(task, family.knots, family.curvatures, joints)
+    return replace(family, joints=joints, violation=wrong)
 
 
 def _free_end(family: Postures) -> Postures:
     """The postures on to a free tip: constant curvature, which no force bends."""
-    return Postures(
-        np.concatenate([family.knots, np.ones((len(family), 1))], axis=1),
-        np.concatenate([family.curvatures, family.curvatures[:, -1:]], axis=1),
-        family.joints,
-        family.parts,
-        family.points,
-        family.angles,
-        family.violation,
+    return replace(
+        family,
+        knots=np.concatenate([family.knots, np.ones((len(family), 1))], axis=1),
+        curvatures=np.concatenate([family.curvatures, family.curvatures[:, -1:]], axis=1),
     )
 
 

@@ -1,20 +1,21 @@
 """One finger before one object, in numbers of the finger: lengths per its length, from its base, mirrored where the
-object should lie on its right. And postures in these numbers, with how well they keep clear of everything.
+object should lie on its right. And postures in these numbers, with their violation of clearances and limits.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan.curves import bends, sample
-from continuum_grasp.grasp.starts.shapes import Frame, Shape, make_shape
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 __all__ = ["ALLOWED", "FingerTask", "Postures", "join", "make_task", "touching_family", "unique", "violation"]
@@ -23,9 +24,12 @@ Array = NDArray[Any]
 Pose = tuple[float, float, float]
 
 ALLOWED = 2e-3
-"""Penetration that a start may have, per length of the finger."""
+"""Penetration that a start may have, per length of the finger: thin feasible pieces of a branch survive the scan, and
+IPOPT removes what is left of it."""
 _STATIONS = 65
+"""Places along a finger whose clearance is looked at: 1.5 % of the length apart."""
 _FINE = 6
+"""Most elements of a tip-only posture in the scan; for more, IPOPT starts from this shape."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,7 @@ class FingerTask:
 
     Attributes
     ----------
-    shapes : tuple of Shape
+    shapes : tuple of Outline
     half : float
         Half the finger's thickness.
     limit : float
@@ -54,12 +58,12 @@ class FingerTask:
     walls : tuple of (complex, complex, float)
         Point, normal and half length.
     pegs : tuple of (complex, float)
-        Centre and radius.
+        Center and radius.
     frame : Frame
         From the object's frame.
     """
 
-    shapes: tuple[Shape, ...]
+    shapes: tuple[Outline, ...]
     half: float
     limit: float
     rest: float
@@ -111,12 +115,26 @@ class Postures:
     def __len__(self) -> int:
         return len(self.violation)
 
-    def take(self, index: Any) -> Postures:
+    def take(self, index: Any) -> Self:
         """Some of them."""
-        return Postures(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+        return replace(self, **{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
+
+    def on_to(self, knots: Array, curvatures: Array, part: int, at: Walk) -> Self:
+        """The postures continued by more knots (P, M) to one more contact with a part, which it touches at ``at``."""
+        return replace(
+            self,
+            knots=np.concatenate([self.knots, knots], axis=1),
+            curvatures=np.concatenate([self.curvatures, curvatures], axis=1),
+            parts=np.concatenate([self.parts, np.full((len(self), 1), part)], axis=1),
+            points=np.concatenate([self.points, at.point[:, None]], axis=1),
+            angles=np.concatenate([self.angles, at.angle[:, None]], axis=1),
+        )
 
 
-def join(groups: list[Postures]) -> Postures | None:
+P = TypeVar("P", bound=Postures)
+
+
+def join(groups: list[P]) -> P | None:
     """All of several groups with the same contacts."""
     groups = [g for g in groups if len(g)]
     if not groups:
@@ -128,12 +146,13 @@ def join(groups: list[Postures]) -> Postures | None:
         if more:
             knots = np.concatenate([g.knots, np.repeat(g.knots[:, -1:], more, axis=1)], axis=1)
             curvatures = np.concatenate([g.curvatures, np.repeat(g.curvatures[:, -1:], more, axis=1)], axis=1)
-            g = Postures(knots, curvatures, g.joints, g.parts, g.points, g.angles, g.violation)
+            g = replace(g, knots=knots, curvatures=curvatures)
         padded.append(g)
-    return Postures(*(np.concatenate([getattr(g, n) for g in padded]) for n in Postures.__dataclass_fields__))
+    first = padded[0]
+    return replace(first, **{n: np.concatenate([getattr(g, n) for g in padded]) for n in first.__dataclass_fields__})
 
 
-def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, shape: Shape, walk: Array) -> Postures:
+def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, shape: Outline, walk: Array) -> Postures:
     """Postures whose ends touch a part at the given walks."""
     at = shape.walk(walk)
     return Postures(
@@ -149,6 +168,7 @@ def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, s
 
 def unique(family: Postures) -> Postures:
     """Each posture once."""
+    # Newton's method finds a posture to 1e-12; different ones differ by far more than 1e-5 L and 1e-4 / L.
     key = np.round(np.concatenate([family.knots, 0.1 * family.curvatures], axis=1), 5)
     _, index = np.unique(key, axis=0, return_index=True)
     return family.take(np.sort(index))
@@ -169,7 +189,7 @@ def make_task(scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, sid
     rest = setup.finger.rest_curvature
     few = setup.elements if setup.elements <= _FINE else _FINE
     return FingerTask(
-        shapes=tuple(make_shape(part, frame, half) for part in scene.object.parts),
+        shapes=tuple(surface_of(part).outline(part, frame, half) for part in scene.object.parts),
         half=half,
         limit=setup.finger.curvature_limit / scale,
         rest=side * rest / scale if isinstance(rest, int | float) else 0.0,
@@ -209,9 +229,10 @@ def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) 
             over = np.maximum(np.abs(rel.imag) - half_length, 0.0)
             short = np.where(beyond, task.half, 0.0) - np.hypot(over, height)
         worst = np.maximum(worst, short.max(axis=1) - ALLOWED)
-    for centre, radius in task.pegs:
-        short = np.where(beyond, radius + task.half, radius) - np.abs(points - centre)
+    for center, radius in task.pegs:
+        short = np.where(beyond, radius + task.half, radius) - np.abs(points - center)
         worst = np.maximum(worst, short.max(axis=1) - ALLOWED)
+    # A curvature counts a tenth: IPOPT lowers it more easily than it moves a finger out of an object.
     if math.isfinite(task.limit):
         worst = np.maximum(worst, 0.1 * (np.abs(curvatures).max(axis=1) - task.limit))
     return np.asarray(

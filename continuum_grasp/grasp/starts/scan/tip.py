@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import guess_table, stretch, table_of
+from continuum_grasp.grasp.starts.scan.curves import guess_table, segment_end, table_of
 from continuum_grasp.grasp.starts.scan.elastica import elastica_table, projection
 from continuum_grasp.grasp.starts.scan.joint import ends_of
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, touching_family, unique
 from continuum_grasp.grasp.starts.scan.touch import touch
-from continuum_grasp.grasp.starts.shapes import Shape
+from continuum_grasp.model.surfaces.outline import Outline
 
 __all__ = ["bent_by_tip", "moved_tip", "tip_only", "with_tip"]
 
@@ -21,10 +22,15 @@ Array = NDArray[Any]
 
 _TIP_REACH, _TIP_GRID = 8.0, 33
 _ARCS_REACH, _ARCS_GRID = 13.0, 53
+"""Greatest end curvature [1/L] and size of the grid of curves whose tips may touch, of clothoids and of two arcs: 0.5
+1/L apart; an arc has half of the length for the same bend."""
 _BESIDE_CONE = 0.15
+"""Angle outside the friction cone up to which a start is used [rad]: half a spacing of the directions of `elastica`."""
 _BESIDE = 0.01
 """Cosine between tangent and normal up to which a tip still touches with its front."""
 _FEW, _ZOOMS, _ZOOMED = 3, 3, 11
+"""Where fewer than 3 tips touch, the grid is refined up to 3 times by 11 x 11 around the nearest miss: an object hardly
+in reach is touched in a patch smaller than the grid's cells."""
 
 
 def with_tip(task: FingerTask, family: Postures) -> Postures | None:
@@ -38,7 +44,7 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     grid = np.clip(grid, -25.0, 25.0)
     first = grid if one_arc else np.broadcast_to(begin[:, None], grid.shape)
     pairs = np.stack([first, grid], axis=2).reshape(-1, 2)
-    end, turn, _, _ = stretch(np.repeat(rest, tries)[:, None], pairs)
+    end, turn, _, _ = segment_end(np.repeat(rest, tries)[:, None], pairs)
     tips = point[:, None] + np.exp(1j * angle)[:, None] * end.reshape(count, tries)
     facing = angle[:, None] + turn.reshape(count, tries)
     groups = []
@@ -53,44 +59,35 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
         near = tips[row, column] + share * (tips[row, column + 1] - tips[row, column])
         _, walk = shape.nearest(near)
         turn = facing[row, column] + share * (facing[row, column + 1] - facing[row, column])
+        # Newton's method may still turn the tip: only crossings well behind its front are dropped; `_in_front` decides.
         ahead = np.cos(shape.walk(walk).angle - turn - 0.5 * math.pi) < 0.4
         row, guess, walk = row[ahead], guess[ahead], walk[ahead]
         curve = np.stack([guess if one_arc else begin[row], guess], axis=1)
         columns = (0, 1) if one_arc else (1,)
         bent, walk, good = touch(shape, (point[row], angle[row]), rest[row, None], curve, columns, walk)
         good &= _in_front(shape, walk, angle[row] + 0.5 * rest[row] * (bent[:, 0] + bent[:, 1]))
-        kept = family.take(row[good])
-        groups.append(_ended(_stepped(kept, bent[good, 0]), bent[good, 1], part, shape, walk[good]))
+        retained = family.take(row[good])
+        groups.append(_ended(_stepped(retained, bent[good, 0]), bent[good, 1], part, shape, walk[good]))
     found = join(groups)
     return None if found is None else unique(found)
 
 
-def _in_front(shape: Shape, walk: Array, facing: Array) -> Array:
+def _in_front(shape: Outline, walk: Array, facing: Array) -> Array:
     """Whether the front half of the rounded tip touches."""
     return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= _BESIDE)
 
 
-def _stepped(kept: Postures, bent: Array) -> Postures:
+def _stepped(retained: Postures, bent: Array) -> Postures:
     """With a step of the curvature at the end."""
-    if np.array_equal(kept.curvatures[:, -1], bent):
-        return kept
-    knots = np.concatenate([kept.knots, kept.knots[:, -1:]], axis=1)
-    curvatures = np.concatenate([kept.curvatures, bent[:, None]], axis=1)
-    return Postures(knots, curvatures, kept.joints, kept.parts, kept.points, kept.angles, kept.violation)
+    if np.array_equal(retained.curvatures[:, -1], bent):
+        return retained
+    knots = np.concatenate([retained.knots, retained.knots[:, -1:]], axis=1)
+    curvatures = np.concatenate([retained.curvatures, bent[:, None]], axis=1)
+    return replace(retained, knots=knots, curvatures=curvatures)
 
 
-def _ended(kept: Postures, bent: Array, part: int, shape: Shape, walk: Array) -> Postures:
-    at = shape.walk(walk)
-    count = len(kept)
-    return Postures(
-        np.concatenate([kept.knots, np.ones((count, 1))], axis=1),
-        np.concatenate([kept.curvatures, bent[:, None]], axis=1),
-        kept.joints,
-        np.concatenate([kept.parts, np.full((count, 1), part)], axis=1),
-        np.concatenate([kept.points, at.point[:, None]], axis=1),
-        np.concatenate([kept.angles, at.angle[:, None]], axis=1),
-        kept.violation,
-    )
+def _ended(retained: Postures, bent: Array, part: int, shape: Outline, walk: Array) -> Postures:
+    return retained.on_to(np.ones((len(retained), 1)), bent[:, None], part, shape.walk(walk))
 
 
 def tip_only(task: FingerTask, joint: float | None, sparse: bool = False) -> Postures | None:
@@ -130,9 +127,9 @@ def tip_only(task: FingerTask, joint: float | None, sparse: bool = False) -> Pos
 
 
 def _crossings(
-    part: int, shape: Shape, knots: Array, grids: tuple[Array, Array], table: tuple[Array, Array, Array, Array]
+    part: int, shape: Outline, knots: Array, grids: tuple[Array, Array], table: tuple[Array, Array, Array, Array]
 ) -> list[Postures]:
-    """Curves whose tip touches, between neighbours on a grid of first and last curvatures."""
+    """Curves whose tip touches, between neighbors on a grid of first and last curvatures."""
     gap, ends, turns, sane = table
     groups = []
     for axis in (0, 1):
@@ -157,7 +154,7 @@ def _crossings(
         start = (np.zeros(count, complex), np.zeros(count))
         lengths = np.broadcast_to(np.diff(knots), (count, len(knots) - 1))
         bent, walk, good = touch(shape, start, lengths, curve, columns, walk)
-        _, turn, _, _ = stretch(lengths, bent)
+        _, turn, _, _ = segment_end(lengths, bent)
         good &= _in_front(shape, walk, turn)
         groups.append(_tips(knots, bent[good], part, shape, walk[good]))
     return groups
@@ -170,7 +167,7 @@ def bent_by_tip(task: FingerTask) -> Postures | None:
     groups = [_at_nodes(tip_only(task, None, sparse=True), knots)]
     cone = math.atan(task.friction) + _BESIDE_CONE
     for part, shape in enumerate(task.shapes):
-        near = np.abs(table.tips - shape.centre) < shape.extent + task.half + 0.7
+        near = np.abs(table.tips - shape.center) < shape.extent + task.half + 0.7
         gap = np.full(table.tips.shape, np.nan)
         gap[near] = shape.distance(table.tips[near]) - task.half
         with np.errstate(invalid="ignore"):
@@ -181,9 +178,9 @@ def bent_by_tip(task: FingerTask) -> Postures | None:
         _, walk = shape.nearest(tips)
         normal = shape.walk(walk).angle
         facing = table.turns[i, j] + share * (table.turns[i, j + 1] - table.turns[i, j])
-        kept = np.cos(normal - facing - 0.5 * math.pi) < 0.1
-        kept &= (np.cos(table.directions[i] - normal) > math.cos(cone)) | (table.forces[i] == 0.0)
-        i, j, share, walk = i[kept], j[kept], share[kept], walk[kept]
+        retained = np.cos(normal - facing - 0.5 * math.pi) < 0.1
+        retained &= (np.cos(table.directions[i] - normal) > math.cos(cone)) | (table.forces[i] == 0.0)
+        i, j, share, walk = i[retained], j[retained], share[retained], walk[retained]
         if not len(i):
             continue
         bent = table.curvatures[i, j] + share[:, None] * (table.curvatures[i, j + 1] - table.curvatures[i, j])
@@ -192,7 +189,7 @@ def bent_by_tip(task: FingerTask) -> Postures | None:
         start = (np.zeros(count, complex), np.zeros(count))
         lengths = np.broadcast_to(np.diff(knots), (count, len(knots) - 1))
         bent, walk, good = touch(shape, start, lengths, bent, tuple(range(len(knots))), walk)
-        _, turn, _, _ = stretch(lengths, bent)
+        _, turn, _, _ = segment_end(lengths, bent)
         good &= _in_front(shape, walk, turn)
         groups.append(_tips(knots, bent[good], part, shape, walk[good]))
     found = join([g for g in groups if g is not None])
@@ -205,17 +202,17 @@ def _at_nodes(family: Postures | None, knots: Array) -> Postures | None:
         return None
     bent = family.curvatures[:, :1] + (family.curvatures[:, 1:] - family.curvatures[:, :1]) * knots
     every = np.broadcast_to(knots, bent.shape)
-    return Postures(every, bent, family.joints, family.parts, family.points, family.angles, family.violation)
+    return replace(family, knots=every, curvatures=bent)
 
 
-def _straight(shape: Shape) -> Array | None:
+def _straight(shape: Outline) -> Array | None:
     """The place where the tip of the straight finger touches."""
     _, walk = shape.nearest(np.array([1j]))
     touches = abs(complex(shape.walk(walk).point[0]) - 1j) < 1e-9
     return walk if touches and _in_front(shape, walk, np.zeros(1)).all() else None
 
 
-def _tips(knots: Array, bent: Array, part: int, shape: Shape, walk: Array) -> Postures:
+def _tips(knots: Array, bent: Array, part: int, shape: Outline, walk: Array) -> Postures:
     count = len(walk)
     return touching_family(np.broadcast_to(knots, (count, len(knots))), bent, np.zeros((count, 0)), part, shape, walk)
 
@@ -242,7 +239,7 @@ def moved_tip(task: FingerTask, family: Postures, step: float) -> Postures | Non
         lengths = np.broadcast_to(np.diff(knots), (count, size - 1))
         start = (np.zeros(count, complex), np.zeros(count))
         bent, walk, good = touch(shape, start, lengths, bent, columns, np.repeat(walk, len(changes)))
-        _, turn, _, _ = stretch(lengths, bent)
+        _, turn, _, _ = segment_end(lengths, bent)
         good &= _in_front(shape, walk, turn)
         groups.append(_tips(knots, bent[good], part, shape, walk[good]))
     return join(groups)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import stretch
-from continuum_grasp.grasp.starts.shapes import Shape
+from continuum_grasp.grasp.starts.scan.curves import segment_end
+from continuum_grasp.model.surfaces.outline import Outline
 
 __all__ = ["arc_tangent", "tangent", "touch"]
 
@@ -18,18 +18,22 @@ Array = NDArray[Any]
 Equations = Callable[[Array, Array], tuple[list[Array], list[list[Array]]]]
 
 _EXACT = 1e-12
+"""Residual, in lengths of the finger and rad, at which a curve touches: rounding after a few operations."""
 _STEPS, _EARLY, _HOPEFUL = 14, 5, 0.05
+"""Newton steps; after the first five, systems with a larger residual are given up: a start in the basin of a root has
+converged quadratically below it by then."""
 _BEND_STEP = 3.0
+"""Greatest change of a curvature in one step [1/L]: half of the range of the scans, so that no step leaves it."""
 
 
 def tangent(
-    shape: Shape, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, int], walk: Array
+    shape: Outline, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, int], walk: Array
 ) -> tuple[Array, Array, Array]:
     """Curves whose end lies on the grown outline with the section's X axis along its outward normal.
 
     Parameters
     ----------
-    shape : Shape
+    shape : Outline
     start : (ndarray of complex (B,), ndarray (B,))
         Point and angle where the curves start.
     lengths : ndarray, (B, K - 1)
@@ -53,7 +57,7 @@ def tangent(
     def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
         bent = out[rows]
         bent[:, free[0]], bent[:, free[1]] = u[:, 0], u[:, 1]
-        end, turn, dend, dturn = stretch(lengths[rows], bent)
+        end, turn, dend, dturn = segment_end(lengths[rows], bent)
         at = shape.walk(u[:, 2])
         off = point[rows] + phase[rows] * end - at.point
         tilt = _turned(angle[rows] + turn - at.angle)
@@ -71,7 +75,7 @@ def tangent(
 
 
 def touch(
-    shape: Shape, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, ...], walk: Array
+    shape: Outline, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, ...], walk: Array
 ) -> tuple[Array, Array, Array]:
     """Curves whose end lies on the grown outline, as :func:`tangent` does; the curvatures of the columns ``free`` all
     change by the same amount.
@@ -84,7 +88,7 @@ def touch(
     def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
         bent = out[rows]
         bent[:, columns] += u[:, :1]
-        end, _, dend, _ = stretch(lengths[rows], bent)
+        end, _, dend, _ = segment_end(lengths[rows], bent)
         at = shape.walk(u[:, 1])
         off = point[rows] + phase[rows] * end - at.point
         move = phase[rows] * dend[:, columns].sum(axis=1)
@@ -96,12 +100,12 @@ def touch(
     return out, found[:, 1], good
 
 
-def arc_tangent(shape: Shape, length: Array, curvature: Array, walk: Array) -> tuple[Array, Array, Array, Array]:
+def arc_tangent(shape: Outline, length: Array, curvature: Array, walk: Array) -> tuple[Array, Array, Array, Array]:
     """Circular arcs from the base, tangent to the grown outline at their ends: lengths, curvatures, walks, good."""
 
     def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
         bent = u[:, 1]
-        end, turn, dend, _ = stretch(u[:, :1], np.stack([bent, bent], axis=1))
+        end, turn, dend, _ = segment_end(u[:, :1], np.stack([bent, bent], axis=1))
         at = shape.walk(u[:, 2])
         off = end - at.point
         move, on = dend.sum(axis=1), 1j * np.exp(1j * turn)
@@ -152,7 +156,7 @@ def _newton(equations: Equations, first: Array, most: tuple[float, ...]) -> tupl
 
 
 def _solve(a: list[list[Array]], b: list[Array]) -> list[Array]:
-    """Cramer's rule for many systems of two or three equations."""
+    """Cramer's rule for many systems of two or three equations; `numpy.linalg.solve` loops over them."""
     if len(b) == 2:
         det = _safe(a[0][0] * a[1][1] - a[0][1] * a[1][0])
         return [(b[0] * a[1][1] - a[0][1] * b[1]) / det, (a[0][0] * b[1] - b[0] * a[1][0]) / det]

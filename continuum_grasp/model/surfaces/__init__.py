@@ -1,0 +1,48 @@
+"""Surfaces of objects: one file for each kind of convex part, and the table of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+from continuum_grasp.model.planar import Vec
+from continuum_grasp.model.surfaces.offset_polygon import PolygonSurface
+from continuum_grasp.model.surfaces.outline import Frame, Outline
+from continuum_grasp.model.surfaces.superellipse import SuperellipseSurface
+from continuum_grasp.model.surfaces.surface import Nearest, Surface, nearest_of
+from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
+
+__all__ = ["nearest", "outline_of", "surface_of"]
+
+_SURFACES: dict[type[Part], type[Surface[Any]]] = {
+    OffsetPolygon: PolygonSurface,
+    SuperellipsePart: SuperellipseSurface,
+}
+
+
+def surface_of(part: Part) -> Surface[Any]:
+    """The surface of a part."""
+    return _SURFACES[type(part)].of(part)
+
+
+@lru_cache(maxsize=256)
+def outline_of(part: Part) -> Outline:
+    """The outline of a part in the object's frame, not grown."""
+    return surface_of(part).outline(part, Frame(), 0.0)
+
+
+def nearest(parts: Sequence[Part], at: Vec) -> Nearest:
+    """Distance of a point from the surface of a union of convex parts; that of the nearest part.
+
+    Offset polygons are exact outside their core, and inside it up to half the least width. On superellipses the
+    nearest point is found by two or three Newton steps along the outline from the point in the same direction: exact
+    to 1e-7 of the shorter half axis for points nearer than 0.4 of it, and never negative outside.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+    at : Vec
+        The point [m].
+    """
+    return nearest_of([surface_of(part).nearest(part, at) for part in parts])

@@ -1,0 +1,341 @@
+"""The surface of an offset polygon: everything within a distance of a convex polygon, a segment or a point.
+
+A contact of a grasp sits on a *feature*, a face or a corner of the core, and every point there is
+
+    p = a + sigma (b - a) + r n(alpha),     n(alpha) = (cos alpha, sin alpha)
+
+On a face alpha is the face's normal and sigma in [0, 1] is free: the contact slides along the face. On a corner a = b
+and alpha is free between the normals of the faces next to it. So faces, corners, stadiums and discs differ by numbers
+only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.model.planar import Rotation, Scalar, Vec
+from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
+from continuum_grasp.model.surfaces.surface import (
+    CORNERS,
+    TINY,
+    Feature,
+    Nearest,
+    Surface,
+    SurfacePoint,
+    chosen,
+    length,
+    separation,
+)
+from continuum_grasp.scene.parts import OffsetPolygon
+
+__all__ = ["SHARP", "PolygonSurface"]
+
+Array = NDArray[Any]
+
+SHARP = 1e-7
+"""Radius that a sharp corner has where contacts roll over it [m]: far below any real edge, and its curvature of 1e7 1/m
+is still exact beside those of fingers."""
+_SKIN = 1e-9
+"""Distance up to which a point outside a sharp polygon is treated as one on its face [m]: below, the direction to the
+nearest point is lost in rounding."""
+_SLOT = 1e-9
+"""Squared preference, per squared extent, of the side of a segment on which a point lies."""
+
+
+@dataclass(frozen=True)
+class PolygonSurface(Surface[OffsetPolygon]):
+    """The surface of offset polygons with this many corners.
+
+    Attributes
+    ----------
+    corners : int
+        One for a disc, two for a stadium.
+    """
+
+    corners: int
+
+    feature_count = 5
+
+    @property
+    def number_count(self) -> int:  # type: ignore[override]
+        return 2 * self.corners + 1
+
+    @property
+    def has_directions(self) -> bool:  # type: ignore[override]
+        return self.corners != 1
+
+    @property
+    def looks_at_corners(self) -> bool:  # type: ignore[override]
+        return self.corners > CORNERS
+
+    @classmethod
+    def of(cls, part: OffsetPolygon) -> PolygonSurface:
+        return cls(len(part.vertices))
+
+    # -- contact in motion
+
+    def nearest(self, part: OffsetPolygon, at: Vec) -> Nearest:
+        core = part.vertices
+        if len(core) == 1:
+            away = at - Vec(*core[0])
+            size = length(away)
+            return Nearest(size - part.radius, away.scaled(1.0 / size))
+        found = _from_rectangle(core, at) if _is_rectangle(core) else _from_polygon(core, at)
+        return Nearest(found.distance - part.radius, found.normal)
+
+    def lowest_points(self, part: OffsetPolygon, direction: Vec) -> list[Vec]:
+        return [Vec(*v) + direction.scaled(part.radius) for v in part.vertices]
+
+    # -- contact of a grasp
+
+    def point(self, place: ca.SX, feature: ca.SX) -> SurfacePoint:
+        normal = ca.vertcat(ca.cos(place[1]), ca.sin(place[1]))
+        a, b = feature[:2], feature[2:4]
+        return SurfacePoint(a + place[0] * (b - a) + feature[4] * normal, normal, ca.SX(0, 1))
+
+    def clearance(self, point: ca.SX, beta: ca.SX, numbers: ca.SX, near: ca.SX | None) -> ca.SX:
+        if not self.has_directions:
+            return ca.sqrt(ca.sumsqr(point - numbers[:2]) + 1e-24) - numbers[2]
+        corners = numbers[: 2 * self.corners] if near is None else near
+        return separation(point, beta, ca.reshape(corners, 2, corners.numel() // 2)) - numbers[-1]
+
+    def wall_clearance(self, normal: ca.SX, point: ca.SX, angle: ca.SX, pose: ca.SX, numbers: ca.SX) -> list[ca.SX]:
+        c, s = ca.cos(pose[2]), ca.sin(pose[2])
+        turn = ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c))
+        corners = [pose[:2] + turn @ numbers[2 * k : 2 * k + 2] for k in range(self.corners)]
+        return [ca.dot(normal, corner - point) - numbers[-1] for corner in corners]
+
+    def numbers(self, part: OffsetPolygon, unit: float) -> list[float]:
+        return [*(c / unit for v in part.vertices for c in v), part.radius / unit]
+
+    def feature_numbers(self, feature: Feature, unit: float) -> list[float]:
+        return [c / unit for c in feature.numbers]
+
+    def features(self, part: OffsetPolygon) -> list[Feature]:
+        core, r = part.vertices, part.radius
+        bend = 1.0 / max(r, SHARP)
+        if len(core) == 1:
+            return [Feature((*core[0], *core[0], r), (0.0, -math.inf), (0.0, math.inf), bend)]
+        found = []
+        for k, (a, b) in enumerate(pairwise([*core, core[0]])):
+            normal = math.atan2(a[0] - b[0], b[1] - a[1])
+            before = core[k - 1]
+            last = math.atan2(before[0] - a[0], a[1] - before[1])
+            low = normal - (normal - last) % math.tau
+            found.append(Feature((*a, *a, r), (0.0, low), (0.0, normal), bend))
+            found.append(Feature((*a, *b, r), (0.0, normal), (1.0, normal)))
+        return found
+
+    def place(
+        self, part: OffsetPolygon, feature: Feature, point: tuple[float, float], normal_angle: float
+    ) -> tuple[float, float]:
+        ax, ay, bx, by, r = feature.numbers
+        dx, dy = bx - ax, by - ay
+        size = dx * dx + dy * dy
+        x, y = point[0] - r * math.cos(normal_angle), point[1] - r * math.sin(normal_angle)
+        share = 0.0 if size == 0.0 else min(max(((x - ax) * dx + (y - ay) * dy) / size, 0.0), 1.0)
+        middle = 0.5 * (feature.lower[1] + feature.upper[1])
+        angle = middle + math.remainder(normal_angle - middle, math.tau) if math.isfinite(middle) else normal_angle
+        return share, min(max(angle, feature.lower[1]), feature.upper[1])
+
+    def nearest_feature(self, part: OffsetPolygon, point: tuple[float, float], normal_angle: float) -> int:
+        best, index = math.inf, 0
+        for k, feature in enumerate(self.features(part)):
+            share, angle = self.place(part, feature, point, normal_angle)
+            ax, ay, bx, by, r = feature.numbers
+            x = ax + share * (bx - ax) + r * math.cos(angle) - point[0]
+            y = ay + share * (by - ay) + r * math.sin(angle) - point[1]
+            turn = abs(math.remainder(angle - normal_angle, math.tau))
+            size = float(np.ptp(np.array(part.vertices), axis=0).max()) + part.radius
+            # At the end of a face the corner fits as well: prefer the face, along which a contact can slide.
+            cost = math.hypot(x, y) / size + turn + (1e-9 if ax == bx and ay == by and len(part.vertices) > 1 else 0.0)
+            if cost < best:
+                best, index = cost, k
+        return index
+
+    def nearest_places(self, part: OffsetPolygon, points: Array) -> tuple[Array, Array]:
+        core = np.array(part.vertices)
+        count = len(core)
+        off = points[:, None, :] - core
+        away = np.linalg.norm(off, axis=2)
+        rows = np.arange(len(points))
+        if count == 1:
+            return np.arctan2(off[:, 0, 1], off[:, 0, 0]), away[:, 0] - part.radius
+        edge = np.roll(core, -1, axis=0) - core
+        size = np.linalg.norm(edge, axis=1)
+        normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / size[:, None]
+        height = (off * normal).sum(axis=2)
+        share = np.clip((off * edge).sum(axis=2) / size**2, 0.0, 1.0)
+        arm = off - share[:, :, None] * edge
+        reach = np.linalg.norm(arm, axis=2)
+        inside = (height < 0.0).all(axis=1) if count > 2 else np.zeros(len(points), dtype=bool)
+        pick = np.where(inside, height.argmax(axis=1), reach.argmin(axis=1))
+        far = reach[rows, pick]
+        on = inside | (far < 1e-12)
+        direction = np.where(on[:, None], normal[pick], arm[rows, pick] / np.maximum(far, 1e-300)[:, None])
+        distance = np.where(inside, height[rows, pick], far)
+        return np.arctan2(direction[:, 1], direction[:, 0]), distance - part.radius
+
+    def near_corners(self, part: OffsetPolygon, points: Array) -> Array:
+        core = np.array(part.vertices)
+        close = np.linalg.norm(points[:, None, :] - core, axis=2).argmin(axis=1)
+        return np.concatenate([core[(close + k) % len(core)] for k in (-1, 0, 1)], axis=1)
+
+    # -- search of a grasp
+
+    def outline(self, part: OffsetPolygon, frame: Frame, grown: float) -> Outline:
+        vertices = frame.point(np.array([complex(*v) for v in part.vertices]))
+        return _PolygonOutline(vertices[::-1] if frame.mirrored else vertices, part.radius * frame.scale, grown)
+
+
+def _is_rectangle(core: Sequence[tuple[float, float]]) -> bool:
+    if len(core) != 4:
+        return False
+    (ax, ay), (bx, by), (cx, cy), (dx, dy) = core
+    size = math.dist(core[0], core[2])
+    middles = math.dist((ax + cx, ay + cy), (bx + dx, by + dy))
+    return middles < 1e-12 * size and abs(size - math.dist(core[1], core[3])) < 1e-12 * size
+
+
+def _from_rectangle(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
+    (ax, ay), (bx, by), (cx, cy), _ = core
+    width, height = math.dist(core[0], core[1]), math.dist(core[1], core[2])
+    turn = Rotation(*(0.0 if abs(v) < 1e-15 else v for v in ((bx - ax) / width, (by - ay) / width)))
+    local = turn.transposed().apply(at - Vec(0.5 * (ax + cx), 0.5 * (ay + cy)))
+    x, y = ca.fabs(local.x) - 0.5 * width, ca.fabs(local.y) - 0.5 * height
+    beyond = Vec(ca.fmax(x, 0.0), ca.fmax(y, 0.0))
+    size = length(beyond)
+    deepest = ca.fmax(x, y)
+    inside = deepest <= _SKIN
+    normal = chosen(inside, Vec(x > y, x <= y), beyond.scaled(1.0 / size))
+    # Signs that are never zero: on an axis of the rectangle either side will do.
+    signs = Vec(2.0 * (local.x >= 0.0) - 1.0, 2.0 * (local.y >= 0.0) - 1.0)
+    return Nearest(ca.if_else(inside, deepest, size), turn.apply(Vec(signs.x * normal.x, signs.y * normal.y)))
+
+
+def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
+    """By the nearest of the edges; two vertices are a segment, which has no inside."""
+    edges = list(pairwise([*core, core[0]])) if len(core) > 2 else [(core[0], core[1])]
+    heights: list[Scalar] = []
+    best: tuple[Scalar, Vec, Vec] | None = None
+    for (ax, ay), (bx, by) in edges:
+        length = math.hypot(bx - ax, by - ay)
+        along, normal = Vec((bx - ax) / length, (by - ay) / length), Vec((by - ay) / length, (ax - bx) / length)
+        away = at - Vec(ax, ay)
+        s, height = along.dot(away), normal.dot(away)
+        over = s - ca.fmin(ca.fmax(s, 0.0), length)
+        offset = along.scaled(over) + normal.scaled(height)
+        heights.append(height)
+        square = over * over + height * height
+        if best is None:
+            best = (square, offset, normal)
+            continue
+        nearer = square < best[0]
+        best = (ca.fmin(square, best[0]), chosen(nearer, offset, best[1]), chosen(nearer, normal, best[2]))
+    if best is None:
+        raise ValueError("a polygon without edges")
+    size = ca.sqrt(best[0] + TINY)
+    outward = best[1].scaled(1.0 / size)
+    if len(core) == 2:
+        return Nearest(size, outward)
+    top = heights[0]
+    for height in heights[1:]:
+        top = ca.fmax(top, height)
+    inside = top <= _SKIN
+    return Nearest(ca.if_else(inside, top, size), chosen(inside, best[2], outward))
+
+
+class _PolygonOutline(Outline):
+    """Of an offset polygon."""
+
+    def __init__(self, vertices: Array, radius: float, grown: float) -> None:
+        self.corners = vertices
+        self.radius = radius
+        self.grown = radius + grown
+        size = len(vertices)
+        extent = float(np.abs(vertices - vertices.mean()).max()) if size > 1 else 0.0
+        self._per_angle = self.grown + 0.2 * extent
+        self._edges = np.roll(vertices, -1) - vertices if size > 1 else np.zeros(1, complex)
+        self._lengths = np.abs(self._edges)
+        if size > 1:
+            self._along = self._edges / self._lengths
+            normals = np.angle(-1j * self._along)
+            turns = np.mod(np.roll(normals, -1) - normals, math.tau)
+        else:
+            self._along, normals, turns = np.ones(1, complex), np.zeros(1), np.full(1, math.tau)
+        self._normals, self._turns = normals, turns
+        self.face_normals: tuple[float, ...] = tuple(normals.tolist()) if size > 1 else ()
+        pieces = np.stack([self._lengths, turns * self._per_angle], axis=1).ravel()
+        self._starts = np.concatenate([[0.0], np.cumsum(pieces)])
+        self.period = float(self._starts[-1])
+        self.center = complex(vertices.mean())
+        self.extent = extent + radius
+
+    def walk(self, w: Array) -> Walk:
+        w = np.mod(w, self.period)
+        piece = np.clip(np.searchsorted(self._starts, w, side="right") - 1, 0, len(self._starts) - 2)
+        local = w - self._starts[piece]
+        edge, corner = piece // 2, piece % 2 == 1
+        turn = np.where(corner, local / self._per_angle, 0.0)
+        angle = self._normals[edge] + turn
+        normal = np.exp(1j * angle)
+        at = self.corners[edge] + np.where(corner, self._edges[edge], local * self._along[edge])
+        dpoint = np.where(corner, 1j * normal * (self.grown / self._per_angle), self._along[edge])
+        return Walk(at + self.grown * normal, angle, dpoint, np.where(corner, 1.0 / self._per_angle, 0.0))
+
+    def nearest(self, points: Array) -> tuple[Array, Array]:
+        gap, edge, along = self._nearest_edge(points)
+        length = self._lengths[edge]
+        start = self._starts[2 * edge]
+        before, after = along <= 0.0, along >= length
+        vertex = np.where(before, edge, (edge + 1) % len(self.corners))
+        owner = np.where(before, (edge - 1) % len(self.corners), edge)
+        turn = np.mod(np.angle(points - self.corners[vertex]) - self._normals[owner], math.tau)
+        turn = np.where(turn > 0.5 * (self._turns[owner] + math.tau), 0.0, np.minimum(turn, self._turns[owner]))
+        corner = self._starts[2 * owner + 1] + turn * self._per_angle
+        return gap, np.where((before | after) & (gap > -self.radius), corner, start + np.clip(along, 0.0, length))
+
+    def distance(self, points: Array) -> Array:
+        if len(self.corners) == 1:
+            return np.asarray(np.abs(points - self.corners[0]) - self.radius)
+        return self._nearest_edge(points)[0]
+
+    def _nearest_edge(self, points: Array) -> tuple[Array, Array, Array]:
+        if len(self.corners) == 1:
+            zero = np.zeros(points.shape, int)
+            return np.abs(points - self.corners[0]) - self.radius, zero, np.zeros(points.shape)
+        turned = (points[..., None] - self.corners) * np.conj(self._along)
+        along, out = turned.real, -turned.imag
+        beyond = along - np.clip(along, 0.0, self._lengths)
+        square = beyond**2 + out**2
+        if len(self.corners) == 2:
+            square = square + np.where(out < 0.0, _SLOT * self.extent**2, 0.0)
+        outside = np.argmin(square, axis=-1)
+        core = np.hypot(*(np.take_along_axis(part, outside[..., None], -1)[..., 0] for part in (beyond, out)))
+        edge = outside
+        if len(self.corners) > 2:
+            depth = np.argmax(out, axis=-1)
+            deepest = np.take_along_axis(out, depth[..., None], -1)[..., 0]
+            inside = deepest < 0.0
+            edge = np.where(inside, depth, outside)
+            core = np.where(inside, deepest, core)
+        return core - self.radius, edge, np.take_along_axis(along, edge[..., None], -1)[..., 0]
+
+    def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:
+        heights = (self.corners * np.conj(direction)).real
+        top = int(np.argmax(heights))
+        found = [(complex(self.corners[top]) + self.radius * direction, 0.0)]
+        size = len(self.corners)
+        for other in {(top - 1) % size, (top + 1) % size} - {top}:
+            below = float(heights[top] - heights[other])
+            if below <= flat:
+                found.append((complex(self.corners[other]) + self.radius * direction, below))
+        return found[:2]

@@ -1,0 +1,127 @@
+"""The outline of a convex part for the search of grasps: distances and walks, many points at once."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Frame", "Outline", "Walk"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A change of coordinates z -> turn * z + shift, or turn * conj(z) + shift where mirrored, times a scale.
+
+    Attributes
+    ----------
+    turn : complex
+        Of modulus one.
+    shift : complex
+        In the new coordinates.
+    scale : float
+        New lengths per old ones.
+    mirrored : bool
+    """
+
+    turn: complex = 1.0 + 0.0j
+    shift: complex = 0.0j
+    scale: float = 1.0
+    mirrored: bool = False
+
+    def point(self, z: Array | complex) -> Any:
+        """New coordinates of points."""
+        return self.turn * self.scale * (np.conj(z) if self.mirrored else z) + self.shift
+
+    def angle(self, angle: float | Array) -> Any:
+        """New angle of directions [rad]."""
+        return math.atan2(self.turn.imag, self.turn.real) + (-angle if self.mirrored else angle)
+
+    def back(self, z: Array | complex) -> Any:
+        """Old coordinates of points."""
+        old = (z - self.shift) / (self.turn * self.scale)
+        return np.conj(old) if self.mirrored else old
+
+    def angle_back(self, angle: float | Array) -> Any:
+        """Old angle of directions [rad]."""
+        old = angle - math.atan2(self.turn.imag, self.turn.real)
+        return -old if self.mirrored else old
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Places on a grown outline.
+
+    Attributes
+    ----------
+    point : ndarray of complex
+        On the grown outline.
+    angle : ndarray
+        Of the outward normal [rad].
+    dpoint, dangle : ndarray
+        Derivatives with respect to w.
+    """
+
+    point: Array
+    angle: Array
+    dpoint: Array
+    dangle: Array
+
+
+class Outline(ABC):
+    """A part grown by the fingers' half thickness: distances and walks along its outline, many points at once.
+
+    Planar vectors are complex numbers x + i y. A walk is a number w that runs once round in [0, period): along faces
+    it counts meters, on corners it turns the normal while the point stays (or runs along the rounding). So faces and
+    corners are one smooth family of contacts.
+
+    Attributes
+    ----------
+    center : complex
+    extent : float
+        No point of the part is farther from the center.
+    grown : float
+        Distance of the outline from ``corners``, or from the part where there are none.
+    corners : ndarray of complex
+        Centers of the rounded corners; empty for a smooth part.
+    face_normals : tuple of float
+        Angles of the normals of flat faces [rad].
+    period : float
+        Of walks.
+    """
+
+    center: complex
+    extent: float
+    grown: float
+    corners: Array
+    face_normals: tuple[float, ...] = ()
+    period: float = math.tau
+
+    @property
+    def is_round(self) -> bool:
+        """Whether it looks the same from all directions."""
+        return len(self.corners) == 1
+
+    @abstractmethod
+    def walk(self, w: Array) -> Walk:
+        """Places at walks ``w`` (any shape)."""
+
+    @abstractmethod
+    def nearest(self, points: Array) -> tuple[Array, Array]:
+        """Signed distances of points from the part itself (not grown), and the walks of the nearest places."""
+
+    def distance(self, points: Array) -> Array:
+        """Signed distances of points from the part itself (not grown)."""
+        return self.nearest(points)[0]
+
+    @abstractmethod
+    def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:
+        """Outermost points of the part in a direction, and how much less far out they are: one, or the two ends of a
+        face that is level to within ``flat``.
+        """

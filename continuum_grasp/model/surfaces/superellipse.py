@@ -1,0 +1,311 @@
+"""The surface of a superellipse |x / a|^p + |y / b|^p = 1 with p >= 2.
+
+On it a contact of a grasp has the unknowns (xi, eta) = (x / a, y / b) with |xi|^p + |eta|^p = 1; the normal is the
+gradient.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.model.planar import Rotation, Scalar, Vec
+from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
+from continuum_grasp.model.surfaces.surface import Feature, Nearest, Surface, SurfacePoint, length
+from continuum_grasp.scene.parts import SuperellipsePart
+
+__all__ = ["SuperellipseSurface", "smooth_support"]
+
+Array = NDArray[Any]
+
+_TINY = 1e-30
+"""Keeps powers of a squared coordinate differentiable on the axes [1]; far below rounding."""
+_TINY_PLACE = 1e-10
+"""The same of a contact's place, whose second derivatives IPOPT needs: rounds |xi| below 1e-5 [1]."""
+_TINY_DIRECTION = 1e-14
+"""The same of the support function [1, in squared units of the problem]."""
+_STEPS, _FEWER_STEPS = 3, 2
+_PLAIN_EXPONENT, _PLAIN_ASPECT = 4.0, 1.6
+"""Newton steps to the nearest point, and exponent and ratio of the half axes up to which fewer do: the nearest point is
+then exact to 1e-7 of the shorter half axis for points nearer than 0.4 of it."""
+_LONGEST = 0.5
+"""Longest step of the search on superellipses, as an angle of its parameter [rad]: Newton's method overshoots where the
+curvature changes by its own size, which it does within half a radian."""
+_COUNT = 129
+_SPACING = 0.5 * math.pi / (_COUNT - 1)
+"""Places of a quadrant that are scanned before Newton's method, and their distance [rad]."""
+_SETTLED = 1e-7
+"""Change of the polar angle, whose square is left, up to which a nearest place counts as found [rad]."""
+
+
+@dataclass(frozen=True)
+class SuperellipseSurface(Surface[SuperellipsePart]):
+    """The surface of superellipses; numbers of a part and of its one feature are (a, b, p, center, angle)."""
+
+    number_count = 6
+    feature_count = 6
+    is_smooth = True
+
+    @classmethod
+    def of(cls, part: SuperellipsePart) -> SuperellipseSurface:
+        return cls()
+
+    # -- contact in motion
+
+    def nearest(self, part: SuperellipsePart, at: Vec) -> Nearest:
+        turn = _turn(part.angle)
+        local = turn.transposed().apply(at - Vec(*part.center))
+        found = _from_superellipse(*part.semi_axes, part.exponent, local)
+        return Nearest(found.distance, turn.apply(found.normal))
+
+    def lowest_points(self, part: SuperellipsePart, direction: Vec) -> list[Vec]:
+        # The gradient of the support function, whose exponent is dual.
+        turn, (a, b) = _turn(part.angle), part.semi_axes
+        n = turn.transposed().apply(direction)
+        if part.exponent == 2.0:
+            reach = ca.sqrt(a * a * n.x * n.x + b * b * n.y * n.y)
+            return [Vec(*part.center) + turn.apply(Vec(a * a * n.x / reach, b * b * n.y / reach))]
+        dual = part.exponent / (part.exponent - 1.0)
+        u, v = a * n.x, b * n.y
+        power = [(each * each + _TINY) ** (0.5 * dual - 1.0) for each in (u, v)]
+        reach = (power[0] * u * u + power[1] * v * v) ** (1.0 - 1.0 / dual)
+        return [Vec(*part.center) + turn.apply(Vec(a * power[0] * u / reach, b * power[1] * v / reach))]
+
+    # -- contact of a grasp
+
+    def point(self, place: ca.SX, feature: ca.SX) -> SurfacePoint:
+        a, b, power, angle = feature[0], feature[1], feature[2], feature[5]
+        square = place**2 + _TINY_PLACE
+        slope = place * square ** (0.5 * power - 1.0) / ca.vertcat(a, b)
+        turn = ca.vertcat(ca.horzcat(ca.cos(angle), -ca.sin(angle)), ca.horzcat(ca.sin(angle), ca.cos(angle)))
+        point = feature[3:5] + turn @ (ca.vertcat(a, b) * place)
+        size = ca.norm_2(slope)
+        bend = (power - 1.0) * square ** (0.5 * power - 1.0) / ca.vertcat(a, b) ** 2
+        curvature = (bend[0] * slope[1] ** 2 + bend[1] * slope[0] ** 2) / size**3
+        return SurfacePoint(point, turn @ (slope / size), ca.sum1(square ** (0.5 * power)) - 1.0, curvature)
+
+    def clearance(self, point: ca.SX, beta: ca.SX, numbers: ca.SX, near: ca.SX | None) -> ca.SX:
+        return ca.cos(beta) * point[0] + ca.sin(beta) * point[1] - smooth_support(beta, numbers)
+
+    def wall_clearance(self, normal: ca.SX, point: ca.SX, angle: ca.SX, pose: ca.SX, numbers: ca.SX) -> list[ca.SX]:
+        beta = angle + ca.pi - pose[2]
+        return [ca.dot(normal, pose[:2] - point) - smooth_support(beta, numbers)]
+
+    def numbers(self, part: SuperellipsePart, unit: float) -> list[float]:
+        (a, b), (x, y) = part.semi_axes, part.center
+        return [a / unit, b / unit, part.exponent, x / unit, y / unit, part.angle]
+
+    def feature_numbers(self, feature: Feature, unit: float) -> list[float]:
+        a, b, power, x, y, angle = feature.numbers
+        return [a / unit, b / unit, power, x / unit, y / unit, angle]
+
+    def features(self, part: SuperellipsePart) -> list[Feature]:
+        numbers = (*part.semi_axes, part.exponent, *part.center, part.angle)
+        return [Feature(numbers, (-1.5, -1.5), (1.5, 1.5))]
+
+    def place(
+        self, part: SuperellipsePart, feature: Feature, point: tuple[float, float], normal_angle: float
+    ) -> tuple[float, float]:
+        c, s = math.cos(part.angle), math.sin(part.angle)
+        x, y = point[0] - part.center[0], point[1] - part.center[1]
+        return (c * x + s * y) / part.semi_axes[0], (c * y - s * x) / part.semi_axes[1]
+
+    def nearest_places(self, part: SuperellipsePart, points: Array) -> tuple[Array, Array]:
+        (a, b), power = part.semi_axes, part.exponent
+        c, s = np.cos(part.angle), np.sin(part.angle)
+        turn = np.array([[c, -s], [s, c]])
+        local = (points - part.center) @ turn
+        t = _nearest_parameter(np.abs(local), a, b, power)
+        sign = np.where(local < 0.0, -1.0, 1.0)
+        foot, normal, _ = _at(t, a, b, power)
+        foot, normal = foot * sign, normal * sign
+        distance = ((local - foot) * normal).sum(axis=1)
+        world = normal @ turn.T
+        return np.arctan2(world[:, 1], world[:, 0]), distance
+
+    # -- search of a grasp
+
+    def outline(self, part: SuperellipsePart, frame: Frame, grown: float) -> Outline:
+        axes = (part.semi_axes[0] * frame.scale, part.semi_axes[1] * frame.scale)
+        center = complex(frame.point(complex(*part.center)))
+        return _SuperellipseOutline(center, frame.angle(part.angle), axes, part.exponent, grown)
+
+
+def smooth_support(beta: ca.SX, shape: ca.SX) -> ca.SX:
+    """Support function of a superellipse (a, b, p, center, angle)."""
+    a, b, dual = shape[0], shape[1], shape[2] / (shape[2] - 1.0)
+    square = (ca.vertcat(a * ca.cos(beta - shape[5]), b * ca.sin(beta - shape[5]))) ** 2 + _TINY_DIRECTION
+    center = ca.cos(beta) * shape[3] + ca.sin(beta) * shape[4]
+    return center + ca.sum1(square ** (0.5 * dual)) ** (1.0 / dual)
+
+
+def _from_superellipse(a: float, b: float, power: float, at: Vec) -> Nearest:
+    """Newton's method on the distance along r(t) (a cos t, b sin t), with (cos t, sin t) as the unknown."""
+    way = Vec(at.x / a, at.y / b)
+    way = way.scaled(1.0 / length(way))
+    plain = power <= _PLAIN_EXPONENT and max(a / b, b / a) <= _PLAIN_ASPECT
+    for _ in range(_FEWER_STEPS if plain else _STEPS):
+        point, slope, normal, curvature = _on_superellipse(a, b, power, way)
+        away = at - point
+        size = slope.dot(slope) * ca.fmax(1.0 + away.dot(normal) * curvature, 0.3)
+        step = away.dot(slope) / size
+        step = step / ca.sqrt(1.0 + (step / _LONGEST) ** 2)
+        way = way + way.perp().scaled(step)
+        way = way.scaled(1.0 / length(way))
+    point, _, normal, _ = _on_superellipse(a, b, power, way)
+    return Nearest((at - point).dot(normal), normal)
+
+
+def _on_superellipse(a: float, b: float, power: float, way: Vec) -> tuple[Vec, Vec, Vec, Scalar]:
+    """Point in a direction, its derivative with respect to the direction's angle, outward normal, curvature."""
+    c, s = way.x, way.y
+    if power == 2.0:
+        point, slope = Vec(a * c, b * s), Vec(-a * s, b * c)
+        size = length(slope)
+        return point, slope, Vec(slope.y / size, -slope.x / size), a * b / size**3
+    cs = [(each * each + _TINY) ** (0.5 * power - 1.0) for each in (c, s)]
+    total = cs[0] * c * c + cs[1] * s * s
+    r = total ** (-1.0 / power)
+    drift = r * c * s * (cs[0] - cs[1]) / total
+    point = Vec(a * r * c, b * r * s)
+    slope = Vec(a * (drift * c - r * s), b * (drift * s + r * c))
+    # On the outline, |xi|^(p - 2) is that of the direction times r^(p - 2).
+    lift = r ** (power - 2.0)
+    gradient = Vec(lift * cs[0] * r * c / a, lift * cs[1] * r * s / b)
+    size = length(gradient)
+    bend = (power - 1.0) * lift
+    curvature = bend * (cs[0] / a**2 * gradient.y * gradient.y + cs[1] / b**2 * gradient.x * gradient.x) / size**3
+    return point, slope, gradient.scaled(1.0 / size), curvature
+
+
+def _turn(angle: float) -> Rotation:
+    return Rotation(math.cos(angle), math.sin(angle)) if angle != 0.0 else Rotation(1.0, 0.0)
+
+
+def _at(t: Array, a: float, b: float, power: float) -> tuple[Array, Array, Array]:
+    """Point, normal and radius of curvature in the first quadrant at a parameter from 0 to pi/2."""
+    c, s = np.cos(t), np.sin(t)
+    norm = (c**power + s**power) ** (-1.0 / power)
+    xi, eta = c * norm, s * norm
+    fx, fy = xi ** (power - 1.0) / a, eta ** (power - 1.0) / b
+    size = np.hypot(fx, fy)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fxx = (power - 1.0) * xi ** (power - 2.0) / a**2
+        fyy = (power - 1.0) * eta ** (power - 2.0) / b**2
+        radius = size**3 / (fxx * fy**2 + fyy * fx**2)
+    radius = np.where(np.isfinite(radius), radius, np.inf)
+    return np.stack([a * xi, b * eta], axis=1), np.stack([fx, fy], axis=1) / size[:, None], radius
+
+
+def _nearest_parameter(points: Array, a: float, b: float, power: float) -> Array:
+    """Parameter of the surface point nearest to each point of the first quadrant: a scan, then Newton's method along
+    the circle of curvature.
+    """
+    grid, foot = _scan(a, b, power)
+    t = grid[((points[:, None, :] - foot) ** 2).sum(axis=2).argmin(axis=1)]
+    for _ in range(8):
+        at, normal, radius = _at(t, a, b, power)
+        step = 1e-6 * np.where(t > 0.7, -1.0, 1.0)
+        speed = np.linalg.norm(_at(t + step, a, b, power)[0] - at, axis=1) / np.abs(step)
+        away = points - at
+        along = away[:, 1] * normal[:, 0] - away[:, 0] * normal[:, 1]  # counter-clockwise, as t grows
+        bent = np.maximum(1.0 + (away * normal).sum(axis=1) / radius, 0.2)
+        change = np.clip(along / bent / np.maximum(speed, 1e-300), -_SPACING, _SPACING)
+        t = np.clip(t + change, 0.0, 0.5 * np.pi)
+    return np.asarray(t)
+
+
+@lru_cache(maxsize=64)
+def _scan(a: float, b: float, power: float) -> tuple[Array, Array]:
+    grid = np.linspace(0.0, 0.5 * np.pi, _COUNT)
+    return grid, _at(grid, a, b, power)[0]
+
+
+class _SuperellipseOutline(Outline):
+    """Of a superellipse; w is the polar angle of the scaled superellipse."""
+
+    corners: Array = np.zeros(0, complex)
+
+    def __init__(self, center: complex, angle: float, semi_axes: tuple[float, float], exponent: float, grown: float):
+        self.center, self.angle, self.grown = center, angle, grown
+        self.axes, self.exponent = semi_axes, exponent
+        self.extent = math.hypot(*semi_axes)
+        tilts = np.linspace(0.0, 0.5 * math.pi, 17)
+        ratio = (semi_axes[1] / semi_axes[0]) * np.tan(tilts[1:-1])
+        turns = np.arctan(ratio ** (1.0 / (exponent - 1.0)))
+        self._table = np.unique(np.concatenate([np.linspace(0.0, 0.5 * math.pi, 13), turns]))
+        point, normal, _, _ = self._quadrant(self._table)
+        self._normal = normal
+        self._reach = (point * np.conj(normal)).real
+
+    def _quadrant(self, turn: Array) -> tuple[Array, Array, Array, Array]:
+        """Point, normal, speed, and turning of the normal, at polar angles of the first quadrant."""
+        (a, b), p = self.axes, self.exponent
+        c, s = np.maximum(np.cos(turn), 0.0), np.sin(turn)
+        cp, sp = c ** (p - 1.0), s ** (p - 1.0)
+        norm = (cp * c + sp * s) ** (1.0 / p)
+        along, across = b * cp, a * sp
+        size = np.hypot(along, across)
+        point = (a * c + 1j * b * s) / norm
+        turning = a * b * (p - 1.0) * (c * s) ** (p - 2.0) / size**2
+        return point, (along + 1j * across) / size, size / norm ** (p + 1.0), turning
+
+    def walk(self, w: Array) -> Walk:
+        w = np.mod(w, math.tau)
+        left, low = (w > 0.5 * math.pi) & (w <= 1.5 * math.pi), w > math.pi
+        turn = np.where(left, np.where(low, w - math.pi, math.pi - w), np.where(low, math.tau - w, w))
+        point, normal, speed, turning = self._quadrant(turn)
+        flip_x, flip_y = np.where(left, -1.0, 1.0), np.where(low, -1.0, 1.0)
+        point = flip_x * point.real + 1j * flip_y * point.imag
+        normal = flip_x * normal.real + 1j * flip_y * normal.imag
+        axis = np.exp(1j * self.angle)
+        return Walk(
+            self.center + axis * (point + self.grown * normal),
+            np.angle(normal) + self.angle,
+            1j * axis * normal * (speed + self.grown * turning),
+            turning,
+        )
+
+    def nearest(self, points: Array) -> tuple[Array, Array]:
+        local = (points - self.center) * np.exp(-1j * self.angle)
+        corner = np.abs(local.real) + 1j * np.abs(local.imag)
+        gap = (corner[..., None].real * self._normal.real + corner[..., None].imag * self._normal.imag) - self._reach
+        best = np.argmax(gap, axis=-1)
+        low = self._table[np.maximum(best - 1, 0)]
+        high = self._table[np.minimum(best + 1, len(self._table) - 1)]
+        turn = self._table[best]
+        out: Array = np.zeros(points.shape)
+        for _ in range(6):
+            at, normal, speed, turning = self._quadrant(turn)
+            off = (corner - at) * np.conj(normal)
+            out, slide = off.real, off.imag
+            low, high = np.where(slide > 0.0, turn, low), np.where(slide > 0.0, high, turn)
+            change = slide / np.maximum(speed + turning * out, 1e-12 * self.extent)
+            aim = turn + change
+            turn = np.where((aim < low) | (aim > high), 0.5 * (low + high), aim)
+            if np.abs(change).max(initial=0.0) < _SETTLED:
+                break
+        at, normal, _, _ = self._quadrant(turn)
+        out = ((corner - at) * np.conj(normal)).real
+        left, down = local.real < 0.0, local.imag < 0.0
+        walk = np.where(
+            left,
+            np.where(down, math.pi + turn, math.pi - turn),
+            np.where(down, np.mod(math.tau - turn, math.tau), turn),
+        )
+        return out, walk
+
+    def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:
+        local = direction * np.exp(-1j * self.angle)
+        (a, b), dual = self.axes, self.exponent / (self.exponent - 1.0)
+        u, v = a * abs(local.real), b * abs(local.imag)
+        norm = (u**dual + v**dual) ** (1.0 / self.exponent)
+        x = math.copysign(a * u ** (dual - 1.0) / norm, local.real)
+        y = math.copysign(b * v ** (dual - 1.0) / norm, local.imag)
+        return [(complex(self.center + complex(x, y) * np.exp(1j * self.angle)), 0.0)]

@@ -1,0 +1,115 @@
+"""What every object has beside its shape: mass, center of mass, and a pose, fixed or to be chosen."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from continuum_grasp.scene.parts import Part, Point, farthest
+from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
+
+__all__ = ["Freedom", "MemberPlace", "ObjectBody", "pose_bounds"]
+
+Pose = tuple[float, float, float]
+
+Interval = Annotated[tuple[Real, Real], Field(strict=False)]
+
+
+class Freedom(Value):
+    """Bounds of a pose that may be chosen, in the world; the pose's own values are where the search starts."""
+
+    x: Interval | None = None
+    """[m]"""
+    y: Interval | None = None
+    """[m]"""
+    angle: Interval | None = None
+    """[rad]"""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Freedom:
+        for name, bounds in (("x", self.x), ("y", self.y), ("angle", self.angle)):
+            if bounds is not None and bounds[0] >= bounds[1]:
+                raise ValueError(f"{name} must increase, got {list(bounds)}")
+        return self
+
+    def check(self, x: float, y: float, angle: float) -> None:
+        """Whether a pose lies within the bounds.
+
+        Raises
+        ------
+        ValueError
+            If it does not.
+        """
+        for name, bounds, value in (("x", self.x, x), ("y", self.y, y), ("angle", self.angle, angle)):
+            if bounds is not None and not bounds[0] <= value <= bounds[1]:
+                raise ValueError(f"free.{name} = {list(bounds)} does not hold the given {value}")
+
+
+def pose_bounds(pose: Pose, free: Freedom | None) -> list[tuple[float, float]]:
+    """Bounds of x, y [m] and angle [rad] of a pose; both are its own value where it is fixed."""
+    bounds = (None,) * 3 if free is None else (free.x, free.y, free.angle)
+    return [bound or (own, own) for bound, own in zip(bounds, pose, strict=True)]
+
+
+class ObjectBody(Value):
+    """What every object has beside its shape, in whose frame it is given."""
+
+    mass: NonNegative
+    """Mass [kg]."""
+    center_of_mass: Vector2 | None = None
+    """Center of mass in the object's frame [m]; None: the centroid of the shape."""
+    position: Vector2
+    """World position of the origin of the object's frame [m]."""
+    angle: Real = 0.0
+    """Angle from the world's axes to the object's [rad]."""
+    free: Freedom | None = None
+    """Bounds within which the pose may be chosen; None: it is fixed."""
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Convex parts in the object's frame."""
+        raise NotImplementedError
+
+    @property
+    def centroid(self) -> Point:
+        """Centroid of the shape in the object's frame [m]."""
+        return 0.0, 0.0
+
+    @property
+    def com(self) -> Point:
+        """Center of mass in the object's frame [m]."""
+        return self.centroid if self.center_of_mass is None else self.center_of_mass
+
+    @property
+    def size(self) -> float:
+        """Greatest distance of the boundary from the center of mass [m]."""
+        com = self.com
+        return max(farthest(part, com) for part in self.parts)
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """World x, y [m] and angle [rad]."""
+        return *self.position, self.angle
+
+    def distance(self, point: Point) -> float:
+        """Distance of a world point from the object where it starts [m], negative inside."""
+        c, s = math.cos(self.angle), math.sin(self.angle)
+        x, y = point[0] - self.position[0], point[1] - self.position[1]
+        return min(part.distance((c * x + s * y, c * y - s * x)) for part in self.parts)
+
+    @model_validator(mode="after")
+    def _pose_within_bounds(self) -> ObjectBody:
+        if self.free is not None:
+            self.free.check(*self.pose)
+        return self
+
+
+class MemberPlace(Value):
+    """Where a part of a union sits."""
+
+    position: Vector2 = (0.0, 0.0)
+    """Of the origin of the part's frame, in the object's [m]."""
+    angle: Real = 0.0
+    """Angle from the object's axes to the part's [rad]."""

@@ -1,0 +1,194 @@
+"""The convex shapes of objects and of the members of a union: fields, checks and geometry."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from continuum_grasp.scene.objects.body import MemberPlace, ObjectBody
+from continuum_grasp.scene.parts import (
+    OffsetPolygon,
+    Part,
+    Point,
+    SuperellipsePart,
+    check_convex,
+    counter_clockwise,
+    polygon_centroid,
+    rounded,
+)
+from continuum_grasp.scene.value import Extent, NonNegative, Value, Vector2
+
+__all__ = [
+    "Box",
+    "BoxMember",
+    "Circle",
+    "CircleMember",
+    "Ellipse",
+    "EllipseMember",
+    "Polygon",
+    "PolygonMember",
+    "RoundedPolygon",
+    "RoundedPolygonMember",
+    "Superellipse",
+    "SuperellipseMember",
+]
+
+
+class _CircleShape(Value):
+    shape: Literal["circle"]
+    diameter: Extent
+    """Outer diameter [m]; the frame's origin is the center."""
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (OffsetPolygon(((0.0, 0.0),), 0.5 * self.diameter),)
+
+
+class Circle(_CircleShape, ObjectBody):
+    """A disc in the plane of the fingers, for example a mug seen along its axis."""
+
+    @property
+    def radius(self) -> float:
+        """Half the diameter [m]."""
+        return 0.5 * self.diameter
+
+
+class CircleMember(_CircleShape, MemberPlace):
+    """The same as a member of a union."""
+
+
+class _EllipseShape(Value):
+    shape: Literal["ellipse"]
+    width: Extent
+    """Extent along the object's x axis [m]; the frame's origin is the center."""
+    height: Extent
+    """Extent along the object's y axis [m]."""
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (SuperellipsePart((0.5 * self.width, 0.5 * self.height)),)
+
+
+class Ellipse(_EllipseShape, ObjectBody):
+    """An ellipse."""
+
+
+class EllipseMember(_EllipseShape, MemberPlace):
+    """The same as a member of a union."""
+
+
+class _SuperellipseShape(Value):
+    shape: Literal["superellipse"]
+    width: Extent
+    """Extent along the object's x axis [m]; the frame's origin is the center."""
+    height: Extent
+    """Extent along the object's y axis [m]."""
+    exponent: Annotated[float, Field(ge=2.0, le=12.0)]
+    """p in |x/a|^p + |y/b|^p = 1 [1]; 2 is an ellipse, above it flattens towards a box."""
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (SuperellipsePart((0.5 * self.width, 0.5 * self.height), self.exponent),)
+
+
+class Superellipse(_SuperellipseShape, ObjectBody):
+    """A superellipse, between an ellipse and a box."""
+
+
+class SuperellipseMember(_SuperellipseShape, MemberPlace):
+    """The same as a member of a union."""
+
+
+class _BoxShape(Value):
+    shape: Literal["box"]
+    width: Extent
+    """Extent along the object's x axis [m]; the frame's origin is the center."""
+    height: Extent
+    """Extent along the object's y axis [m]."""
+    corner_radius: NonNegative = 0.0
+    """Radius of the rounded corners [m]."""
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        w, h, r = 0.5 * self.width, 0.5 * self.height, self.corner_radius
+        return (rounded(((-w, -h), (w, -h), (w, h), (-w, h)), r),)
+
+    @model_validator(mode="after")
+    def _has_flat_faces(self) -> _BoxShape:
+        if 2 * self.corner_radius >= min(self.width, self.height):
+            raise ValueError(
+                f"corner_radius = {self.corner_radius} m leaves no flat face; expected less than half a side"
+            )
+        return self
+
+
+class Box(_BoxShape, ObjectBody):
+    """A rectangle, with rounded corners where a radius is given."""
+
+
+class BoxMember(_BoxShape, MemberPlace):
+    """The same as a member of a union."""
+
+
+class _PolygonShape(Value):
+    shape: Literal["polygon"]
+    vertices: Annotated[tuple[Vector2, ...], Field(strict=False, min_length=3, max_length=64)]
+    """Corners of a convex polygon in order, either way round [m]."""
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (OffsetPolygon(counter_clockwise(self.vertices)),)
+
+    @property
+    def centroid(self) -> Point:
+        return polygon_centroid(self.vertices)
+
+    @model_validator(mode="after")
+    def _convex(self) -> _PolygonShape:
+        check_convex(self.vertices)
+        return self
+
+
+class Polygon(_PolygonShape, ObjectBody):
+    """A convex polygon with sharp corners."""
+
+
+class PolygonMember(_PolygonShape, MemberPlace):
+    """The same as a member of a union."""
+
+
+class _RoundedPolygonShape(Value):
+    shape: Literal["rounded_polygon"]
+    vertices: Annotated[tuple[Vector2, ...], Field(strict=False, min_length=3, max_length=64)]
+    """Corners of the sharp convex outline in order, either way round [m]; they are rounded off inside it."""
+    corner_radius: Extent
+    """Radius of the rounded corners [m]."""
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (rounded(counter_clockwise(self.vertices), self.corner_radius),)
+
+    @property
+    def centroid(self) -> Point:
+        return polygon_centroid(tuple(self.parts[0].outline(720)))
+
+    @model_validator(mode="after")
+    def _has_flat_faces(self) -> _RoundedPolygonShape:
+        check_convex(self.vertices)
+        outline = counter_clockwise(self.vertices)
+        core = rounded(outline, self.corner_radius).vertices
+        edges = zip(outline, core, [*outline[1:], outline[0]], [*core[1:], core[0]], strict=True)
+        if any((b[0] - a[0]) * (d[0] - c[0]) + (b[1] - a[1]) * (d[1] - c[1]) <= 0.0 for a, c, b, d in edges):
+            raise ValueError(
+                f"corner_radius = {self.corner_radius} m is too large: an edge would have no flat part left"
+            )
+        return self
+
+
+class RoundedPolygon(_RoundedPolygonShape, ObjectBody):
+    """A convex polygon whose corners are rounded off."""
+
+
+class RoundedPolygonMember(_RoundedPolygonShape, MemberPlace):
+    """The same as a member of a union."""
