@@ -68,6 +68,8 @@ class Cost(Value):
     """Bending angle of each element [1/rad2]."""
     shape: ShapeWeight | None = None
     """World positions along the finger [1/m2]."""
+    tip_angle: Weighted | None = None
+    """Orientation of the tip [1/rad2]."""
     speed: Weighted | None = None
     """Bending rate of each element, towards zero [s2/rad2]."""
     contact_force: ForcesWeighted | None = None
@@ -143,6 +145,14 @@ Rows = Row | RowSamples
 """Numbers, constant or over time."""
 
 
+def _row(value: Any) -> Any:
+    """Take a bare number as a row of one entry."""
+    return (value,) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+Angle = Annotated[Row, BeforeValidator(_row, json_schema_input_type=float | Row)]
+
+
 class Reference(Value):
     """Setpoints of what the cost tracks."""
 
@@ -152,6 +162,8 @@ class Reference(Value):
     """Bending angle of each element of the controller's model [rad]; zero where not given."""
     shape: Rows | None = None
     """World positions x, y [m] of the sections of ``cost.shape.at``, one after the other."""
+    tip_angle: Angle | RowSamples | None = None
+    """World angle of the tip's section, whose tangent is (-sin, cos) of it [rad]; samples have rows of one entry."""
     contact_force: Rows | None = None
     """Normal force at each place where the finger may touch the object, from base to tip [N]."""
     input: Rows | None = None

@@ -1,11 +1,13 @@
 /* The functions of rti.h. */
 
-/* Rounds of the active set from a warm start, and from the interior point's estimate: @@ROUNDS@@ */
+/* Rounds of the active set from a warm start, and from the interior point's estimate. In the closed loop of
+ * configs/mpc/steady_tip.yaml a QP takes 7.4 factorizations on average; with 3 and 12 rounds of the first 14.2 and 4.5, with
+ * 1 and 6 of the second 7.2 and 7.8. */
 #define RTI_ROUNDS 6
 #define RTI_FINAL_ROUNDS 3
-/* Mean complementarity products, per cost of moving an input by its scale, at which the interior point's estimate of
- * the active set is tried: the first time at 1e-2, then each time they have fallen by 1e-3 (@@PRODUCTS@@); below the
- * last, rounding hides any further progress. */
+/* Mean complementarity products, per cost of moving an input by its scale, at which the interior point's estimate of the
+ * active set is tried: first at 1e-2 (1e-1: 7.9 factorizations, 1e-4: 7.6), then each time they have fallen by 1e-3 (1e-1:
+ * 9.6, 1e-6: 7.0). Below the last, rounding hides any further progress. */
 #define RTI_FIRST_PRODUCT RTI_R(1e-2)
 #define RTI_PRODUCT_FACTOR RTI_R(1e-3)
 #ifdef RTI_SINGLE
@@ -163,9 +165,9 @@ static real rti_optimality(rti_work *o, const rti_settings *s, real unit)
   return rti_max(rti_free_residual(o, s), mean * pairs < share * cost ? mean * pairs / cost : share);
 }
 
-/* Solve the QP with bounds. A warm-started active set needs one or two factorizations in closed loop, but may cycle
- * from a bad start; the interior point converges from anywhere, but slowly near the solution. So the interior point
- * takes over where the active set fails, and hands back its estimate as soon as that suffices. */
+/* Solve the QP with bounds. The active set from a warm start needs a median of 0 to 5 factorizations in the shipped closed
+ * loops, but may cycle from a bad start; the interior point converges from anywhere, but slowly near the solution. So the
+ * interior point takes over where the active set fails, and hands back its estimate as soon as that suffices. */
 static int rti_solve(rti_work *o, const rti_plan *plan, const rti_settings *s, const real *x0, rti_report *report)
 {
   rti_stiffnesses(o);

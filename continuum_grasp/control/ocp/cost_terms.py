@@ -6,6 +6,7 @@ and their ranges, readings of a plant, metrics, plots and the exported C follow 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -30,6 +31,9 @@ below what overflows when squared in single precision (1e19)."""
 _REACH = 10.0
 """Greatest distance of a position setpoint from the base, in finger lengths [1]: a setpoint out of reach is allowed
 (the cost then points the finger at it), one in millimeters (1000 lengths) is not."""
+_TURNS = 10.0
+"""Greatest angle setpoint from that of the base, in turns [1]: a finger curls up a few times at most, and an angle in
+degrees is beyond."""
 
 
 class Quantities(Protocol):
@@ -71,6 +75,11 @@ def _near_base(finger: Finger) -> Limits:
     reach = _REACH * finger.rod.length
     x, y = ((base - reach, base + reach) for base in finger.base.position)
     return x, y
+
+
+def _turned(finger: Finger) -> Limits:
+    most = 2.0 * math.pi * _TURNS
+    return ((finger.base.angle - most, finger.base.angle + most),)
 
 
 def _one(cost: Cost, model: Prediction) -> tuple[str, ...]:
@@ -160,6 +169,13 @@ TERMS = (
         lambda cost, _: [str(k + 1) for k in range(len(_shape_at(cost)))],
         reference="shape",
         limits=_near_base,
+    ),
+    CostTerm(
+        "tip_angle",
+        "tip_angle [rad]",
+        lambda q, scene: q.sections((scene.finger.rod.length,))[1],
+        reference="tip_angle",
+        limits=_turned,
     ),
     CostTerm(
         "contact_force",
