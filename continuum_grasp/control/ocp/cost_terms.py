@@ -40,6 +40,10 @@ class Quantities(Protocol):
     """What terms are computed from: expressions of a controller's model, or of a plant."""
 
     @property
+    def length(self) -> float:
+        """Length of the finger [m]."""
+
+    @property
     def tip(self) -> Any:
         """World position of the tip (2) [m]."""
 
@@ -173,7 +177,7 @@ TERMS = (
     CostTerm(
         "tip_angle",
         "tip_angle [rad]",
-        lambda q, scene: q.sections((scene.finger.rod.length,))[1],
+        lambda q, _: q.sections((q.length,))[1],
         reference="tip_angle",
         limits=_turned,
     ),
@@ -225,6 +229,10 @@ class _Predicted:
     cost: Cost
     model: Prediction
     input_rate: ca.SX | None
+
+    @property
+    def length(self) -> float:
+        return self.model.scene.finger.rod.length
 
     @property
     def _given(self) -> tuple[ca.SX, ca.SX, ca.SX]:
