@@ -105,6 +105,7 @@ def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | Non
     if scene.check.finer is None:
         return None, []
     law = scene.check.contact_law or scene.contact_law
+    # Not validated again: this law may have dry friction, which plans themselves cannot have.
     fine = scene.model_copy(update={"fidelity": scene.check.finer, "contact_law": law})
     model = Prediction(fine)
     name = f"{len(model.system.finger_model.lengths)} elements ({model.system.finger_model.family})"
