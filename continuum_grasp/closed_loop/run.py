@@ -16,6 +16,7 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.record import Record
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.schedule import Phase, Schedule
+from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Function, setpoints
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
@@ -98,7 +99,7 @@ def run_closed_loop(
     stages, model = control.stages, control.prediction
     tried = Plant(scene, model, control.period) if plant is None else plant
     if schedule is None:
-        schedule = [Phase("run", setpoints(scene, stages, model, functions).rows)]
+        schedule = [Phase("run", setpoints(Outputs.of(scene.controller.cost, model), scene.reference, functions).rows)]
     plan = Schedule(schedule)
     duration = min(plan.duration, scene.duration or np.inf)
     if not np.isfinite(duration):

@@ -19,6 +19,7 @@ from continuum_grasp.control.compiled.settings import controller_fields, delay_p
 from continuum_grasp.control.compiled.source import Field, controller_source
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.first_state import first_state, rest_input
+from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
 from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
@@ -344,7 +345,7 @@ class Controller(Remade):
 
     @cached_property
     def _reference(self) -> Setpoints:
-        return setpoints(self.scene, self.stages, self.prediction)
+        return setpoints(Outputs.of(self.scene.controller.cost, self.prediction), self.scene.reference)
 
     def _scheduled(self) -> Array:
         chunk, at = divmod(self._step, _CHUNK)

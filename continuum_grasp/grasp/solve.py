@@ -9,13 +9,13 @@ from typing import Any
 
 from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, Interrupted, SolverError
-from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.fine import ELEMENTS, asked_tolerance, resolve_elements, with_elements, with_fine
-from continuum_grasp.grasp.problem.ipopt import Attempt
+from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
+from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.load import scene_of
 
@@ -142,7 +142,7 @@ class _Verdict:
         status, message = Status.OPTIMAL, words
         if self.search.best is None:
             status, message = Status.FEASIBLE, f"{words}, the least there is; nothing was found for the objective"
-        elif not best.attempt.converged:
+        elif not best.attempt.optimal:
             status, message = Status.FEASIBLE, f"{words}; the solver stopped early ({best.attempt.outcome})"
         if self.budget.cut:
             status = Status.FEASIBLE
@@ -155,7 +155,7 @@ class _Verdict:
             message,
             best.arrays,
             best.certificate,
-            sensitivity=sensitivities(self.scene, best) if best.attempt.converged else (),
+            sensitivity=sensitivities(self.scene, best) if best.attempt.optimal else (),
             advice=self._support_note(),
             statistics=self._statistics(best.attempt),
         )
@@ -177,7 +177,7 @@ class _Verdict:
             return self._failed(Status.TIMED_OUT, message, closest, (), advice)
         if self.budget.cut:
             message, advice = f"{self._cut()} without a verified grasp", "Raise solver.max_total_iterations."
-        elif closest is not None and closest.attempt.converged:
+        elif closest is not None and closest.attempt.optimal:
             names = ", ".join(check.name for check in closest.certificate.failed)
             message = f"the solver converged, but the independent check rejects: {names}"
             advice = "Raise fidelity.elements or fidelity.accuracy."

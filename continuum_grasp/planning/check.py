@@ -68,8 +68,8 @@ class Player:
     def __init__(self, model: Prediction, rate: float) -> None:
         self._model, self._rate = model, rate
 
-    def play(self, x0: Array, t: Array, u: Array, p: Array, *, linear: bool, kept: int = 1) -> Array:
-        """States at ``kept`` equal parts of every interval.
+    def play(self, x0: Array, t: Array, u: Array, p: Array, *, linear: bool, parts: int = 1) -> Array:
+        """States at ``parts`` equal parts of every interval.
 
         Parameters
         ----------
@@ -78,16 +78,16 @@ class Player:
             Nodes [s], equally spaced.
         u : (N + 1, nu) ndarray
             Inputs at the nodes.
-        p : (2 N kept + 1, np) ndarray or (1, np)
+        p : (2 N parts + 1, np) ndarray or (1, np)
             Parameters at half parts, or constant.
         linear : bool
             Whether the input is linear between the nodes; it is held where not.
-        kept : int
+        parts : int
             Parts of an interval.
 
         Returns
         -------
-        (N * kept + 1, nx) ndarray
+        (N * parts + 1, nx) ndarray
 
         Raises
         ------
@@ -95,14 +95,14 @@ class Player:
             If a state is not finite; ``result`` holds the states before.
         """
         intervals, length = len(t) - 1, float(t[1] - t[0])
-        method, substeps = self._method(length / kept)
-        run = self._rollout(method, intervals * kept * substeps)
-        h = length / kept
+        method, substeps = self._method(length / parts)
+        run = self._rollout(method, intervals * parts * substeps)
+        h = length / parts
         states = [x0[None]]
         for k in range(intervals):
-            at = np.linspace(0.0, 1.0, 2 * substeps * kept + 1)[:, None]
+            at = np.linspace(0.0, 1.0, 2 * substeps * parts + 1)[:, None]
             rows = u[k] + (u[k + 1] - u[k]) * at if linear else np.tile(u[k], (len(at), 1))
-            begin, end = (np.array([2 * kept * j]) for j in (k, k + 1))
+            begin, end = (np.array([2 * parts * j]) for j in (k, k + 1))
             numbers = np.tile(p[0], (len(at), 1))
             if len(p) > 1:
                 instants = begin + (end - begin) * at.ravel()
@@ -110,7 +110,7 @@ class Player:
                     numbers[:, j] = np.interp(instants, np.arange(len(p)), column)
             found, count = run(
                 np.ascontiguousarray(states[-1][-1:]),
-                kept,
+                parts,
                 substeps,
                 h / substeps,
                 Signal(np.ascontiguousarray(rows)[None], rows.shape[1], 0),
@@ -118,7 +118,7 @@ class Player:
                 np.zeros(0),
             )
             states.append(found[0, 1 : count[0] + 1])
-            if count[0] < kept:
+            if count[0] < parts:
                 time = float(t[k] + count[0] * h)
                 message = f"the simulated state is not finite after t = {time:g} s"
                 raise NumericalError(message, time=time, result=np.concatenate(states))

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.planning.check import Deviation
-from continuum_grasp.planning.control import control_scene, parameters_over_time
+from continuum_grasp.planning.loads import parameters_over_time
 from continuum_grasp.results.result import File, MotionResult, Stored
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.contacts import ContactForces
@@ -38,7 +38,7 @@ class PlanStatus(StrEnum):
     FEASIBLE = "feasible"
     """All constraints are satisfied, but the solver stopped before the optimum, or the search before its end."""
     INFEASIBLE = "infeasible"
-    """No plan was found that keeps all constraints; this one comes as near to the goal as was found."""
+    """No plan was found that satisfies all constraints; this one comes as near to the goal as was found."""
     NOT_SOLVED = "not_solved"
     """The solver stopped without a plan, and without showing that there is none."""
     TIMED_OUT = "timed_out"
@@ -168,7 +168,7 @@ class Plan(MotionResult):
     @cached_property
     def prediction(self) -> Prediction:
         """The model."""
-        return Prediction(control_scene(self.scene))
+        return Prediction(self.scene)
 
     @property
     def x_names(self) -> list[str]:

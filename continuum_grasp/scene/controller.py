@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from continuum_grasp.scene.cost import Cost
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.value import NonNegative, Positive, Real, Value, Vector2
 
 __all__ = [
@@ -74,6 +76,12 @@ class Bounds(Value):
     """Zones by name."""
     penalty: Penalty | Literal["hard"] = Penalty()
     """Of curvature and speed."""
+
+    def curvature_limit(self, finger: Finger) -> float:
+        """Greatest curvature, apart from the bending range of a model [1/m]."""
+        if self.curvature is None:
+            return math.inf
+        return finger.curvature_limit if self.curvature == "finger" else self.curvature
 
 
 class InputLimits(Value):

@@ -136,7 +136,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
     -------
     Ranges
     """
-    x = _state_range(scene, model, stages)
+    cost, x = scene.controller.cost, _state_range(scene, model, stages)
     unknown = estimation.z_names[estimation.nx :] if estimation is not None else ()
     applied = np.array([_measurable(scene, model, name) for name in stages.u_names])
     measured = (
@@ -147,7 +147,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
         disturbances=np.array([_disturbance_range(scene, name) for name in unknown]).reshape(-1, 2),
         measurement=measured,
         applied=np.stack([np.minimum(applied[:, 0], stages.u_min), np.maximum(applied[:, 1], stages.u_max)], axis=1),
-        r=np.vstack([term.ranges(scene, model) for term in cost_terms(scene.controller.cost)]),
+        r=np.vstack([term.ranges(cost, model) for term in cost_terms(cost)]),
         p=np.array([_parameter_range(scene, *v) for v in zip(model.p_names, model.p_nominal, strict=True)]).reshape(
             -1, 2
         ),

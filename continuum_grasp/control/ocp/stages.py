@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.ocp.bounds import HARD, state_bounds
-from continuum_grasp.control.ocp.cost_terms import cost_terms, predicted
+from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.transcription import cost_function, step_function, terminal_function
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
@@ -168,13 +168,9 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
         return ca.Function(name, [x, u, p], [ca.densify(ca.cse([value])[0])], ["x", "u", "p"], [output])
 
     change = (u - held) / horizon.stage if remembers else None
-    cost, quantities = scene.controller.cost, predicted(model, change)
-    terms = cost_terms(cost)
-    names = [term.names(scene, model) for term in terms]
-    weights = [np.tile(term.weights(cost), (len(own), 1)) for term, own in zip(terms, names, strict=True)]
-    of_state = sum(len(own) for term, own in zip(terms, names, strict=True) if term.of_state)
-    outputs = function("outputs", "y", ca.vertcat(*[term.value(quantities, scene) for term in terms]))
-    bounded = state_bounds(scene.controller.bounds, scene.curvature_limit, model)
+    tracked, bounds = Outputs.of(scene.controller.cost, model), scene.controller.bounds
+    outputs = function("outputs", "y", tracked.value(change))
+    bounded = state_bounds(bounds, bounds.curvature_limit(scene.finger), model)
     ns = len(bounded.names)
     if limits.rate_max is not None and change is not None:
         bounded.add([f"{n.split(' ')[0]}_rate" for n in model.u_names], change / limits.rate_max, -1.0, 1.0, HARD)
@@ -185,7 +181,7 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     return Stages(
         step=step_function(dynamics, x.numel(), method),
         cost=cost_function(outputs, rows, horizon.stage),
-        terminal=terminal_function(outputs, rows, of_state, ns),
+        terminal=terminal_function(outputs, rows, tracked.of_state, ns),
         outputs=outputs,
         dynamics=dynamics,
         rows=rows,
@@ -195,20 +191,20 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
         method=method,
         nd=model.nx,
         ns=ns,
-        nt=of_state,
+        nt=tracked.of_state,
         x_names=(*model.x_names, *[f"held_{n}" for n in model.u_names if remembers]),
         u_names=model.u_names,
         p_names=model.p_names,
-        r_names=tuple(name for own in names for name in own),
+        r_names=tracked.names,
         c_names=tuple(bounded.names),
         u_min=u_min,
         u_max=u_max,
         c_min=np.array(bounded.least),
         c_max=np.array(bounded.most),
-        linear=np.array([penalty.linear for penalty in bounded.penalties]),
-        quadratic=np.array([penalty.quadratic for penalty in bounded.penalties]),
-        weights=np.vstack(weights)[:, 0],
-        terminal_weights=np.vstack(weights)[:, 1],
+        linear=bounded.linear,
+        quadratic=bounded.quadratic,
+        weights=tracked.weights[:, 0],
+        terminal_weights=tracked.weights[:, 1],
         p_nominal=np.array(model.p_nominal),
     )
 

@@ -1,10 +1,10 @@
-"""IPOPT on a grasp problem: one solver for all scenes of a structure, many starts, a common budget."""
+"""Solver runs on a grasp problem: one solver for all scenes of a structure, many starts, a common budget."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -12,9 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp import interrupt
-from continuum_grasp.grasp.budget import Budget
-from continuum_grasp.grasp.problem.blocks import Violation
+from continuum_grasp import nlp
 from continuum_grasp.grasp.problem.points import PointReader, starting_point
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
@@ -23,7 +21,9 @@ from continuum_grasp.grasp.problem.surroundings import Sight, Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values
 from continuum_grasp.grasp.starts.starts import Start
 from continuum_grasp.model.surfaces.surface import Feature
+from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import GraspSolver
 
 __all__ = ["Attempt", "GraspSolverRun", "solver_for"]
 
@@ -38,92 +38,36 @@ ROUNDS = 8
 DEEP = 2e-5
 """Penetration above which that is done again (problem's units)."""
 
-_DONE = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
-_PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
 
-
-@dataclass(frozen=True)
-class Attempt:
-    """What one start of the solver gave.
+@dataclass(frozen=True, eq=False)
+class Attempt(nlp.Attempt):
+    """What one start of the solver gave; iterations and seconds are those of all its runs.
 
     Attributes
     ----------
     start : Start
     features : dict of str to Feature
         Where each contact sits.
-    outcome : str
-        The solver's own return status.
-    iterations : int
-    seconds : float
-    x : ndarray
-        Unknowns where it stopped.
     numbers : ndarray
         Run-time numbers of the problem there.
-    objective : float
-    multipliers : ndarray
-        Of the constraints.
     violations : list of Violation
-        Constraints that are broken there, worst first.
+        Constraints that are violated there, worst first.
     """
 
     start: Start
     features: dict[str, Feature]
-    outcome: str
-    iterations: int
-    seconds: float
-    x: Array
     numbers: Array
-    objective: float
-    multipliers: Array
-    violations: list[Violation]
+    violations: list[nlp.Violation]
 
     @property
-    def converged(self) -> bool:
-        """Whether the solver reports a local optimum to its full tolerance."""
-        return self.outcome == "Solve_Succeeded"
-
-    @property
-    def infeasible(self) -> bool:
-        """Whether the solver reports that it converged to a point of local infeasibility."""
-        return self.outcome == "Infeasible_Problem_Detected"
+    def optimal(self) -> bool:
+        """Whether it is a local optimum to the full tolerance."""
+        return self.status is nlp.Status.SOLVED
 
     @property
     def badness(self) -> float:
         """Greatest scaled violation."""
         return self.violations[0].scaled if self.violations else 0.0
-
-
-class _Stop(ca.Callback):
-    """Stops the solver once its iterations are used up, Ctrl-C was pressed, or the time limit is reached."""
-
-    def __init__(self, unknowns: int, constraints: int, numbers: int) -> None:
-        ca.Callback.__init__(self)
-        self._sizes = {
-            "x": unknowns,
-            "g": constraints,
-            "lam_x": unknowns,
-            "lam_g": constraints,
-            "lam_p": numbers,
-        }
-        self.budget = Budget(0, float("inf"))
-        self.left = 0
-        self.construct("stop", {})
-
-    def get_n_in(self) -> int:
-        return int(ca.nlpsol_n_out())
-
-    def get_n_out(self) -> int:
-        return 1
-
-    def get_name_in(self, i: int) -> str:
-        return str(ca.nlpsol_out(i))
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._sizes.get(ca.nlpsol_out(i), 1), 1)
-
-    def eval(self, _: Any) -> list[int]:
-        self.left -= 1
-        return [int(interrupt.pressed() or self.left < 0 or self.budget.late)]
 
 
 class GraspSolverRun:
@@ -145,50 +89,19 @@ class GraspSolverRun:
         self.problem = GraspProblem(spec)
         self.reader = PointReader(self.problem)
         self._near = Surroundings(self.problem)
-        self._solvers: dict[tuple[Any, ...], tuple[ca.Function, ca.Function, _Stop]] = {}
+        parts, numbers = self.problem.parts, self.problem.numbers.symbol
+        self.nlp = nlp.NLP("grasp", parts.x, self.problem.objective, parts.g, numbers)
+        self._solvers: dict[tuple[Any, ...], nlp.Solver] = {}
         self.build_seconds = time.perf_counter() - began
 
-    def prepare(self, scene: GraspScene) -> None:
-        """Build IPOPT for the options of a scene, unless that was done."""
-        self._solver(scene)
-
-    def _solver(self, scene: GraspScene) -> tuple[ca.Function, ca.Function, _Stop]:
-        """IPOPT for a start, for a point next to the answer, and what stops both."""
-        wanted, parts = scene.solver, self.problem.parts
-        key = (wanted.tolerance, wanted.max_iterations)
+    def prepare(self, scene: GraspScene) -> nlp.Solver:
+        """The solver for the options of a scene; built once."""
+        options = scene.solver
+        key = (options.method, options.tolerance, options.max_iterations)
         if key not in self._solvers:
             began = time.perf_counter()
-            x, g, p = parts.x, parts.g, self.problem.numbers.symbol
-            stop = _Stop(x.numel(), g.numel(), p.numel())
-            options: dict[str, Any] = {
-                "print_time": False,
-                "error_on_fail": False,
-                "calc_lam_p": False,
-                "iteration_callback": stop,
-                "ipopt.print_level": 0,
-                "ipopt.sb": "yes",
-                "ipopt.mu_strategy": "monotone",
-                "ipopt.mu_init": 1e-2,
-                "ipopt.mu_linear_decrease_factor": 0.1,
-                "ipopt.mu_superlinear_decrease_power": 1.7,
-                "ipopt.tol": wanted.tolerance,
-                "ipopt.constr_viol_tol": min(1e-9, wanted.tolerance),
-                "ipopt.acceptable_tol": 100 * wanted.tolerance,
-                "ipopt.bound_relax_factor": 0.0,
-                "ipopt.max_iter": wanted.max_iterations,
-            }
-            nlp = {"x": x, "f": self.problem.objective, "g": g, "p": p}
-            cold = ca.nlpsol("grasp", "ipopt", nlp, options)
-            derivatives = {name: cold.get_function(f"nlp_{name}") for name in ("grad_f", "jac_g", "hess_l")}
-            options |= {
-                "grad_f": derivatives["grad_f"],
-                "jac_g": derivatives["jac_g"],
-                "hess_lag": derivatives["hess_l"],
-            }
-            near = {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-4}
-            near |= {f"ipopt.warm_start_{name}": 1e-5 for name in _PUSHES}
-            again = ca.nlpsol("grasp_again", "ipopt", nlp, options | near)
-            self._solvers[key] = cold, again, stop
+            self._solvers[key] = nlp.new_solver(_settings(options))
+            self._solvers[key].prepare(self.nlp)
             self.build_seconds += time.perf_counter() - began
         return self._solvers[key]
 
@@ -236,48 +149,54 @@ class GraspSolverRun:
         if relaxed:
             values["effort weight"] = EFFORT_WHEN_RELAXED
             self._relax(values, low, high, x, relaxed, given or {}, units)
-        x = np.clip(x, low, high)
-        cold, again, stop = self._solver(scene)
-        granted = min(iterations or budget.left, budget.left)
-        stop.budget, stop.left = budget, granted
-        g_low, g_high = problem.parts.g_bounds
-        bounds = {"lbx": low, "ubx": high, "lbg": g_low, "ubg": g_high}
-        began, taken, outcome = time.perf_counter(), 0, ""
-        sight = self._near.look(scene, x, problem.numbers.pack(values, 0.0))
-        multipliers: dict[str, Any] = {}
-        acceptable = False
-        for _ in range(ROUNDS):
-            numbers = problem.numbers.pack({**values, **sight.numbers})
-            self._face(x, sight)
-            for solver, duals in ((again, multipliers), (cold, {})) if multipliers else ((cold, {}),):
-                with interrupt.held():
-                    found = solver(x0=x, p=numbers, **bounds, **duals)
-                stats = solver.stats()
-                outcome, taken = str(stats["return_status"]), taken + int(stats["iter_count"])
-                if outcome in _DONE:
-                    break
-            x, g = np.array(found["x"]).ravel(), np.array(found["g"]).ravel()
-            if outcome not in _DONE or not np.isfinite(x).all():
-                break
-            sight = self._near.look(scene, x, numbers)
-            multipliers = {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
-            settled = outcome == "Solve_Succeeded" or acceptable
-            acceptable = outcome != "Solve_Succeeded"
-            if sight.deepest < DEEP and settled:
-                break
-        budget.left -= granted - max(stop.left, 0)
+        self.prepare(scene)
+        began = time.perf_counter()
+        known = nlp.Start(np.clip(x, low, high), low, high, *problem.parts.bounds())
+        with budget.share(iterations) as part:
+            attempts, numbers = self._rounds(scene, known, values, part)
+        last = attempts[-1]
         return Attempt(
+            last.status,
+            last.outcome,
+            last.x,
+            last.g,
+            last.objective,
+            last.multipliers,
+            sum(a.iterations for a in attempts),
+            time.perf_counter() - began,
+            last.violation,
             start,
             features,
-            outcome,
-            taken,
-            time.perf_counter() - began,
-            x,
             numbers,
-            float(found["f"]),
-            np.array(found["lam_g"]).ravel(),
-            problem.parts.violations(g, CONSTRAINT_TOLERANCE, units.amounts),
+            problem.parts.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts),
         )
+
+    def _rounds(
+        self, scene: GraspScene, known: nlp.Start, values: dict[str, Any], part: Budget
+    ) -> tuple[list[nlp.Attempt], Array]:
+        """Solve until no finger is deep between the places that are kept clear; all runs, and the last numbers."""
+        method, pack = self.prepare(scene), self.problem.numbers.pack
+        attempts: list[nlp.Attempt] = []
+        acceptable = False
+        sight = self._near.look(scene, known.x, pack(values, 0.0))
+        for _ in range(ROUNDS):
+            numbers = pack({**values, **sight.numbers})
+            self._face(known.x, sight)
+            known = replace(known, p=numbers)
+            attempts.append(method.solve(self.nlp, known, part))
+            if known.multipliers is not None and not attempts[-1].converged:
+                attempts.append(method.solve(self.nlp, replace(known, multipliers=None), part))
+            last = attempts[-1]
+            if not last.converged or not np.isfinite(last.x).all():
+                break
+            sight = self._near.look(scene, last.x, numbers)
+            # A solution to the acceptable tolerance gets one more round from its own multipliers.
+            settled = last.status is nlp.Status.SOLVED or acceptable
+            acceptable = last.status is nlp.Status.ACCEPTABLE
+            if sight.deepest < DEEP and settled:
+                break
+            known = replace(known, x=last.x, multipliers=last.multipliers)
+        return attempts, numbers
 
     def given(self, scene: GraspScene, x: Array, relaxation: Relaxation) -> float:
         """By how much a limit is relaxed at a point (SI, or as a part of the limit)."""
@@ -322,6 +241,24 @@ class GraspSolverRun:
                 x[at] = given.get(relaxation.name, 0.0) / scale
                 weights[k] = 1.0
         values["relaxation weights"] = weights
+
+
+def _settings(options: GraspSolver) -> nlp.Settings:
+    """What grasps ask of a solver.
+
+    IPOPT: a small first barrier parameter that falls fast, since starts are good; no bound is relaxed, since contacts
+    sit at the ends of faces; next to a solution, contacts stay as near to these ends as they are.
+    """
+    ipopt = {
+        "bound_relax_factor": 0.0,
+        "mu_strategy": "monotone",
+        "mu_init": 1e-2,
+        "mu_linear_decrease_factor": 0.1,
+        "mu_superlinear_decrease_power": 1.7,
+        "near_push": 1e-5,
+    }
+    tolerance = options.tolerance
+    return nlp.Settings(options.method, tolerance, min(1e-9, tolerance), options.max_iterations, {"ipopt": ipopt})
 
 
 def _amount_unit(relaxation: Relaxation, units: Units) -> float:

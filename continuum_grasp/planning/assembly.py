@@ -1,4 +1,4 @@
-"""A nonlinear programme that is put together from small functions, each evaluated at many places.
+"""A nonlinear problem that is assembled from small functions, each evaluated at many places.
 
 Values, Jacobian and Hessian of the Lagrangian are assembled from those of the small functions, which may be compiled.
 """
@@ -6,58 +6,23 @@ Values, Jacobian and Hessian of the Lagrangian are assembled from those of the s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.nlp import NLP, Constraints, Multipliers, Start
 from continuum_grasp.planning.term import Term
 
-__all__ = ["Block", "Programme"]
+__all__ = ["OBJECTIVE", "Assembly"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 OBJECTIVE = -1
 """Row number that stands for the objective."""
-
-
-@dataclass(frozen=True)
-class Block:
-    """Constraints of one name.
-
-    Attributes
-    ----------
-    name : str
-    key : str
-        The YAML key that sets them.
-    unit : str
-    rows : (count, size) ndarray of int
-        Row numbers: one line per node or interval.
-    lower, upper : (count, size) ndarray
-        Bounds, in units of the programme.
-    scale : (size,) ndarray
-        Physical amount of one such unit.
-    """
-
-    name: str
-    key: str
-    unit: str
-    rows: Indices
-    lower: Array
-    upper: Array
-    scale: Array
-
-    def values(self, g: Array) -> Array:
-        """What is bounded, in physical units (count, size)."""
-        return np.asarray(g[self.rows] * self.scale)
-
-    def excess(self, g: Array) -> Array:
-        """By how much the bounds are left, in units of the programme (count, size)."""
-        part = g[self.rows]
-        return np.maximum(np.maximum(self.lower - part, part - self.upper), 0.0)
 
 
 @dataclass
@@ -71,27 +36,27 @@ class _Placed:
     data: Array
 
 
-@dataclass
-class Programme:
-    """Minimise f(w) subject to lower <= g(w) <= upper and low <= w <= high.
+class Assembly(Constraints):
+    """Minimize f(w) subject to lower <= g(w) <= upper and low <= w <= high.
 
     Attributes
     ----------
+    semidefinite : bool
+        Whether all terms have Hessians of Gauss and Newton.
     low, high : list of float
         Bounds of the unknowns.
-    blocks : list of Block
-        Constraints.
     margins : dict of str to ndarray
         By how much the bounds of a block are moved inwards, by its name.
     """
 
-    low: list[float] = field(default_factory=list)
-    high: list[float] = field(default_factory=list)
-    blocks: list[Block] = field(default_factory=list)
-    margins: dict[str, Array] = field(default_factory=dict)
-    _placed: list[_Placed] = field(default_factory=list)
-    _linear: list[tuple[int, int, float]] = field(default_factory=list)
-    _rows: int = 0
+    def __init__(self, *, semidefinite: bool = False) -> None:
+        super().__init__()
+        self.semidefinite = semidefinite
+        self.low: list[float] = []
+        self.high: list[float] = []
+        self.margins: dict[str, Array] = {}
+        self._placed: list[_Placed] = []
+        self._linear: list[tuple[int, int, float]] = []
 
     def variables(self, count: int, size: int, low: ArrayLike = -np.inf, high: ArrayLike = np.inf) -> Indices:
         """Add unknowns: their column numbers (count, size)."""
@@ -104,24 +69,6 @@ class Programme:
         """Give unknowns their values."""
         for column, value in zip(columns.ravel(), np.broadcast_to(values, columns.shape).ravel(), strict=True):
             self.low[column] = self.high[column] = float(value)
-
-    def require(
-        self,
-        name: str,
-        key: str,
-        unit: str,
-        count: int,
-        scale: ArrayLike,
-        lower: ArrayLike = 0.0,
-        upper: ArrayLike = 0.0,
-    ) -> Indices:
-        """Add constraints, to be filled by ``add`` and ``add_linear``: their row numbers (count, size)."""
-        amounts = np.atleast_1d(np.asarray(scale, dtype=float))
-        rows = np.arange(self._rows, self._rows + count * amounts.size).reshape(count, amounts.size)
-        low, high = (np.array(np.broadcast_to(b, rows.shape), dtype=float) for b in (lower, upper))
-        self.blocks.append(Block(name, key, unit, rows, low, high, amounts))
-        self._rows += rows.size
-        return rows
 
     def add(
         self,
@@ -166,23 +113,10 @@ class Programme:
         """Number of unknowns."""
         return len(self.low)
 
-    @property
-    def count(self) -> int:
-        """Number of constraints."""
-        return self._rows
-
-    @property
-    def bounds(self) -> dict[str, Array]:
-        """Bounds by the names of the solver."""
-        lower, upper = np.zeros(self.count), np.zeros(self.count)
-        for block in self.blocks:
-            margin = self.margins.get(block.name, 0.0)
-            lower[block.rows], upper[block.rows] = block.lower + margin, block.upper - margin
-        return {"lbx": np.array(self.low), "ubx": np.array(self.high), "lbg": lower, "ubg": upper}
-
-    def block(self, name: str) -> Block | None:
-        """The constraints of a name, if there are any."""
-        return next((block for block in self.blocks if block.name == name), None)
+    def start(self, w: Array, multipliers: Multipliers | None = None, barrier: float | None = None) -> Start:
+        """A start of the solver; see `continuum_grasp.nlp.Start`."""
+        bounds = np.array(self.low), np.array(self.high), *self.bounds(self.margins)
+        return Start(w, *bounds, multipliers=multipliers, barrier=barrier)
 
     @cached_property
     def _w(self) -> ca.MX:
@@ -251,36 +185,27 @@ class Programme:
             rows = np.tile(placed.columns[:, None, :], (1, inputs, 1)).ravel(order="F")
             columns = np.tile(placed.columns[None, :, :], (inputs, 1, 1)).ravel(order="F")
             # The lower triangle counts too where a place reads its unknowns in another order than that of the columns.
-            kept = rows <= columns
-            blocks.append(ca.vec(out)[np.flatnonzero(kept).tolist()])
-            entries.append((rows[kept], columns[kept], np.ones(int(kept.sum()))))
+            upper = rows <= columns
+            blocks.append(ca.vec(out)[np.flatnonzero(upper).tolist()])
+            entries.append((rows[upper], columns[upper], np.ones(int(upper.sum()))))
         return _gathered(entries, blocks, self.size, self.size)
 
     @cached_property
-    def functions(self) -> dict[str, ca.Function]:
-        """What IPOPT calls: ``grad_f``, ``jac_g`` and ``hess_lag``."""
+    def nlp(self) -> NLP:
+        """The problem with its derivatives."""
         w, p = self._w, self._p
         f, g = self._values
         gradient, jacobian = self._slopes
         sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.count)
-        curvature = self._curvature(sigma, lam)
-        return {
+        hessian_names = ["x", "p", "lam_f", "lam_g"]
+        functions = {
             "grad_f": ca.Function("nlp_grad_f", [w, p], [f, ca.densify(gradient.T)], ["x", "p"], ["f", "grad_f_x"]),
             "jac_g": ca.Function("nlp_jac_g", [w, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
             "hess_lag": ca.Function(
-                "nlp_hess_l",
-                [w, p, sigma, lam],
-                [curvature],
-                ["x", "p", "lam_f", "lam_g"],
-                ["triu_hess_gamma_x_x"],
+                "nlp_hess_l", [w, p, sigma, lam], [self._curvature(sigma, lam)], hessian_names, ["triu_hess_gamma_x_x"]
             ),
         }
-
-    @property
-    def nlp(self) -> dict[str, ca.MX]:
-        """The programme as CasADi's solvers take it."""
-        f, g = self._values
-        return {"x": self._w, "p": self._p, "f": f, "g": g}
+        return NLP("plan", w, f, g, p, functions, self.semidefinite)
 
 
 def _sparse(rows: Indices, columns: Indices, factors: Array, height: int, width: int) -> ca.DM:

@@ -1,8 +1,7 @@
-"""The problem of ``Stages`` as a nonlinear programme, with the derivatives that the stage functions give."""
+"""The problem of ``Stages`` as a nonlinear problem, with the derivatives that the stage functions give."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -14,29 +13,18 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.core.source import function_source
+from continuum_grasp.nlp import NLP, Start
 
-__all__ = ["Programme", "Solution"]
+__all__ = ["ShootingProblem"]
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Solution:
-    """States (N + 1, nx), inputs (N, nu), and how the solver came to them."""
-
-    x: Array
-    u: Array
-    success: bool
-    iterations: int
-    violation: float
-    cost: float
-
-
-class Programme:
+class ShootingProblem:
     """Multiple shooting on the grid of the stages; the Hessian is the Gauss-Newton one.
 
     Variables: x_0, u_0, ..., x_N, then a slack for every row of every node. Parameters: the initial state, p, and the
-    set-points node by node. Constraints: initial state, gaps, rows from above, rows from below.
+    setpoints node by node. Constraints: initial state, gaps, rows from above, rows from below.
     """
 
     def __init__(self, stages: Stages) -> None:
@@ -47,9 +35,9 @@ class Programme:
         self._row_count = s.stages * s.nc
         self._z = ca.MX.sym("z", self._count + self._row_count)
         self._p = ca.MX.sym("p", s.nx + s.np + (s.stages + 1) * s.nr)
-        self._make()
+        self.nlp = self._assembled()
 
-    def _make(self) -> None:
+    def _assembled(self) -> NLP:
         s, n = self.stages, self.stages.stages
         p = self._p[s.nx : s.nx + s.np]
         refs = ca.reshape(self._p[s.nx + s.np :], s.nr, n + 1)
@@ -74,17 +62,26 @@ class Programme:
                 row_slopes.append((k, slope[: s.ns, :]))
             rows.append(c[s.ns :])
             row_slopes.append((k, slope[s.ns :, :]))
-        value, g, h, c, slope = self._terminal(nodes[n], p, refs[:, n], end_weights)
+        value, g_end, h, c, slope = self._terminal(nodes[n], p, refs[:, n], end_weights)
         rows.append(c)
         row_slopes.append((n, slope))
-        linear, quadratic = self._prices
+        linear, quadratic = self._penalties
         penalty = ca.dot(linear, slack) + 0.5 * ca.dot(quadratic, slack * slack)
-        self._f = cost + value + penalty
-        self._gradient = ca.vertcat(*gradient, g, linear + quadratic * slack)
-        self._hessian = ca.diagcat(*hessian, h, ca.diag(quadratic))
         row = ca.vertcat(*rows)
-        self._g = ca.vertcat(*early, *gaps, row - slack, row + slack)
-        self._jacobian = self._assembled(gap_slopes, row_slopes)
+        f, g = cost + value + penalty, ca.vertcat(*early, *gaps, row - slack, row + slack)
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
+        upper_half = ca.triu(lam_f * ca.diagcat(*hessian, h, ca.diag(quadratic)))
+        given, names = [self._z, self._p], ["x", "p"]
+        every_gradient = ca.vertcat(*gradient, g_end, linear + quadratic * slack)
+        jacobian = self._jacobian(gap_slopes, row_slopes)
+        derivatives = {
+            "grad_f": ca.Function("nlp_grad_f", given, [f, every_gradient], names, ["f", "grad:f:x"]),
+            "jac_g": ca.Function("nlp_jac_g", given, [g, jacobian], names, ["g", "jac:g:x"]),
+            "hess_lag": ca.Function(
+                "nlp_hess_l", [*given, lam_f, lam_g], [upper_half], [*names, "lam:f", "lam:g"], ["triu:hess:gamma:x:x"]
+            ),
+        }
+        return NLP("converged", self._z, f, g, self._p, derivatives, semidefinite=True)
 
     def _shoot(self, x: ca.MX, u: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
         """A stage, and its derivatives by the chain rule over its sub-steps."""
@@ -95,7 +92,7 @@ class Programme:
             a, b = ca.mtimes(by_x, a), ca.mtimes(by_x, b) + by_u
         return following, a, b
 
-    def _assembled(self, gaps: list[ca.MX], rows: list[tuple[int, ca.MX]]) -> ca.MX:
+    def _jacobian(self, gaps: list[ca.MX], rows: list[tuple[int, ca.MX]]) -> ca.MX:
         s, total = self.stages, self._count + self._row_count
 
         def placed(block: ca.MX, column: int) -> ca.MX:
@@ -118,59 +115,29 @@ class Programme:
         return [*both, *(state + both) * (s.stages - 1), *state]
 
     @property
-    def _prices(self) -> tuple[ca.DM, ca.DM]:
+    def _penalties(self) -> tuple[ca.DM, ca.DM]:
         return ca.DM(self.stages.linear[self._order]), ca.DM(self.stages.quadratic[self._order])
 
-    # -- what CasADi asks for -----------------------------------------------------------------------------------------
-
-    @property
-    def problem(self) -> dict[str, ca.MX]:
-        """Variables, parameters, cost and constraints."""
-        return {"x": self._z, "p": self._p, "f": self._f, "g": self._g}
-
-    @property
-    def gradient(self) -> ca.Function:
-        """(x, p) -> cost and its gradient."""
-        return ca.Function("nlp_grad_f", [self._z, self._p], [self._f, self._gradient], ["x", "p"], ["f", "grad:f:x"])
-
-    @property
-    def jacobian(self) -> ca.Function:
-        """(x, p) -> constraints and their Jacobian."""
-        return ca.Function("nlp_jac_g", [self._z, self._p], [self._g, self._jacobian], ["x", "p"], ["g", "jac:g:x"])
-
-    @property
-    def hessian(self) -> ca.Function:
-        """(x, p, lam_f, lam_g) -> upper half of the Hessian."""
-        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self._g.numel())
-        value = ca.triu(lam_f * self._hessian)
-        names = ["x", "p", "lam:f", "lam:g"]
-        given = [self._z, self._p, lam_f, lam_g]
-        return ca.Function("nlp_hess_l", given, [value], names, ["triu:hess:gamma:x:x"])
-
-    def solve(self, solver: ca.Function, x: Array, u: Array, x0: Array, p: Array, refs: Array) -> Solution:
-        """Solve from a guess of states (N + 1, nx) and inputs (N, nu)."""
-        s = self.stages
-        guess = np.concatenate([np.hstack([x[:-1], u]).ravel(), x[-1], np.zeros(self._row_count)])
-        free = np.full(s.nx, np.inf)
-        low = [*np.tile(np.concatenate([-free, s.u_min]), s.stages), *-free, *np.zeros(self._row_count)]
-        high = [*np.tile(np.concatenate([free, s.u_max]), s.stages), *free, *np.full(self._row_count, np.inf)]
+    def start(self, x: Array, u: Array, x0: Array, p: Array, refs: Array) -> Start:
+        """Start from a guess of states (N + 1, nx) and inputs (N, nu)."""
+        s, rows = self.stages, self._row_count
+        guess = np.concatenate([np.hstack([x[:-1], u]).ravel(), x[-1], np.zeros(rows)])
+        free, none = np.full(s.nx, np.inf), np.full(rows, np.inf)
+        low = np.concatenate([np.tile(np.concatenate([-free, s.u_min]), s.stages), -free, np.zeros(rows)])
+        high = np.concatenate([np.tile(np.concatenate([free, s.u_max]), s.stages), free, none])
         least = np.where(s.c_min <= -ABSENT, -np.inf, s.c_min)
         most = np.where(s.c_max >= ABSENT, np.inf, s.c_max)
-        equal, none = np.zeros(s.nx * (s.stages + 1)), np.full(self._row_count, np.inf)
-        bounds = {"lbx": low, "ubx": high}
-        bounds["lbg"] = [*equal, *-none, *least[self._order]]
-        bounds["ubg"] = [*equal, *most[self._order], *none]
-        found = solver(x0=guess, p=np.concatenate([x0, p, refs.ravel()]), **bounds)
-        z, stats = np.array(found["x"]).ravel(), solver.stats()
+        equal = np.zeros(s.nx * (s.stages + 1))
+        lower = np.concatenate([equal, -none, least[self._order]])
+        upper = np.concatenate([equal, most[self._order], none])
+        return Start(guess, low, high, lower, upper, np.concatenate([x0, p, refs.ravel()]))
+
+    def split(self, z: Array) -> tuple[Array, Array, float]:
+        """States (N + 1, nx), inputs (N, nu) and the largest slack of a solution."""
+        s = self.stages
         body = z[: self._count - s.nx].reshape(s.stages, self._nz)
-        return Solution(
-            x=np.vstack([body[:, : s.nx], z[self._count - s.nx : self._count]]),
-            u=body[:, s.nx :].copy(),
-            success=bool(stats["success"]),
-            iterations=int(stats["iter_count"]),
-            violation=float(z[self._count :].max(initial=0.0)),
-            cost=float(found["f"]),
-        )
+        x = np.vstack([body[:, : s.nx], z[self._count - s.nx : self._count]])
+        return x, body[:, s.nx :].copy(), float(z[self._count :].max(initial=0.0))
 
 
 def compiled(function: ca.Function) -> ca.Function:
