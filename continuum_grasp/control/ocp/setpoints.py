@@ -90,8 +90,10 @@ def setpoints(
     >>> from continuum_grasp.scene.load import load
     >>> scene = load("configs/mpc/steady_tip.yaml")
     >>> model = Prediction(scene)
-    >>> rows = setpoints(scene, stages_of(scene, model), model, {"tip": lambda t: (-0.05, 0.15 + 0.01 * t)}).rows([0.0,
-    1.0]) >>> rows[:, :2].round(3).tolist() [[-0.05, 0.15], [-0.05, 0.16]]
+    >>> raised = {"tip": lambda t: (-0.05, 0.15 + 0.01 * t)}
+    >>> rows = setpoints(scene, stages_of(scene, model), model, raised).rows([0.0, 1.0])
+    >>> rows[:, :2].round(3).tolist()
+    [[-0.05, 0.15], [-0.05, 0.16]]
     """
     given: dict[str, _Given | None] = {name: getattr(scene.reference, name) for name in SETPOINTS}
     if given["input"] is None and scene.finger.tendons is not None:
