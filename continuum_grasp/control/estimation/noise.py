@@ -112,8 +112,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
         # A critically damped lag of time T under white noise s has the variance s^2 T^3 / 4.
         process[at + 1] = 4.0 * (_DRIVE * most) ** 2 / scene.lag**3
         initial[at], initial[at + 1] = (_DRIVE_AT_START * most) ** 2, (_DRIVE_AT_START * most / scene.lag) ** 2
-    drift = _drifts(scene, estimation)
-    process[model.nx :] = initial[model.nx :] = drift**2
+    process[model.nx :] = initial[model.nx :] = estimation.drifts**2
     variances = np.array([measurement_std(scene, name) ** 2 for name in estimation.measurement_names])
     return Noise(process, initial, estimation.mixing**2 @ variances)
 
@@ -170,22 +169,6 @@ def _greatest_moment(scene: ControlScene) -> float:
     if tendons is None:
         return scene.controller.input.moment_max or 0.0
     return (tendons.max_tension - tendons.min_tension) * tendons.offset
-
-
-def _drifts(scene: ControlScene, estimation: Estimation) -> Array:
-    """Drift of each disturbance per square root of a second."""
-    asked = scene.estimator.disturbances if scene.estimator is not None else None
-    by_start = {
-        "unknown_contact": "contact_force",
-        "unknown_tip": "tip_force",
-        "object_": "object_position",
-        "missing_tip_moment": "tip_moment",
-        "bending_stiffness_error": "bending_stiffness",
-    }
-    unknown = estimation.z_names[estimation.nx :]
-    return np.array(
-        [getattr(asked, field) for n in unknown for start, field in by_start.items() if n.startswith(start)]
-    )
 
 
 def measurement_std(scene: ControlScene, name: str) -> float:
