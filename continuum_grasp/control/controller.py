@@ -41,6 +41,7 @@ _CHUNK = 128
 """Periods for which setpoints are evaluated at once [1]: enough that numpy's overhead per call does not show, and
 little to hold (30 stages of 6 setpoints: 190 kB)."""
 _LATE, _APPLIED = 1, 2
+"""Flags of ``cg_controller_step``."""
 _NUMBERS = (
     *("anomalies", "iterations", "violation", "residual", "cost"),
     *("health", "sensor", "entry", "reason", "rung", "mismatch", "activity"),

@@ -136,6 +136,7 @@ class Prediction(Remade):
         """Acting tip moment, its rate and acceleration, where the lag is not in the system."""
         time = self._own_lag or 1.0
         moment, rate = self.x[-2], self.x[-1]
+        # A critically damped lag, as of tendons: its moment has a continuous rate, which a matched tip needs.
         return moment, rate, (self.u - moment) / time**2 - 2.0 * rate / time
 
     @cached_property

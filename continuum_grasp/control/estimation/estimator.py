@@ -27,6 +27,7 @@ __all__ = ["Estimator", "Filtered"]
 Array = NDArray[np.float64]
 
 _RESTARTED = 1
+"""``EKF_RESTARTED`` of ``c/ekf.h``."""
 _OF_VERDICTS = {
     Verdict.MISSING: Anomaly.MISSING,
     Verdict.ABSURD: Anomaly.ABSURD,

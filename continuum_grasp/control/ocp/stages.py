@@ -69,14 +69,6 @@ class Stages:
         Name and unit of each entry; rows are relative to their bounds.
     u_min, u_max, c_min, c_max, linear, quadratic, weights, terminal_weights, p_nominal : ndarray
         Nominal values, which may be changed at run time; +-1e30 is no bound.
-
-    Examples
-    --------
-    >>> from continuum_grasp.control.ocp.stages import stages_of
-    >>> from continuum_grasp.scene.load import load
-    >>> stages = stages_of(load("configs/mpc/steady_tip.yaml"))
-    >>> stages.nx, stages.nu, stages.r_names[:2]
-    (8, 2, ('tip_x [m]', 'tip_y [m]'))
     """
 
     step: ca.Function
@@ -157,6 +149,14 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     ------
     InputError
         If the pieces do not fit together.
+
+    Examples
+    --------
+    >>> from continuum_grasp.control.ocp.stages import stages_of
+    >>> from continuum_grasp.scene.load import load
+    >>> stages = stages_of(load("configs/mpc/steady_tip.yaml"))
+    >>> stages.nx, stages.nu, stages.r_names[:2]
+    (8, 2, ('tip_x [m]', 'tip_y [m]'))
     """
     model = Prediction(scene) if prediction is None else prediction
     horizon, limits = scene.controller.horizon, scene.controller.input
