@@ -17,6 +17,7 @@ from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.core import Core
 from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
 from continuum_grasp.scene.simulate import Fidelity, Scene
 
 __all__ = ["NOTES", "Measuring", "columns_of"]
@@ -36,7 +37,11 @@ COLUMNS = (
 )
 _LONGEST = 10_000
 """Instructions of the forward dynamics up to which a model is compiled and timed."""
-_STEPS = (("rk4", 1), ("rk4", 2), ("rk4", 4), ("rk4", 8), ("implicit", 1), ("implicit", 2), ("implicit", 4))
+_STEPS = tuple(
+    (name, count)
+    for name in SIMULATION_METHODS
+    for count in ((1, 2, 4) if INTEGRATORS[name].stable is None else (1, 2, 4, 8))
+)
 """Methods and steps between two instants."""
 _FINEST = 64
 _EQUAL = 1e-4
@@ -46,7 +51,7 @@ _EQUAL = 1e-4
 NOTES = {
     "choices": "Greatest errors over the static poses, and of the natural frequencies about them; r.m.s. error of the "
     f"tip in motion; real-time factor with Runge-Kutta steps whose own error is {_EQUAL:g} of the length.",
-    "integrators": "Greatest error of the tip by the steps alone; as called from Python; the implicit method is RODAS.",
+    "integrators": "Greatest error of the tip by the steps alone; as called from Python.",
     "terms": "Greatest error of the accelerations by terms and nodes that are left out, per their greatest entry, over "
     "states in the declared range.",
     "precision": "As in the table of terms, by rounding alone.",

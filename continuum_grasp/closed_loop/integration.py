@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.core.integrators import partly_implicit_step, step_function
+from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, Signal
 from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import NumericalError
@@ -28,7 +28,7 @@ _EXPLICIT_UP_TO = 40
 _LONGEST = 1.25e-3
 """Longest step of either method [s]; on fingers of a hand it follows a step of the input to 1e-6."""
 _CONTACT_STEP = 1e-4
-"""Step of the partly implicit method, which resolves contacts [s]."""
+"""Step of ros2, which must resolve contacts [s]."""
 _SHAPES = 4
 
 
@@ -63,11 +63,11 @@ def choose_method(model: PlantModel, period: float) -> Method:
         if np.all(np.isfinite(a)):
             radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
     if system.surroundings is not None:
-        return Method("partly_implicit", math.ceil(period / _CONTACT_STEP - 1e-9), radius)
+        return Method("ros2", math.ceil(period / _CONTACT_STEP - 1e-9), radius)
     wanted, least = math.ceil(radius * period / TARGET_RADIUS), math.ceil(period / _LONGEST - 1e-9)
     if wanted <= max(_EXPLICIT_UP_TO, least):
         return Method("rk4", max(wanted, least, 1), radius)
-    return Method("implicit", max(least, 1), radius)
+    return Method("rodas", max(least, 1), radius)
 
 
 class Integration(Remade):
@@ -77,15 +77,12 @@ class Integration(Remade):
     ----------
     model : PlantModel
     method : str
-        ``rk4``, ``implicit``, or ``partly_implicit`` in the finger's own elasticity and damping.
+        Name in ``INTEGRATORS``.
     """
 
     def __init__(self, model: PlantModel, method: str) -> None:
         self._model = model
-        if method == "partly_implicit":
-            step = partly_implicit_step(model.dynamics, model.internal)
-        else:
-            step = step_function(model.dynamics, method, model.linearization if method == "implicit" else None)
+        step = step_function(model, method)
         compiler = find_compiler()
         library = None if compiler is None else ctypes.CDLL(str(library_for(rollout_source(step), compiler)))
         self._run = Rollouts(step, library, True)

@@ -49,7 +49,7 @@ class PlantModel(Remade):
         Numbers of states, inputs and forces.
     x_names, u_names, w_names : tuple of str
         Name and unit of each entry.
-    dynamics : casadi.Function
+    forward_dynamics : casadi.Function
         (x, u, w, p) -> xd.
     linearization : casadi.Function
         (x, u, w, p) -> A, B.
@@ -181,10 +181,12 @@ class PlantModel(Remade):
         return ca.vertcat(self.system.forward_dynamics(x, u, self._w, p), self._drive)
 
     @cached_property
-    def dynamics(self) -> ca.Function:
+    def forward_dynamics(self) -> ca.Function:
         """State derivative."""
         value = ca.cse([ca.densify(self._rate)])
-        return ca.Function("dynamics", [self._x, self._u, self._w, self._p], value, ["x", "u", "w", "p"], ["xd"])
+        return ca.Function(
+            "forward_dynamics", [self._x, self._u, self._w, self._p], value, ["x", "u", "w", "p"], ["xd"]
+        )
 
     @cached_property
     def linearization(self) -> ca.Function:

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 _HARD = Penalty(linear=1e4, quadratic=1e6)
 """Price at which a row is kept wherever it can be."""
 _TARGET = 1.5
-"""Product of sub-step and fastest rate; the Runge-Kutta method is stable up to 2.7."""
+"""Product of sub-step and fastest rate; rk4 is stable up to 2.7."""
 _EXPLICIT_UP_TO = 4
 """Explicit sub-steps per stage up to which they are taken."""
 _IMPLICIT_STEP = 0.010
@@ -105,14 +105,14 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
 
 def _integration(horizon: Horizon, model: Prediction, u_min: Array, u_max: Array) -> tuple[str, int]:
     """Method and steps per stage, from the stiffness where the scene does not say."""
-    if horizon.method == "implicit":
-        return "implicit", horizon.substeps or math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+    if horizon.method == "sdirk2":
+        return "sdirk2", horizon.substeps or math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
     if horizon.substeps is not None:
         return "rk4", horizon.substeps
     wanted = max(1, math.ceil(horizon.stage * fastest_rate(model, u_min, u_max) / _TARGET))
     if horizon.method == "rk4" or wanted <= _EXPLICIT_UP_TO:
         return "rk4", wanted
-    return "implicit", math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+    return "sdirk2", math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
 
 
 @dataclass

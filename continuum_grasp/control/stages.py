@@ -45,8 +45,8 @@ class Stages:
         (x, u, p) -> c (nc).
     stages, substeps : int
         N, and steps per stage.
-    method : {"rk4", "implicit"}
-        The Runge-Kutta method of order 4, or an L-stable one of order 2.
+    method : str
+        Name in ``CONTROL_METHODS``.
     stage : float
         Length of a stage h [s].
     nd, ns, nt : int

@@ -88,7 +88,7 @@ def codegen(
     start, inputs, forces = (
         _row(name, value, size) for name, value, size in (("x0", x0, model.nx), ("u", u, model.nu), ("w", w, model.nw))
     )
-    step = step_function(model.forward_dynamics, "rk4")
+    step = step_function(model, "rk4")
     text = _example(model, prefix, step, steps, start, inputs, forces)
     options = {"with_header": True, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator(f"{prefix}.c", options)

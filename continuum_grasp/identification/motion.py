@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -50,7 +51,7 @@ class Motion:
         self._model, self._signals, self._slope, self._t = model, signals, slope, t
         self._nx = model.nx
         self._core = Core(model, compiled=False)
-        step = step_function(_variational(model, slope.shape[1]), "rk4")
+        step = step_function(SimpleNamespace(forward_dynamics=_variational(model, slope.shape[1])), "rk4")
         self._run = Rollouts(step, _compiled(rollout_source(step)), True)
         self._settled: tuple[Array, float] | None = None
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.integrators import SIMULATION_METHODS
 from continuum_grasp.scene.loads import Actuation, Load, Samples
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.value import Length, Positive, Real, Value, Vector2, doubt
@@ -15,6 +16,10 @@ from continuum_grasp.scene.value import Length, Positive, Real, Value, Vector2, 
 __all__ = ["Fidelity", "Initial", "Scene", "Timing"]
 
 Family = Literal["arc", "clothoid", "matched_clothoid"]
+if TYPE_CHECKING:
+    Method = str
+else:
+    Method = Literal["auto", *SIMULATION_METHODS, "reference"]
 
 
 def _share(value: Any) -> Any:
@@ -91,8 +96,8 @@ class Timing(Value):
     """[s]"""
     step: Positive
     """Output step [s]; the integrator takes sub-steps of its own where the scene needs them."""
-    method: Literal["auto", "rk4", "implicit", "reference"] = "auto"
-    """auto: rk4, or implicit for a stiff scene, in sub-steps that keep ``tolerance``; rk4, implicit: in sub-steps that
+    method: Method = "auto"
+    """auto: rk4, or rodas for a stiff scene, in sub-steps that keep ``tolerance``; a method by name: in sub-steps that
     are stable, with a warning where they do not keep it; reference: variable step with error control at 1e-11."""
     tolerance: Annotated[float, BeforeValidator(_share), Field(ge=1e-10, le=0.1)] = 1e-4
     """Greatest error of position that the steps in time may leave, per length of the finger."""

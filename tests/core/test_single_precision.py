@@ -70,7 +70,7 @@ def test_a_batch_is_its_states_one_by_one(family, count):
         assert relative_error(rows[k], compiled.forward_dynamics(x[k], at.u, w[k])) <= limit
 
 
-@pytest.mark.parametrize("method", ["rk4", "implicit"])
+@pytest.mark.parametrize("method", ["rk4", "rodas"])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_rollouts_are_those_in_double_to_rounding(family, method):
     """Roundings of a smooth motion add up like a random walk; 1e-5 is some 170 of them, over 100 steps."""
@@ -85,7 +85,7 @@ def test_rollouts_are_those_in_double_to_rounding(family, method):
     assert not np.array_equal(found, expected)
 
 
-@pytest.mark.parametrize("method", ["rk4", "implicit"])
+@pytest.mark.parametrize("method", ["rk4", "rodas"])
 def test_many_rollouts_are_single_ones(method):
     model, _, narrow = both("arc")
     count, steps = 19, 12
@@ -113,11 +113,11 @@ def test_the_state_of_a_rollout_stays_single(single_one):
 
 
 def sources(model, real: str) -> dict[str, str]:
-    step, implicit = (cg.compile(model, ()).step_function(method) for method in ("rk4", "implicit"))
+    step, rodas = (cg.compile(model, ()).step_function(method) for method in ("rk4", "rodas"))
     made = {name: function_source(getattr(model, name), real) for name in FUNCTIONS}
     made |= {f"{name}, batch": batch_source(getattr(model, name), real) for name in ("forward_dynamics", "range_use")}
     made |= {"rollout": rollout_source(step, real), "rollouts": rollouts_source(step, real)}
-    return made | {"implicit": rollout_source(implicit, real), "implicit, many": rollouts_source(implicit, real)}
+    return made | {"rodas": rollout_source(rodas, real), "rodas, many": rollouts_source(rodas, real)}
 
 
 @lru_cache
@@ -204,7 +204,7 @@ def test_stiff_steps_keep_their_digits():
     model = cg.FingerModel(finger, family="clothoid", elements=(0.59, 0.01))
     double, narrow = cg.compile(model), cg.compile(model, precision="float")
     x0 = np.concatenate([[1.0, 0.5, 0.5], np.zeros(3)])
-    expected, found = (c.rollout(x0, 50, 2e-3, method="implicit")[:, :3] for c in (double, narrow))
+    expected, found = (c.rollout(x0, 50, 2e-3, method="rodas")[:, :3] for c in (double, narrow))
     tips = [double.batch("tip", np.ascontiguousarray(q)) for q in (expected, found)]
     assert np.abs(tips[0] - tips[1]).max() <= 1e-5 * ROD.length
 

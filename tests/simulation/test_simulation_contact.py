@@ -225,7 +225,7 @@ def test_stiffer_contacts_come_to_the_rigid_answer_with_order_one():
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.parametrize("method", ["implicit", "reference"])
+@pytest.mark.parametrize("method", ["rodas", "reference"])
 def test_methods_agree_where_the_finger_hits_and_slides(method):
     keys = {"friction": 0.3, "family": "matched_clothoid", "duration": 0.5}
     explicit, other = (
