@@ -209,10 +209,12 @@ class Core(Remade):
         Raises
         ------
         InputError
-            If the method is unknown.
+            If the method is unknown, or needs double precision.
         """
         if method not in SIMULATION_METHODS:
             raise InputError(f"unknown method {method!r}: expected one of {', '.join(SIMULATION_METHODS)}")
+        if self.precision == "float" and INTEGRATORS[method].double_only:
+            raise InputError(f"method: the iterations of {method} need double precision")
         if method not in self._steps:
             self._steps[method] = step_function(self.model, method)
         return self._steps[method]

@@ -30,6 +30,8 @@ class Integrator:
         Offered as ``horizon.method``; its file has ``differentiated_step``.
     symplectic : bool
         Whether it keeps the phase space's area, and so the energy of a conservative motion within a bound.
+    double_only : bool
+        Whether its iterations end at a tolerance that single precision does not reach.
     failure : str
         What is wrong where a step gives no finite state.
     """
@@ -41,6 +43,7 @@ class Integrator:
     simulates: bool = True
     differentiates: bool = False
     symplectic: bool = False
+    double_only: bool = False
     failure: str = "the motion is not finite"
 
 

@@ -78,7 +78,7 @@ def smoothstep(t, end):
 
 
 @pytest.mark.parametrize(
-    ("family", "explicit", "rodas"),
+    ("family", "explicit", "implicit"),
     [
         ("arc", (6e-3, 3e-3, 1.5e-3), (8e-3, 4e-3, 2e-3)),
         ("clothoid", (3e-3, 1.5e-3, 7.5e-4), (4e-3, 2e-3, 1e-3)),
