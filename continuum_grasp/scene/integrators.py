@@ -52,6 +52,14 @@ class Integrator:
 INTEGRATORS = {
     "rk4": Integrator("the classical explicit Runge-Kutta method", 4, 4, stable=2.7, differentiates=True),
     "rodas": Integrator("linearly implicit, L-stable, stiffly accurate", 4, 6),
+    "implicit_midpoint": Integrator(
+        "symplectic; the energy of undamped motions does not drift",
+        2,
+        4,
+        symplectic=True,
+        double_only=True,
+        failure="Newton's method did not converge within a step",
+    ),
     "ros2": Integrator("implicit in elasticity and damping of the finger alone", 2, 2, simulates=False),
     "sdirk2": Integrator("diagonally implicit, L-stable", 2, 4, simulates=False, differentiates=True),
 }

@@ -364,7 +364,7 @@ CALLS = {
     "parameters": (lambda c, x: c.rollout(x, 5, 0.1, p=[1.0]), "p: expected 0 entries"),
     "method": (
         lambda c, x: c.rollout(x, 5, 0.1, method="euler"),
-        "unknown method 'euler': expected one of rk4, rodas",
+        "unknown method 'euler': expected one of rk4, rodas, implicit_midpoint",
     ),
 }
 
