@@ -35,7 +35,7 @@ def main(arguments):
         return 2
     sys.stdout.flush()
     if testing:
-        return run([PYTHON, "-m", "pytest", "-n", "auto", "--dist", "loadfile", *arguments[1:]], cwd=ROOT)
+        return run([PYTHON, "-m", "pytest", "-n", "auto", "--dist", "worksteal", *arguments[1:]], cwd=ROOT)
     return run([PYTHON, "-m", "continuum_grasp", *arguments])
 
 

@@ -36,7 +36,7 @@ STILL = {"time": {"duration": 1.0, "step": 0.005}}
 
 
 def scene(rod: dict[str, float], angle: float = HORIZONTAL, mass: float = 0.0, **keys: Any) -> Scene:
-    """A straight finger; weightless where nothing is said of gravity."""
+    """A straight finger; weightless by default."""
     masses = [{"at": rod["length"], "mass": mass}] if mass else []
     finger = {"rod": rod, "base": {"angle": angle}, "masses": masses, **keys.pop("finger", {})}
     return Scene.model_validate({"schema_version": 1, "finger": finger, "gravity": (0.0, 0.0), **keys})

@@ -14,7 +14,7 @@ from typing import Any
 
 import continuum_grasp as cg
 from benchmarks.report import Report, Table
-from continuum_grasp.export.measure import TOOLS
+from continuum_grasp.export.targets import TOOLS
 from tests.export_cases import TENDONS, loop_scene, two_arcs
 
 BOARDS = (("float", "cortex-m4f"), ("double", "cortex-m7"))

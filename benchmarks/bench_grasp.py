@@ -33,7 +33,7 @@ NUMBERS = 1e-2
 """Part by which a number of a reason may differ."""
 MARGIN = 1e-3
 """By what part more than a number that the oracle did not find is granted to see whether it is enough."""
-REASONS = {"bend": "bending range", "room": "room at the supports"}
+REASONS = {"bend": "bending range", "clearance": "clearance at the supports"}
 """Causes whose reasons go by another name."""
 
 
@@ -118,7 +118,7 @@ def none(row: dict[str, Any]) -> Outcome:
 def _milder(row: dict[str, Any], number: float) -> bool:
     """Whether a number asks for less than the oracle knows to be needed, and a checked grasp shows it is enough."""
     sign = -1.0 if row["cause"] == "mass" else 1.0
-    if row["cause"] in ("reach", "room") or sign * (number - row["needed"]) > 0.0:
+    if row["cause"] in ("reach", "clearance") or sign * (number - row["needed"]) > 0.0:
         return False
     scene = tightened({**row, "limit": number * (1.0 + sign * MARGIN)})
     result, _, _ = run(scene)
@@ -175,8 +175,8 @@ def add_none(report: Report, outcomes: list[Outcome]) -> None:
     report.claim("infeasible: false certificates", sum(o.false for o in outcomes), "<=", 0)
     report.claim(f"infeasible: reported of {len(outcomes)}, per cent", share(outcomes, "good"), ">=", 100.0)
     report.claim("infeasible: right reason, per cent", share(outcomes, "right"), ">=", 97.0)
-    told = [o for o in outcomes if o.right]
-    report.claim("infeasible: numbers within 1 %, per cent of those", share(told, "number"), ">=", 100.0)
+    named = [o for o in outcomes if o.right]
+    report.claim("infeasible: numbers within 1 %, per cent of those", share(named, "number"), ">=", 100.0)
     rows = []
     for cause in sorted({o.what for o in outcomes}):
         some = [o for o in outcomes if o.what == cause]

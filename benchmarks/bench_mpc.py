@@ -98,10 +98,10 @@ def add_race(report: Report, arguments: argparse.Namespace) -> None:
         rows = []
         for label, loop in loops.items():
             low, middle, high = quartiles(us(runs[label]))
-            p99, kept = float(np.median(us(runs[label], 99.0))), checked[label]
+            p99, retained = float(np.median(us(runs[label], 99.0))), checked[label]
             cold = float(np.median([1e6 * run.cold for run in runs[label]]))
-            solved = f"{int(kept.good.sum())}/{case.steps}"
-            cost = case.cost(kept.x, kept.u)
+            solved = f"{int(retained.good.sum())}/{case.steps}"
+            cost = case.cost(retained.x, retained.u)
             timing = [middle, low, high, p99, p99 / middle, *phases(runs[label]), cold]
             rows.append([label, *timing, ratio(runs, label, OURS[1]), solved, cost, loop.code_bytes / 1024.0])
         columns = ["", "median [us]", "quartile 1", "quartile 3", "p99 [us]", "p99 / median", "prepare", "feedback"]
@@ -193,7 +193,7 @@ def add_cost(report: Report, arguments: argparse.Namespace) -> None:
             if label in ONCE_OR_TWICE and (name, label) != ("jumps", ONCE_OR_TWICE[0]):
                 report.claim(f"{name}, {label}: closed-loop cost beyond converged [%]", more, "<=", 0.1)
     note = (
-        "Violations at their price included. jumps: a set-point that jumps farther than one linearisation reaches; of "
+        "Violations at their penalty included. jumps: a setpoint that jumps farther than one linearisation reaches; of "
         "one iteration per step stated with no limit (controller.sqp_iterations: 2 is the second one)."
     )
     columns = ["problem", "solver", "closed-loop cost", "more than converged [%]", "worst excess of a row", "solved"]
@@ -243,11 +243,13 @@ def add_states(report: Report, arguments: argparse.Namespace) -> None:
             )
             began = time.perf_counter()
             loop = rti_loop(case)
-            built, kept = time.perf_counter() - began, loop(keep=True)
+            built, retained = time.perf_counter() - began, loop(keep=True)
             runs = measured({"ours": loop}, arguments.rounds, report.seed)["ours"]
             stages, middle = case.stages, float(np.median(us(runs)))
             row = [family, unknowns, stages.nx, f"{_method(case)} x {stages.substeps}", stages.step.n_instructions()]
-            rows.append([*row, middle, float(np.median(us(runs, 99.0))), *phases(runs), int(kept.good.sum()), built])
+            rows.append(
+                [*row, middle, float(np.median(us(runs, 99.0))), *phases(runs), int(retained.good.sum()), built]
+            )
             print(rows[-1], flush=True)
     columns = ["family", "unknowns", "states", "steps per stage", "instructions", "median [us]", "p99 [us]", "prepare"]
     columns += ["feedback", "solved of 200", "compiled in [s]"]
@@ -269,12 +271,12 @@ def add_constraints(report: Report, arguments: argparse.Namespace) -> None:
     for name, maker in makers.items():
         case = maker()
         loop = rti_loop(case)
-        kept = loop(keep=True)
+        retained = loop(keep=True)
         runs = measured({"ours": loop}, arguments.rounds, report.seed)["ours"]
         middle, p99 = float(np.median(us(runs))), float(np.median(us(runs, 99.0)))
-        solved = f"{int(kept.good.sum())}/{case.steps}"
+        solved = f"{int(retained.good.sum())}/{case.steps}"
         row = [name, case.stages.nc, middle, p99, p99 / middle, *phases(runs)]
-        rows.append([*row, case.excess(kept.x, kept.u), solved])
+        rows.append([*row, case.excess(retained.x, retained.u), solved])
     columns = ["problem", "rows", "median [us]", "p99 [us]", "p99 / median", "prepare", "feedback"]
     note = (
         "Ours, lanes, N = 30. none: input limits alone; zones: four sections of every element stay out of a half-plane."
@@ -324,7 +326,7 @@ def add_python(report: Report, arguments: argparse.Namespace) -> None:
             f"{name}: RealTimeIteration from Python beyond C [us]", np.median(times) - np.median(in_c), "<=", 15
         )
     note = (
-        "Wall time. Phases by C's own clock; beyond: arguments, set-points of the scene, statistics. The library that "
+        "Wall time. Phases by C's own clock; beyond: arguments, setpoints of the scene, statistics. The library that "
         "Python calls is compiled with the flags of the package, not with those of this benchmark."
     )
     columns = ["", "", "quartile 1 [us]", "median [us]", "quartile 3 [us]", "p99 [us]"]
@@ -365,7 +367,7 @@ def main() -> None:
     for file in report.write(arguments.folder):
         print(file)
     for claim in report.claims:
-        print("kept  " if claim.met else "BROKEN", claim.what, f"{claim.value:.4g} {claim.relation} {claim.limit:g}")
+        print("met   " if claim.met else "BROKEN", claim.what, f"{claim.value:.4g} {claim.relation} {claim.limit:g}")
     print(report.status)
 
 

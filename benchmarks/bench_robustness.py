@@ -25,7 +25,7 @@ from benchmarks.mpc_cases import CONFIGS
 from benchmarks.report import RESULTS, Report, Table
 from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.closed_loop.run import closed_loop
+from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.closed_loop.schedule import Phase
 from continuum_grasp.control.controller import Command, Controller
 from continuum_grasp.control.setpoints import set_points
@@ -39,7 +39,7 @@ DURATION = {"nitinol_moment": 12.0}
 OTHERS, DRIFTING = 5.0, 5.0
 """The same of other loops, and how much longer where a sensor drifts, slowly, until it contradicts the others."""
 REPEATED = {"tip_arc": 1.0}
-"""Period of set-points that would stand still before the end of the run [s]."""
+"""Period of setpoints that would stand still before the end of the run [s]."""
 LAST = 1.0
 """Time at the end over which errors and commands are judged [s]."""
 NEAR = 0.1
@@ -64,7 +64,7 @@ class Outcome:
     seed: int
     mild: bool
     error: float
-    """Root mean square distance of the tip from its set-point in the last second [m]."""
+    """Root mean square distance of the tip from its setpoint in the last second [m]."""
     ideal: float
     """The same of the ideal loop."""
     length: float
@@ -116,7 +116,7 @@ class Outcome:
 
 
 class _Clocked:
-    """A controller that is told the time of each call by its plant."""
+    """A controller that is given the time of each call by its plant."""
 
     def __init__(self, control: Controller, plant: Any) -> None:
         self._control, self._plant = control, plant
@@ -138,7 +138,7 @@ def run_of(bench: Bench, loop: str, wrong: Wrong, seed: int) -> tuple[ControlRun
     driven = _Clocked(control, plant) if wrong.clock else control
     asked = scene.model_copy(update={"duration": duration})
     try:
-        return closed_loop(asked, controller=driven, plant=plant, schedule=[phase]), False
+        return run_closed_loop(asked, controller=driven, plant=plant, schedule=[phase]), False
     except NumericalError as error:
         return error.result, True
 
@@ -231,7 +231,7 @@ def add(report: Report, found: Sequence[Outcome]) -> None:
         rows.append([*row, max(one.swing for one in same), _first(same), _last(same)])
     columns = ["", "plant", *loops, "greatest swing", "reported after [s]", "tripped after [s]"]
     note = (
-        f"Root mean square distance of the tip from its set-point over the last {LAST:g} s of {OTHERS:g} s "
+        f"Root mean square distance of the tip from its setpoint over the last {LAST:g} s of {OTHERS:g} s "
         f"(nitinol_moment: {DURATION['nitinol_moment']:g} s; {DRIFTING:g} s more where a sensor drifts), of the seeds "
         "the worst [mm]; r: reported, T: tripped into the safe state (t: of some seeds), F: more than "
         f"{NEAR:g} L from the ideal loop and not tripped, S: the command swings, !: silent. Swing: r.m.s. change of "
@@ -297,7 +297,7 @@ def main() -> None:
     for file in report.write(arguments.folder):
         print(file)
     for claim in report.claims:
-        print("kept  " if claim.met else "BROKEN", claim.what, f"{claim.value:.4g} {claim.relation} {claim.limit:g}")
+        print("met   " if claim.met else "BROKEN", claim.what, f"{claim.value:.4g} {claim.relation} {claim.limit:g}")
     print(report.status, time.strftime("%H:%M:%S"))
 
 

@@ -43,7 +43,7 @@ class Case:
     plant_p: Array
     """Those of the plant, (steps, np)."""
     references: Array
-    """Set-points over the horizon at each step, (steps, N + 1, nr)."""
+    """Setpoints over the horizon at each step, (steps, N + 1, nr)."""
 
     @property
     def steps(self) -> int:
@@ -68,8 +68,8 @@ class Case:
         """The same, step by step, (steps)."""
         stages, steps = self.stages, len(u)
         cost = stages.cost.map(steps)
-        set_points = self.references[:steps, 0].T
-        value, _, _, c, _ = cost(x[:steps].T, u.T, self.p, set_points, stages.weights)
+        wanted = self.references[:steps, 0].T
+        value, _, _, c, _ = cost(x[:steps].T, u.T, self.p, wanted, stages.weights)
         left = outside(stages, np.array(c).T)
         found: Array = np.array(value)[0] + left @ stages.linear + 0.5 * left**2 @ stages.quadratic
         return found
@@ -113,9 +113,9 @@ def arcs(
     speed: float = 15.0,
     announced: bool = True,
 ) -> Case:
-    """The problem of the trials: two arcs of nickel-titanium, tip moment, set-points of bending that switch.
+    """The problem of the trials: two arcs of nickel-titanium, tip moment, setpoints of bending that switch.
 
-    Set-points are drawn up to ``largest`` [rad]; ``announced`` ones are known over the horizon.
+    Setpoints are drawn up to ``largest`` [rad]; ``announced`` ones are known over the horizon.
     ``bounds``: none, box (bending 1.5 rad and rates, as in the trials), or zones (box, and a half-plane that four
     sections of every element keep out of).
     """
@@ -152,9 +152,9 @@ def arcs(
 
 
 def jumps(*, steps: int = 400, seed: int = 0, horizon: int = 30) -> Case:
-    """The same with set-points that jump unannounced, so that rows are violated."""
+    """The same with setpoints that jump unannounced, so that rows are violated."""
     made = arcs(steps=steps, seed=seed, horizon=horizon, largest=1.0, announced=False)
-    return replace(made, name="jumps", what=f"{made.what}; set-points jump unannounced")
+    return replace(made, name="jumps", what=f"{made.what}; setpoints jump unannounced")
 
 
 def lag(*, steps: int = 400, seed: int = 0, horizon: int = 30, elements: int = 2) -> Case:

@@ -67,12 +67,12 @@ def controller_of(data: dict[str, Any], dynamics: ca.Function, outputs: ca.Funct
         controller.set_nl_cons(f"{name}_least", row["least"] - value, ub=0.0)
     clock, template = [0], controller.get_tvp_template()
 
-    def set_points(_: float) -> Any:
+    def setpoints(_: float) -> Any:
         for k in range(data["stages"] + 1):
             template["_tvp", k, "r"] = references[clock[0], k]
         return template
 
-    controller.set_tvp_fun(set_points)
+    controller.set_tvp_fun(setpoints)
     controller.setup()
     return controller, clock
 

@@ -65,7 +65,7 @@ class CLoop:
     late : bool
         Whether it linearises once the state is known, with that state in its guess.
     primal : float
-        Largest violation of the programme's equations and input limits that counts as solved.
+        Largest violation of the problem's equations and input limits that counts as solved.
     """
 
     def __init__(
@@ -112,16 +112,16 @@ class CLoop:
         case, stages, steps = self.case, self.case.stages, self.case.steps
         x, u = np.zeros((steps + 1, stages.nx)), np.zeros((steps, stages.nu))
         seconds, status, cold = np.zeros((steps, 2)), np.zeros(steps, np.int32), np.zeros(1)
-        kept = [np.zeros((steps, self._plan)) for _ in range(2)] if keep else [None, None]
+        retained = [np.zeros((steps, self._plan)) for _ in range(2)] if keep else [None, None]
         given = [np.ascontiguousarray(v, float) for v in (case.x0, case.u0, case.p, case.plant_p, case.references)]
-        arrays = [*given, x, u, seconds, cold, status, *kept]
+        arrays = [*given, x, u, seconds, cold, status, *retained]
         with one_core():
             pointers = [None if a is None else ctypes.c_void_p(a.ctypes.data) for a in arrays]
             self._library.closed_loop(ctypes.c_longlong(steps), WARM, *pointers)
         finite = np.isfinite(u).all(axis=1) & np.isfinite(x[1:]).all(axis=1)
         run = LoopRun(x, u, seconds, float(cold[0]), (status >= 0) & finite)
-        if kept[0] is not None and kept[1] is not None:
-            run.guess, run.plan = kept
+        if retained[0] is not None and retained[1] is not None:
+            run.guess, run.plan = retained
             if self._late:
                 run.guess[:, : stages.nx] = x[:-1]
             run.good &= primal_residuals(case, run) <= self._primal

@@ -1,7 +1,7 @@
-"""The problem of ``Stages`` as one nonlinear programme for CasADi's solvers.
+"""The problem of ``Stages`` as one NLP for CasADi's solvers.
 
 Variables are x_0, u_0, x_1, ..., x_N and, where rows are soft, their violations; parameters are those of the model and
-the set-points of all nodes. Constraints are the gaps of the dynamics and the rows that are no bound of one variable.
+the setpoints of all nodes. Constraints are the gaps of the dynamics and the rows that are no bound of one variable.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ Array = NDArray[np.float64]
 
 @dataclass
 class Nlp:
-    """The programme.
+    """The problem.
 
     Parameters
     ----------
     stages : Stages
         The problem.
     soft : bool
-        Rows may be violated at their price, as in ``Stages``; otherwise they are hard, and those of a single
-        variable are its bounds, which makes a smaller programme.
+        Rows may be violated at their penalty, as in ``Stages``; otherwise they are hard, and those of a single
+        variable are its bounds, which makes a smaller problem.
     variational : bool
         Tell CasADi the Jacobian of a stage's dynamics by the variational equations.
     """
@@ -142,7 +142,7 @@ class Nlp:
             (k + (i < s.ns), i) for k in range(s.stages) for i in self._rows
         ]  # those of the state alone hold at the end of the stage
 
-    # -- functions of the programme -----------------------------------------------------------------------------------
+    # -- functions of the problem -----------------------------------------------------------------------------------
 
     def _arguments(self, k: int) -> tuple[ca.MX, ...]:
         """x, u, p and r of a node; x, p and r of the last."""
@@ -249,7 +249,7 @@ class Nlp:
         return {"lbx": low, "ubx": high, "lbg": below, "ubg": above}
 
     def parameters(self, p: Array, references: Array) -> Array:
-        """Parameters of the programme."""
+        """Parameters of the problem."""
         return np.concatenate([p, references.ravel()])
 
     def guess(self, x: Array, u: Array, p: Array) -> Array:

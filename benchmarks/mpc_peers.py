@@ -21,12 +21,12 @@ FORMS = {
     "own": "derivatives by CasADi alone",
     "custom_jacobian": "dynamics with the variational equations as their Jacobian",
     "jac_fg": "all derivatives given at once",
-    "soft": "as custom_jacobian, and rows may be violated at their price",
+    "soft": "as custom_jacobian, and rows may be violated at their penalty",
 }
-"""How CasADi's programme is written; rows of all but the last are hard, which makes smaller programmes."""
+"""How CasADi's problem is written; rows of all but the last are hard, which makes smaller problems."""
 
 QP_ITERATIONS = 250
-"""Limit of qrqp's, which has 1000 by itself and reaches it wherever its hard rows cannot be kept."""
+"""Limit of qrqp's, which has 1000 by itself and reaches it wherever its hard rows cannot be satisfied."""
 
 _HOOKS = """
 #include <string.h>
@@ -79,7 +79,7 @@ int solver_feedback(const double *x0)
   const double *arg[{sz_arg} + 1] = {{w, parameters, lbx, ubx, lbg, ubg, lam_x, lam_g}};
   double *res[{sz_res} + 1] = {{next_w, 0, 0, next_x, next_g, 0}};
   rti(arg, res, iw, work, 0);
-  if (!finite(next_w, {count}) || !finite(next_x, {count}) || !finite(next_g, {rows})) {{  /* the programme failed */
+  if (!finite(next_w, {count}) || !finite(next_x, {count}) || !finite(next_g, {rows})) {{  /* the problem failed */
     double u[{nu}];
     memcpy(u, w + {nx}, sizeof u);
     solver_start(x0, u);
@@ -202,9 +202,9 @@ def converged(
     exact : bool
         Exact Hessian instead of Gauss-Newton.
     compiled : bool
-        Compile the programme's functions first.
+        Compile the problem's functions first.
     soft : bool
-        Violations at their price, as the real-time iteration has them; otherwise hard rows.
+        Violations at their penalty, as the real-time iteration has them; otherwise hard rows.
     steps : int, optional
         Only the first.
     progress : callable, optional

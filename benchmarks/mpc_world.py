@@ -103,7 +103,7 @@ class World:
         return bool(np.isfinite(self.z).all() and (np.abs(x) <= self.ranges.x[:, 1]).all())
 
     def reset(self) -> None:
-        """Back to the first state, disturbances kept."""
+        """Back to the first state, disturbances unchanged."""
         self.z[: self.nx] = self.first[: self.nx]
 
     def _compiled(self, world: ca.Function) -> Any:

@@ -94,9 +94,9 @@ class Report:
 
     @property
     def status(self) -> str:
-        """``all limits kept``, or how many are not, and how much was not measured."""
+        """``all limits met``, or how many are not, and how much was not measured."""
         broken = sum(not claim.met for claim in self.claims)
-        text = f"{broken} of {len(self.claims)} limits not kept" if broken else "all limits kept"
+        text = f"{broken} of {len(self.claims)} limits not met" if broken else "all limits met"
         return text + (f", {len(self.missing)} not measured" if self.missing else "")
 
     def as_json(self) -> dict[str, Any]:
@@ -131,7 +131,7 @@ def markdown(data: Mapping[str, Any]) -> str:
     lines += [f"- {key}: {value}" for key, value in machine.items()]
     if data["claims"]:
         rows = [[c["what"], c["value"], f"{c['relation']} {c['limit']:g}", c["met"]] for c in data["claims"]]
-        lines += ["", "## Limits", "", *_table(["", "measured", "limit", "kept"], rows)]
+        lines += ["", "## Limits", "", *_table(["", "measured", "limit", "met"], rows)]
     if data["missing"]:
         lines += ["", "## Not measured", "", *(f"- {text}" for text in data["missing"])]
     for table in data["tables"]:

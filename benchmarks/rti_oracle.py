@@ -1,9 +1,9 @@
-"""Quadratic programmes of the real-time iteration against an active-set solver, and random states in great number.
+"""QPs of the real-time iteration against an active-set solver, and random states in great number.
 
-Run ``python -m benchmarks.rti_oracle`` in the root of the repository (10 min). Random stages of the tests (prices over
-five orders, absent bounds, states up to ten times the bounds) are linearised at random plans; each programme is solved
-by the C and by qpOASES, which has the slacks of the rows as variables. ``--programmes`` and ``--states`` say how many;
-``--precision float`` does the same in single precision.
+Run ``python -m benchmarks.rti_oracle`` in the root of the repository (10 min). Random stages of the tests (penalties
+over five orders, absent bounds, states up to ten times the bounds) are linearised at random plans; each problem is
+solved by the C and by qpOASES, which has the slacks of the rows as variables. ``--problems`` and ``--states`` say how
+many; ``--precision float`` does the same in single precision.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from tests.rti_cases import SIZES, change_of_plan, disturb, programme, random_st
 SETS = 36
 """Random problems, over which the numbers are spread."""
 HARD = {"linear": 1e4, "quadratic": 1e6}
-"""Prices of rows that are to be kept wherever they can be, which every third problem has."""
+"""Penalties of rows that are to be satisfied wherever they can be, which every third problem has."""
 
 
 def problem(k: int, precision: str) -> RealTimeIteration:
     """Random stages of one of the sizes."""
     size = SIZES[k % len(SIZES)]
-    hard = {name: np.full(size[3] + size[4], price) for name, price in HARD.items()} if k % 3 == 2 else {}
+    hard = {name: np.full(size[3] + size[4], penalty) for name, penalty in HARD.items()} if k % 3 == 2 else {}
     return RealTimeIteration(random_stages(k, size, **hard), precision=precision, lanes=False)
 
 
@@ -54,30 +54,30 @@ def compared(rti: RealTimeIteration, count: int, rng: np.random.Generator) -> di
 
 def statuses(rti: RealTimeIteration, count: int, rng: np.random.Generator) -> Counter[str]:
     """Of states from a millionth to a million times the bounds."""
-    told: Counter[str] = Counter()
+    reported: Counter[str] = Counter()
     for k in range(count):
         x0 = disturb(rti, rng) * 10 ** rng.uniform(-6, 6) ** (k % 2)
         try:
-            told[STATUS[rti.feedback(x0).status]] += 1
+            reported[STATUS[rti.feedback(x0).status]] += 1
         except SolverError as error:
-            told[error.status] += 1
-            told["none"] += 1
-    return told
+            reported[error.status] += 1
+            reported["none"] += 1
+    return reported
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--programmes", type=int, default=10_000)
+    parser.add_argument("--problems", type=int, default=10_000)
     parser.add_argument("--states", type=int, default=200_000)
     parser.add_argument("--precision", choices=("double", "float"), default="double")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     report = Report("rti_oracle" if options.precision == "double" else "rti_oracle_float", options.seed)
-    rows, told, worst = [], Counter(), 0.0
+    rows, reported, worst = [], Counter(), 0.0
     for k in range(SETS):
         rti, rng = problem(k, options.precision), np.random.default_rng((options.seed, k))
-        found = compared(rti, -(-options.programmes // SETS), rng)
-        told += statuses(rti, -(-options.states // SETS), rng)
+        found = compared(rti, -(-options.problems // SETS), rng)
+        reported += statuses(rti, -(-options.states // SETS), rng)
         z, cost = np.array(found["z"]), np.array(found["cost"])
         unsolved = found["status"][1]
         size = " ".join(map(str, SIZES[k % len(SIZES)]))
@@ -86,14 +86,14 @@ def main() -> None:
         rows.append([k, size, len(z), *quantiles, *rounds, unsolved, found["oracle"]])
         worst = max(worst, float(z.max()))
         print(rows[-1], flush=True)
-    columns = ["set", "N nx nu ns others", "programmes", "median", "99.9 %", "worst", "cost above", "cost below"]
+    columns = ["set", "N nx nu ns others", "problems", "median", "99.9 %", "worst", "cost above", "cost below"]
     columns += ["rounds", "most rounds", "not solved", "no answer of qpOASES"]
     note = "Largest difference of the answer over its largest entry; cost over the larger of 1 and itself."
     report.tables.append(Table("Against qpOASES", columns, rows, note))
-    report.tables.append(Table("Random states", ["status", "states"], [list(item) for item in told.items()]))
+    report.tables.append(Table("Random states", ["status", "states"], [list(item) for item in reported.items()]))
     limit = 1e-6 if options.precision == "double" else 1e-3
     report.claim("worst difference from qpOASES", worst, "<=", limit)
-    report.claim("states without a plan", told["none"], "<=", 0.0)
+    report.claim("states without a plan", reported["none"], "<=", 0.0)
     for file in report.write():
         print(file)
     print(report.status)

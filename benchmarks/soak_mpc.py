@@ -2,7 +2,7 @@
 
 Run ``python -m benchmarks.soak_mpc`` in the root of the repository. Each scene runs in a process of its own, so that a
 crash is seen; references, disturbances, pushes and what is injected are drawn at random. After every step: the command
-is finite and within the limits of input and rate, the status is one of the documented ones, and each thing injected
+is finite and within the limits of input and rate, the status is one of the documented ones, and each fault injected
 shows among the anomalies. A controller that trips is left to its ramp for a while and then begins anew.
 
 With ``--nominal`` nothing is injected; references jump, and fingers are stiffer or softer by up to a fifth: nothing may
@@ -50,7 +50,7 @@ EVENTS = {
     "no measurement": (Anomaly.MISSING, 0.01),
     "infinite measurement": (Anomaly.ABSURD, 0.01),
     "measurement beyond its range": (Anomaly.ABSURD, 0.02),
-    "bad set-point": (Anomaly.BAD_SET_POINTS, 0.01),
+    "bad setpoint": (Anomaly.BAD_SET_POINTS, 0.01),
     "bad parameter": (Anomaly.BAD_PARAMETERS, 0.01),
     "bad applied input": (Anomaly.BAD_APPLIED, 0.01),
     "late command": (Anomaly.LATE, 0.01),
@@ -59,7 +59,7 @@ EVENTS = {
 BURST, LONGEST = 0.001, 80
 """How often one of them lasts, and for how many steps at most."""
 OUTLIER = 0.01
-"""How often a measurement jumps within its range; whether that can be told depends on what the estimator knows."""
+"""How often a measurement jumps within its range; whether that can be noticed depends on what the estimator knows."""
 DRIVE = 0.005
 """How often the drive applies another input than the command, and says so."""
 RAMP = 100
@@ -129,7 +129,7 @@ class Soak:
         self.burst: tuple[str, int] = ("", 0)
 
     def _targets(self) -> tuple[Array, Array]:
-        """Set-points that random shapes and inputs have, and some that nothing can reach."""
+        """Setpoints that random shapes and inputs have, and some that nothing can reach."""
         stages, model, limits = self.stages, self.control.prediction, self.world.ranges.r
         shapes, rows = model.shapes(64), []
         for shape in shapes:
@@ -187,7 +187,7 @@ class Soak:
         reference = self.reference
         if rng.random() < 0.02:  # every node another
             reference = self.references[rng.integers(len(self.references), size=stages.stages + 1)]
-        if "bad set-point" in chosen:
+        if "bad setpoint" in chosen:
             reference = np.array(np.broadcast_to(reference, (stages.stages + 1, stages.nr)))
             reference = self._bad(reference.ravel(), np.tile(ranges.r, (stages.stages + 1, 1))).reshape(reference.shape)
         p = self._bad(self.p, ranges.p) if "bad parameter" in chosen else self.p
@@ -205,7 +205,7 @@ class Soak:
         return given, chosen, jumps and not chosen & set(self.events[:4])
 
     def _change(self) -> None:
-        """Another set-point, disturbance, push."""
+        """Another setpoint, disturbance, push."""
         rng, world = self.rng, self.world
         if rng.random() < 0.02:
             some = self.far if rng.random() < 0.05 and not self.nominal else self.references
@@ -355,10 +355,10 @@ def add(report: Report, found: dict[str, dict[str, Any]], nominal: bool) -> None
         row = [name, data["steps"], sum(data["broken"].values()), sum(data["injected"].values()), *statuses]
         seen = f"{data['outliers_seen']}/{data['outliers']}"
         rows.append([*row, seen, data["plant_resets"], data["restored"], growth, 1e6 * data["seconds"] / data["steps"]])
-    columns = ["scene", "steps", "broken", "injected", *(s.name.lower() for s in Status), "jumps told"]
+    columns = ["scene", "steps", "broken", "injected", *(s.name.lower() for s in Status), "jumps reported"]
     columns += ["plant resets", "restored", "memory [KiB]", "us per step"]
     note = (
-        "jumps told: of measurements that jump within their range, those that the status calls outliers, which an "
+        "jumps reported: of measurements that jump within their range, those that the status calls outliers, which an "
         "estimator that is unsure or a controller without one cannot; us per step: with plant and checks, in Python."
     )
     report.tables.append(Table("Steps", columns, rows, note))
@@ -370,7 +370,7 @@ def add(report: Report, found: dict[str, dict[str, Any]], nominal: bool) -> None
     report.tables.append(Table("Health", ["", *found], rows))
     names = [(a.name or "").lower() for a in Anomaly]
     rows = [[kind, *(int(data["anomalies"].get(kind, 0)) for data in found.values())] for kind in names]
-    report.tables.append(Table("Anomalies told", ["", *found], rows))
+    report.tables.append(Table("Anomalies reported", ["", *found], rows))
     examples = [[name, text] for name, data in found.items() for text in data["examples"]]
     if examples:
         report.tables.append(Table("Broken", ["scene", ""], examples))

@@ -51,7 +51,7 @@ class Wrong:
     period : float
         Time between two calls of the controller, in periods.
     clock : bool
-        Whether the controller is told the time.
+        Whether the controller is given the time.
     mild : bool
         Whether the loop has to stay as good as the ideal one.
     """

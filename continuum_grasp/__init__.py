@@ -9,7 +9,7 @@ from continuum_grasp._lazy import TYPE_CHECKING, lazy_names
 
 __version__ = "0.1.0"
 
-_ROOMS = {
+_MODULES = {
     "continuum_grasp.core": ("compile",),
     "continuum_grasp.errors": ("ContinuumGraspError", "InputError", "Interrupted", "NumericalError", "SolverError"),
     "continuum_grasp.grasp": ("optimize_grasp",),
@@ -18,7 +18,7 @@ _ROOMS = {
     "continuum_grasp.export": ("export_c",),
     "continuum_grasp.control.controller": ("Controller",),
     "continuum_grasp.control.estimator": ("Estimator",),
-    "continuum_grasp.closed_loop.run": ("closed_loop",),
+    "continuum_grasp.closed_loop.run": ("run_closed_loop",),
     "continuum_grasp.mission.run": ("run_mission",),
     "continuum_grasp.mission.trials": ("run_trials",),
     "continuum_grasp.planning": ("plan",),
@@ -46,16 +46,16 @@ _ROOMS = {
     ),
     "continuum_grasp.scene.load": ("load",),
     "continuum_grasp.accuracy.choose": ("choose_fidelity",),
-    "continuum_grasp.accuracy.report": ("accuracy",),
+    "continuum_grasp.accuracy.report": ("accuracy_report",),
     "continuum_grasp.sweeps": ("sweep", "sweep_table"),
     "continuum_grasp.verbs": ("equilibrium", "modes", "simulate"),
 }
-__all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)]
+__all__ = ["__version__", *(name for names in _MODULES.values() for name in names)]
 
 if TYPE_CHECKING:
     from continuum_grasp.accuracy.choose import choose_fidelity as choose_fidelity
-    from continuum_grasp.accuracy.report import accuracy as accuracy
-    from continuum_grasp.closed_loop.run import closed_loop as closed_loop
+    from continuum_grasp.accuracy.report import accuracy_report as accuracy_report
+    from continuum_grasp.closed_loop.run import run_closed_loop as run_closed_loop
     from continuum_grasp.control.controller import Controller as Controller
     from continuum_grasp.control.estimator import Estimator as Estimator
     from continuum_grasp.core import compile as compile
@@ -99,4 +99,4 @@ if TYPE_CHECKING:
     from continuum_grasp.verbs import modes as modes
     from continuum_grasp.verbs import simulate as simulate
 
-__getattr__, __dir__ = lazy_names(__name__, _ROOMS)
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

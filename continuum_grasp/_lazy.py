@@ -13,7 +13,7 @@ __all__ = ["lazy_names"]
 
 
 def lazy_names(
-    package: str, rooms: Mapping[str, Sequence[str]]
+    package: str, modules: Mapping[str, Sequence[str]]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """The ``__getattr__`` and ``__dir__`` of a package whose public names lie in other modules.
 
@@ -21,22 +21,22 @@ def lazy_names(
     ----------
     package : str
         Name of the package.
-    rooms : mapping of str to sequence of str
+    modules : mapping of str to sequence of str
         Names by the module that defines them.
     """
-    room_of = {name: room for room, names in rooms.items() for name in names}
+    module_of = {name: module for module, names in modules.items() for name in names}
 
     def load_name(name: str) -> Any:
-        room = room_of.get(name)
-        if room is None:
+        module = module_of.get(name)
+        if module is None:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         from importlib import import_module
 
-        value = getattr(import_module(room), name)
+        value = getattr(import_module(module), name)
         setattr(sys.modules[package], name, value)
         return value
 
     def names() -> list[str]:
-        return sorted({*vars(sys.modules[package]), *room_of})
+        return sorted({*vars(sys.modules[package]), *module_of})
 
     return load_name, names

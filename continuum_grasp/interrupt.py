@@ -21,7 +21,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-__all__ = ["held", "kept_from_children", "leave", "listening", "pressed", "was_pressed"]
+__all__ = ["held", "ignored_by_children", "leave", "listening", "pressed", "was_pressed"]
 
 STATUS = 130
 """Exit status of a command that Ctrl-C ended: 128 and the signal's number, as in shells."""
@@ -72,7 +72,7 @@ def was_pressed() -> bool:
 
 @contextmanager
 def listening(command: bool = False) -> Iterator[None]:
-    """Take Ctrl-C within the block; without effect outside the main thread, and where somebody else handles it.
+    """Take Ctrl-C within the block; without effect outside the main thread, and where another handler is installed.
 
     It serves as a decorator too, which every long computation has: in Python, Ctrl-C is as sure as on the command line.
 
@@ -137,7 +137,7 @@ def held(*, quietly: bool = False) -> Iterator[Callable[[], bool]]:
 
 
 @contextmanager
-def kept_from_children() -> Iterator[None]:
+def ignored_by_children() -> Iterator[None]:
     """Processes that are started within the block never see Ctrl-C, which a terminal sends to all of them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
@@ -213,15 +213,15 @@ def _end() -> None:
 
 
 def _start_watch() -> None:
-    """Have a thread told of every press, also while the main thread is within a call into C++."""
+    """Have a thread learn of every press, also while the main thread is within a call into C++."""
     global _watched
     _watched = True
     if not hasattr(signal, "SIGURG"):
         return
-    heard, told = os.pipe()
-    os.set_blocking(told, False)
-    signal.set_wakeup_fd(told, warn_on_full_buffer=False)
-    signal.signal(signal.SIGURG, _answer)  # nobody uses it, and it is ignored elsewhere
+    heard, reported = os.pipe()
+    os.set_blocking(reported, False)
+    signal.set_wakeup_fd(reported, warn_on_full_buffer=False)
+    signal.signal(signal.SIGURG, _answer)  # unused, and ignored elsewhere
     threading.Thread(target=_watch, args=(heard,), daemon=True).start()
 
 
@@ -238,13 +238,13 @@ def _watch(heard: int) -> None:
             continue
         _answered = False
         _thread.interrupt_main(signal.SIGURG)
-        began, said = time.monotonic(), False
+        began, reported = time.monotonic(), False
         while not _answered or _noted is not None:
             waited = time.monotonic() - began
             if select.select([heard], [], [], 0.1)[0] and signal.SIGINT in os.read(heard, 64) and waited > _SAME_PRESS:
                 _end()
             if waited > _LONGEST_WAIT and not _blocks:
                 _end()
-            if waited > _PATIENCE and not said:
+            if waited > _PATIENCE and not reported:
                 os.write(2, b"interrupted; this step cannot be stopped (Ctrl-C again ends at once)\n")
-                said = True
+                reported = True

@@ -11,7 +11,7 @@ import numpy as np
 import continuum_grasp as cg
 from continuum_grasp.closed_loop.compare import compared
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.closed_loop.run import closed_loop
+from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.plotting.control.control import plot_control_path, plot_inputs
 from continuum_grasp.plotting.drawing.axes import new_figure, quiet
 from continuum_grasp.plotting.drawing.pictures import save_picture
@@ -42,16 +42,17 @@ def main() -> None:
     asked = parser.parse_args()
     runs = {}
     for name in asked.scenes:
-        runs[name] = closed_loop(FOLDER / f"{name}.yaml")
+        runs[name] = run_closed_loop(FOLDER / f"{name}.yaml")
         print(figures(name, runs[name]), flush=True)
         if name in ("tip_steps", "nitinol_moment"):
-            print(figures(f"{name}, two arcs", closed_loop(cg.load(FOLDER / f"{name}.yaml", ARCS))), flush=True)
+            print(figures(f"{name}, two arcs", run_closed_loop(cg.load(FOLDER / f"{name}.yaml", ARCS))), flush=True)
         if name == "steady_tip":
             for seed in range(3):
                 for stiffness in (0.9, 1.1):
                     changes = [f"plant.stiffness={stiffness}", f"plant.seed={seed}"]
                     print(
-                        figures(" ".join(changes), closed_loop(cg.load(FOLDER / f"{name}.yaml", changes))), flush=True
+                        figures(" ".join(changes), run_closed_loop(cg.load(FOLDER / f"{name}.yaml", changes))),
+                        flush=True,
                     )
         if asked.compare:
             exact = compared(cg.load(FOLDER / f"{name}.yaml"))

@@ -1,29 +1,35 @@
-"""Fixtures for all tests."""
+"""Fixtures for all tests: where compiled code is stored, and how it is optimized."""
 
 from __future__ import annotations
 
 import os
-
-import pytest
+import shutil
+import time
 
 from continuum_grasp.core import compiler
 
 # Small dense problems stall where several processes run the threads of one linear algebra library each.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+SHIPPED_FLAGS = os.environ.get("CONTINUUM_GRASP_TEST_FLAGS") == "shipped"
+"""Whether functions are compiled as users have them; ``.ci/run`` does so with the tests of the core."""
+if not SHIPPED_FLAGS:
+    # Functions beyond 1,500 lines are compiled with -O1 instead of -O3, in half the time; they run half as fast.
+    compiler._SHORT = 1_500
+    compiler._LONG = 1_500
 
-# Long functions are compiled in half the time and run half as fast, which tests do not mind.
-compiler._SHORT = 1_500
-compiler._LONG = 1_500
+_UNUSED_DAYS = 7.0
+"""After which compiled code of earlier runs is removed [days]: it is stored by content, so old code is never used."""
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _own_cache(tmp_path_factory):
-    """Compiled code goes to a folder of this run, never to the user's cache."""
-    before = os.environ.get("CONTINUUM_GRASP_CACHE")
-    os.environ["CONTINUUM_GRASP_CACHE"] = str(tmp_path_factory.mktemp("compiled"))
-    yield
-    if before is None:
-        del os.environ["CONTINUUM_GRASP_CACHE"]
-    else:
-        os.environ["CONTINUUM_GRASP_CACHE"] = before
+def pytest_configure(config):
+    """Share compiled code between the workers of a run and from run to run; never with the user's cache."""
+    folder = config.cache.mkdir("continuum_grasp")
+    os.environ["CONTINUUM_GRASP_CACHE"] = str(folder)
+    if hasattr(config, "workerinput"):
+        return
+    shutil.rmtree(folder / "choices", ignore_errors=True)  # found by the code under test, not by content
+    oldest = time.time() - _UNUSED_DAYS * 86_400.0
+    for entry in (folder / "compiled").glob("*.*"):
+        if entry.stat().st_mtime < oldest:
+            entry.unlink(missing_ok=True)

@@ -19,7 +19,7 @@ from tests.rods import ROOT
 
 TENDONS = ROOT / "configs/simulate/tendon_step.yaml"
 CONTACT = ROOT / "configs/simulate/midpoint_contact.yaml"
-RUBBING = {
+WITH_FRICTION = {
     "fidelity.family": "arc",
     "fidelity.elements": 2,
     "finger.tendons.friction": 0.1,
@@ -34,7 +34,7 @@ WARNINGS += ("-Wundef", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Werror"
 
 @lru_cache
 def scene(name: str):
-    """Scenes by name: closed loops with and without estimator, tendons that rub, a contact, tendons alone, two arcs.
+    """Scenes: closed loops with and without estimator, tendons with friction, a contact, tendons alone, two arcs.
 
     Of ``direct`` the inputs set the curvature of the tip at once, and a run-time parameter its range.
     """
@@ -42,7 +42,7 @@ def scene(name: str):
         "observed": lambda: loop_scene(8),
         "given": lambda: loop_scene(8, observed=False),
         "limited": lambda: loop_scene(8, observed=False, rate=300.0),
-        "rubbing": lambda: load(TENDONS, RUBBING),
+        "friction": lambda: load(TENDONS, WITH_FRICTION),
         "contact": lambda: load(CONTACT, {"fidelity.family": "matched_clothoid"}),
         "tendons": lambda: load(TENDONS),
         "arcs": lambda: load(TENDONS, {"fidelity.family": "arc", "fidelity.elements": 2}),

@@ -1,4 +1,4 @@
-"""Which room may import which, and who prints: read off the source."""
+"""Which module may import which, and who prints: read off the source."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ ALLOWED = {
     "results": {"results", "scene"},
     "plotting": {"plotting", "results", "scene"},
 }
-"""Rooms by who imports them; ``cli`` and the package itself may import everything."""
+"""Modules by who imports them; ``cli`` and the package itself may import everything."""
 DRAWING = {"matplotlib", "typer", "rich"}
 OUTSIDE = {
     "scene": {"casadi", "numpy", "scipy", *DRAWING},
@@ -88,12 +88,12 @@ OUTSIDE = {
     "results": {"casadi", *DRAWING},
     "plotting": {"casadi", "typer", "rich", "yaml"},
 }
-"""Packages that a room does without."""
+"""Packages that a module does without."""
 LATE = {"results", "plotting"}
-"""Rooms that those before them import where they save and draw, not when they are loaded."""
+"""Modules that those before them import where they save and draw, not when they are loaded."""
 
 
-def room_of(file: Path) -> str:
+def module_of(file: Path) -> str:
     """The first folder or file below the package."""
     return file.relative_to(PACKAGE).parts[0].removesuffix(".py").removeprefix("__init__")
 
@@ -121,45 +121,45 @@ def imports(file: Path) -> list[tuple[str, int, bool]]:
 
 
 def inside(module: str) -> str | None:
-    """The room of a module of the package."""
+    """The module of the package, of a dotted name."""
     parts = module.split(".")
     return (parts[1] if len(parts) > 1 else "") if parts[0] == "continuum_grasp" else None
 
 
-def test_every_room_is_known():
-    assert {room_of(file) for file in FILES} <= {*ALLOWED, "cli", "__main__", ""}
+def test_every_module_is_known():
+    assert {module_of(file) for file in FILES} <= {*ALLOWED, "cli", "__main__", ""}
 
 
-@pytest.mark.parametrize("room", ALLOWED)
-def test_a_room_imports_earlier_ones_only(room):
+@pytest.mark.parametrize("importer", ALLOWED)
+def test_a_module_imports_earlier_ones_only(importer):
     wrong = [
         f"{file.relative_to(PACKAGE)}:{line}: {module}"
         for file in FILES
-        if room_of(file) == room
+        if module_of(file) == importer
         for module, line, _ in imports(file)
-        if inside(module) not in {None, *COMMON, *ALLOWED[room]}
+        if inside(module) not in {None, *COMMON, *ALLOWED[importer]}
     ]
     assert not wrong
 
 
-@pytest.mark.parametrize("room", OUTSIDE)
-def test_a_room_does_without(room):
+@pytest.mark.parametrize("importer", OUTSIDE)
+def test_a_module_does_without(importer):
     wrong = [
         f"{file.relative_to(PACKAGE)}:{line}: {module}"
         for file in FILES
-        if room_of(file) == room
+        if module_of(file) == importer
         for module, line, _ in imports(file)
-        if module.split(".")[0] in OUTSIDE[room]
+        if module.split(".")[0] in OUTSIDE[importer]
     ]
     assert not wrong
 
 
-@pytest.mark.parametrize("room", ["core", "simulation", "grasp", "accuracy", "identification"])
-def test_saving_and_drawing_are_imported_when_needed(room):
+@pytest.mark.parametrize("importer", ["core", "simulation", "grasp", "accuracy", "identification"])
+def test_saving_and_drawing_are_imported_when_needed(importer):
     wrong = [
         f"{file.relative_to(PACKAGE)}:{line}: {module}"
         for file in FILES
-        if room_of(file) == room
+        if module_of(file) == importer
         for module, line, at_load in imports(file)
         if at_load and inside(module) in LATE
     ]
@@ -175,7 +175,7 @@ def test_the_package_itself_loads_nothing_but_its_own_beginnings():
 def test_nothing_but_the_command_line_prints():
     wrong = []
     for file in FILES:
-        if room_of(file) == "cli":
+        if module_of(file) == "cli":
             continue
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("print", "input"):
@@ -193,3 +193,34 @@ def test_input_is_not_checked_by_assert():
         if isinstance(node, ast.Assert)
     ]
     assert not wrong
+
+
+def test_no_public_name_is_that_of_a_module():
+    """Importing the module would replace the name."""
+    import continuum_grasp
+
+    assert not set(continuum_grasp.__all__) & {file.relative_to(PACKAGE).parts[0].removesuffix(".py") for file in FILES}
+
+
+def test_there_are_no_circles():
+    """Of files, imports for the type checker included; ``continuum_grasp`` itself aside."""
+    dotted = {file: ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts) for file in FILES}
+    by_name = {name.removesuffix(".__init__"): file for file, name in dotted.items()}
+    del by_name["continuum_grasp"]
+
+    def targets(file: Path) -> set[str]:
+        found = set()
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                inner = [f"{node.module}.{alias.name}" for alias in node.names]
+                found |= {name if name in by_name else node.module for name in inner}
+        return found & by_name.keys()
+
+    left = {name: targets(file) - {name} for name, file in by_name.items()}
+    while ends := [name for name, wanted in left.items() if not wanted & left.keys()]:
+        for name in ends:
+            del left[name]
+    while starts := [name for name in left if not any(name in wanted for wanted in left.values())]:
+        for name in starts:
+            del left[name]
+    assert not left, sorted(left)

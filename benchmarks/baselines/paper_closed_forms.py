@@ -20,7 +20,7 @@ from benchmarks.paper.kinematics import Bent
 
 def kinetic_energy_by_quadrature(finger: TwoArcs, theta: ca.SX, rate: ca.SX, nodes: int = 5) -> ca.SX:
     """Kinetic energy of the rod, equation (34), without equation (36): Gauss points on each arc, velocities by
-    differentiating (4)-(6); what is written when nobody integrates by hand.
+    differentiating (4)-(6); what is written when no integral is found by hand.
     """
     at, weights = np.polynomial.legendre.leggauss(nodes)
     l1, l2 = finger.element_lengths

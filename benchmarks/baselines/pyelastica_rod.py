@@ -2,9 +2,9 @@
 
 Its clamp holds the first node and the direction of the first element, so that the first half of that element never
 bends: the free rod is half an element too short, an error of first order. ``shifted`` puts the clamp half an element
-behind the wall, which takes that error away. Stretch, shear and rotary inertia of a thin rod make its explicit steps
-tiny: ``thickness`` makes the section so many times thicker at equal mass and bending stiffness, which allows steps
-longer by its square, and brings errors that grow with its square. There is no material damping.
+behind the wall, which takes that error away. Extension, shear and rotary inertia of a thin rod make its explicit
+steps tiny: ``thickness`` makes the section so many times thicker at equal mass and bending stiffness, which allows
+steps longer by its square, and brings errors that grow with its square. There is no material damping.
 """
 
 from __future__ import annotations

@@ -68,7 +68,7 @@ class OwnRun:
         return self.steps * self.choice.instructions
 
     def run(self, seconds: float) -> None:
-        """Integrate a span of time in calls of up to a hundred seconds; states are kept as in the reference."""
+        """Integrate a span of time in calls of up to a hundred seconds; states are stored as in the reference."""
         frames = math.gcd(FRAMES, self.steps)
         left = max(1, round(seconds * frames))
         while left > 0:
@@ -79,11 +79,11 @@ class OwnRun:
 
 def front(runs: Iterable[OwnRun]) -> list[OwnRun]:
     """Those than which no cheaper one is as close, but for a twentieth; cheapest first."""
-    kept: list[OwnRun] = []
+    retained: list[OwnRun] = []
     for run in sorted(runs, key=lambda one: (one.cost, one.error)):
-        if not kept or run.error < 0.95 * kept[-1].error:
-            kept.append(run)
-    return kept
+        if not retained or run.error < 0.95 * retained[-1].error:
+            retained.append(run)
+    return retained
 
 
 def by_rule(runs: Iterable[OwnRun], family: str, elements: int, tolerance: float) -> OwnRun:

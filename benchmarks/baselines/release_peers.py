@@ -125,10 +125,10 @@ class ReleasePeers:
 
 
 def describe_rod(scene: Scene, truth: Truth) -> dict[str, Any]:
-    """A release as the peers are told it: base at the origin, pointing along +x, at time zero in the exact shape."""
+    """A release as the peers are given it: base at the origin, pointing along +x, at time zero in the exact shape."""
     finger, rod = scene.finger, scene.finger.rod
     if not math.isclose(finger.base.angle, -math.pi / 2) or any(m.at < rod.length for m in finger.masses):
-        raise ValueError("the peers are told of a horizontal rod with a mass at its tip only")
+        raise ValueError("the peers can take a horizontal rod with a mass at its tip only")
     if scene.initial.pose == "straight":
         bend = np.zeros(_PLACES)
     else:

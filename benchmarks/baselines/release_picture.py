@@ -75,11 +75,11 @@ def _panel(ax: Axes, points: Sequence[Point]) -> None:
 
 def _front(points: Sequence[Point]) -> list[Point]:
     """Those than which none is both faster and closer."""
-    kept: list[Point] = []
+    retained: list[Point] = []
     for point in sorted(points, key=lambda p: -p.factor):
-        if not kept or point.error < kept[-1].error:
-            kept.append(point)
-    return kept
+        if not retained or point.error < retained[-1].error:
+            retained.append(point)
+    return retained
 
 
 def _label(ax: Axes, points: Sequence[Point]) -> None:

@@ -117,9 +117,9 @@ def forward_dynamics(
     mass, force = terms(finger, theta, rate, at_contact, at_tip)
     right = []
     for i, length in enumerate(finger.element_lengths):
-        stretch = theta[i] - finger.rest_angles[i]
+        extension = theta[i] - finger.rest_angles[i]
         damping = finger.arc_damping + finger.material_damping / length
-        right.append(force[i] + tau - finger.bending_stiffness / length * stretch - damping * rate[i])
+        right.append(force[i] + tau - finger.bending_stiffness / length * extension - damping * rate[i])
     scale = 1 / (mass[0, 0] * mass[1, 1] - mass[0, 1] * mass[0, 1])
     xd = ca.vertcat(
         rate,

@@ -18,7 +18,7 @@ from continuum_grasp.scene.grasp import GraspScene
 __all__ = ["CAUSES", "tighten", "tightened"]
 
 Array = NDArray[Any]
-CAUSES = ("tension", "friction", "mass", "strain", "reach", "room", "tension", "friction", "mass", "bend")
+CAUSES = ("tension", "friction", "mass", "strain", "reach", "clearance", "tension", "friction", "mass", "bend")
 """Taken in turn."""
 ENOUGH = 1e5
 """Stands for no limit."""
@@ -50,7 +50,7 @@ def tightened(row: dict[str, Any]) -> GraspScene:
         data["fidelity"]["bending_range"] = limit
     elif cause == "reach":
         data["finger"]["base"]["position"] = tuple(row["base"])
-    elif cause == "room":
+    elif cause == "clearance":
         wall = {"type": "palm", "point": tuple(row["point"]), "normal_angle": row["angle"], "touch": "off"}
         data["supports"] = {**data["supports"], "wall": wall}
     data["finger"] = {k: v for k, v in data["finger"].items() if v is not None}
@@ -113,7 +113,7 @@ def _reach(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | N
     return {"needed": over, "limit": 0.0, "base": base.tolist()} if over > 0.02 * hand.length else None
 
 
-def _room(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
+def _clearance(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
     """A wall beside the object, where the finger has to pass between the two."""
     best = search.best()
     if best is None:
@@ -150,5 +150,5 @@ _NEEDS = {
     "strain": _strain,
     "bend": _bend,
     "reach": _reach,
-    "room": _room,
+    "clearance": _clearance,
 }

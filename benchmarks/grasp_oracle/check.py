@@ -89,24 +89,24 @@ class _Check:
     # -- object ------------------------------------------------------------------------------------------------
 
     def _object(self) -> None:
-        thing, gravity, scale = self.scene.object, self.scene.gravity, self.force_scale
+        body, gravity, scale = self.scene.object, self.scene.gravity, self.force_scale
         x, y, turn = self.pose
         c, s = math.cos(turn), math.sin(turn)
-        com = np.array([x + c * thing.com[0] - s * thing.com[1], y + s * thing.com[0] + c * thing.com[1]])
-        arms = (self.positions - com) / thing.size
-        force = thing.mass * self._gravity() - sum(self.loads, np.zeros(2))
+        com = np.array([x + c * body.com[0] - s * body.com[1], y + s * body.com[0] + c * body.com[1]])
+        arms = (self.positions - com) / body.size
+        force = body.mass * self._gravity() - sum(self.loads, np.zeros(2))
         self._note("equilibrium", np.abs(force).max() / scale)
         moment = sum(a[0] * p[1] - a[1] * p[0] for a, p in zip(arms, self.loads, strict=True))
         self._note("equilibrium", abs(moment) / scale)
         lift = self.forces[:, 2]
-        carried = thing.mass * gravity.magnitude if isinstance(gravity, OutOfPlaneGravity) else 0.0
+        carried = body.mass * gravity.magnitude if isinstance(gravity, OutOfPlaneGravity) else 0.0
         self._note("equilibrium", abs(lift.sum() - carried) / scale)
         if isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance":
             self._note("equilibrium", np.abs(lift @ arms).max() / scale)
-        free = thing.free
+        free = body.free
         for k, name in enumerate(("x", "y", "angle")):
             bounds = None if free is None else getattr(free, name)
-            low, high = (thing.pose[k], thing.pose[k]) if bounds is None else bounds
+            low, high = (body.pose[k], body.pose[k]) if bounds is None else bounds
             self._note("limit", max(low - self.pose[k], self.pose[k] - high))
 
     def _cones(self) -> None:
@@ -254,7 +254,7 @@ def _ends(family: str, q: Array, lengths: Array, tip: float) -> Array:
 
 
 def _capstan(friction: float, ends: Array, lengths: Array) -> Array:
-    """Share of the tendons' moment at each element's middle past rubbing guides, as the scene's contract has it."""
+    """Share of the tendons' moment at each element's middle past guides with friction, as in the scene's contract."""
     if friction == 0.0:
         return np.ones(len(lengths))
     bends = ends.mean(axis=1) * lengths

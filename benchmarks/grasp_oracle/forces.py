@@ -2,7 +2,7 @@
 
 Unknowns: two tensions per finger, then N, f and lift per contact. Friction cones out of the plane are cut by planes,
 and cut again where an answer breaks them, until none is broken by more than a part in 1e9: what comes out is the
-least of the conic programme from below, to that part.
+least of the conic program from below, to that part.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ class Balance:
 
 
 class Forces:
-    """Linear programmes over the equations; the planes that cut the cones are kept from one to the next."""
+    """Linear programs over the equations; the planes that cut the cones are retained from one to the next."""
 
     def __init__(self, numbers: Numbers, cuts: dict[str, list[float]] | None = None) -> None:
         self.numbers = numbers

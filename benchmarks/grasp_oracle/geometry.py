@@ -23,7 +23,7 @@ from benchmarks.grasp_oracle.roots import refine
 Array = NDArray[Any]
 MOST = 2.0 * math.pi
 """Greatest bend of an element: its length times its greatest curvature [rad]."""
-ROOM = 1e-7
+CLEARANCE = 1e-7
 """Depth that counts as none, as a part of the finger's length: that of the roots themselves."""
 
 
@@ -228,7 +228,7 @@ class Fingers:
         begin = (grid if bends else first[:, 1:] * l2[:, None]) / l2[:, None]
         tips = joint[:, None] + walk(angle[:, None], begin, grid / l2[:, None], l2[:, None])
         gap = np.linalg.norm(tips - centre, axis=-1) - reach
-        close = gap < 0.0  # within the circle around the object, where the true gap is worth its price
+        close = gap < 0.0  # within the circle around the object, where the true gap is worth its cost
         if close.any():
             gap[close] = self.outline.gap(tips[close])
         row, k = np.nonzero(np.sign(gap[:, :-1]) != np.sign(gap[:, 1:]))

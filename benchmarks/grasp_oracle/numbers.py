@@ -120,11 +120,11 @@ class Numbers:
 
 def numbers(scene: GraspScene) -> Numbers:
     """What a scene says, in numbers."""
-    thing = scene.object
-    x, y, turn = thing.pose
+    body = scene.object
+    x, y, turn = body.pose
     c, s = math.cos(turn), math.sin(turn)
-    com = (x + c * thing.com[0] - s * thing.com[1], y + s * thing.com[0] + c * thing.com[1])
-    (part,) = thing.parts
+    com = (x + c * body.com[0] - s * body.com[1], y + s * body.com[0] + c * body.com[1])
+    (part,) = body.parts
     hands = tuple(_hand(setup) for setup in scene.setups)
     gravity, lift, balance = (0.0, 0.0), 0.0, False
     if isinstance(scene.gravity, PlanarGravity):
@@ -134,19 +134,19 @@ def numbers(scene: GraspScene) -> Numbers:
     rests: list[Rest] = []
     for wall in scene.walls:
         if wall.touch != "off":
-            rests += _rests(wall, part, thing.pose, thing.size)
+            rests += _rests(wall, part, body.pose, body.size)
     finger = scene.setups[0]
     strains = [s.finger.strain_limit for s in scene.setups if s.finger.strain_limit is not None]
     limits = Limits(
         tension=finger.finger.tendons.max_tension,
         friction=finger.friction,
         normal=scene.contacts.normal_force_max,
-        mass=thing.mass,
+        mass=body.mass,
         strain=min(strains, default=math.inf),
         bend=finger.bending_range,
     )
     walls = tuple((wall.point, wall.normal) for wall in scene.walls)
-    return Numbers(hands, part, thing.pose, com, thing.size, tuple(rests), walls, tuple(gravity), lift, balance, limits)
+    return Numbers(hands, part, body.pose, com, body.size, tuple(rests), walls, tuple(gravity), lift, balance, limits)
 
 
 def _hand(setup: Any) -> Hand:

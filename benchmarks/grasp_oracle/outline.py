@@ -115,7 +115,7 @@ class _Smooth:
 
 
 class _Cornered:
-    """Everything within a distance of a convex polygon, a stretch or a point."""
+    """Everything within a distance of a convex polygon, a segment or a point."""
 
     def __init__(self, corners: Array, radius: float) -> None:
         self.radius = radius

@@ -101,7 +101,7 @@ def _table(pinches: Pinches, k: int) -> Table:
     grid = np.linspace(-2.0 * RANGE, 2.0 * RANGE, 57)
     tips = joint[:, None] + walk(angle[:, None], second[:, None] / hand.length, grid / hand.length, half)
     gap = np.linalg.norm(tips - centre, axis=-1) - numbers.size - hand.thickness
-    close = gap < 0.0  # within the circle around the object: where the true gap is worth its price
+    close = gap < 0.0  # within the circle around the object: where the true gap is worth its cost
     gap[close] = finger.outline.gap(tips[close])
     row, column = np.nonzero(np.sign(gap[:, :-1]) != np.sign(gap[:, 1:]))
     g0, g1 = gap[row, column], gap[row, column + 1]

@@ -42,7 +42,7 @@ def one_finger(seed: int) -> GraspScene:
     if contacts == "no middle":
         family = "arc"
     size = length * random.uniform(0.12, 0.3)
-    thing, reach, extent = _object(random, size, aligned=random.random() < 0.5)
+    body, reach, extent = _object(random, size, aligned=random.random() < 0.5)
     finger = _finger(random, length, size, sign=view.flip)
     half = finger["half_thickness"]
     base = (half * random.uniform(1.0, 1.5) + random.choice([0.0, 1.0]) * random.uniform(0.0, 0.8) * reach,)
@@ -51,10 +51,10 @@ def one_finger(seed: int) -> GraspScene:
         "position": view.point(*base),
         "angle": math.remainder(view.angle(random.uniform(-0.6, 0.6)) - 0.5 * math.pi, 2.0 * math.pi),
     }
-    thing["position"] = view.point(reach, 0.0)
-    thing["angle"] = view.angle(thing.get("angle", 0.0))
+    body["position"] = view.point(reach, 0.0)
+    body["angle"] = view.angle(body.get("angle", 0.0))
     supports = {"palm": {"type": "palm", "point": view.point(0.0, 0.0), "normal_angle": view.angle(0.0)}}
-    return _scene(random, finger, thing, size, supports if contacts != "no palm" else {}, contacts, family)
+    return _scene(random, finger, body, size, supports if contacts != "no palm" else {}, contacts, family)
 
 
 def two_fingers(seed: int) -> GraspScene:
@@ -63,7 +63,7 @@ def two_fingers(seed: int) -> GraspScene:
     view = _View(random.uniform(-math.pi, math.pi), random.choice([-1.0, 1.0]))
     length = 10 ** random.uniform(-1.0, -0.4)
     size = length * random.uniform(0.1, 0.3)
-    thing, _, extent = _object(random, size, aligned=random.random() < 0.7)
+    body, _, extent = _object(random, size, aligned=random.random() < 0.7)
     ahead = length * random.uniform(0.55, 0.85)
     fingers = {}
     model = _finger(random, length, size, sign=view.flip)
@@ -79,9 +79,9 @@ def two_fingers(seed: int) -> GraspScene:
             "angle": math.remainder(view.angle(random.uniform(-0.3, 0.3)) - 0.5 * math.pi, 2.0 * math.pi),
         }
         fingers[name] = finger
-    thing["position"] = view.point(ahead, length * random.uniform(-0.03, 0.03))
-    thing["angle"] = view.angle(thing.get("angle", 0.0))
-    return _scene(random, fingers, thing, size, {}, "no middle", "matched_clothoid")
+    body["position"] = view.point(ahead, length * random.uniform(-0.03, 0.03))
+    body["angle"] = view.angle(body.get("angle", 0.0))
+    return _scene(random, fingers, body, size, {}, "no middle", "matched_clothoid")
 
 
 def _object(random: np.random.Generator, size: float, aligned: bool) -> tuple[dict[str, Any], float, float]:
@@ -90,21 +90,21 @@ def _object(random: np.random.Generator, size: float, aligned: bool) -> tuple[di
     ratio = random.uniform(0.55, 1.0)
     wide, high = (size, ratio * size) if random.random() < 0.5 else (ratio * size, size)
     angle = random.choice([0.0, 0.5 * math.pi]) if aligned else random.uniform(-math.pi, math.pi)
-    thing: dict[str, Any] = {"shape": str(shape), "angle": float(angle)}
+    body: dict[str, Any] = {"shape": str(shape), "angle": float(angle)}
     if shape == "circle":
         return {"shape": "circle", "diameter": 2.0 * size}, size, size
-    thing |= {"width": 2.0 * wide, "height": 2.0 * high}
+    body |= {"width": 2.0 * wide, "height": 2.0 * high}
     power = 2.0
     if shape == "superellipse":
-        power = thing["exponent"] = random.uniform(2.0, 4.0)
+        power = body["exponent"] = random.uniform(2.0, 4.0)
     c, s = abs(math.cos(angle)), abs(math.sin(angle))
     if shape == "box":
-        corner = thing["corner_radius"] = random.choice([0.0, 0.0, random.uniform(0.05, 0.4) * min(wide, high)])
+        corner = body["corner_radius"] = random.choice([0.0, 0.0, random.uniform(0.05, 0.4) * min(wide, high)])
         w, h = wide - corner, high - corner
-        return thing, c * w + s * h + corner, s * w + c * h + corner
+        return body, c * w + s * h + corner, s * w + c * h + corner
     dual = power / (power - 1.0)
     return (
-        thing,
+        body,
         ((c * wide) ** dual + (s * high) ** dual) ** (1.0 / dual),
         ((s * wide) ** dual + (c * high) ** dual) ** (1.0 / dual),
     )
@@ -139,7 +139,7 @@ def _finger(random: np.random.Generator, length: float, size: float, sign: float
 def _scene(
     random: np.random.Generator,
     fingers: dict[str, Any],
-    thing: dict[str, Any],
+    body: dict[str, Any],
     size: float,
     supports: dict[str, Any],
     contacts: str,
@@ -147,7 +147,7 @@ def _scene(
 ) -> GraspScene:
     some = fingers if "rod" in fingers else next(iter(fingers.values()))
     grip = some["tendons"]["max_tension"] * some["tendons"]["offset"] / size
-    thing["mass"] = grip / G * 10 ** random.uniform(-1.7, 0.3)
+    body["mass"] = grip / G * 10 ** random.uniform(-1.7, 0.3)
     mode = random.choice(["planar", "out_of_plane", "none"], p=[0.4, 0.45, 0.15])
     gravity: dict[str, Any] = {"mode": str(mode)}
     if mode == "planar":
@@ -160,11 +160,11 @@ def _scene(
         {
             "schema_version": 1,
             ("finger" if "rod" in fingers else "fingers"): fingers,
-            "object": thing,
+            "object": body,
             "supports": supports,
             "contacts": {
                 "friction": random.uniform(0.25, 1.2),
-                "normal_force_max": random.uniform(10.0, 40.0) * max(thing["mass"] * G, grip),
+                "normal_force_max": random.uniform(10.0, 40.0) * max(body["mass"] * G, grip),
                 "middle": "off" if contacts == "no middle" else "on",
                 "tip": "on",
             },

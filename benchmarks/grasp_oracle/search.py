@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.grasp_oracle.forces import Balance, Forces
-from benchmarks.grasp_oracle.geometry import ROOM, Fingers, Posture
+from benchmarks.grasp_oracle.geometry import CLEARANCE, Fingers, Posture
 from benchmarks.grasp_oracle.numbers import Numbers
 
 Array = NDArray[Any]
@@ -105,7 +105,7 @@ class Search:
         numbers = numbers or self.numbers
         forces = Forces(numbers)
         sign = -1.0 if aim == "mass" else 1.0
-        room = ROOM * self.hand.length if most_depth is None else most_depth
+        clearance = CLEARANCE * self.hand.length if most_depth is None else most_depth
 
         def value(posture: Posture, exact: bool = True) -> tuple[float, Array] | None:
             found = forces.least(self._balance(posture), aim, exact)
@@ -114,9 +114,9 @@ class Search:
         good = [
             p
             for p, deep in zip(self.postures, self.depths, strict=True)
-            if deep <= room and self.allowed(p, numbers.limits)
+            if deep <= clearance and self.allowed(p, numbers.limits)
         ]
-        return self._over(good, value, numbers, room, sign)
+        return self._over(good, value, numbers, clearance, sign)
 
     def least_measure(self, measure: Callable[[Posture], float], numbers: Numbers, into: str = "") -> Best | None:
         """Least of a measure of the shape alone (strain, bend, depth) over all shapes that have forces that hold.
@@ -135,20 +135,20 @@ class Search:
             found = forces.least(self._balance(posture), "sum", exact)
             return None if found is None else (measure(posture), found[1])
 
-        room = math.inf if into == "depth" else ROOM * self.hand.length
+        clearance = math.inf if into == "depth" else CLEARANCE * self.hand.length
         good = [
             p
             for p, deep in zip(self.postures, self.depths, strict=True)
-            if deep <= room and self.allowed(p, numbers.limits)
+            if deep <= clearance and self.allowed(p, numbers.limits)
         ]
-        return self._over(good, value, numbers, room, 1.0)
+        return self._over(good, value, numbers, clearance, 1.0)
 
     def least_friction(self, numbers: Numbers, low: float = 0.0) -> float:
         """Least friction coefficient with which any shape has forces that hold; infinite without one."""
         good = [
             p
             for p, deep in zip(self.postures, self.depths, strict=True)
-            if deep <= ROOM * self.hand.length and self.allowed(p, numbers.limits)
+            if deep <= CLEARANCE * self.hand.length and self.allowed(p, numbers.limits)
         ]
         needed, held = math.inf, []
         for posture in good:
@@ -174,7 +174,7 @@ class Search:
 
         def value(u: float) -> float:
             near = self._from_nearest(walked, u)
-            if near is None or self.fingers.depth([near])[0] > ROOM * self.hand.length:
+            if near is None or self.fingers.depth([near])[0] > CLEARANCE * self.hand.length:
                 return math.inf
             return self._friction(near, numbers, low, 1.5 * most) if self.allowed(near, numbers.limits) else math.inf
 
@@ -199,15 +199,15 @@ class Search:
 
     def _balance(self, posture: Posture) -> Balance:
         key = id(posture)
-        if key not in self._balances:  # the shape is kept too, so that its id stays its own
+        if key not in self._balances:  # the shape is stored too, so that its id stays its own
             self._balances[key] = (posture, Balance(self.numbers, [posture]))
         return self._balances[key][1]
 
     # -- along the curves of shapes ----------------------------------------------------------------------------
 
-    def _over(self, good: list[Posture], value: Any, numbers: Numbers, room: float, sign: float) -> Best | None:
+    def _over(self, good: list[Posture], value: Any, numbers: Numbers, clearance: float, sign: float) -> Best | None:
         if self._too_many():
-            return self._at_crossings(good, value, numbers, room, sign)
+            return self._at_crossings(good, value, numbers, clearance, sign)
         found = []
         for posture in good:
             got = value(posture, exact=self.isolated)
@@ -218,15 +218,15 @@ class Search:
             return Best(sign * found[0][0], found[0][1], found[0][2]) if found else None
         results = []
         for _, start, _ in self._apart(found):
-            results += self._refined(start, value, numbers, room)
-        for start in self._slivers([f[1] for f in found], numbers, room):
-            results += self._refined(start, value, numbers, room)
+            results += self._refined(start, value, numbers, clearance)
+        for start in self._slivers([f[1] for f in found], numbers, clearance):
+            results += self._refined(start, value, numbers, clearance)
         if not results:
             return None
         best = min(results, key=lambda r: r[0])
         return Best(sign * best[0], best[1], best[2])
 
-    def _slivers(self, found: list[Posture], numbers: Numbers, room: float) -> list[Posture]:
+    def _slivers(self, found: list[Posture], numbers: Numbers, clearance: float) -> list[Posture]:
         """Shapes that hold between places of the scan where none does."""
         forces = Forces(numbers)
         unit = max(numbers.scale, numbers.limits.mass * max(math.hypot(*numbers.gravity), numbers.lift))
@@ -234,7 +234,7 @@ class Search:
 
         def excess(posture: Posture, deep: float | None = None) -> float:
             deep = self.fingers.depth([posture])[0] if deep is None else deep
-            over = max((deep - room) / (0.02 * length), self.bend(posture) / numbers.limits.bend - 1.0)
+            over = max((deep - clearance) / (0.02 * length), self.bend(posture) / numbers.limits.bend - 1.0)
             if math.isfinite(numbers.limits.strain):
                 over = max(over, self.strain(posture) / numbers.limits.strain - 1.0)
             if over > NEARLY:
@@ -260,7 +260,7 @@ class Search:
         return held
 
     def _from_nearest(self, walked: list[Posture], u: float) -> Posture | None:
-        """The shape at a place, from the nearest of those known; it is kept with them."""
+        """The shape at a place, from the nearest of those known; it is stored with them."""
         like = min(walked, key=lambda p: abs(p.u - u))
         if like.u == u:
             return like
@@ -281,12 +281,16 @@ class Search:
                 break
         return chosen
 
-    def _refined(self, start: Posture, value: Any, numbers: Numbers, room: float) -> list[Any]:
+    def _refined(self, start: Posture, value: Any, numbers: Numbers, clearance: float) -> list[Any]:
         results, walked = [], [start]
 
         def at(u: float) -> float:
             posture = self._from_nearest(walked, u)
-            if posture is None or self.fingers.depth([posture])[0] > room or not self.allowed(posture, numbers.limits):
+            if (
+                posture is None
+                or self.fingers.depth([posture])[0] > clearance
+                or not self.allowed(posture, numbers.limits)
+            ):
                 return math.inf
             got = value(posture)
             if got is None:
@@ -316,7 +320,9 @@ class Search:
         left = np.linalg.svd(square[:, :-1])[0][:, -1]
         return float(np.linalg.det(square)), planar[int(np.argmax(np.abs(left)))]
 
-    def _at_crossings(self, good: list[Posture], value: Any, numbers: Numbers, room: float, sign: float) -> Best | None:
+    def _at_crossings(
+        self, good: list[Posture], value: Any, numbers: Numbers, clearance: float, sign: float
+    ) -> Best | None:
         found = []
         forces = Forces(numbers)
         for posture in good:
@@ -334,7 +340,7 @@ class Search:
                     break
                 last = between
                 a, b = (middle, b) if (self._excess(between)[0] > 0) == (low > 0) else (a, middle)
-            if self.fingers.depth([last])[0] > room or not self.allowed(last, numbers.limits):
+            if self.fingers.depth([last])[0] > clearance or not self.allowed(last, numbers.limits):
                 continue
             got = forces.least(self._balance(last), "sum", drop=(self._excess(last)[1],))
             if got is not None:

@@ -1,7 +1,7 @@
-"""What the oracles say of the random scenes, kept in files beside this one.
+"""What the oracles say of the random scenes, stored in files beside this one.
 
-Run ``python -m benchmarks.grasp_oracle.truth one`` (or ``two``, ``none``) in the root of the repository; it goes on
-where it was stopped. Scenes are made anew from their seeds, so that only seeds and answers are kept.
+Run ``python -m benchmarks.grasp_oracle.truth one`` (or ``two``, ``none``) in the root of the repository; it resumes
+after an interruption. Scenes are made anew from their seeds, so that only seeds and answers are stored.
 """
 
 from __future__ import annotations

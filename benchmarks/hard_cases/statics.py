@@ -138,17 +138,17 @@ def model_snap_load(family: str, elements: int) -> tuple[float, Equilibrium, Equ
 
     first = equilibrium(snapping(family, elements, 0.0))
     side = 1 if first.tip[0] < 0.0 else -1
-    kept: list[Equilibrium] = []
+    retained: list[Equilibrium] = []
 
     def remembered(across: float, before: Equilibrium | None) -> Equilibrium | None:
         found = followed(across, before)
         if found is not None:
-            kept[:] = [found]
+            retained[:] = [found]
         return found
 
     load = _last(remembered)
-    after = equilibrium(snapping(family, elements, load + 0.01), guess=kept[0].q)
-    return load, kept[0], after
+    after = equilibrium(snapping(family, elements, load + 0.01), guess=retained[0].q)
+    return load, retained[0], after
 
 
 def _last(follow: Callable[[float, Any], Any]) -> float:
@@ -186,13 +186,13 @@ def snap_through(family: str) -> Found:
 def both_under_one_load(family: str, share: float = 0.7) -> Found:
     """Both stable shapes under 0.7 of the snap load, each where the elastica has it."""
     across = round(share * true_snap(), 6)
-    scene, twin = snapping(family, ELEMENTS[family], across), snapping("matched_clothoid", 2, across)
+    scene, same = snapping(family, ELEMENTS[family], across), snapping("matched_clothoid", 2, across)
     start = equilibrium(snapping(family, ELEMENTS[family], 0.0), side=1)
     error, steps = 0.0, 0
     tips = []
     for guess in (start.q, -start.q):
         found = equilibrium(scene, guess=guess)
-        true = solve_elastica(twin, guess=_angles(found))
+        true = solve_elastica(same, guess=_angles(found))
         error += _distance(found.tip, true.tip) + (not found.stable) + (not true.stable)
         steps += found.iterations
         tips.append(found.tip[0])

@@ -12,7 +12,7 @@ from continuum_grasp.model.planar import Scalar
 __all__ = ["Coefficient", "Monomial", "Polynomial", "Reading", "misprint", "over", "right", "wrong"]
 
 Reading = Literal["corrected", "printed", "unrotated"]
-"""Which of the three values of a coefficient is meant."""
+"""Which of the three values of a coefficient is taken."""
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ class Bent:
     theta : casadi.SX
         The two angles [rad].
     slips : AsPrinted
-        What is taken as printed; nothing where nothing is said.
+        What is taken as printed; nothing by default.
     """
 
     arcs: TwoArcs

@@ -19,7 +19,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Scene
 
-__all__ = ["COUNTS", "AccuracyReport", "accuracy"]
+__all__ = ["COUNTS", "AccuracyReport", "accuracy_report"]
 
 FRONTS = (
     ("evaluation [ns]", "tip / L"),
@@ -111,7 +111,7 @@ class AccuracyReport:
 
 
 @interrupt.listening()
-def accuracy(
+def accuracy_report(
     scene: Scene | str | PathLike[str],
     *,
     counts: Sequence[int] = COUNTS,

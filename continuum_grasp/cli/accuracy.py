@@ -29,11 +29,10 @@ def accuracy(
     scene = plain_scene(config, changes)
     folder = run_folder(out, config, "accuracy")
 
-    from continuum_grasp.accuracy.report import COUNTS
-    from continuum_grasp.accuracy.report import accuracy as measure
+    from continuum_grasp.accuracy.report import COUNTS, accuracy_report
 
     with output.busy("measuring") as report:
-        found = measure(scene, counts=[count for count in COUNTS if count <= most], progress=report)
+        found = accuracy_report(scene, counts=[count for count in COUNTS if count <= most], progress=report)
     with output.saving(folder):
         files = found.save(folder)
     output.say(found.markdown())

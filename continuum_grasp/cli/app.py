@@ -13,7 +13,6 @@ from typer.core import TyperGroup
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.cli.accuracy import accuracy
-from continuum_grasp.cli.codegen import codegen
 from continuum_grasp.cli.doctor import doctor
 from continuum_grasp.cli.export_c import export_c
 from continuum_grasp.cli.grasp import grasp
@@ -30,7 +29,9 @@ from continuum_grasp.errors import ContinuumGraspError, InputError
 __all__ = ["app", "main"]
 
 SOLVER_FAILED = 1
+"""Exit status, also of a supervisor that tripped and an object that was dropped."""
 BAD_INPUT = 2
+"""Exit status, as argparse and click have it."""
 INTERRUPTED = interrupt.STATUS
 
 
@@ -47,7 +48,7 @@ class _Verbs(TyperGroup):
             typer.echo(str(error) or "interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None
         except OSError as error:
-            if error.errno == errno.EPIPE:  # nobody reads on, as with head; click ends without a word
+            if error.errno == errno.EPIPE:  # the reader has closed, as with head; click ends silently
                 raise
             where = "" if error.filename is None else f"{error.filename}: "
             typer.echo(f"error: {where}{error.strerror or error}", err=True)
@@ -89,7 +90,6 @@ for _verb in (
     modes,
     accuracy,
     identify,
-    codegen,
     export_c,
     schema,
     validate,

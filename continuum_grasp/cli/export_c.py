@@ -51,11 +51,23 @@ def export_c(
     measure: Annotated[
         bool, typer.Option("--measure", help="Run the package on the emulated target; put sizes and counts into it.")
     ] = False,
+    casadi: Annotated[
+        str | None,
+        typer.Option(
+            "--casadi",
+            metavar="NAME,...",
+            help="Instead of a package: these functions of the model (or 'all') as plain C with CasADi's interface.",
+        ),
+    ] = None,
     changes: Set = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Write a finger, its estimator or controller as a C package: for a microcontroller, a host, or a browser."""
+    given = {"--real": real, "--what": what, "--range": ranges, "--step": step, "--error": error}
+    given |= {"--target": target != "host", "--substeps": substeps != 1, "--measure": measure}
+    if casadi is not None and (others := [option for option, value in given.items() if value]):
+        raise InputError(f"--casadi cannot be combined with {', '.join(others)}: plain functions have none of these")
     from continuum_grasp.cli.scenes import simulation_scene
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.load import load
@@ -65,6 +77,9 @@ def export_c(
     scene = loaded if isinstance(loaded, ControlScene) else simulation_scene(config, changes, output)[0]
     folder = run_folder(out, config, "export-c")
 
+    if casadi is not None:
+        _write_functions(scene, folder, casadi, prefix, output)
+        return
     from continuum_grasp.export import export_c as write
 
     with output.busy("writing the package"):
@@ -98,6 +113,18 @@ def export_c(
     for name, found in ((made["measured"] or {}).get("functions", {})).items():
         output.say(f"{name}: {found['most_instructions']} instructions, {found['stack_bytes']} bytes of stack at most")
     output.result(folder=str(folder), files=list(package.files), manifest=made)
+
+
+def _write_functions(scene: Any, folder: Path, names: str, prefix: str, output: Output) -> None:
+    """Plain C of named functions."""
+    from continuum_grasp.export import export_casadi
+
+    with output.busy("generating"):
+        functions = None if names == "all" else [name.strip() for name in names.split(",")]
+        package = export_casadi(scene, folder, functions=functions, prefix=prefix)
+    for file in package.files:
+        output.say(str(folder / file))
+    output.result(folder=str(folder), files=list(package.files), manifest=package.manifest)
 
 
 def _limits(made: Mapping[str, Any]) -> dict[str, str]:

@@ -82,11 +82,11 @@ def mpc(
     if trials is not None:
         raise InputError("is for missions", key="--trials")
 
-    from continuum_grasp.closed_loop.run import closed_loop
+    from continuum_grasp.closed_loop.run import run_closed_loop
 
     try:
         with output.busy("controlling") as report:
-            run = closed_loop(scene, progress=report)
+            run = run_closed_loop(scene, progress=report)
     except (NumericalError, Interrupted) as error:
         if error.result is not None:
             with output.saving(folder):

@@ -21,6 +21,7 @@ from continuum_grasp.interrupt import held
 __all__ = ["Output", "run_folder"]
 
 _PATIENCE = 2.0
+"""After which a progress bar appears [s]: what is done sooner needs none."""
 
 
 @dataclass(frozen=True)

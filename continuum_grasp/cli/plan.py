@@ -98,7 +98,7 @@ def _report(plan: Plan, folder: Path, files: list[Path], output: Output) -> None
         "objective": f"{plan.objective:.6g} {_unit(plan)} ({plan.scene.objective})",
         "duration": f"{plan.duration:.6g} s in {len(plan.t) - 1} intervals",
         "tip at the end": f"({x:.4f}, {y:.4f}) m",
-        "held back by": ", ".join(active) or "nothing",
+        "active constraints": ", ".join(active) or "nothing",
         "solver": f"{plan.iterations} iterations; {plan.times.get('total', 0.0):.2f} s in all",
     }
     for name, found in (("fine simulation", plan.deviation), ("finer model", plan.finer)):

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["sweep"]
 
 _LINE_SECONDS = 10.0
+"""Between two lines of progress where there is no terminal [s]: a day of work is 8,640 lines of a log."""
 
 
 def sweep(
@@ -48,7 +49,7 @@ def sweep(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Find the grasps of many scenes: a grid or random draws of any keys; goes on where it was stopped."""
+    """Find the grasps of many scenes: a grid or random draws of any keys; resumes after an interruption."""
     from continuum_grasp.errors import InputError
 
     output = Output(as_json, quiet, verbose)
@@ -128,11 +129,11 @@ def _shown(output: Output) -> Iterator[Callable[[Progress], None] | None]:
         with _bar() as report:
             yield report
     else:
-        told = [time.monotonic()]
+        reported = [time.monotonic()]
 
         def line(progress: Progress) -> None:
-            if time.monotonic() - told[0] > _LINE_SECONDS:
-                told[0] = time.monotonic()
+            if time.monotonic() - reported[0] > _LINE_SECONDS:
+                reported[0] = time.monotonic()
                 typer.echo(progress.text, err=True)
 
         yield line

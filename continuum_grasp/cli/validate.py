@@ -45,7 +45,7 @@ def validate(
 
 
 def _checked(file: Path, changes: Iterable[str]) -> Loaded:
-    """The configuration, checked as far as its own model's make-up; no expressions are built.
+    """The configuration, checked as far as the structure of its model; no expressions are built.
 
     Raises
     ------

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from continuum_grasp.closed_loop.converged import Converged
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.closed_loop.run import closed_loop
+from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.simulate import Fidelity
 
@@ -47,7 +47,7 @@ def compared(scene: ControlScene, progress: Callable[[float], None] | None = Non
 
     known = with_state(scene)
     return {
-        "two arcs": closed_loop(on_arcs(scene), progress=part(0)),
-        "with the state": closed_loop(known, progress=part(1)),
-        "converged": closed_loop(known, controller=Converged(known), progress=part(2)),
+        "two arcs": run_closed_loop(on_arcs(scene), progress=part(0)),
+        "with the state": run_closed_loop(known, progress=part(1)),
+        "converged": run_closed_loop(known, controller=Converged(known), progress=part(2)),
     }

@@ -23,7 +23,7 @@ from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
 
-__all__ = ["Controls", "closed_loop"]
+__all__ = ["Controls", "run_closed_loop"]
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class Controls(Protocol):
 
 
 @interrupt.listening()
-def closed_loop(
+def run_closed_loop(
     scene: ControlScene | str | PathLike[str],
     *,
     controller: Controls | None = None,

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.codes import Code
-from continuum_grasp.export.part import Argument, Call
+from continuum_grasp.export.part import Argument, Call, Code
 from continuum_grasp.export.reals import REALS, Real
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import arguments_of, reach_of, split
@@ -106,8 +105,8 @@ def differences(subject: Subject, narrow: Call, wide: Call, rows: Array) -> tupl
     """
     arguments = arguments_of(subject, narrow)
     given = split(rows, list(arguments))
-    found, codes = narrow.twin(given)
-    true, _ = wide.twin(split(rows.astype(REALS["double"].dtype), list(arguments)))
+    found, codes = narrow.reference(given)
+    true, _ = wide.reference(split(rows.astype(REALS["double"].dtype), list(arguments)))
     good = ((codes >= 0) & (codes != Code.WARN_LEFT_RANGE))[:, None]
     with np.errstate(invalid="ignore"):
         return np.where(good, np.abs(found - true), 0.0), np.where(good, np.abs(true), 0.0)

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from continuum_grasp.export.control.loop import DIAGNOSIS
 from continuum_grasp.export.control.source import ANOMALIES
 from continuum_grasp.export.fields import Struct
-from continuum_grasp.export.header import calls_of, kept_of, structs_of
-from continuum_grasp.export.part import SECONDS, Call, Kept, Method, Part
+from continuum_grasp.export.header import calls_of, stateful_of, structs_of
+from continuum_grasp.export.part import SECONDS, Call, Method, Part, Stateful
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 
@@ -20,14 +20,14 @@ __all__ = ["interface", "python_binding", "wasm_files"]
 def interface(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> dict[str, object]:
     """Structs and functions as plain values: fields with their shapes and types, arguments with their structs."""
     structs = {s.name: [[f.name, list(f.shape), "real"] for f in s.fields] for s in structs_of(subject, parts)}
-    if any(function.types[0] == "controller" for function in kept_of(parts)):
+    if any(function.types[0] == "controller" for function in stateful_of(parts)):
         structs["diagnosis"] = [[name, [], kind] for kind, name, _ in DIAGNOSIS]
     return {
         "real": subject.real.name,
         "abi": int(words["abi"][:-1], 16),
         "configuration": words["hash"],
         "structs": structs,
-        "begun": [name for name in _BEGUN if name in structs and kept_of(parts)],
+        "begun": [name for name in _BEGUN if name in structs and stateful_of(parts)],
         "open": _OPEN,
         "functions": {
             call.name: {
@@ -36,7 +36,7 @@ def interface(subject: Subject, parts: Sequence[Part], words: dict[str, str]) ->
             }
             for call in calls_of(parts)
         },
-        "kept": {
+        "stateful": {
             function.types[0]: {
                 "function": function.name,
                 "bytes": [int(words[f"{name}_bytes"]) for name in function.types],
@@ -47,7 +47,7 @@ def interface(subject: Subject, parts: Sequence[Part], words: dict[str, str]) ->
                     m.name: {"inputs": list(m.inputs), "output": m.output, "counts": m.counts} for m in function.methods
                 },
             }
-            for function in kept_of(parts)
+            for function in stateful_of(parts)
         },
     }
 
@@ -73,7 +73,7 @@ def _beginnings(subject: Subject) -> dict[str, dict[str, object]]:
     }
 
 
-def _members(subject: Subject, function: Kept) -> list[str]:
+def _members(subject: Subject, function: Stateful) -> list[str]:
     """What may be changed of what a function keeps, in its order."""
     known = ["known"] if subject.loop is not None and subject.loop.known is not None else []
     return (["settings"] if function.types[0] == "controller" else []) + known
@@ -81,10 +81,10 @@ def _members(subject: Subject, function: Kept) -> list[str]:
 
 def python_binding(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> str:
     """A module with the structs and functions."""
-    calls, kept = calls_of(parts), kept_of(parts)
-    begun = _beginnings(subject) if kept else {}
+    calls, stateful = calls_of(parts), stateful_of(parts)
+    begun = _beginnings(subject) if stateful else {}
     structs = [_python_struct(struct, begun.get(struct.name)) for struct in structs_of(subject, parts)]
-    if any(function.types[0] == "controller" for function in kept):
+    if any(function.types[0] == "controller" for function in stateful):
         structs.append(_PYTHON_DIAGNOSIS)
     if calls:
         parameters = "" if subject.parameters is None else ', ("parameters", Parameters)'
@@ -93,13 +93,13 @@ def python_binding(subject: Subject, parts: Sequence[Part], words: dict[str, str
         "structs": "\n".join(structs),
         "model": _PYTHON_MODEL if calls else "",
         "methods": "".join(_python_method(call) for call in calls),
-        "kept": "".join(_python_kept(subject, function, words) for function in kept),
+        "stateful": "".join(_python_stateful(subject, function, words) for function in stateful),
         "use": f"print(f.tip({subject.prefix}.State(), {subject.prefix}.Input()))" if calls else "print(f)",
         "abi_python": words["abi"][:-1],
         "anomalies": "\n".join(
             ["ANOMALIES = {", *(f'    {2**k}: "{text}",' for k, text in enumerate(ANOMALIES.values())), "}", ""]
         )
-        if kept
+        if stateful
         else "",
     }
     return fill("examples/python/binding.py.txt", {**words, **more})
@@ -114,7 +114,7 @@ _PYTHON_MODEL = """
 """
 
 
-def _python_kept(subject: Subject, function: Kept, words: dict[str, str]) -> str:
+def _python_stateful(subject: Subject, function: Stateful, words: dict[str, str]) -> str:
     owner, work = function.types
     members = "".join(f'\n    ("{name}", {name.title()}),' for name in _members(subject, function))
     given = ", ".join(f"{name}: {name.title()}" for name in function.inputs)
@@ -144,10 +144,10 @@ class {owner.title()}:
         arguments = (self._memory, self._work, {passed}, ctypes.byref(output))
         self.code = self._library._call("{function.name}", *arguments)
         return output
-{"".join(_python_method_of_kept(subject.prefix, owner, method) for method in function.methods)}'''
+{"".join(_python_further(subject.prefix, owner, method) for method in function.methods)}'''
 
 
-def _python_method_of_kept(prefix: str, owner: str, method: Method) -> str:
+def _python_further(prefix: str, owner: str, method: Method) -> str:
     name = f"{owner}_{method.name}"
     if method.counts:
         return f'''
@@ -220,20 +220,20 @@ def _python_method(call: Call) -> str:
 
 def wasm_files(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> dict[str, str]:
     """Script, wrapper and test for WebAssembly, by path."""
-    prefix, calls, kept = subject.prefix, calls_of(parts), kept_of(parts)
+    prefix, calls, stateful = subject.prefix, calls_of(parts), stateful_of(parts)
     names = [f"{prefix}_{name}" for name in ("strerror", "version", "abi", "configuration")]
-    begun = [name for name in _BEGUN if kept and name in {s.name for s in structs_of(subject, parts)}]
+    begun = [name for name in _BEGUN if stateful and name in {s.name for s in structs_of(subject, parts)}]
     names += [f"{prefix}_{name}_init_abi" for name in begun]
-    names += [f"{prefix}_{function.types[0]}_{method.name}" for function in kept for method in function.methods]
+    names += [f"{prefix}_{function.types[0]}_{method.name}" for function in stateful for method in function.methods]
     names += [f"{prefix}_{call.name}" for call in calls] + ([f"{prefix}_init_abi"] if calls else [])
-    names += [f"{prefix}_{name}" for function in kept for name in (function.name, f"{function.types[0]}_init_abi")]
-    used = (_use_of_call(calls[0]) if calls else "") + "".join(_use_of_kept(function) for function in kept)
+    names += [f"{prefix}_{name}" for function in stateful for name in (function.name, f"{function.types[0]}_init_abi")]
+    used = (_use_of_call(calls[0]) if calls else "") + "".join(_use_of_stateful(function) for function in stateful)
     more = {
         **words,
         "exports": " ".join(f"-Wl,--export={name}" for name in names),
         "interface": json.dumps(interface(subject, parts, words)),
         "use": used.rstrip("\n"),
-        "example": _example_of_call(calls[0]) if calls else _example_of_kept(kept[-1]),
+        "example": _example_of_call(calls[0]) if calls else _example_of_stateful(stateful[-1]),
     }
     found = {f"wasm/{name}": fill(f"wasm/{name}", more) for name in _WASM}
     return {**found, f"wasm/{prefix}.mjs": fill("wasm/wrapper.mjs", more)}
@@ -250,7 +250,7 @@ def _example_of_call(call: Call) -> str:
     return f"const {{ code, {call.output.name} }} = finger.{call.name}({_arguments(call)});"
 
 
-def _example_of_kept(function: Kept) -> str:
+def _example_of_stateful(function: Stateful) -> str:
     owner = function.types[0]
     given = ", ".join(function.inputs)
     return f"const {owner} = finger.new_{owner}();\n//   const {{ code, {function.output} }} = {owner}.step({given});"
@@ -273,7 +273,7 @@ console.log(JSON.stringify(answer));
 """
 
 
-def _use_of_kept(function: Kept) -> str:
+def _use_of_stateful(function: Stateful) -> str:
     owner = function.types[0]
     return f"""\
 const {owner} = finger.new_{owner}();

@@ -15,6 +15,7 @@ __all__ = ["Field", "Struct", "fields_of", "outside"]
 
 
 _LINE = 115
+"""Characters of a comment's line in the header, which is as wide as the sources of this package."""
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,15 @@ import textwrap
 from collections.abc import Mapping, Sequence
 
 from continuum_grasp import __version__
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.fields import Struct
-from continuum_grasp.export.part import Call, Kept, Part
+from continuum_grasp.export.part import Call, Code, Part, Stateful
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill, filled
 
-__all__ = ["abi_of", "calls_of", "codes_of_package", "header", "kept_of", "prototype", "structs_of"]
+__all__ = ["abi_of", "calls_of", "codes_of_package", "header", "prototype", "stateful_of", "structs_of"]
 
 _LINE = 118
+"""Characters of a line in the header, which is as wide as the sources of this package."""
 
 
 def structs_of(subject: Subject, parts: Sequence[Part]) -> list[Struct]:
@@ -32,9 +32,9 @@ def calls_of(parts: Sequence[Part]) -> list[Call]:
     return [call for part in parts for call in part.calls]
 
 
-def kept_of(parts: Sequence[Part]) -> list[Kept]:
+def stateful_of(parts: Sequence[Part]) -> list[Stateful]:
     """Public functions of a package that keep something."""
-    return [function for part in parts for function in part.kept]
+    return [function for part in parts for function in part.stateful]
 
 
 def codes_of_package(parts: Sequence[Part]) -> list[Code]:
@@ -109,7 +109,7 @@ def header(subject: Subject, parts: Sequence[Part], words: Mapping[str, str]) ->
         "dimensions": "\n".join(lines),
         "codes": table,
         "structs": "\n".join(struct.declaration(prefix) for struct in structs_of(subject, parts)),
-        "use": fill("use_model.h", words) if modelled else _use_of_kept(kept_of(parts)[-1], words),
+        "use": fill("use_model.h", words) if modelled else _use_of_stateful(stateful_of(parts)[-1], words),
         "model": fill("model.h", {**words, "model_parameters": _parameters_member(subject)}) if modelled else "",
         "functions": "\n".join(
             [
@@ -121,7 +121,7 @@ def header(subject: Subject, parts: Sequence[Part], words: Mapping[str, str]) ->
     return fill("header.h", {**words, **more})
 
 
-def _use_of_kept(function: Kept, words: Mapping[str, str]) -> str:
+def _use_of_stateful(function: Stateful, words: Mapping[str, str]) -> str:
     return fill("use_loop.h", {**words, "owner": function.types[0], "step": function.name})
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.reals import Real
-from continuum_grasp.export.strict_math import twin
+from continuum_grasp.export.strict_math import reference
 
 __all__ = ["Kernel"]
 
@@ -231,7 +231,7 @@ class Kernel:
                 elif operation == ca.OP_INPUT:
                     values[results[0]] = columns[f.name_in(arguments[0])][:, arguments[1]]
                 elif operation in _CALLS:
-                    values[results[0]] = twin(_CALLS[operation], values[arguments[0]], real)
+                    values[results[0]] = reference(_CALLS[operation], values[arguments[0]], real)
                 else:
                     values[results[0]] = _NUMPY[operation](*(values[a] for a in arguments))
         return outputs

@@ -6,19 +6,23 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 
 from continuum_grasp import __version__
+from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.fields import Field
-from continuum_grasp.export.header import calls_of, codes_of_package, kept_of, structs_of
+from continuum_grasp.export.header import calls_of, codes_of_package, stateful_of, structs_of
 from continuum_grasp.export.layer import kernels_of
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
+from continuum_grasp.model import FingerModel
 
-__all__ = ["FLAGS", "manifest", "manifest_text"]
+__all__ = ["FLAGS", "MANIFEST", "manifest", "manifest_text", "model_description", "write_package"]
+
 
 FLAGS = {
     "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],
@@ -50,12 +54,7 @@ def manifest(
         "real": subject.real.name,
         "target": target,
         "parts": [part.name for part in parts],
-        "model": {
-            "family": model.family,
-            "element_lengths_m": [float(h) for h in model.lengths],
-            "bending_ranges_rad": [float(r) for r in model.ranges],
-            "contacts_m": [float(c) for c in model.contacts],
-        },
+        "model": model_description(model),
         "flags": FLAGS,
         "dimensions": {"n": subject.n, "nx": subject.nx, "nu": model.nu, "nw": model.nw, "np": model.np},
         "structs": {s.name: [_entry(field) for field in s.fields] for s in structs_of(subject, parts)},
@@ -79,7 +78,7 @@ def manifest(
                 **_errors(errors.get(function.name, ()), "greatest_seen"),
                 "memory_bytes": {name: int(words[f"{name}_bytes"]) for name in function.types},
             }
-            for function in kept_of(parts)
+            for function in stateful_of(parts)
         },
         "codes": {code.name: {"value": int(code), "text": code.text} for code in codes_of_package(parts)},
         "operations": {kernel.name: dict(sorted(kernel.operations.items())) for kernel in kernels_of(parts)},
@@ -92,6 +91,16 @@ def manifest(
         "measured": measured,
         "configuration": configuration,
         "sha256": {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(files.items())},
+    }
+
+
+def model_description(model: FingerModel) -> dict[str, Any]:
+    """Family and elements."""
+    return {
+        "family": model.family,
+        "element_lengths_m": [float(h) for h in model.lengths],
+        "bending_ranges_rad": [float(r) for r in model.ranges],
+        "contacts_m": [float(c) for c in model.contacts],
     }
 
 
@@ -121,3 +130,48 @@ def _entry(field: Field) -> dict[str, Any]:
     if field.high < math.inf:
         found["high"] = float(field.high)
     return found
+
+
+MANIFEST = "MANIFEST.json"
+
+
+def write_package(folder: Path, files: Mapping[str, str]) -> None:
+    """Every file whole, the manifest last; files of an earlier package that are of no more use are removed.
+
+    Raises
+    ------
+    InputError
+        If a file of that name is there that no export wrote, or that was changed since; nothing is written then.
+    """
+    from continuum_grasp.results import kind_of_run, replacing
+
+    kind = kind_of_run(folder)
+    if kind not in (None, "export-c"):
+        raise InputError(f"{folder} holds a run of {kind}: take another folder", key="folder")
+    earlier = _earlier(folder)
+    for name, text in files.items():
+        path = folder / name
+        if path.exists() and _digest(path) not in (hashlib.sha256(text.encode()).hexdigest(), earlier.get(name)):
+            raise InputError(f"{path} is not as an export left it: move it away, or take another folder", key="folder")
+    for name in earlier.keys() - files.keys():
+        path = folder / name
+        if path.resolve().is_relative_to(folder.resolve()) and path.is_file() and _digest(path) == earlier[name]:
+            path.unlink()
+    for name, text in files.items():
+        with replacing(folder / name) as path:
+            path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _earlier(folder: Path) -> dict[str, str]:
+    """SHA-256 of the files of the package that is there, its manifest included; empty where there is none."""
+    path = folder / MANIFEST
+    try:
+        listed = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        digests = {str(name): str(digest) for name, digest in listed["sha256"].items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return {}
+    return digests | {MANIFEST: _digest(path)} if "configuration_hash" in listed else {}
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""

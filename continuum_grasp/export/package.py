@@ -12,31 +12,27 @@ from typing import Any
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.export.accuracy import OutputError, check_errors, error_bounds, worst_of
-from continuum_grasp.export.arguments import count_of, parts_of, positive, prefix_of
 from continuum_grasp.export.bindings import python_binding, wasm_files
-from continuum_grasp.export.check_program import check_source, vectors_source
-from continuum_grasp.export.control.kept import SIZES, UNKNOWN, kept_usage, kept_vectors
 from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.control.stateful import SIZES, UNKNOWN, stateful_usage, stateful_vectors
 from continuum_grasp.export.examples import example_files
-from continuum_grasp.export.folder import MANIFEST, write_package
-from continuum_grasp.export.header import abi_of, calls_of, header, kept_of
+from continuum_grasp.export.header import abi_of, calls_of, header, stateful_of
 from continuum_grasp.export.layer import internal_header, kernels_source, layer_source
-from continuum_grasp.export.manifest import manifest, manifest_text
-from continuum_grasp.export.measure import measure
-from continuum_grasp.export.part import Part
+from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
+from continuum_grasp.export.part import Part, Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.readme import readme
 from continuum_grasp.export.reals import REALS, real_of
-from continuum_grasp.export.source import Given, Source, source_of
+from continuum_grasp.export.source import Given, Source, count_of, parts_of, positive, prefix_of, source_of
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.targets import Target, target_of
+from continuum_grasp.export.targets import Target, measure, target_of
 from continuum_grasp.export.template import fill
-from continuum_grasp.export.vectors import Vectors, vectors_of
+from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 
 __all__ = ["Package", "export_c"]
 
 _ASKED_ERROR = 1e-2
-"""Greatest relative error of single precision where nothing is said."""
+"""Greatest relative error of single precision by default."""
 
 
 @dataclass(frozen=True)
@@ -81,9 +77,9 @@ def export_c(
     folder : path-like
         Where to. An earlier package there is replaced; files that are none of its own, or were changed, are not.
     real : {"float", "double"}, optional
-        What to compute in; that of the target where nothing is said.
+        What to compute in; that of the target by default.
     what : sequence of str
-        Parts: dynamics, step, kinematics, statics, and of a closed loop estimator and mpc; where nothing is said those
+        Parts: dynamics, step, kinematics, statics, and of a closed loop estimator and mpc; by default those
         two of a closed loop, else the others. They may be mixed: the model is that of the controller's prediction.
     prefix : str
         Of all names, a C identifier.
@@ -96,7 +92,7 @@ def export_c(
     substeps : int
         Runge-Kutta steps within one.
     error : float, optional
-        Greatest relative error of the functions within the bending range; 1e-2 in float where nothing is said.
+        Greatest relative error of the functions within the bending range; 1e-2 in float by default.
     measured : bool
         Run the package on the emulated target and put sizes, stack and instruction counts into README and manifest.
 
@@ -144,10 +140,10 @@ def export_c(
     vectors = vectors_of(subject, calls_of(parts)) if calls_of(parts) else []
     words = _common_words(subject, parts, source)
     files = _library_files(subject, parts, words)
-    if kept_of(parts):
-        kept, more = kept_vectors(subject, parts, wide, files, words)
+    if stateful_of(parts):
+        added, more = stateful_vectors(subject, parts, wide, files, words)
         check_errors(kind, worst_of(more), limit)
-        vectors += kept
+        vectors += added
         errors |= more
         files = _library_files(subject, parts, words)
     files |= _further_files(subject, parts, aim, vectors, words)
@@ -235,9 +231,9 @@ def _common_words(subject: Subject, parts: Sequence[Part], source: Source) -> di
         "real": subject.real.name,
         "title": source.title,
         "sources": " ".join(_library_sources(subject.prefix, parts)),
-        "count": str(len(calls_of(parts)) + len(kept_of(parts))),
+        "count": str(len(calls_of(parts)) + len(stateful_of(parts))),
         "check_memory": "".join(
-            f"\n  {subject.prefix}_{name} {name};" for function in kept_of(parts) for name in function.types
+            f"\n  {subject.prefix}_{name} {name};" for function in stateful_of(parts) for name in function.types
         )
         or "\n  int nothing;",
         **dict.fromkeys(SIZES, UNKNOWN),
@@ -258,7 +254,7 @@ def _library_sources(prefix: str, parts: Sequence[Part]) -> list[str]:
 def _usage(subject: Subject, parts: Sequence[Part]) -> str:
     """C of a first call."""
     if not calls_of(parts):
-        return kept_usage(subject.prefix, kept_of(parts)[-1])
+        return stateful_usage(subject.prefix, stateful_of(parts)[-1])
     prefix, call = subject.prefix, next((c for c in calls_of(parts) if c.name == "step"), calls_of(parts)[0])
     lines = [f"{prefix}_model model;"]
     lines += [f"{prefix}_{a.kind.name} {a.name} = {{0}};" for a in call.inputs if a.is_struct]

@@ -1,34 +1,98 @@
 """What a package is made of: parts, each with kernels, structs, public functions and their truth.
 
 A part is what ``--what`` names. It brings the strict kernels, the structs of the header and the public functions, each
-with the C between its checked inputs and its outputs and with a twin that computes the same bits from arrays. Checks,
-declarations, documentation, test vectors and bindings all follow from that. A part written by hand in C (estimator and
-controller) brings its text in ``sources`` and ``declarations``, and its functions with memory in ``kept``.
+with the C between its checked inputs and its outputs and with a reference that computes the same bits from arrays.
+Checks, declarations, documentation, test vectors and bindings all follow from that. A part written by hand in C
+(estimator and controller) brings its text in ``sources`` and ``declarations``, its functions in ``stateful``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from enum import IntEnum
+from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.export.codes import Code
+from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
 
-if TYPE_CHECKING:
-    from continuum_grasp.export.control.host import Host
-    from continuum_grasp.export.vectors import Vectors
+__all__ = ["SECONDS", "Argument", "Bad", "Call", "Code", "Method", "Part", "Reference", "Rows", "Stateful", "Vectors"]
 
-__all__ = ["SECONDS", "Argument", "Call", "Kept", "Method", "Part", "Rows", "Twin"]
 
 Array = NDArray[Any]
 Rows = Mapping[str, Array]
 """Inputs of many calls: (count, size) by the name of the argument."""
-Twin = Callable[[Rows], tuple[Array, Array]]
+Reference = Callable[[Rows], tuple[Array, Array]]
 """Rows of the output (count, size) and the codes (count) that the C must return."""
+
+
+class Code(IntEnum):
+    """Zero: done; above: the output is good, with a warning; below: the output was not touched."""
+
+    text: str
+
+    def __new__(cls, value: int, text: str) -> Code:
+        """A code with its explanation."""
+        made = int.__new__(cls, value)
+        made._value_ = value
+        made.text = text
+        return made
+
+    OK = 0, "done"
+    WARN_COARSE_STEP = 1, "done; the step is stable but too long to be accurate"
+    WARN_LEFT_RANGE = 2, "done; the state (of a step: the next one) is out of range, and no step will take it"
+    WARN_ITERATION_LIMIT = 3, "done; the command is of a new plan that was not solved to its tolerance"
+    WARN_BOUND_LEFT = 4, "done; the command is of a new plan that leaves a soft bound"
+    WARN_PREVIOUS_PLAN = 5, "no new plan; the command is of the last one"
+    WARN_SAFE_RAMP = 6, "no plan; the command is en route to the safe one"
+    WARN_ESTIMATE_RESTARTED = 7, "the estimate was not finite or out of its range; the estimator started again"
+    WARN_BEYOND_LIMIT = 8, "done; the command is on its way to a limit that it is beyond, as fast as its rate allows"
+    ERR_NULL = -1, "a pointer is null"
+    ERR_NON_FINITE = -2, "an input or a parameter is NaN or infinite"
+    ERR_RANGE = -3, "an input or a parameter is out of its range"
+    ERR_STEP = -4, "the step is not above zero or too long to be stable"
+    ERR_RESULT = -5, "the result is not finite"
+    ERR_ABI = -6, "what is passed was not initialised, or by another version of this library"
+    ERR_CONFIGURATION = -7, "the library was made from another configuration than its caller was compiled for"
+
+
+@dataclass(frozen=True)
+class Bad:
+    """A row with one number replaced."""
+
+    row: int
+    entry: int
+    value: float
+    code: Code
+
+
+@dataclass(frozen=True)
+class Vectors:
+    """Rows of one function: inputs (count, inputs), outputs (count, outputs), codes (count); and bad inputs."""
+
+    name: str
+    runner: str
+    """C of the check program that runs a row."""
+    inputs: Array
+    outputs: Array
+    codes: NDArray[np.int_]
+    bad: tuple[Bad, ...]
+    pointers: int
+    """Count of its arguments that may be null."""
+    close: int
+    """Count of the outputs, the first ones, that must agree where rounding may differ."""
+    stateful: bool = False
+    """Whether a row depends on those before: of the memory of the function; such rows have four flags first, of
+    which the first says whether the function begins anew, and the last of which kind the call is."""
+
+    @property
+    def count(self) -> int:
+        """Cases in all."""
+        return len(self.inputs) + len(self.bad)
 
 
 @dataclass(frozen=True)
@@ -66,7 +130,7 @@ class Call:
 
     Its C takes the model, the inputs and the address of the output, and returns a code. Inputs arrive in ``body``
     checked, under the names of their arrays, the parameters as ``p``; the body fills ``result``, and may set ``code``
-    to a warning or return an error. The twin is given the rows by the same names.
+    to a warning or return an error. The reference is given the rows by the same names.
     """
 
     name: str
@@ -74,7 +138,7 @@ class Call:
     inputs: tuple[Argument, ...]
     output: Argument
     body: str
-    twin: Twin
+    reference: Reference
     guard: str = ""
     """C that may return an error once its inputs are in range each."""
     codes: tuple[Code, ...] = ()
@@ -87,7 +151,7 @@ SECONDS = "seconds"
 
 @dataclass(frozen=True)
 class Method:
-    """A further function of what is kept, ``<prefix>_<owner>_<name>``: takes structs or seconds, gives one or none."""
+    """A further function of a stateful one, ``<prefix>_<owner>_<name>``: of structs or seconds, to one or none."""
 
     name: str
     text: str
@@ -98,7 +162,7 @@ class Method:
 
 
 @dataclass(frozen=True)
-class Kept:
+class Stateful:
     """A public function that keeps something between its calls, in memory of its caller."""
 
     name: str
@@ -134,7 +198,7 @@ class Part:
     """Structs beyond those of ``calls``."""
     codes: tuple[Code, ...] = ()
     """Codes beyond those of ``calls``."""
-    kept: tuple[Kept, ...] = ()
+    stateful: tuple[Stateful, ...] = ()
     """Functions that keep something."""
 
     @property

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
+
+import casadi as ca
+import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, fields_of
-from continuum_grasp.export.meanings import meaning
+from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.equations import Equations
 
-__all__ = ["force_fields", "input_fields", "parameter_fields", "state_fields"]
+__all__ = ["TipRange", "describe", "force_fields", "input_fields", "parameter_fields", "rate_unit", "state_fields"]
+
 
 _USUAL_RATE = 10.0
 """Bending ranges per second of usual motions."""
 _SPREAD = 2.0
-"""Factor up and down from its nominal value that a parameter may take where nothing is said."""
+"""Factor up and down from its nominal value that a parameter may take by default."""
 
 _SIGNED = ("base_angle", "gravity", "rest_curvature")
 """Parameters that may be below zero."""
@@ -93,7 +100,7 @@ def force_fields(model: FingerModel) -> tuple[Field, ...]:
 
 
 def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:
-    return [replace(field, text=meaning(model, field.name)) for field in fields_of(labels)]
+    return [replace(field, text=describe(model, field.name)) for field in fields_of(labels)]
 
 
 def _reach(model: FingerModel, parameters: Sequence[Field]) -> list[float]:
@@ -134,3 +141,104 @@ def _usual(name: str, nominal: float, model: FingerModel) -> tuple[float, float]
     if nominal <= 0.0:
         raise InputError("its nominal value is zero: give its least and greatest value", key=f"ranges.{name}")
     return nominal / _SPREAD, _SPREAD * nominal
+
+
+@dataclass(frozen=True)
+class TipRange:
+    """What keeps the tip's curvature in its range.
+
+    Attributes
+    ----------
+    guard : Kernel or None
+        (x, u, p) -> use, the share of its range that it takes; None where a range of one number says the same.
+    limits : dict of str to tuple of float
+        That range, by the name of the number.
+    notes : dict of str to str
+        The condition as a sentence with the numbers of nominal parameters, by the struct that it is of, state or input.
+    """
+
+    guard: Kernel | None = None
+    limits: dict[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
+    notes: dict[str, str] = dataclasses.field(default_factory=dict)
+
+    @staticmethod
+    def of(model: FingerModel, equations: Equations) -> TipRange:
+        """That of a model; nothing where the tip is not matched."""
+        if not model.structure.matched:
+            return TipRange()
+        use = ca.SX(equations.full[-1]) * equations.lengths[-1] / model.ranges[-1]
+        given = ca.vertcat(equations.x, equations.u)
+        slopes = ca.Function("slopes", [given, equations.p], [ca.jacobian(use, given), use])
+        zero = np.zeros(given.numel())
+        slope, rest = (np.array(value).ravel() for value in slopes(zero, model.p_nominal))
+        names = [label.split(" ")[0] for label in (*model.x_names, *model.u_names)]
+        acting = np.flatnonzero(slope)
+        if len(acting) == 1 and not ca.depends_on(use, equations.p):
+            at = acting[0]
+            low, high = sorted(((-1.0 - rest[0]) / slope[at], (1.0 - rest[0]) / slope[at]))
+            return TipRange(limits={names[at]: (float(low), float(high))})
+        function = ca.Function("tip_use", [equations.x, equations.u, equations.p], [use], ["x", "u", "p"], ["use"])
+        guard = Kernel("tip_use", function, "Share of its bending range that the curvature of the tip takes.")
+        terms = " ".join(f"{slope[at]:+.6g} {names[at]}" for at in acting)
+        constant = f" {rest[0]:+.6g}" if rest[0] else ""
+        nominal = " with nominal parameters" if ca.depends_on(use, equations.p) else ""
+        note = f" The curvature of the tip must be in its range: -1 <= {terms.strip('+')}{constant} <= 1{nominal}."
+        return TipRange(guard, notes={"state" if at < len(model.x_names) else "input": note for at in acting})
+
+    def bounded(self, fields: tuple[Field, ...]) -> tuple[Field, ...]:
+        """Entries of a struct, with the range of the number that sets the curvature."""
+        limits = self.limits
+        return tuple(
+            replace(f, low=limits[f.name][0], high=limits[f.name][1]) if f.name in limits else f for f in fields
+        )
+
+
+_PATTERNS = (
+    (r"theta_(\d+)", "bend of element {0}, positive towards the base's -X"),
+    (r"kappa_(\d+)", "curvature at node {0}, counted from the base as 0"),
+    (r"(theta|kappa)_(\d+)_rate", "its rate"),
+    (r"tip_moment", "moment at the tip, positive like bends"),
+    (r"tip_moment_rate", "its rate"),
+    (r"tip_couple_(\d+)", "further moment at the tip"),
+    (r"tension_1", "tendon on the base's -X side, which bends positively"),
+    (r"tension_2", "tendon on the other side"),
+    (r"(\w+)_acceleration", "second derivative of {0}"),
+    (r"(\w+)_rate", "rate of {0}"),
+    (r"tip_([xy])", "world force at the tip"),
+    (r"load_(\d+)_([xy])", "world force of load {0}"),
+    (r"load_(\d+)_across", "force of load {0} across the finger, which it follows"),
+    (r"load_(\d+)_along", "the same along the finger"),
+    (r"load_(\d+)_moment", "moment of load {0}"),
+    (r"base_angle", "from the world's to the base's axes"),
+    (r"gravity_([xy])", "world gravity"),
+    (r"element_lengths(?:_(\d+))?", "length of the element"),
+    (r"linear_density", "mass per length"),
+    (r"bending_stiffness", "E I"),
+    (r"rotary_inertia", "per length"),
+    (r"material_damping", "moment per rate of curvature"),
+    (r"per_arc_damping", "moment per rate of an element's bend"),
+    (r"rest_curvature", "curvature of the finger that is left alone"),
+    (r"tendon_offset", "of the tendons from the backbone"),
+    (r"tendon_friction", "between tendon and guides"),
+    (r"tip_mass", "at the tip"),
+)
+
+
+def describe(model: FingerModel, name: str) -> str:
+    """What a number is; empty where its name says it."""
+    contact = re.fullmatch(r"contact_(\d+)_[xy]", name)
+    if contact:
+        return f"world force at contact {contact[1]}, {model.contacts[int(contact[1]) - 1]:g} m along the finger"
+    mass = re.fullmatch(r"mass_(\d+)", name)
+    if mass:
+        return f"at {model.finger.masses[int(mass[1])].at:g} m along the finger"
+    for pattern, text in _PATTERNS:
+        match = re.fullmatch(pattern, name)
+        if match:
+            return text.format(*(group or "" for group in match.groups()))
+    return ""
+
+
+def rate_unit(unit: str) -> str:
+    """Unit of the rate of something."""
+    return unit[:-2] + "/s2" if unit.endswith("/s") else f"{unit}/s"

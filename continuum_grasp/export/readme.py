@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from continuum_grasp.export.accuracy import OutputError
-from continuum_grasp.export.header import calls_of, codes_of_package, kept_of, structs_of
+from continuum_grasp.export.header import calls_of, codes_of_package, stateful_of, structs_of
 from continuum_grasp.export.layer import kernels_of
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.parts.step import moment_note
@@ -37,7 +37,7 @@ def readme(
         ("function", "gives", "test cases"),
         [
             (f"`{prefix}_{name}`", text.removesuffix(moment_note(subject)).rstrip(), str(vectors[name]))
-            for name, text in [(f.name, f.text) for f in calls] + [(f.name, f.text) for f in kept_of(parts)]
+            for name, text in [(f.name, f.text) for f in calls] + [(f.name, f.text) for f in stateful_of(parts)]
         ],
     )
     structs = _table(
@@ -68,10 +68,10 @@ def readme(
         "codes": codes,
         "measured": _measured(measured),
         "error_note": _error_note(subject, parts, errors),
-        "loops": "Loops have bounded counts." if kept_of(parts) else "Loops have fixed counts.",
+        "loops": "Loops have bounded counts." if stateful_of(parts) else "Loops have fixed counts.",
         "expected": _expected(parts),
         "promise": _CHECKED if calls else "",
-        "kept": _kept(subject, parts, words) if kept_of(parts) else "",
+        "stateful": _stateful(subject, parts, words) if stateful_of(parts) else "",
         "examples": _examples(prefix, {part.name for part in parts}),
         "stability": (_stability(subject) + _moment(subject) if calls else "")
         + (_OBJECT if calls and touching else ""),
@@ -130,7 +130,7 @@ def _expected(parts: Sequence[Part]) -> str:
     """Where the expected numbers of the vectors come from."""
     if not calls_of(parts):
         return "; the expected numbers are those of a build on\n  the machine that made the package."
-    if kept_of(parts):
+    if stateful_of(parts):
         return (
             "; the expected numbers of estimator and\n  controller are those of a build on the machine that made "
             "the package, the others were not\n  computed by this code."
@@ -138,12 +138,12 @@ def _expected(parts: Sequence[Part]) -> str:
     return ", of which the expected numbers were not computed by this code."
 
 
-def _kept(subject: Subject, parts: Sequence[Part], words: Mapping[str, str]) -> str:
+def _stateful(subject: Subject, parts: Sequence[Part], words: Mapping[str, str]) -> str:
     """What estimator and controller need, and what they do."""
     loop = subject.loop
     if loop is None:
         return ""
-    owners = [name for function in kept_of(parts) for name in function.types]
+    owners = [name for function in stateful_of(parts) for name in function.types]
     rows = [(f"`{subject.prefix}_{name}`", words[f"{name}_bytes"]) for name in owners]
     more = {
         **words,
@@ -199,11 +199,11 @@ def _error_note(subject: Subject, parts: Sequence[Part], errors: Mapping[str, tu
             "ranges and their corners.\n\n"
             + _table(("function", "output", "unit", "error at most", "greatest value"), rows)
         )
-    kept = kept_of(parts)
-    if kept:
+    stateful = stateful_of(parts)
+    if stateful:
         rows = [
             (f"`{subject.prefix}_{f.name}`", f"`{one.name}`", one.unit, f"{one.bound:.2g}", f"{one.greatest:.2g}")
-            for f in kept
+            for f in stateful
             for one in errors[f.name]
         ]
         texts.append(

@@ -14,7 +14,7 @@ __all__ = ["REALS", "Real", "real_of"]
 
 @dataclass(frozen=True)
 class Real:
-    """A C type with its numpy twin and its IEEE 754 layout."""
+    """A C type with its numpy reference and its IEEE 754 layout."""
 
     name: str
     dtype: Any

@@ -22,7 +22,9 @@ ACCURATE = 1.0
 MOST_SUBSTEPS = 1000
 """Within one step."""
 _CORNERS = 32
+"""Corners of the box of parameters, all of them for up to five parameters."""
 _BETWEEN = 32
+"""Shapes within the bending range, as many again: the radius is not monotonic in the shape."""
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """Mathematical functions that give the same bits everywhere: additions, multiplications and divisions alone.
 
-``c_source`` writes them as C, ``TWINS`` evaluates them on numpy arrays in the very same order of operations. Cosine and
-sine reduce the angle by multiples of pi/2 in three parts (W. J. Cody, W. Waite, Software Manual for the Elementary
+``c_source`` writes them as C, ``REFERENCE`` evaluates them on numpy arrays in the very same order of operations. Cosine
+and sine reduce the angle by multiples of pi/2 in three parts (W. J. Cody, W. Waite, Software Manual for the Elementary
 Functions, 1980), the exponential by multiples of ln 2 in two; both then are Taylor polynomials. The square root is
 Newton's iteration for its inverse from a linear guess of the exponent, and one step of Heron's.
 """
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from continuum_grasp.export.reals import Real
 from continuum_grasp.export.template import fill
 
-__all__ = ["FUNCTIONS", "c_source", "twin"]
+__all__ = ["FUNCTIONS", "c_source", "reference"]
 
 Array = NDArray[Any]
 
@@ -202,6 +202,6 @@ FUNCTIONS: dict[str, Callable[[Array, Real], Array]] = {
 """Functions that kernels may call, by name, on arrays of the precision."""
 
 
-def twin(name: str, x: Array, real: Real) -> Array:
+def reference(name: str, x: Array, real: Real) -> Array:
     """A function on an array of finite numbers."""
     return FUNCTIONS[name](x, real)

@@ -11,15 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core.precision import check_solvable
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import Field, Struct, outside
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Argument, Rows
-from continuum_grasp.export.ranges import force_fields, input_fields, parameter_fields, state_fields
+from continuum_grasp.export.part import Argument, Code, Rows
+from continuum_grasp.export.ranges import TipRange, force_fields, input_fields, parameter_fields, state_fields
 from continuum_grasp.export.reals import Real
 from continuum_grasp.export.stability import ACCURATE, STABLE, check_step, greatest_radius
-from continuum_grasp.export.tip import TipRange
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
 

@@ -1,26 +1,37 @@
 """Test vectors: inputs with the outputs, to the last bit, and the codes that the C must give.
 
-The outputs come from the kernels' twins in numpy, not from the C.
+The outputs come from the kernels' references in numpy, not from the C.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.fields import Field
-from continuum_grasp.export.part import Argument, Call
+from continuum_grasp.export.part import Argument, Bad, Call, Code, Vectors
 from continuum_grasp.export.reals import Real
-from continuum_grasp.export.runner import arguments_of, runner_of
 from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.template import fill
 
-__all__ = ["Bad", "Vectors", "arguments_of", "bad_entries", "reach_of", "sample", "split", "vectors_of"]
+__all__ = [
+    "arguments_of",
+    "bad_entries",
+    "check_source",
+    "reach_of",
+    "runner_head",
+    "runner_of",
+    "sample",
+    "split",
+    "vectors_of",
+    "vectors_source",
+]
+
 
 Array = NDArray[Any]
 
@@ -29,7 +40,7 @@ _LEAST, _IN_ALL = 64, 200
 _DRAWN = 512
 """Rows that are drawn, of which those that are refused are few."""
 _REFUSED = 4
-"""Rows kept of those that are refused."""
+"""Rows taken of those that are refused."""
 _SIDES = 8
 """Rows with every bend at a limit."""
 _HARD = 5.0
@@ -38,41 +49,6 @@ _DRAWN_BEYOND = 2.0
 """Times a number within the range, up to which vectors draw states out of it."""
 _TINY = (0.0, 1e-12, 1e-9)
 """Bends at which a formula with a division by them would fail."""
-
-
-@dataclass(frozen=True)
-class Bad:
-    """A row with one number replaced."""
-
-    row: int
-    entry: int
-    value: float
-    code: Code
-
-
-@dataclass(frozen=True)
-class Vectors:
-    """Rows of one function: inputs (count, inputs), outputs (count, outputs), codes (count); and bad inputs."""
-
-    name: str
-    runner: str
-    """C of the check program that runs a row."""
-    inputs: Array
-    outputs: Array
-    codes: NDArray[np.int_]
-    bad: tuple[Bad, ...]
-    pointers: int
-    """Count of its arguments that may be null."""
-    close: int
-    """Count of the outputs, the first ones, that must agree where rounding may differ."""
-    kept: bool = False
-    """Whether a row depends on those before: of what the function keeps; such rows have four flags first, of
-    which the first says whether the function begins anew, and the last of which kind the call is."""
-
-    @property
-    def count(self) -> int:
-        """Cases in all."""
-        return len(self.inputs) + len(self.bad)
 
 
 def vectors_of(subject: Subject, calls: Sequence[Call]) -> list[Vectors]:
@@ -85,10 +61,10 @@ def _vectors(subject: Subject, call: Call, seed: int, count: int) -> Vectors:
     """Vectors of a function: at rest, at tiny bends, overflowing, at limits, over the whole range, and bad ones."""
     arguments = arguments_of(subject, call)
     rows = sample(subject, arguments, seed, _DRAWN).astype(subject.real.dtype)
-    outputs, codes = call.twin(split(rows, arguments))
+    outputs, codes = call.reference(split(rows, arguments))
     good, refused = np.flatnonzero(codes >= 0), np.flatnonzero(codes < 0)
-    kept = np.sort(np.concatenate([good[: count - min(_REFUSED, len(refused))], refused[:_REFUSED]]))
-    rows, outputs, codes = rows[kept], outputs[kept], codes[kept]
+    chosen = np.sort(np.concatenate([good[: count - min(_REFUSED, len(refused))], refused[:_REFUSED]]))
+    rows, outputs, codes = rows[chosen], outputs[chosen], codes[chosen]
     base = int(np.flatnonzero(codes >= 0)[0])
     bad = tuple(_bad(subject.real, arguments, base))
     pointers = 2 + sum(a.is_struct for a in call.inputs)
@@ -172,3 +148,132 @@ def _beyond(real: Real, limit: float, side: float) -> float:
     if limit == 0.0:
         return side * real.least_normal
     return float(np.nextafter(real.dtype(limit), real.dtype(side * np.inf)))
+
+
+def runner_head(name: str, prefix: str) -> str:
+    """What all of them begin with: null is the number of the pointer that is null, repeat how often it is called."""
+    return (
+        f"static int run_{name}(check_memory *memory, const {prefix}_real *row, {prefix}_real *out, "
+        "uint32_t other_abi, int null,\n"
+        f"{' ' * len(f'static int run_{name}(')}int repeat)"
+    )
+
+
+def arguments_of(subject: Subject, call: Call) -> list[Argument]:
+    """Parameters and inputs of a function, in the order of the rows."""
+    if subject.parameters is None:
+        return list(call.inputs)
+    return [Argument("parameters", subject.parameters, "p"), *call.inputs]
+
+
+def runner_of(subject: Subject, call: Call) -> str:
+    """C that runs a function without memory on a row."""
+    prefix = subject.prefix
+    declared, copied, passed, at, pointer = [], [], [], 0, 0
+
+    def address(expression: str) -> str:
+        nonlocal pointer
+        pointer += 1
+        return f"null == {pointer} ? 0 : {expression}"
+
+    passed.append(address("&model"))
+    for argument in arguments_of(subject, call):
+        if argument.name == "parameters":
+            copied.append(f"  memcpy(&model.parameters, row + {at}, sizeof model.parameters);")
+        elif argument.is_struct:
+            declared.append(f"  {prefix}_{argument.kind.name} {argument.name};")
+            copied.append(f"  memcpy(&{argument.name}, row + {at}, sizeof {argument.name});")
+            passed.append(address(f"&{argument.name}"))
+        else:
+            passed.append(f"row[{at}]")
+        at += argument.size
+    output: Argument = call.output
+    declared.append(f"  {prefix}_{output.kind.name} {output.name};")
+    passed.append(address(f"&{output.name}"))
+    newline = "\n"
+    return f"""\
+{runner_head(call.name, prefix)}
+{{
+  {prefix}_model model;
+{newline.join(declared)}
+  int k, code = {prefix}_init(&model);
+  (void)memory;
+{newline.join(copied)}
+  memcpy(&{output.name}, out, sizeof {output.name});
+  model.abi ^= other_abi;
+  for (k = 0; k < repeat; ++k)
+    code = {prefix}_{call.name}({", ".join(passed)});
+  memcpy(out, &{output.name}, sizeof {output.name});
+  return code;
+}}
+"""
+
+
+_RANDOM = {
+    "float": "next_random(seed)",
+    "double": "(uint64_t)next_random(seed) << 32 | next_random(seed)",
+}
+"""C of random bits of a real number."""
+
+
+def vectors_source(subject: Subject, vectors: Sequence[Vectors], words: dict[str, str]) -> str:
+    """Header with the vectors as hexadecimal floating literals."""
+    tables = "\n".join(_tables(v, subject.prefix, subject.real) for v in vectors)
+    return fill("tests/vectors.h", {**words, "tables": tables, "width": str(subject.real.width)})
+
+
+def check_source(subject: Subject, vectors: Sequence[Vectors], words: dict[str, str]) -> str:
+    """C that runs the vectors without a library but memcpy."""
+    table = ",\n".join(
+        f'  {{"{v.name}", run_{v.name}, {v.name}_inputs, {v.name}_outputs, {v.name}_codes, '
+        f"{v.name}_bad, "
+        f"{v.name}_spoilt,\n   {len(v.inputs)}, {v.inputs.shape[1]}, {v.outputs.shape[1]}, {v.close}, {len(v.bad)}, "
+        f"{v.pointers}, {int(v.stateful)}}}"
+        for v in vectors
+    )
+    more = {
+        "runners": "\n".join(v.runner for v in vectors),
+        "table": table,
+        "count": str(len(vectors)),
+        "most_inputs": str(max(v.inputs.shape[1] for v in vectors)),
+        "most_outputs": str(max(v.outputs.shape[1] for v in vectors)),
+        "width": str(subject.real.width),
+        "exponent": hex(subject.real.exponent_mask) + "u" + subject.real.bits_suffix,
+        "random_bits": _RANDOM[subject.real.name],
+    }
+    return fill("tests/check.c", {**words, **more})
+
+
+def _tables(vectors: Vectors, prefix: str, real: Real) -> str:
+    name, untouched = vectors.name, (vectors.codes < 0)[:, None]
+    bad = [(b.row, b.entry, _bits(b.value, real), int(b.code)) for b in vectors.bad]
+    spoilt = [
+        (int(k), int(j), _bits(vectors.inputs[k, j], real), 0) for k, j in np.argwhere(~np.isfinite(vectors.inputs))
+    ]
+    return f"""\
+static const {prefix}_real {name}_inputs[] = {{
+{_rows(np.where(np.isfinite(vectors.inputs), vectors.inputs, 0), real)}
+}};
+static const {prefix}_real {name}_outputs[] = {{
+{_rows(np.where(untouched, 0, vectors.outputs), real)}
+}};
+static const signed char {name}_codes[] = {{{", ".join(str(int(code)) for code in vectors.codes)}}};
+static const bad_input {name}_bad[] = {{
+{_entries(bad)}
+}};
+static const bad_input {name}_spoilt[] = {{
+{_entries([*spoilt, (-1, 0, _bits(0.0, real), 0)])}
+}};
+"""
+
+
+def _entries(rows: Sequence[tuple[int, int, str, int]]) -> str:
+    return ",\n".join(f"  {{{', '.join(map(str, row))}}}" for row in rows)
+
+
+def _rows(rows: np.ndarray, real: Real) -> str:
+    return ",\n".join("  " + ", ".join(real.hexadecimal(v) for v in row) for row in rows)
+
+
+def _bits(value: float, real: Real) -> str:
+    return hex(int(np.array([value], dtype=real.dtype).view(real.bits)[0])) + "u" + real.bits_suffix

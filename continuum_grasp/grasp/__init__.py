@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-_ROOMS = {
+_MODULES = {
     "certificate.certificate": ("Certificate", "Check", "certify"),
     "result": ("Contact", "FingerPosture", "GraspResult", "Reason", "Status"),
     "solve": ("optimize_grasp",),
 }
-_NAMES = {name: room for room, names in _ROOMS.items() for name in names}
+_NAMES = {name: room for room, names in _MODULES.items() for name in names}
 
 __all__ = [
     "Certificate",

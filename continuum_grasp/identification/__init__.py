@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from continuum_grasp._lazy import lazy_names
 
-_ROOMS = {
+_MODULES = {
     "continuum_grasp.identification.damped_sine": ("DampedSine", "fit_damped_sine"),
     "continuum_grasp.identification.data": ("Frequencies", "Poses", "Reading", "TipPath"),
     "continuum_grasp.identification.fit": ("Error", "Fit"),
@@ -19,7 +19,7 @@ _ROOMS = {
     "continuum_grasp.identification.table": ("Table", "read_table"),
     "continuum_grasp.scene.identify": ("Estimate", "IdentifyScene"),
 }
-__all__ = [name for names in _ROOMS.values() for name in names]
+__all__ = [name for names in _MODULES.values() for name in names]
 
 if TYPE_CHECKING:
     from continuum_grasp.identification.damped_sine import DampedSine as DampedSine
@@ -38,4 +38,4 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.identify import Estimate as Estimate
     from continuum_grasp.scene.identify import IdentifyScene as IdentifyScene
 
-__getattr__, __dir__ = lazy_names(__name__, _ROOMS)
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -9,7 +9,7 @@ from os import PathLike
 from continuum_grasp import interrupt
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.closed_loop.run import closed_loop
+from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.grasp.result import GraspResult
@@ -85,7 +85,7 @@ class Crew:
         plant = mission_plant(of, self.timetable, control.prediction, asked, self._model)
         schedule = self.timetable.phases(control.stages)
         try:
-            found = closed_loop(of.control, controller=control, plant=plant, schedule=schedule, progress=progress)
+            found = run_closed_loop(of.control, controller=control, plant=plant, schedule=schedule, progress=progress)
         except (Interrupted, NumericalError) as error:
             if isinstance(error.result, ControlRun):
                 error.result = self._judged(asked, error.result)

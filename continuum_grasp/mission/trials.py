@@ -16,7 +16,7 @@ import numpy as np
 from continuum_grasp import interrupt
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.interrupt import kept_from_children
+from continuum_grasp.interrupt import ignored_by_children
 from continuum_grasp.mission.assignment import Assignment, assign
 from continuum_grasp.mission.outcomes import Outcome
 from continuum_grasp.mission.plant import Variation
@@ -106,7 +106,7 @@ def _outcomes(assignment: Assignment, drawn: list[Variation], jobs: int) -> Iter
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
     with ProcessPoolExecutor(jobs, context, _start, (assignment, stop)) as pool:
-        with kept_from_children():
+        with ignored_by_children():
             asked = {pool.submit(_run, variation): k for k, variation in enumerate(drawn)}
         try:
             for future in as_completed(asked):

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 from continuum_grasp._lazy import lazy_names
 
-_ROOMS = {
+_MODULES = {
     "continuum_grasp.planning.solve": ("plan",),
     "continuum_grasp.planning.result": ("Constraint", "Plan", "PlanStatus"),
     "continuum_grasp.planning.files": ("load_plan",),
 }
-__all__ = [name for names in _ROOMS.values() for name in names]
+__all__ = [name for names in _MODULES.values() for name in names]
 
 if TYPE_CHECKING:
     from continuum_grasp.planning.files import load_plan as load_plan
@@ -20,4 +20,4 @@ if TYPE_CHECKING:
     from continuum_grasp.planning.result import PlanStatus as PlanStatus
     from continuum_grasp.planning.solve import plan as plan
 
-__getattr__, __dir__ = lazy_names(__name__, _ROOMS)
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from continuum_grasp._lazy import lazy_names
 
-_ROOMS = {
+_MODULES = {
     "continuum_grasp.scene.control": ("ControlScene",),
     "continuum_grasp.scene.controller": (
         "Bounds",
@@ -93,7 +93,7 @@ _ROOMS = {
     "continuum_grasp.scene.supports": ("Line", "Palm", "Point", "VGroove"),
     "continuum_grasp.scene.simulate": ("Fidelity", "Initial", "Scene", "Timing"),
 }
-__all__ = [name for names in _ROOMS.values() for name in names]
+__all__ = [name for names in _MODULES.values() for name in names]
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.control import ControlScene as ControlScene
@@ -167,4 +167,4 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.supports import Point as Point
     from continuum_grasp.scene.supports import VGroove as VGroove
 
-__getattr__, __dir__ = lazy_names(__name__, _ROOMS)
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -40,6 +40,7 @@ __all__ = [
 ]
 
 _VERSION = 1
+"""``schema_version`` of the configurations that this version reads."""
 _MODELS = {
     "simulate": ("simulate", "Scene"),
     "identify": ("identify", "IdentifyScene"),

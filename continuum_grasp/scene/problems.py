@@ -18,6 +18,7 @@ from continuum_grasp.scene.shape import Shape
 __all__ = ["Problem", "explain", "input_error", "nearest", "raise_problems"]
 
 _MOST = 20
+"""Problems that are listed: what a terminal shows at once."""
 _KINDS = {
     "float_type": "a number",
     "int_type": "a whole number",

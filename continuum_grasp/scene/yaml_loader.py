@@ -18,9 +18,13 @@ from continuum_grasp.scene.files import refuse_what_is_no_file
 __all__ = ["parse_yaml", "read_yaml"]
 
 MAX_BYTES = 2_000_000
+"""600 times the largest shipped configuration; a list of that size takes 3 s to read."""
 MAX_ALIASES = 100
+"""No configuration needs more; aliases of aliases grow without bound ("billion laughs")."""
 MAX_NODES = 300_000
+"""Values after aliases were followed: what a file of MAX_BYTES can hold without any."""
 MAX_DEPTH = 40
+"""Levels; a scene has eight, and Python's recursion ends at a thousand."""
 
 
 class _Loader(yaml.SafeLoader):

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 from continuum_grasp._lazy import lazy_names
 
-_ROOMS = {
+_MODULES = {
     "continuum_grasp.sweeps.progress": ("Progress",),
     "continuum_grasp.sweeps.run": ("sweep",),
     "continuum_grasp.sweeps.table": ("SweepTable", "sweep_table"),
 }
-__all__ = [name for names in _ROOMS.values() for name in names]
+__all__ = [name for names in _MODULES.values() for name in names]
 
 if TYPE_CHECKING:
     from continuum_grasp.sweeps.progress import Progress as Progress
@@ -19,4 +19,4 @@ if TYPE_CHECKING:
     from continuum_grasp.sweeps.table import SweepTable as SweepTable
     from continuum_grasp.sweeps.table import sweep_table as sweep_table
 
-__getattr__, __dir__ = lazy_names(__name__, _ROOMS)
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.interrupt import kept_from_children
+from continuum_grasp.interrupt import ignored_by_children
 
 __all__ = ["Crew", "ExecutorCrew", "LocalCrew", "checked_count", "cores"]
 
@@ -83,7 +83,7 @@ class LocalCrew:
                 return seat.busy
         except BrokenExecutor:  # its process died
             pass
-        with _one_thread(), kept_from_children():
+        with _one_thread(), ignored_by_children():
             pool = ProcessPoolExecutor(1, self._context, _prepare, (self._watched,))
             started = pool.submit(_here)
         self._seats[k] = seat = _Seat(pool, started, pool.submit(work, *arguments))

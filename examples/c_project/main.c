@@ -1,4 +1,4 @@
-/* The tip of a tendon-driven finger follows set-points under predictive control, all of it in C: the plant is plant_step
+/* The tip of a tendon-driven finger follows setpoints under predictive control, all of it in C: the plant is plant_step
  * of one package, estimator and controller are finger_mpc of another, which knows a coarser and softer finger. A camera
  * sees the tip with noise, and for a moment does not see it. Writes CSV.
  *

@@ -24,7 +24,7 @@ def release():
 
 @pytest.fixture(scope="module")
 def report(release):
-    return cg.accuracy(release, counts=(1, 2, 4))
+    return cg.accuracy_report(release, counts=(1, 2, 4))
 
 
 def rows(report, model):
@@ -107,7 +107,7 @@ def test_it_is_saved_whole(report, tmp_path):
 
 
 def test_a_scene_at_rest_has_no_motion():
-    report = cg.accuracy(rod_scene(NITINOL, None, None, fidelity={"bending_range": None}), counts=(1, 2))
+    report = cg.accuracy_report(rod_scene(NITINOL, None, None, fidelity={"bending_range": None}), counts=(1, 2))
     assert report.reference is None
     assert all(math.isnan(value) for value in report.choices.column("motion / L"))
     assert np.all(np.array(report.choices.column("tip / L")) > 0.0)
@@ -123,4 +123,4 @@ def test_a_table_reads_and_parses():
 def test_coordinates_of_one_model_are_refused():
     posed = rod_scene(NITINOL, "arc", 2, initial={"q": [0.1, 0.1]})
     with pytest.raises(cg.InputError, match="give a pose"):
-        cg.accuracy(posed)
+        cg.accuracy_report(posed)

@@ -55,7 +55,7 @@ def test_public_names_are_all_there():
         continuum_grasp.nothing  # noqa: B018
 
 
-@pytest.mark.parametrize("verb", ["simulate", "grasp", "sweep", "modes", "codegen", "schema", "validate", "doctor"])
+@pytest.mark.parametrize("verb", ["simulate", "grasp", "sweep", "modes", "export-c", "schema", "validate", "doctor"])
 def test_every_verb_explains_itself(verb):
     assert run(verb, "--help").exit_code == 0
     assert verb in run("--help").output
@@ -79,7 +79,7 @@ def test_version():
         ("simulate", RELEASE, "--out", FINGER),
         ("grasp", RELEASE),
         ("modes", FINGER),
-        ("codegen", FINGER),
+        ("export-c", FINGER),
         ("schema",),
         ("schema", "other"),
         ("validate", "none.yaml"),
@@ -183,13 +183,13 @@ class FakeTrajectory(SimpleNamespace):
 
 @pytest.fixture
 def pretend(monkeypatch, tmp_path):
-    """Replace functions of a room, and stand in an empty folder."""
+    """Replace functions of a module, and stand in an empty folder."""
     monkeypatch.chdir(tmp_path)
 
-    def _pretend(room, **names):
-        module = ModuleType(room)
+    def _pretend(name, **names):
+        module = ModuleType(name)
         vars(module).update(names)
-        monkeypatch.setitem(sys.modules, room, module)
+        monkeypatch.setitem(sys.modules, name, module)
 
     return _pretend
 
@@ -244,10 +244,10 @@ def test_modes_prints_a_table(pretend):
     assert json.loads(run("modes", RELEASE, "--json").stdout)["frequencies_hz"] == [2.5, 15.7]
 
 
-def test_codegen_lists_its_files(tmp_path):
-    lines = run("codegen", RELEASE, "--out", str(tmp_path / "c")).stdout.splitlines()
+def test_plain_c_lists_its_files(tmp_path):
+    lines = run("export-c", RELEASE, "--casadi", "tip", "--out", str(tmp_path / "c")).stdout.splitlines()
     assert sorted(lines) == sorted(str(path) for path in (tmp_path / "c").iterdir() if path.name[0] != ".")
-    assert {Path(line).name for line in lines} == {"finger.c", "finger.h", "main.c"}
+    assert {Path(line).name for line in lines} == {"finger.c", "finger.h", "MANIFEST.json"}
 
 
 KINDS = {
@@ -262,7 +262,7 @@ TAKES = {"simulate": ["simulate"], "grasp": ["grasp"], "plan": ["plan"], "mpc": 
 
 
 @pytest.mark.parametrize(("command", "kind"), [(c, k) for c in TAKES for k in KINDS if k not in TAKES[c]])
-def test_a_file_of_another_kind_is_told_with_its_own_command(command, kind):
+def test_a_file_of_another_kind_is_reported_with_its_own_command(command, kind):
     name, called = KINDS[kind]
     result = run(command, str(Path(__file__).parents[2] / "configs" / kind / name))
     assert result.exit_code == 2

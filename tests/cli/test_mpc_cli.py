@@ -58,17 +58,17 @@ def done(config):
     return folder, json.loads(result.output)
 
 
-def test_files_are_those_that_are_told(done):
-    folder, told = done
-    made = {path.stem for path in map(Path, told["files"]) if path.is_file()}
+def test_files_are_those_that_are_listed(done):
+    folder, found = done
+    made = {path.stem for path in map(Path, found["files"]) if path.is_file()}
     assert made == {*PICTURES, "animation"}
     assert {"result.npz", "meta.json", "report.txt"} <= {path.name for path in folder.iterdir()}
-    assert told["folder"] == str(folder)
+    assert found["folder"] == str(folder)
 
 
 def test_numbers_are_those_of_the_arrays(done):
-    folder, told = done
-    stored, metrics = read_run(folder), told["metrics"]
+    folder, found = done
+    stored, metrics = read_run(folder), found["metrics"]
     arrays = stored.arrays
     distance = np.linalg.norm(arrays["tip"] - SMALL["reference"]["tip"], axis=1)
     assert metrics["tracking"][0]["rms"] == pytest.approx(np.sqrt(np.mean(distance**2)))

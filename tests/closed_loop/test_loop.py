@@ -20,7 +20,7 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.plant_scene import plant_scene
 from continuum_grasp.closed_loop.readings import Bound, Readings
-from continuum_grasp.closed_loop.run import closed_loop
+from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.problem import stages_of
@@ -77,7 +77,7 @@ def make(**changes):
 
 @cache
 def run(estimated=True, **changes):
-    return closed_loop(make(estimator=ESTIMATOR if estimated else None, **changes))
+    return run_closed_loop(make(estimator=ESTIMATOR if estimated else None, **changes))
 
 
 # -- the plant --------------------------------------------------------------------------------------------------------
@@ -347,10 +347,10 @@ def test_the_tip_goes_where_it_is_told():
 
 
 def test_a_run_repeats_with_its_seed():
-    one, same = run(), closed_loop(make(estimator=ESTIMATOR))
+    one, same = run(), run_closed_loop(make(estimator=ESTIMATOR))
     for name in ("x", "u", "y", "estimate", "std", "plan_tip", "tracked"):
         assert np.array_equal(getattr(one, name), getattr(same, name)), name
-    other = closed_loop(make(estimator=ESTIMATOR, plant=make().plant.model_copy(update={"seed": 5})))
+    other = run_closed_loop(make(estimator=ESTIMATOR, plant=make().plant.model_copy(update={"seed": 5})))
     assert not np.array_equal(one.u, other.u)
 
 
@@ -365,7 +365,7 @@ def test_the_plan_begins_at_the_estimate():
 
 def test_real_time_iterations_lose_little_against_convergence():
     scene = make()
-    cost, best = run(False).metrics().cost, closed_loop(scene, controller=Converged(scene)).metrics().cost
+    cost, best = run(False).metrics().cost, run_closed_loop(scene, controller=Converged(scene)).metrics().cost
     assert best * 0.999 < cost < best * 1.01
 
 
@@ -401,7 +401,7 @@ def test_the_estimator_leaves_no_offset():
         plant={"fidelity": {"family": "arc", "elements": 4}, "stiffness": 1.1, "noise": 0.0},
         duration=1.2,
     )
-    assert closed_loop(scene).metrics().tracking[0].final < 1e-3 * 0.18
+    assert run_closed_loop(scene).metrics().tracking[0].final < 1e-3 * 0.18
 
 
 def test_phases_have_their_own_set_points():
@@ -412,16 +412,16 @@ def test_phases_have_their_own_set_points():
         Phase("go", lambda t: np.tile(away, (len(t), 1)), 0.2),
         Phase("return", lambda t: np.tile(home, (len(t), 1)), 1.0, until=lambda moment: moment.t > 0.295),
     ]
-    found = closed_loop(scene, schedule=phases)
+    found = run_closed_loop(scene, schedule=phases)
     assert [name for _, name in found.events] == ["go", "return"]
     assert found.t[-1] == pytest.approx(0.5)
     assert np.linalg.norm(found.tip[-1] - (0.0, 0.18)) < 5e-3
     with pytest.raises(InputError, match="duration"):
-        closed_loop(scene)
+        run_closed_loop(scene)
 
 
 def test_functions_of_time_are_followed():
-    found = closed_loop(make(estimator=ESTIMATOR, duration=0.3), functions={"tip": lambda t: (0.0, 0.18)})
+    found = run_closed_loop(make(estimator=ESTIMATOR, duration=0.3), functions={"tip": lambda t: (0.0, 0.18)})
     assert found.r[:, :2].tolist() == [[0.0, 0.18]] * 31
     assert np.linalg.norm(found.tip - (0.0, 0.18), axis=1).max() < 3e-3
 
@@ -432,7 +432,7 @@ def test_an_interrupted_run_keeps_what_it_has(tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted) as caught:
-        closed_loop(make(estimator=ESTIMATOR), progress=stop)
+        run_closed_loop(make(estimator=ESTIMATOR), progress=stop)
     kept = caught.value.result
     assert (kept.ended, len(kept.u)) == ("stopped", 10)
     assert np.array_equal(kept.u, run().u[:10])
@@ -443,7 +443,7 @@ def test_an_interrupted_run_keeps_what_it_has(tmp_path):
 def test_a_lost_motion_keeps_what_it_has():
     blow = VectorSamples(times=(0.1, 0.11), values=((0.0, 0.0), (1e9, 0.0)))
     with pytest.raises(NumericalError, match="not finite") as caught:
-        closed_loop(make(estimator=ESTIMATOR, loads=(ForceLoad(at=0.18, force=blow),)))
+        run_closed_loop(make(estimator=ESTIMATOR, loads=(ForceLoad(at=0.18, force=blow),)))
     kept = caught.value.result
     assert 9 <= len(kept.u) <= 14
     assert np.all(np.isfinite(kept.x))

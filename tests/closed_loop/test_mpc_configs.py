@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from continuum_grasp.closed_loop.run import closed_loop
+from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
 
@@ -18,7 +18,7 @@ ARCS = "fidelity.family=arc"  # a controller that is compiled in a quarter of th
 
 
 def run(name, seconds, *changes):
-    return closed_loop(
+    return run_closed_loop(
         load(FOLDER / f"{name}.yaml", [f"duration={seconds}", f"plant.fidelity.elements={FINE}", *changes])
     )
 

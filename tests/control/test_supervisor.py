@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.closed_loop.run import closed_loop
+from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.status import Anomaly, Health, Trip, Verdict
 from continuum_grasp.core.compiler import find_compiler
@@ -60,7 +60,7 @@ class Faulty(Plant):
 def run(*changes: str, duration=3.0, **faults):
     scene = load(SCENE, (f"duration={duration}", *changes))
     control = controller(*[c for c in changes if not c.startswith("plant.")])
-    return closed_loop(scene, controller=control, plant=Faulty(scene, **faults) if faults else None)
+    return run_closed_loop(scene, controller=control, plant=Faulty(scene, **faults) if faults else None)
 
 
 def error(found) -> float:
@@ -93,7 +93,7 @@ def test_a_wrong_lag_is_held_at_a_hasty_weight_too():
     """The loop that once swung by 95 mm with 279 of 300 commands solved and nothing else said."""
     with pytest.warns(UserWarning, match="input_rate"):
         scene = load(SCENE, ("plant.time_constant=0.01", "controller.cost.input_rate=5e-5"))
-    found = closed_loop(scene, controller=Controller(scene, deadline=math.inf))
+    found = run_closed_loop(scene, controller=Controller(scene, deadline=math.inf))
     assert error(found) < 2e-3
     assert first(found, "mismatch", "detuned") < 0.3
     assert "tension" in found.warnings[0]
@@ -304,7 +304,7 @@ def test_single_precision_judges_alike():
     scene = load(SCENE, ("duration=3.0",))
     single = Controller(scene, precision="float", deadline=math.inf)
     faults = {"sensors": swapped((0, 1))}
-    found = closed_loop(scene, controller=single, plant=Faulty(scene, **faults))
+    found = run_closed_loop(scene, controller=single, plant=Faulty(scene, **faults))
     double = run(**faults)
     assert abs(first(found, "tripped") - first(double, "tripped")) < 0.2
     assert abs(first(found, "mismatch", "detuned") - first(double, "mismatch", "detuned")) < 0.02

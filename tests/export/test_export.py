@@ -18,8 +18,8 @@ from scipy.integrate import solve_ivp
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.header import calls_of
+from continuum_grasp.export.part import Code
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.parts.step import moment_note
 from continuum_grasp.export.reals import REALS
@@ -32,7 +32,7 @@ from continuum_grasp.scene.load import load
 from tests.export_cases import ROOT, STRICT, TENDONS, needs, packages, run, scene, shared_library, two_arcs  # noqa: F401
 
 FILES = ("include/finger.h", "README.md")
-NAMES = ("rubbing", "contact", "tendons")
+NAMES = ("friction", "contact", "tendons")
 
 
 # What is in the folder.
@@ -67,7 +67,7 @@ def test_made_again_every_byte_is_the_same(target, tmp_path):
 
 
 def test_the_header_says_it_all(packages):  # noqa: F811
-    header = (packages("rubbing", "float") / "include/finger.h").read_text()
+    header = (packages("friction", "float") / "include/finger.h").read_text()
     assert "casadi" not in header.lower()
     for struct in ("parameters", "state", "input", "rate", "section", "balance", "model"):
         assert f"}} finger_{struct};" in header
@@ -167,8 +167,8 @@ def test_the_stated_rounding_errors_hold_on_other_rows(name, packages):  # noqa:
         for k in range(20):
             share = rng.uniform(size=(2000, len(low))) if k % 2 else rng.beta(0.1, 0.1, (2000, len(low)))
             rows = (low + (high - low) * share).astype(np.float32)
-            found, codes = call.twin(split(rows, arguments))
-            true, _ = wide.twin(split(rows.astype(float), arguments))
+            found, codes = call.reference(split(rows, arguments))
+            true, _ = wide.reference(split(rows.astype(float), arguments))
             good = (codes >= 0) & (codes != Code.WARN_LEFT_RANGE)
             worst = np.maximum(worst, np.abs(found - true)[good].max(axis=0))
         assert list(stated[call.name]["errors"]) == [field.name for field in call.output.fields]
@@ -208,13 +208,13 @@ def test_a_step_follows_the_motion_to_fourth_order(packages, tmp_path):  # noqa:
 
 def test_header_and_readme_say_what_the_tip_moment_may_do(packages):  # noqa: F811
     """A matched tip without rates cannot follow one that changes; a lag, or another family, can."""
-    told = {
+    expected = {
         name: [" ".join((packages(name, "double") / file).read_text().split()) for file in files]
         for name, files in (("contact", FILES), ("tendons", FILES), ("arcs", FILES))
     }
-    for text in told["contact"]:
+    for text in expected["contact"]:
         assert "The tip moment must be the same in every step of a motion" in text
-    for text in (*told["tendons"], *told["arcs"]):
+    for text in (*expected["tendons"], *expected["arcs"]):
         assert "must be the same in every step" not in text
     rates = FingerModel(scene("contact"), family="matched_clothoid", input_rates=True)
     note = moment_note(Subject.of(rates, "finger", REALS["double"], {}, None, 1))
@@ -223,8 +223,8 @@ def test_header_and_readme_say_what_the_tip_moment_may_do(packages):  # noqa: F8
 
 @needs("cc")
 def test_parameters_are_retuned_without_a_new_export(packages, tmp_path):  # noqa: F811
-    finger, library = shared_library(packages("rubbing", "double"), tmp_path)
-    model = FingerModel(scene("rubbing"))
+    finger, library = shared_library(packages("friction", "double"), tmp_path)
+    model = FingerModel(scene("friction"))
     values = [0.7, 0.004, 0.3, 5e-3]
     library.model.parameters = finger.Parameters(*values)
     x, u = [0.3, -0.2, 1.0, 2.0, 0.01, 0.0], [3.0, 1.0]
@@ -271,7 +271,7 @@ def test_at_the_longest_step_the_motion_dies_out(name, packages, tmp_path):  # n
     assert max(sizes[-400:]) < 0.1 * max(sizes[:400])
 
 
-def test_a_step_that_is_too_long_and_one_that_is_coarse_are_told():
+def test_a_step_that_is_too_long_and_one_that_is_coarse_are_reported():
     subject = Subject.of(FingerModel(scene("arcs")), "finger", REALS["float"], {}, None, 1)
     call = PARTS["step"](subject).calls[0]
     argument = call.inputs[-1]
@@ -288,8 +288,8 @@ def test_sub_steps_are_steps():
     x = np.array([[0.2, -0.1, 1.0, 2.0, 0.0, 0.0]])
     at, h = x, 2e-3
     for _ in range(4):
-        at = PARTS["step"](one).calls[0].twin({**rows, "x": at, "h": np.array([[h / 4]])})[0]
-    found = PARTS["step"](four).calls[0].twin({**rows, "x": x, "h": np.array([[h]])})[0]
+        at = PARTS["step"](one).calls[0].reference({**rows, "x": at, "h": np.array([[h / 4]])})[0]
+    found = PARTS["step"](four).calls[0].reference({**rows, "x": x, "h": np.array([[h]])})[0]
     assert np.abs(found - at).max() <= 1e-14 * np.abs(at).max()
 
 
@@ -363,7 +363,7 @@ def test_the_number_of_the_interface_changes_with_whatever_a_caller_sees(tmp_pat
 
 
 @needs("cc")
-def test_another_configuration_is_told_at_run_time(packages, tmp_path):  # noqa: F811
+def test_another_configuration_is_reported_at_run_time(packages, tmp_path):  # noqa: F811
     finger, library = shared_library(packages("arcs", "double"), tmp_path)
     stated = json.loads((packages("arcs", "double") / "MANIFEST.json").read_text())["configuration_hash"]
     asked = {finger.CONFIGURATION: 0, "": -7, stated[:-1]: -7, f"{stated}0": -7, "0" * 16: -7}
@@ -453,7 +453,7 @@ def test_what_cannot_be_made_is_refused(keywords, message, tmp_path):
 )
 def test_ranges_that_are_none_are_refused(ranges, message, tmp_path):
     with pytest.raises(InputError, match=message):
-        export_c(scene("rubbing"), tmp_path, ranges=ranges)
+        export_c(scene("friction"), tmp_path, ranges=ranges)
 
 
 def test_a_step_does_not_matter_where_nothing_steps(tmp_path):
@@ -490,7 +490,7 @@ def test_a_range_that_single_precision_cannot_hold_is_refused(tmp_path):
 
 def test_a_wider_parameter_shortens_the_step():
     """A lighter tip moves faster."""
-    model = FingerModel(scene("rubbing"))
+    model = FingerModel(scene("friction"))
     light, heavy = (
         Subject.of(model, "finger", REALS["double"], {"tip_mass": pair}, None, 1)
         for pair in ((0.0, 2e-3), (2e-3, 5e-3))

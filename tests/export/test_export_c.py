@@ -9,11 +9,11 @@ import re
 import numpy as np
 import pytest
 
-from continuum_grasp.export.codes import Code
+from continuum_grasp.export.part import Code
 from continuum_grasp.export.reals import REALS
 from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, packages, run, shared_library  # noqa: F401
 
-CASES = [("rubbing", "float"), ("contact", "double")]
+CASES = [("friction", "float"), ("contact", "double")]
 COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
 MAY_NEED = {"memcpy", "memset"}
 """What compiled code may call beyond its own."""
@@ -32,15 +32,15 @@ def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, package
 @pytest.mark.parametrize("flags", ["-O0", "-O3"])
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_at_every_level(compiler, flags, packages, tmp_path):  # noqa: F811
-    (program,) = compile_programs(compiler, packages("rubbing", "float"), tmp_path, "main", *STRICT, flags)
+    (program,) = compile_programs(compiler, packages("friction", "float"), tmp_path, "main", *STRICT, flags)
     run(program)
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("real", REALS)
 def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(real, compiler, packages, tmp_path):  # noqa: F811
-    """NaN and infinity are found although the compiler is told that there are none."""
-    package = packages("rubbing", real)
+    """NaN and infinity are found although the compiler may assume that there are none."""
+    package = packages("friction", real)
     tolerance = {"float": "2e-3", "double": "1e-11"}[real]
     fast = ("-std=c99", "-O3", "-ffast-math", "-march=native")
     vectors, fuzz = compile_programs(compiler, package, tmp_path, "main fuzz", *fast)
@@ -51,7 +51,7 @@ def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(real, comp
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
     flags = (*STRICT, "-O1", "-g", SANITIZE, "-fno-sanitize-recover=all")
-    vectors, fuzz = compile_programs(compiler, packages("rubbing", "float"), tmp_path, "main fuzz", *flags)
+    vectors, fuzz = compile_programs(compiler, packages("friction", "float"), tmp_path, "main fuzz", *flags)
     run(vectors)
     run(fuzz, 5000)
 
@@ -59,13 +59,13 @@ def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
 @needs("gcc")
 def test_threads_do_not_meet(packages, tmp_path):  # noqa: F811
     flags = (*STRICT, "-O1", "-g", "-fsanitize=thread", "-pthread")
-    (program,) = compile_programs("gcc", packages("rubbing", "double"), tmp_path, "threads", *flags)
+    (program,) = compile_programs("gcc", packages("friction", "double"), tmp_path, "threads", *flags)
     assert "0 cases failed" in run(program)
 
 
 @needs("gcc", "nm")
 @pytest.mark.parametrize(("name", "real"), CASES)
-def test_nothing_is_called_and_nothing_is_kept(name, real, packages, tmp_path):  # noqa: F811
+def test_nothing_is_called_and_nothing_is_stored(name, real, packages, tmp_path):  # noqa: F811
     package = packages(name, real)
     run("gcc", *STRICT, "-O2", f"-I{package / 'include'}", "-c", *(package / "src").glob("*.c"), cwd=tmp_path)
     symbols = re.findall(r"([A-Za-z]) (\w+)$", run("nm", *tmp_path.glob("*.o")), re.MULTILINE)
@@ -78,7 +78,7 @@ def test_nothing_is_called_and_nothing_is_kept(name, real, packages, tmp_path): 
 @needs("gcc")
 @pytest.mark.parametrize("real", REALS)
 def test_the_stack_is_bounded(real, packages, tmp_path):  # noqa: F811
-    package = packages("rubbing", real)
+    package = packages("friction", real)
     flags = (*STRICT, "-O2", "-fstack-usage", f"-I{package / 'include'}")
     run("gcc", *flags, "-c", *(package / "src").glob("*.c"), cwd=tmp_path)
     rows = [line.split("\t") for path in tmp_path.glob("*.su") for line in path.read_text().splitlines()]
@@ -100,7 +100,7 @@ def test_cppcheck_finds_nothing(name, real, packages):  # noqa: F811
 
 @needs("c++")
 def test_the_header_is_one_of_cpp_too(packages, tmp_path):  # noqa: F811
-    package = packages("rubbing", "double")
+    package = packages("friction", "double")
     (tmp_path / "main.cpp").write_text('#include "finger.h"\nint main() { finger_model m; return finger_init(&m); }\n')
     run("cc", *STRICT, f"-I{package / 'include'}", "-c", *(package / "src").glob("*.c"), cwd=tmp_path)
     run(

@@ -16,9 +16,9 @@ from continuum_grasp.control.estimator import Estimator
 from continuum_grasp.control.status import Status
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
-from continuum_grasp.export.codes import Code
-from continuum_grasp.export.control.names import identifiers, unit_of
+from continuum_grasp.export.control.loop import identifiers, unit_of
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
+from continuum_grasp.export.part import Code
 from continuum_grasp.export.reals import REALS
 from continuum_grasp.scene.control import ControlScene
 from tests.control_cases import Reality
@@ -65,7 +65,7 @@ def values(struct) -> list[float]:
 
 
 def reference(finger, rows):
-    """Set-points (nodes, nr) as the struct."""
+    """Setpoints (nodes, nr) as the struct."""
     columns = [(ctypes.c_double * len(rows))(*column) for column in np.transpose(rows)]
     if finger.Real is ctypes.c_float:
         columns = [(ctypes.c_float * len(rows))(*column) for column in columns]
@@ -95,7 +95,7 @@ def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(compiler, packages, tmp_path):  # noqa: F811
-    """The vectors are full of NaN and infinity, of which the compiler is told that there are none."""
+    """The vectors are full of NaN and infinity, of which the compiler may assume that there are none."""
     package, fast = packages("observed", "float"), ("-std=c99", "-O3", "-ffast-math", "-march=native")
     vectors, fuzz = compile_programs(compiler, package, tmp_path, "main fuzz", *fast)
     run(vectors, "2e-3")
@@ -111,7 +111,7 @@ def test_threads_do_not_meet(packages, tmp_path):  # noqa: F811
 
 @needs("gcc", "nm")
 @pytest.mark.parametrize(("name", "real"), CASES)
-def test_nothing_is_called_or_kept_and_the_stack_is_bounded(name, real, packages, tmp_path):  # noqa: F811
+def test_nothing_is_called_or_stored_and_the_stack_is_bounded(name, real, packages, tmp_path):  # noqa: F811
     package = packages(name, real)
     flags = (*STRICT, "-O2", "-fstack-usage", f"-I{package / 'include'}")
     run("gcc", *flags, "-c", *(package / "src").glob("*.c"), cwd=tmp_path)
@@ -166,7 +166,7 @@ def test_the_manifest_has_the_bytes_of_memory(packages, tmp_path):  # noqa: F811
 @needs("cc")
 @pytest.mark.parametrize(("name", "real"), [("observed", "double"), ("given", "double"), ("given", "float")])
 def test_the_controller_is_that_of_python(name, real, libraries):
-    """In closed loop, over set-points that saturate tension and curvature, with measurements that are missing."""
+    """In closed loop, over setpoints that saturate tension and curvature, with measurements that are missing."""
     finger, library = libraries(name, real)
     control = Controller(scene(name), precision=real, deadline=math.inf)
     other = finger.Controller(library)
@@ -255,7 +255,7 @@ def test_scratch_needs_no_beginning_and_may_be_shared(libraries):
         ("most_tension_2", 61.0, Code.ERR_RANGE),
         ("least_tension_1", 0.5, Code.ERR_RANGE),
         ("least_curvature_1", 2.0, Code.ERR_RANGE),
-        ("price_curvature_1", math.inf, Code.ERR_NON_FINITE),
+        ("penalty_curvature_1", math.inf, Code.ERR_NON_FINITE),
     ],
 )
 def test_settings_that_cannot_be_used_are_refused_and_nothing_changes(field, value, code, libraries):
@@ -264,12 +264,12 @@ def test_settings_that_cannot_be_used_are_refused_and_nothing_changes(field, val
     rows, x = reference(finger, np.tile([0.5, 0.5, 1.0, 1.0], (9, 1))), finger.Measurement(0.1, 0.0, 0.0, 0.0)
     control.step(x, rows)
     before = control._memory.raw
-    kept = getattr(control.head.settings, field)
+    usual = getattr(control.head.settings, field)
     setattr(control.head.settings, field, value)
     with pytest.raises(finger.Error) as caught:
         control.step(x, rows)
     assert caught.value.code == code
-    setattr(control.head.settings, field, kept)
+    setattr(control.head.settings, field, usual)
     assert control._memory.raw == before
 
 
@@ -353,7 +353,7 @@ def test_what_is_left_out_is_not_measured_and_the_reference_is_that_of_the_scene
 @needs("cc")
 @pytest.mark.parametrize(("name", "real"), CASES)
 def test_the_ten_lines_of_the_readme_control(name, real, packages, tmp_path):  # noqa: F811
-    """Nothing measured, the set-points of the scene: the command stays finite; the header tells nodes and period."""
+    """Nothing measured, the setpoints of the scene: the command stays finite; the header tells nodes and period."""
     package = packages(name, real)
     include, *lines = (
         re.search("```c\n(.*?)```", (package / "README.md").read_text(), re.DOTALL)[1].strip().splitlines()
@@ -374,7 +374,7 @@ def test_the_ten_lines_of_the_readme_control(name, real, packages, tmp_path):  #
 
 
 @needs("cc")
-def test_a_command_beyond_its_settings_is_told(packages, tmp_path):  # noqa: F811
+def test_a_command_beyond_its_settings_is_reported(packages, tmp_path):  # noqa: F811
     """Where limits move faster than the command may; no fuzzed input gives one by another code of a new plan."""
     package = packages("limited", "float")
     (fuzz,) = compile_programs("cc", package, tmp_path, "fuzz", *STRICT, "-O1")
@@ -482,13 +482,13 @@ def test_conditions_of_a_macro_are_settled():
     assert without("V", text) == "a\ne\n#ifdef X\nf\n#endif\ng\n"
 
 
-def test_prototypes_are_told_from_types():
+def test_prototypes_are_separated_from_types():
     types, functions = (
         "typedef struct {\n  int a;\n} t;\n",
         "/* Does. */\nint f(const t *a,\n      int b);\nvoid g(void);\n",
     )
-    kept, declared = without_prototypes(f"{types}{functions}#define A 1\n")
-    assert kept == f"{types}#define A 1\n"
+    rest, declared = without_prototypes(f"{types}{functions}#define A 1\n")
+    assert rest == f"{types}#define A 1\n"
     assert declared == functions
 
 

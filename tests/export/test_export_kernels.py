@@ -14,7 +14,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.manifest import FLAGS
 from continuum_grasp.export.reals import REALS
-from continuum_grasp.export.strict_math import twin
+from continuum_grasp.export.strict_math import reference
 from tests.export_cases import STRICT, needs, run
 
 HEADER = """
@@ -65,7 +65,7 @@ def test_nothing_is_fused_in_vectors(tmp_path):
 def test_own_functions_are_right_to_two_roundings(name, real):
     """Against 40 digits; cosine and sine relative to one, since near their zeros the argument itself is rounded."""
     places = PLACES[name].astype(real.dtype)
-    found = twin(name, places, real)
+    found = reference(name, places, real)
     with mpmath.workdps(40):
         true = [getattr(mpmath, name)(mpmath.mpf(float(x))) for x in places]
         off = [abs(mpmath.mpf(float(f)) - t) for f, t in zip(found, true, strict=True)]
@@ -78,11 +78,11 @@ def test_own_functions_are_right_to_two_roundings(name, real):
 @needs("cc")
 @pytest.mark.parametrize("real", REALS.values(), ids=REALS)
 @pytest.mark.parametrize("name", PLACES)
-def test_own_functions_are_their_twins_to_the_bit(name, real, tmp_path):
+def test_own_functions_are_their_references_to_the_bit(name, real, tmp_path):
     x = ca.SX.sym("x")
     kernel = Kernel("f", ca.Function("f", [x], [getattr(ca, name)(x)], ["x"], ["y"]), "")
     places = PLACES[name].astype(real.dtype)[:, None]
-    assert np.array_equal(in_c(kernel, real, places, tmp_path), twin(name, places, real))
+    assert np.array_equal(in_c(kernel, real, places, tmp_path), reference(name, places, real))
 
 
 def expressions():

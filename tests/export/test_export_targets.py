@@ -8,7 +8,7 @@ import re
 import pytest
 
 from continuum_grasp.export import export_c
-from continuum_grasp.export.codes import Code
+from continuum_grasp.export.part import Code
 from continuum_grasp.export.reals import REALS
 from tests.export_cases import STRICT, compile_programs, needs, packages, run, scene, two_arcs  # noqa: F401
 
@@ -40,7 +40,7 @@ CONTROL_LIMITS = {"cortex-m4f": 568_000, "cortex-m7": 589_000}
 @MACHINES
 def test_every_vector_to_the_bit_elsewhere(machine, real, packages, tmp_path):  # noqa: F811
     compiler, emulator, flags = ELSEWHERE[machine]
-    (program,) = compile_programs(compiler, packages("rubbing", real), tmp_path, "main", *STRICT, *flags, "-O2")
+    (program,) = compile_programs(compiler, packages("friction", real), tmp_path, "main", *STRICT, *flags, "-O2")
     assert len(re.findall(r" 0 of +\d+ cases failed", run(emulator, program))) == 5
 
 
@@ -70,7 +70,7 @@ def test_a_controller_on_a_microcontroller(real, target, tmp_path):
 @needs("arm-none-eabi-gcc", "qemu-system-arm")
 @pytest.mark.parametrize(("real", "target"), [*COUNTED, ("float", "cortex-m7")])
 def test_every_vector_to_the_bit_on_a_microcontroller(real, target, tmp_path):
-    made = export_c(scene("rubbing"), tmp_path, real=real, target=target, measured=True).manifest["measured"]
+    made = export_c(scene("friction"), tmp_path, real=real, target=target, measured=True).manifest["measured"]
     assert made["failures"] == 0
     assert made["sizes"]["finger_kernels.o"]["data"] == made["sizes"]["finger.o"]["bss"] == 0
     assert set(made["functions"]) == {"dynamics", "step", "tip", "section_at", "statics"}
@@ -108,7 +108,7 @@ def test_toolchain_files(core, packages, tmp_path):  # noqa: F811
 @needs("clang", "wasm-ld", "node")
 @pytest.mark.parametrize("real", REALS)
 def test_every_vector_to_the_bit_in_webassembly(real, packages, tmp_path):  # noqa: F811
-    package = packages("rubbing", real, "wasm")
+    package = packages("friction", real, "wasm")
     run("sh", package / "wasm/build.sh", tmp_path)
     said = run("node", tmp_path / "test.mjs")
     assert len(re.findall(r"^0 of \d+ cases", said, re.MULTILINE)) == 5
@@ -135,11 +135,11 @@ try { other.step({}, wanted); } catch (error) { refused = error.message; }
 let missing = "";
 try { one.applied({ tension_1: 1 }); } catch (error) { missing = error.message; }
 const short = finger.new_controller(), whole = finger.new_controller();
-const told = { tip_x: NaN, tip_y: 0.18, tension_1: NaN, tension_2: NaN };
+const expected = { tip_x: NaN, tip_y: 0.18, tension_1: NaN, tension_2: NaN };
 const same = [];
 for (let k = 0; k < 10; ++k) {
   const wish = { bending_1: row(0.5) };
-  const commands = [short.step({ tip_y: 0.18 }, wish), whole.step(told, { ...finger.begin("reference"), ...wish })];
+  const commands = [short.step({ tip_y: 0.18 }, wish), whole.step(expected, { ...finger.begin("reference"), ...wish })];
   same.push(JSON.stringify(commands[0]) === JSON.stringify(commands[1]));
 }
 short.late();
@@ -179,7 +179,7 @@ console.log(JSON.stringify({ answers, refused, missing, same, beside, filtered, 
 def test_the_javascript_wrapper_gives_the_numbers_of_the_model(packages, tmp_path):  # noqa: F811
     from continuum_grasp.model import FingerModel
 
-    run("sh", packages("rubbing", "double", "wasm") / "wasm/build.sh", tmp_path)
+    run("sh", packages("friction", "double", "wasm") / "wasm/build.sh", tmp_path)
     (tmp_path / "use.mjs").write_text(
         """
 import { readFile } from "node:fs/promises";
@@ -198,7 +198,7 @@ console.log(JSON.stringify({ tip, rate, refused, unknown, missing, parameters: f
 """
     )
     said = json.loads(run("node", "use.mjs", cwd=tmp_path))
-    model = FingerModel(scene("rubbing"))
+    model = FingerModel(scene("friction"))
     p = [said["parameters"][name.split(" ")[0]] for name in model.p_names]
     q, u = [0.3, -0.2], [3.0, 1.0]
     r = model.position(q, u, 0.1, p)

@@ -111,7 +111,7 @@ def test_the_skeletons_are_c(name, packages, tmp_path):  # noqa: F811
     run("cc", "-std=c99", "-Wall", "-Wextra", "-fsyntax-only", *include, package / "examples/simulink/sfun_finger.c")
 
 
-@pytest.mark.parametrize("name", ["rubbing", "observed"])
+@pytest.mark.parametrize("name", ["friction", "observed"])
 def test_a_node_is_built_behind_its_library(name, packages):  # noqa: F811
     """By what package.xml says to colcon, and find_package to CMake."""
     package = packages(name, "float")
@@ -150,7 +150,7 @@ def test_the_skeletons_of_controllers_are_c(name, real, packages, tmp_path):  # 
 @needs("cc")
 @pytest.mark.parametrize(("name", "real"), [("observed", "float")])
 def test_the_control_loop_commands_as_python_does(name, real, packages, tmp_path):  # noqa: F811
-    """Line by line, some of which lack a number; the set-points are those of the beginning."""
+    """Line by line, some of which lack a number; the setpoints are those of the beginning."""
     package, control = packages(name, real), Controller(scene(name), precision=real, deadline=math.inf)
     sources = [*(package / "src").glob("*.c"), package / "examples/control_loop.c"]
     run("cc", *STRICT, *WARNINGS, "-O1", f"-I{package / 'include'}", *sources, "-o", tmp_path / "loop")

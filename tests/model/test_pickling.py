@@ -82,7 +82,7 @@ MAKERS = {
     "command": lambda: controller().step(None),
     "estimator": estimator,
     "filtered": lambda: estimator().step(None, [0.0]),
-    "closed loop": lambda: cg.closed_loop(control_cases.sensed_rod_scene(duration=0.05, plant=PLANT)),
+    "closed loop": lambda: cg.run_closed_loop(control_cases.sensed_rod_scene(duration=0.05, plant=PLANT)),
     "plant": plant,
     "fit": lambda: cg.identify(
         bare_scene(2), Frequencies([1, 2], [frequency(1), frequency(2)]), parameters=["bending_stiffness"]

@@ -14,15 +14,11 @@ import pytest
 from typer.testing import CliRunner
 
 from continuum_grasp.cli import app
-from continuum_grasp.core import codegen
 from continuum_grasp.core.cache import cache_folder, library_for
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.folder import write_package
-from continuum_grasp.model import FingerModel
 from continuum_grasp.results import begin_run, kind_of_run, note_part, read_run, replacing, write_run
 from continuum_grasp.results.atomic import naming
-from continuum_grasp.scene.load import load
 from continuum_grasp.sweeps.folder import write_run_files
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -132,10 +128,9 @@ def test_what_killed_processes_left_is_removed(tmp_path):
 def test_commands_have_folders_of_their_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run("simulate", RELEASE, *SHORT, "--no-pictures").exit_code == 0
-    assert run("codegen", RELEASE).exit_code == 0
     assert run("export-c", RELEASE, "--what", "kinematics").exit_code == 0
-    folders = [f"runs/{command}/nitinol_release_020g" for command in ("codegen", "export-c", "simulate")]
-    assert [kind_of_run(folder) for folder in folders] == ["codegen", "export-c", "simulate"]
+    folders = [f"runs/{command}/nitinol_release_020g" for command in ("export-c", "simulate")]
+    assert [kind_of_run(folder) for folder in folders] == ["export-c", "simulate"]
 
 
 def test_without_pictures_none_of_an_earlier_run_stay(tmp_path):
@@ -155,8 +150,8 @@ COMMANDS = {
     "mpc": ("mpc", ROOT / "configs/mpc/pulse.yaml"),
     "sweep": ("sweep", ROOT / "configs/sweep/finger_design.yaml"),
     "identify": ("identify", ROOT / "configs/identify/belendez_strip.yaml", "--data", "x.csv"),
-    "codegen": ("codegen", RELEASE),
     "export-c": ("export-c", RELEASE),
+    "plain C": ("export-c", RELEASE, "--casadi", "forward_dynamics,tip"),
 }
 
 
@@ -169,16 +164,6 @@ def test_a_folder_of_another_command_is_refused_before_anything_is_computed(comm
         f"error: {tmp_path}: the folder holds what continuum-grasp other wrote; take another one, or remove it\n"
     )
     assert names(tmp_path) == RUN
-
-
-def test_c_packages_and_generated_code_do_not_mix(tmp_path):
-    model = FingerModel(load(RELEASE))
-    write_package(tmp_path / "package", {"a.c": "1", "MANIFEST.json": '{"configuration_hash": "0", "sha256": {}}'})
-    with pytest.raises(InputError, match="holds a run of export-c"):
-        codegen(model, tmp_path / "package")
-    codegen(model, tmp_path / "code")
-    with pytest.raises(InputError, match="holds a run of codegen"):
-        write_package(tmp_path / "code", {"a.c": "1"})
 
 
 # what cannot be read or written
@@ -233,7 +218,7 @@ def test_a_pipe_is_refused_and_not_waited_for(arguments, tmp_path):
 
 @pytest.mark.parametrize(
     ("command", "limit"),
-    [("simulate", 0), ("modes", 600), ("codegen", 0), ("codegen", 20_000), ("export-c", 20_000), ("schema", 80_000)],
+    [("simulate", 0), ("modes", 600), ("plain C", 0), ("plain C", 20_000), ("export-c", 20_000), ("schema", 80_000)],
 )
 def test_a_full_disk_is_one_line_and_leaves_whole_files(command, limit, tmp_path):
     """Files that cannot grow beyond a size stand for the disk; the cache is elsewhere, and full too."""

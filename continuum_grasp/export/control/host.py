@@ -23,6 +23,7 @@ Array = NDArray[Any]
 _FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-fno-math-errno", "-shared", "-fPIC", "-w")
 _GCC = ("-fexcess-precision=fast", "-fno-tree-vectorize")
 _TIMEOUT = 600.0
+"""After which a compiler is taken to hang [s]; builds take seconds."""
 
 
 class Host:
@@ -38,7 +39,7 @@ class Host:
         What it computes in.
     runners : mapping
         C functions ``run_...`` of the check program by the names of their functions.
-    kept : sequence of str
+    owners : sequence of str
         C types whose sizes are asked for.
 
     Attributes
@@ -53,14 +54,14 @@ class Host:
     """
 
     def __init__(
-        self, files: Mapping[str, str], prefix: str, real: Real, runners: Mapping[str, str], kept: Sequence[str]
+        self, files: Mapping[str, str], prefix: str, real: Real, runners: Mapping[str, str], owners: Sequence[str]
     ) -> None:
         compiler = find_compiler()
         if compiler is None:
             raise InputError(f"the vectors of estimator and controller need a C compiler: {why_no_compiler()}")
         self._real = real
         with tempfile.TemporaryDirectory() as work:
-            for name, text in {**files, "host.c": _source(prefix, runners, kept)}.items():
+            for name, text in {**files, "host.c": _source(prefix, runners, owners)}.items():
                 path = Path(work) / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text(text, encoding="utf-8")
@@ -72,8 +73,8 @@ class Host:
                 raise InputError(f"the C compiler refused the package: {done.stderr[:2000]}")
             self._library = ctypes.CDLL(str(Path(work) / "host.so"))
         self._library.host_size.restype = ctypes.c_size_t
-        self.sizes = {name: int(self._library.host_size(k)) for k, name in enumerate(kept)}
-        self._memory = ctypes.create_string_buffer(int(self._library.host_size(len(kept))))
+        self.sizes = {name: int(self._library.host_size(k)) for k, name in enumerate(owners)}
+        self._memory = ctypes.create_string_buffer(int(self._library.host_size(len(owners))))
         self._runs = {name: getattr(self._library, f"host_{name}") for name in runners}
 
     def run(self, name: str, row: Array, outputs: int) -> tuple[int, Array]:
@@ -84,8 +85,8 @@ class Host:
         return int(code), out
 
 
-def _source(prefix: str, runners: Mapping[str, str], kept: Sequence[str]) -> str:
-    sizes = ", ".join(f"sizeof({prefix}_{name})" for name in kept)
+def _source(prefix: str, runners: Mapping[str, str], owners: Sequence[str]) -> str:
+    sizes = ", ".join(f"sizeof({prefix}_{name})" for name in owners)
     whole = "\n".join(runners.values())
     exported = "".join(
         f"int host_{name}(check_memory *memory, const {prefix}_real *row, {prefix}_real *out)\n"

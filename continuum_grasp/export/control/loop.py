@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,13 +22,13 @@ from continuum_grasp.control.setpoints import set_points
 from continuum_grasp.control.stages import Stages
 from continuum_grasp.control.status import CALL_RATE
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.control.names import identifiers, named_fields, unit_of
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.reals import Real
 from continuum_grasp.scene.control import ControlScene
 
-__all__ = ["CHANGEABLE", "DIAGNOSIS", "Loop"]
+__all__ = ["CHANGEABLE", "DIAGNOSIS", "Loop", "identifiers", "named_fields", "unit_of"]
+
 
 Array = NDArray[np.float64]
 
@@ -56,8 +57,8 @@ _NAMES = {
     "u_max": ("most_{}", "greatest command"),
     "c_min": ("least_{}", "least value of row {0}, in shares of its scale"),
     "c_max": ("most_{}", "greatest value"),
-    "linear": ("price_{}", "price of leaving it, per share"),
-    "quadratic": ("square_price_{}", "of half the squared share"),
+    "linear": ("penalty_{}", "penalty of leaving it, per share"),
+    "quadratic": ("square_penalty_{}", "of half the squared share"),
 }
 
 
@@ -174,7 +175,7 @@ class Loop:
 
     @cached_property
     def wanted(self) -> Array:
-        """Set-points (nr) with which the scene begins."""
+        """Setpoints (nr) with which the scene begins."""
         found: Array = set_points(self.scene, self.stages, self.prediction).rows(0.0)[0]
         return found
 
@@ -182,12 +183,12 @@ class Loop:
     def known(self) -> Struct | None:
         """Parameters of the prediction, None where it has none."""
         fields = named_fields(self.stages.p_names, self.ranges.p)
-        text = "What the model is told of the finger: parameters, forces that are known."
+        text = "What is known of the finger: parameters, forces."
         return Struct("known", text, fields) if fields else None
 
     @cached_property
     def reference(self) -> Struct:
-        """Set-points of all nodes."""
+        """Setpoints of all nodes."""
         nodes = self.stages.stages + 1
         fields = [
             Field(name, unit_of(label), "", float(low), float(high), shape=(nodes,))
@@ -195,7 +196,7 @@ class Loop:
                 identifiers(self.stages.r_names), self.stages.r_names, self.ranges.r, strict=True
             )
         ]
-        text = f"Set-points from now on, one each {self.stages.stage:g} s."
+        text = f"Setpoints from now on, one each {self.stages.stage:g} s."
         return Struct("reference", text, tuple(fields))
 
     @cached_property
@@ -217,7 +218,7 @@ class Loop:
                 elif member in ("c_min", "c_max"):
                     low = -np.inf
                 fields.append(Field(pattern.format(name), unit, text.format(name), low, high))
-        text = "Weights, limits and prices of the controller, which may be changed between calls."
+        text = "Weights, limits and penalties of the controller, which may be changed between calls."
         unique = identifiers(field.name for field in fields)
         return Struct("settings", text, tuple(replace(f, name=n) for f, n in zip(fields, unique, strict=True)))
 
@@ -259,6 +260,35 @@ def _kernel(function: ca.Function, text: str) -> Kernel:
     """A kernel without the outputs that have no entry."""
     symbols = function.sx_in()
     outputs = dict(zip(function.name_out(), function.call(symbols), strict=True))
-    kept = {name: value for name, value in outputs.items() if value.numel()}
-    made = ca.Function(function.name(), symbols, list(kept.values()), function.name_in(), list(kept))
+    nonempty = {name: value for name, value in outputs.items() if value.numel()}
+    made = ca.Function(function.name(), symbols, list(nonempty.values()), function.name_in(), list(nonempty))
     return Kernel(function.name(), made, text)
+
+
+def identifiers(labels: Iterable[str]) -> list[str]:
+    """C identifiers of labels ``name [unit]``, each once."""
+    found: list[str] = []
+    for label in labels:
+        name = re.sub(r"\W+", "_", label.split(" [")[0], flags=re.ASCII).strip("_")
+        name = f"_{name}" if name[:1].isdigit() else name or "unnamed"
+        count = 2
+        unique = name
+        while unique in found:
+            unique, count = f"{name}_{count}", count + 1
+        found.append(unique)
+    return found
+
+
+def unit_of(label: str) -> str:
+    """Unit of a label; 1 where it has none, as names of a scene's zones do."""
+    found = re.search(r" \[([\w ]+(?:/[\w ]+)*)\]$", label, re.ASCII)
+    return found[1] if found else "1"
+
+
+def named_fields(labels: Sequence[str], ranges: Array | None = None, text: str = "") -> tuple[Field, ...]:
+    """Entries of a vector, with their ranges (size, 2)."""
+    pairs = np.tile([-np.inf, np.inf], (len(labels), 1)) if ranges is None else ranges
+    return tuple(
+        Field(name, unit_of(label), text, float(low), float(high))
+        for name, label, (low, high) in zip(identifiers(labels), labels, pairs, strict=True)
+    )

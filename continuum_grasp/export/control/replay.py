@@ -12,20 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.setpoints import set_points
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.part import Code, Vectors
 from continuum_grasp.export.reals import Real
-from continuum_grasp.export.vectors import Vectors, bad_entries
+from continuum_grasp.export.vectors import bad_entries
 
 __all__ = ["controller_vectors", "estimator_vectors", "replayed"]
 
 Array = NDArray[Any]
 
 _EPISODE = 70
+"""Calls from one start to the next: three times ``_HELD``, so that setpoints change in each, and some at the end."""
 _EPISODES = 3
+"""Each with harder knocks than the one before; from the second on, commands that were applied differ too."""
 _HELD = 20
-"""Calls for which set-points stay."""
+"""Calls for which setpoints stay."""
 _FLAGS = 4
 """Numbers before the others of a row: begin anew, late, whether something else was applied, kind of the call."""
 
@@ -113,7 +115,7 @@ def _settings(loop: Loop, episode: int, k: int) -> Array:
 
 
 def _target(loop: Loop, rng: np.random.Generator) -> Array:
-    """Set-points of the scene at some instant."""
+    """Setpoints of the scene at some instant."""
     rows = set_points(loop.scene, loop.stages, loop.prediction)
     found: Array = rows.rows(rng.uniform(0.0, loop.scene.duration or 1.0))[0]
     return found
@@ -156,7 +158,7 @@ def controller_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vecto
             finger.advance(u)
     bad = bad_entries(real, loop.settings.fields, 0, _FLAGS, Code.ERR_RANGE)
     return Vectors(
-        "mpc", runner, np.array(rows), np.array(outs), np.array(codes), tuple(bad), pointers=5, close=nu, kept=True
+        "mpc", runner, np.array(rows), np.array(outs), np.array(codes), tuple(bad), pointers=5, close=nu, stateful=True
     )
 
 
@@ -196,7 +198,7 @@ def estimator_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vector
         tuple(bad),
         pointers=5,
         close=nz,
-        kept=True,
+        stateful=True,
     )
 
 

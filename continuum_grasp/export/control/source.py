@@ -30,7 +30,7 @@ ANOMALIES = {
     "BLIND": "nothing was measured for as long as a plan lasts",
     "ESTIMATE_LIMITED": "an estimated disturbance was moved into its range",
     "ESTIMATE_RESTARTED": "the estimate was not finite or out of its range; the estimator started again",
-    "BAD_SET_POINTS": "a set-point is not finite or out of its range",
+    "BAD_SETPOINTS": "a setpoint is not finite or out of its range",
     "BAD_KNOWN": "an entry of known is; the last good ones are used",
     "BAD_APPLIED": "what is said to have been applied is",
     "LATE": "the last command was late",
@@ -65,7 +65,7 @@ class _Writer:
         name = name or struct.name
         return "\n".join([self.array(f"{name}_low", low), self.array(f"{name}_high", high)])
 
-    # -- what is kept -------------------------------------------------------------------------------------------------
+    # -- memory ------------------------------------------------------------------------------------------------------
 
     def macros(self) -> str:
         loop, s, e = self.loop, self.loop.stages, self.loop.estimation
@@ -92,13 +92,13 @@ class _Writer:
 
     def memory(self, words: dict[str, str]) -> str:
         types = [without_prototypes(template(name))[0] for name in self.headers()]
-        kept = []
+        memories = []
         if "estimator" in self.loop.parts:
-            kept.append("typedef struct {\n  ekf_state state;\n  uint32_t anomalies;\n} estimator_memory;")
+            memories.append("typedef struct {\n  ekf_state state;\n  uint32_t anomalies;\n} estimator_memory;")
         if self.mpc:
             members = "  controller_state state;\n  controller_output last;\n  int late;\n  real elapsed;\n"
-            kept.append(f"typedef struct {{\n{members}}} controller_memory;")
-        text = self.renamed("\n".join(types + kept)).replace(
+            memories.append(f"typedef struct {{\n{members}}} controller_memory;")
+        text = self.renamed("\n".join(types + memories)).replace(
             f"{self.prefix}_loop_memory", f"{self.prefix}_controller_memory"
         )
         text = text.replace("} estimator_memory", f"}} {self.prefix}_estimator_memory")
@@ -283,7 +283,7 @@ class _Writer:
 def control_sources(loop: Loop, prefix: str, real: Real) -> tuple[dict[str, str], dict[str, str]]:
     """Files of estimator and controller by path, and the declarations of each part.
 
-    The declarations leave places for the bytes of what is kept, which are known once it was compiled.
+    The declarations leave places for the bytes of the memory, which are known once it was compiled.
     """
     writer = _Writer(loop, prefix, real)
     words = writer.words({"p": prefix, "P": prefix.upper(), "version": __version__})

@@ -14,9 +14,9 @@ _TOKEN = re.compile(
     r"|(?P<number>(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])|\d\w*",
     re.DOTALL,
 )
-_ROOMS = {"rti": "rti", "ekf": "ekf", "controller": "loop", "supervisor": "supervisor", "cg": "checks"}
+_MODULES = {"rti": "rti", "ekf": "ekf", "controller": "loop", "supervisor": "supervisor", "cg": "checks"}
 """What names begin with in ``control/c``, and behind the prefix of a package."""
-_NAME = re.compile(rf"\b(?:{'|'.join(_ROOMS)})_\w+|\b(?:{'|'.join(room.upper() for room in _ROOMS)})_\w+")
+_NAME = re.compile(rf"\b(?:{'|'.join(_MODULES)})_\w+|\b(?:{'|'.join(module.upper() for module in _MODULES)})_\w+")
 _HEADER = re.compile(r"\b(?:rti|ekf|supervisor|controller|checks)\.h\b")
 _INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)
 _PROTOTYPE = re.compile(
@@ -46,10 +46,10 @@ def renamed(source: str, prefix: str, real: str, functions: Collection[str] = ()
     """
 
     def of_package(match: re.Match[str]) -> str:
-        room, rest = match[0].split("_", 1)
-        if room.isupper():
-            return f"{prefix.upper()}_{_ROOMS[room.lower()].upper()}_{rest}"
-        return f"{prefix}_{_ROOMS[room]}_{rest}"
+        module, rest = match[0].split("_", 1)
+        if module.isupper():
+            return f"{prefix.upper()}_{_MODULES[module.lower()].upper()}_{rest}"
+        return f"{prefix}_{_MODULES[module]}_{rest}"
 
     def changed(match: re.Match[str]) -> str:
         if match["comment"]:
@@ -75,7 +75,7 @@ def without_prototypes(header: str) -> tuple[str, str]:
 
 def without(macro: str, source: str) -> str:
     """C in which the branches ``#ifdef macro`` are settled as if it were not defined."""
-    kept: list[str] = []
+    lines: list[str] = []
     inside: list[bool | None] = []  # of each open condition: whether it is the macro's, and its branch is read
     for line in source.splitlines(keepends=True):
         word = line.split()
@@ -90,5 +90,5 @@ def without(macro: str, source: str) -> str:
         else:
             settled = False
         if not settled and False not in inside:
-            kept.append(line)
-    return "".join(kept)
+            lines.append(line)
+    return "".join(lines)

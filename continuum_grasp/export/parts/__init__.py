@@ -6,9 +6,7 @@ from collections.abc import Callable
 
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.parts.control import estimator, mpc
-from continuum_grasp.export.parts.dynamics import dynamics
-from continuum_grasp.export.parts.kinematics import kinematics
-from continuum_grasp.export.parts.statics import statics
+from continuum_grasp.export.parts.model import dynamics, kinematics, statics
 from continuum_grasp.export.parts.step import step
 from continuum_grasp.export.subject import Subject
 

@@ -6,17 +6,15 @@ from collections.abc import Callable
 from functools import partial
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.replay import controller_vectors, estimator_vectors
 from continuum_grasp.export.control.source import control_sources
 from continuum_grasp.export.fields import Struct
-from continuum_grasp.export.part import SECONDS, Kept, Method, Part
+from continuum_grasp.export.part import SECONDS, Code, Method, Part, Stateful, Vectors
 from continuum_grasp.export.reals import Real
-from continuum_grasp.export.runner import runner_head
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.vectors import Vectors
+from continuum_grasp.export.vectors import runner_head
 
 __all__ = ["estimator", "mpc"]
 
@@ -35,7 +33,7 @@ def estimator(subject: Subject) -> Part:
     if loop.estimation is None:
         raise InputError("this scene has no estimator: leave the part out", key="what")
     structs = [loop.measurement, loop.command, loop.estimate]
-    function = Kept(
+    function = Stateful(
         "estimator_step",
         "State and disturbances now, from a measurement and the command that was applied.",
         _estimator_runner(subject.prefix, loop),
@@ -72,9 +70,9 @@ def mpc(subject: Subject) -> Part:
         Code.WARN_BEYOND_LIMIT,
     )
     measured = "a measurement" if loop.estimation is not None else "the state"
-    function = Kept(
+    function = Stateful(
         "mpc",
-        f"The command for {measured} and set-points, by one real-time iteration.",
+        f"The command for {measured} and setpoints, by one real-time iteration.",
         _controller_runner(subject.prefix, loop),
         ("controller", "controller_work"),
         partial(controller_vectors, loop, subject.real),
@@ -104,7 +102,7 @@ def _loop(subject: Subject, name: str) -> Loop:
 
 
 def _part(
-    subject: Subject, loop: Loop, name: str, structs: list[Struct], codes: tuple[Code, ...], function: Kept
+    subject: Subject, loop: Loop, name: str, structs: list[Struct], codes: tuple[Code, ...], function: Stateful
 ) -> Part:
     files, declared = control_sources(loop, subject.prefix, subject.real)
     if loop.known is not None:
@@ -125,7 +123,7 @@ def _part(
         sources=files,
         further=tuple(structs),
         codes=codes,
-        kept=(function,),
+        stateful=(function,),
     )
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from continuum_grasp.export.codes import Code
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Argument, Array, Call, Part, Rows
-from continuum_grasp.export.parts.dynamics import codes_of, dynamics_kernel
+from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Rows
+from continuum_grasp.export.parts.model import codes_of, dynamics_kernel
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
@@ -41,7 +40,7 @@ def step(subject: Subject) -> Part:
     kernel, real = dynamics_kernel(subject), subject.real
     coarse = real.rounded(subject.accurate_step)
 
-    def twin(rows: Rows) -> tuple[Array, Array]:
+    def reference(rows: Rows) -> tuple[Array, Array]:
         h = rows["h"]
         result = runge_kutta(rows)
         codes = codes_of(subject, rows, result)
@@ -87,7 +86,7 @@ def step(subject: Subject) -> Part:
         (*subject.acting(), subject.step_argument()),
         Argument("next", subject.state, "result"),
         fill("step.c", words),
-        twin,
+        reference,
         subject.guard_source,
         (Code.WARN_COARSE_STEP, Code.WARN_LEFT_RANGE, Code.ERR_STEP),
     )

@@ -4,7 +4,7 @@
 
 #include "<<p>>.h"
 
-/* Whether a number is finite, by the bits of its exponent: compilers that are told that there is no NaN (-ffast-math)
+/* Whether a number is finite, by the bits of its exponent: compilers that may assume that there is no NaN (-ffast-math)
    would drop a comparison. They are read through a volatile, so that they are looked at. */
 <<P>>_API static inline int <<p>>_is_finite(const <<p>>_real *number)
 {

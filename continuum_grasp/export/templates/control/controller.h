@@ -47,14 +47,14 @@ typedef struct {
 /* Make a controller ready, with the settings and the first state of the scene that it was made from. */
 #define <<p>>_controller_init(controller) <<p>>_controller_init_abi((controller), <<P>>_ABI)
 int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi);
-/* Set-points to begin with: those with which the scene begins, at every node. */
+/* Setpoints to begin with: those with which the scene begins, at every node. */
 #define <<p>>_reference_init(reference) <<p>>_reference_init_abi((reference), <<P>>_ABI)
 int <<p>>_reference_init_abi(<<p>>_reference *reference, uint32_t abi);
 /* Begin anew at a state, with the command that was applied before; settings stay. */
 int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<start>> *state, const <<p>>_command *before);
-/* The command for <<what_is_measured>> and set-points.
+/* The command for <<what_is_measured>> and setpoints.
    Zero: of a new plan. <<P>>_WARN_ITERATION_LIMIT, <<P>>_WARN_BOUND_LEFT: of a new plan all the same.
-   <<P>>_WARN_PREVIOUS_PLAN, <<P>>_WARN_SAFE_RAMP: there is none; of the last plan as long as it lasts, then on the way to
+   <<P>>_WARN_PREVIOUS_PLAN, <<P>>_WARN_SAFE_RAMP: there is none; of the last plan as long as it lasts, then en route to
    <<safe>>, at a bounded rate; <<p>>_controller_diagnosis tells why.
    A command that is written is finite, and changes at its rate at most. It is within the limits, but where these were
    moved faster than its rate allows, or what was applied is beyond them: then it is on its way to them, by
@@ -62,7 +62,7 @@ int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<start>> *
    alone, and the controller is as it was. */
 int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <<p>>_measurement *measurement,
 <<indent_mpc>>const <<p>>_reference *reference, <<p>>_command *command);
-/* Before the next call: what was really applied since the last one; the last command where nothing is said. Drives that
+/* Before the next call: what was really applied since the last one; the last command by default. Drives that
    are off or overshoot are no error: <<applied_range>>. */
 int <<p>>_controller_applied(<<p>>_controller *controller, const <<p>>_command *applied);
 /* Before the next call: that the last command came late, so that the next is of the previous plan. */

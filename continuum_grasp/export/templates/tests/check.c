@@ -12,7 +12,7 @@ static const struct {
   const <<p>>_real *inputs, *outputs;
   const signed char *codes;
   const bad_input *bad, *spoilt;
-  int rows, input_count, output_count, close, bad_count, pointers, kept;
+  int rows, input_count, output_count, close, bad_count, pointers, stateful;
 } functions[CHECK_FUNCTIONS] = {
 <<table>>
 };
@@ -69,11 +69,11 @@ const char *check_name(int function) { return functions[function].name; }
 
 int check_rows(int function) { return functions[function].rows; }
 
-int check_kept(int function) { return functions[function].kept; }
+int check_stateful(int function) { return functions[function].stateful; }
 
 int check_kind(int function, int row)
 {
-  return functions[function].kept ? (int)functions[function].inputs[row * functions[function].input_count + 3] : 0;
+  return functions[function].stateful ? (int)functions[function].inputs[row * functions[function].input_count + 3] : 0;
 }
 
 int check_run(int function, int row, int repeat, check_memory *memory)
@@ -89,10 +89,10 @@ int check_cases(int function)
   return functions[function].rows + functions[function].bad_count + functions[function].pointers + 1;
 }
 
-/* Where rounding may differ, so may warnings of what is kept: a bound is left by a little more or less. */
+/* Where rounding may differ, so may warnings of stateful functions: a bound is left by a little more or less. */
 static int same_code(int function, int code, int expected, <<p>>_real tolerance)
 {
-  return functions[function].kept && tolerance > 0 ? (code < 0) == (expected < 0) : code == expected;
+  return functions[function].stateful && tolerance > 0 ? (code < 0) == (expected < 0) : code == expected;
 }
 
 int check_failures(int function, <<p>>_real tolerance, check_memory *memory)
@@ -100,7 +100,7 @@ int check_failures(int function, <<p>>_real tolerance, check_memory *memory)
   const int outputs = functions[function].output_count;
   <<p>>_real row[<<most_inputs>>], out[<<most_outputs>>];
   int k, failures = 0;
-  if (functions[function].kept) tolerance *= <<adds_up>>; /* rounding adds up from row to row */
+  if (functions[function].stateful) tolerance *= <<adds_up>>; /* rounding adds up from row to row */
   for (k = 0; k < functions[function].rows; ++k) {
     const <<p>>_real *expected = functions[function].outputs + k * outputs;
     int code;

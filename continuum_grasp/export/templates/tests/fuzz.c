@@ -13,7 +13,7 @@ int main(int count, char **words)
   uint32_t seed = count > 2 ? (uint32_t)strtoul(words[2], NULL, 10) : 1u;
   int function, failed = 0;
   for (function = 0; function < CHECK_FUNCTIONS; ++function) {
-    const long share = check_kept(function) ? rows / 20 : rows;
+    const long share = check_stateful(function) ? rows / 20 : rows;
     const int failures = check_fuzz(function, share, &seed, &memory);
     printf("%-16s %4d of %ld rows failed\n", check_name(function), failures, share);
     failed += failures;

@@ -36,8 +36,8 @@ class Finger {
     this.#c = exports;
     this.#real = INTERFACE.real === "float" ? Float32Array : Float64Array;
     this.#start = (exports.__heap_base.value + 15) & ~15;
-    for (const [owner, kept] of Object.entries(INTERFACE.kept)) {
-      this[`new_${owner}`] = () => this.#keep(owner, kept);
+    for (const [owner, made] of Object.entries(INTERFACE.stateful)) {
+      this[`new_${owner}`] = () => this.#keep(owner, made);
     }
     if (this.#text(exports.<<p>>_configuration()) !== INTERFACE.configuration || exports.<<p>>_abi() >>> 0 !== INTERFACE.abi) {
       throw new FingerError(-6, "the library is not of the package that this file is from");

@@ -9,7 +9,7 @@ static check_memory memory;
 
 static uint32_t instructions(int function, int row)
 {
-  const int repeat = check_kept(function) ? 1 : REPEAT;
+  const int repeat = check_stateful(function) ? 1 : REPEAT;
   uint32_t start, empty, full;
   board_clock_start();
   start = board_ticks();
@@ -70,7 +70,7 @@ int main(void)
   board_say_number((uint32_t)failures);
   board_say(" failures\n");
   for (function = 0; function < CHECK_FUNCTIONS; ++function) {
-    for (kind = 0; kind < (check_kept(function) ? CHECK_KINDS : 1); ++kind) measure(function, kind);
+    for (kind = 0; kind < (check_stateful(function) ? CHECK_KINDS : 1); ++kind) measure(function, kind);
   }
   return failures != 0;
 }

@@ -1,7 +1,7 @@
 /* Commands for measurements that come line by line: control_loop < measurements.csv > commands.csv
  *
  * A line is a period of <<period>> s: <<measured>>.
- * What is no number was not measured. Set-points stay those with which the scene begins. */
+ * What is no number was not measured. Setpoints stay those with which the scene begins. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,7 +32,7 @@ static void read_line(const char *text, <<p>>_measurement *measurement)
   memcpy(measurement, numbers, sizeof *measurement);
 }
 
-/* The same set-points for the whole horizon. */
+/* The same setpoints for the whole horizon. */
 static void hold(<<p>>_reference *reference)
 {
   <<p>>_real rows[WANTED][NODES];

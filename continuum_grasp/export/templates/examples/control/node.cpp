@@ -1,7 +1,7 @@
 // The controller as a ROS 2 node: takes ~/measurement (<<nm>> numbers, NaN: not measured) and ~/reference (<<nr>> numbers, which
 // hold for the whole horizon), publishes ~/command (<<nu>> numbers) every <<period>> s. The order of the numbers is that of the
-// structs in <<p>>.h. A measurement counts once: where none comes the controller is told so, and falls back in the end.
-// Weights, limits and prices, and what is known of the finger, are parameters of the node, which may be set while it runs.
+// structs in <<p>>.h. A measurement counts once: where none comes the controller notices, and falls back in the end.
+// Weights, limits and penalties, and what is known of the finger, are parameters of the node, which may be set while it runs.
 // Drives say on ~/applied (<<nu>> numbers) what they did, where that is not the last command.
 #include <array>
 #include <chrono>

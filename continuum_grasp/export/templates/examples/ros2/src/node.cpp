@@ -60,7 +60,7 @@ class Node : public rclcpp::Node {
 
   <<p>>_model model_{};
   <<p>>_state state_{};
-  <<p>>_input input_{};<<forces_kept>>
+  <<p>>_input input_{};<<forces_of_node>>
   <<p>>_real h_;
   int said_ = 0;
   rclcpp::Publisher<Numbers>::SharedPtr published_;

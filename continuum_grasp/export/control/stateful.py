@@ -11,14 +11,13 @@ from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.replay import replayed
 from continuum_grasp.export.fields import Struct
-from continuum_grasp.export.header import abi_of, header, kept_of
+from continuum_grasp.export.header import abi_of, header, stateful_of
 from continuum_grasp.export.layer import internal_header, kernels_source, layer_source
-from continuum_grasp.export.part import Kept, Part
+from continuum_grasp.export.part import Part, Stateful, Vectors
 from continuum_grasp.export.reals import REALS
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.vectors import Vectors
 
-__all__ = ["SIZES", "UNKNOWN", "kept_usage", "kept_vectors"]
+__all__ = ["SIZES", "UNKNOWN", "stateful_usage", "stateful_vectors"]
 
 SIZES = ("estimator_bytes", "estimator_work_bytes", "controller_bytes", "controller_work_bytes")
 """Places of the header for what is known once it was compiled."""
@@ -26,7 +25,7 @@ UNKNOWN = "0x7fffffff"
 """What stands there before."""
 
 
-def kept_vectors(
+def stateful_vectors(
     subject: Subject,
     parts: Sequence[Part],
     wide: Sequence[Part],
@@ -39,7 +38,7 @@ def kept_vectors(
     that is given the same rows. It is no bound: where a measurement is left out by one build alone, or another active
     set ends the iterations, outputs jump.
     """
-    functions = kept_of(parts)
+    functions = stateful_of(parts)
     host = _host(subject, functions, files)
     words |= {f"{name}_bytes": str(size) for name, size in host.sizes.items()}
     vectors = [function.vectors(host, function.runner) for function in functions]
@@ -56,7 +55,7 @@ def kept_vectors(
     return vectors, errors
 
 
-def kept_usage(prefix: str, function: Kept) -> str:
+def stateful_usage(prefix: str, function: Stateful) -> str:
     """C of a first call."""
     owner = function.types[0]
     structs = [*function.inputs, function.output]
@@ -65,7 +64,7 @@ def kept_usage(prefix: str, function: Kept) -> str:
     lines.append(f"int code = {prefix}_{owner}_init(&{owner});")
     notes = {
         "measurement": " /* nothing measured: NaN */",
-        "reference": " /* the set-points of the scene, at all nodes */",
+        "reference": " /* the setpoints of the scene, at all nodes */",
         "command": " /* what was applied before */",
     }
     for name in function.inputs:
@@ -76,10 +75,10 @@ def kept_usage(prefix: str, function: Kept) -> str:
     return "\n".join(lines)
 
 
-def _host(subject: Subject, functions: Sequence[Kept], files: Mapping[str, str]) -> Host:
+def _host(subject: Subject, functions: Sequence[Stateful], files: Mapping[str, str]) -> Host:
     runners = {function.name: function.runner for function in functions}
-    kept = list(dict.fromkeys(name for function in functions for name in function.types))
-    return Host(files, subject.prefix, subject.real, runners, kept)
+    owners = list(dict.fromkeys(name for function in functions for name in function.types))
+    return Host(files, subject.prefix, subject.real, runners, owners)
 
 
 def _files(subject: Subject, parts: Sequence[Part], words: dict[str, str], check: str) -> dict[str, str]:

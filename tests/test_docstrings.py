@@ -1,0 +1,55 @@
+"""Public functions explain themselves: signature, numpydoc sections, and an example that runs."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+import pkgutil
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import continuum_grasp
+
+MODULES = ["continuum_grasp"] + [
+    f"continuum_grasp.{module.name}" for module in pkgutil.iter_modules(continuum_grasp.__path__) if module.ispkg
+]
+
+
+def public() -> dict[str, object]:
+    """Functions and classes by the name under which a user imports them; the shortest where there are several."""
+    found: dict[int, tuple[str, object]] = {}
+    for module in MODULES:
+        home = import_module(module)
+        for name in getattr(home, "__all__", ()):
+            value = getattr(home, name)
+            if callable(value):
+                found.setdefault(id(value), (f"{module}.{name}", value))
+    return dict(found.values())
+
+
+PUBLIC = public()
+FUNCTIONS = [name for name, value in PUBLIC.items() if inspect.isfunction(value)]
+WITH_EXAMPLES = [name for name, value in PUBLIC.items() if ">>>" in (inspect.getdoc(value) or "")]
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_public_function_has_parameters_and_an_example(name):
+    function = PUBLIC[name]
+    text = inspect.getdoc(function) or ""
+    for parameter, value in inspect.signature(function).parameters.items():
+        assert value.kind is not value.VAR_KEYWORD or f"**{parameter}" in text
+        assert parameter in text, f"{name}: nothing about {parameter}"
+        assert value.annotation is not inspect.Parameter.empty
+    assert "Examples\n--------" in text
+
+
+@pytest.mark.parametrize("name", WITH_EXAMPLES)
+def test_the_example_runs(name, monkeypatch):
+    monkeypatch.chdir(Path(__file__).parents[1])
+    value = PUBLIC[name]
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+    for test in doctest.DocTestFinder(recurse=False).find(value, name, globs={}):
+        runner.run(test)
+    assert runner.summarize(verbose=False).failed == 0
