@@ -21,7 +21,7 @@ from continuum_grasp.mission.verdict import judge
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import MissionScene
 
-__all__ = ["Crew", "mission_of", "run_mission"]
+__all__ = ["MissionRunner", "mission_of", "run_mission"]
 
 Progress = Callable[[float], None]
 
@@ -62,10 +62,10 @@ def run_mission(
     Interrupted
         On Ctrl-C; ``result`` is the mission until then.
     """
-    return Crew(assign(mission_of(scene), grasp)).run(variation, progress)
+    return MissionRunner(assign(mission_of(scene), grasp)).run(variation, progress)
 
 
-class Crew:
+class MissionRunner:
     """Controller and plant of a mission, made once for any number of runs.
 
     Parameters

@@ -16,7 +16,6 @@ from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted,
 from continuum_grasp.results import begin_run
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.overrides import Overrides
-from continuum_grasp.sweeps.crew import Crew, ExecutorCrew, LocalCrew, checked_count, cores
 from continuum_grasp.sweeps.export import write_csv
 from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, lines_of, locked, store_plan, write_run_files
 from continuum_grasp.sweeps.plan import Plan, Point
@@ -24,6 +23,7 @@ from continuum_grasp.sweeps.progress import Pace, Progress
 from continuum_grasp.sweeps.read import plan_of
 from continuum_grasp.sweeps.table import SweepTable, sweep_table
 from continuum_grasp.sweeps.worker import Job, Keep, Outcome, row_of_crash, run_chunk, solve
+from continuum_grasp.workers import ExecutorPool, ProcessPool, WorkerPool, checked_count, cores
 
 __all__ = ["sweep"]
 
@@ -100,8 +100,8 @@ def sweep(
         run = _Run(plan, job, target, progress)
         if run.done < len(plan):
             begin_run(target, "sweep", kept=(PLAN,))
-            with _crew(executor, scheduler, count) as crew:
-                run.go(crew)
+            with _pool(executor, scheduler, count) as pool:
+                run.go(pool)
         write_csv(target)
     return sweep_table(target, statistics={**run.statistics, "notes": notes})
 
@@ -127,7 +127,7 @@ class _Run:
         self.busy = 0.0
         self.began = self.told = time.monotonic()
 
-    def go(self, crew: Crew) -> None:
+    def go(self, pool: WorkerPool) -> None:
         """Work until every scene has its row.
 
         Raises
@@ -139,10 +139,10 @@ class _Run:
         """
         finished = False
         try:
-            while self._fill(crew):
+            while self._fill(pool):
                 back = wait(self.flying, timeout=1.0, return_when=FIRST_COMPLETED).done
-                outcomes = [outcome for future in back for outcome in self._taken(crew, future)]
-                self._fill(crew)  # who waits gets work before anything is written down
+                outcomes = [outcome for future in back for outcome in self._taken(pool, future)]
+                self._fill(pool)  # who waits gets work before anything is written down
                 self._write(outcomes)
                 self._report()
             finished = True
@@ -150,7 +150,7 @@ class _Run:
             left = f"interrupted: {self.done} of {len(self.plan)} scenes are in {self.folder / TABLE}"
             raise Interrupted(f"{left}; the same command goes on from there") from None
         finally:
-            crew.close(not finished)
+            pool.close(not finished)
             self.file.close()
             self._report(last=True)
 
@@ -160,13 +160,13 @@ class _Run:
         seconds = time.monotonic() - self.began
         return {"new": self.done - self.before, "seconds": seconds, "evaluation_seconds": self.busy}
 
-    def _fill(self, crew: Crew) -> bool:
+    def _fill(self, pool: WorkerPool) -> bool:
         """Give out chunks while somebody takes them; whether anything is out."""
-        while len(self.flying) < crew.most:
-            points = self._next(crew.workers)
+        while len(self.flying) < pool.most:
+            points = self._next(pool.workers)
             if not points:
                 break
-            self.flying[crew.submit(run_chunk, self.job, points)] = points
+            self.flying[pool.submit(run_chunk, self.job, points)] = points
         return bool(self.flying)
 
     def _next(self, workers: int) -> list[Point]:
@@ -179,7 +179,7 @@ class _Run:
             size = int(min(_CHUNK_SECONDS / max(self.each, 1e-4), left / (3 * workers), _MOST_IN_A_CHUNK))
         return [self.plan.point(index) for _, index in zip(range(max(1, size)), self.fresh, strict=False)]
 
-    def _taken(self, crew: Crew, future: Future[list[Outcome]]) -> list[Outcome]:
+    def _taken(self, pool: WorkerPool, future: Future[list[Outcome]]) -> list[Outcome]:
         points = self.flying.pop(future)
         try:
             outcomes = future.result()
@@ -188,7 +188,7 @@ class _Run:
         except CancelledError as error:
             raise self._stopped("the scheduler is gone") from error
         except Exception as error:
-            if not crew.lost(future):
+            if not pool.lost(future):
                 raise self._stopped(f"a worker cannot do the work: {type(error).__name__}: {error}") from error
             return self._suspected(points)
         seconds = sum(outcome.seconds for outcome in outcomes)
@@ -244,18 +244,18 @@ def _folder(config: str | os.PathLike[str] | Mapping[str, Any], folder: str | os
     return Path(folder)
 
 
-def _crew(executor: Executor | None, scheduler: str | None, count: int | None) -> AbstractContextManager[Crew]:
+def _pool(executor: Executor | None, scheduler: str | None, count: int | None) -> AbstractContextManager[WorkerPool]:
     if scheduler is not None:
-        from continuum_grasp.sweeps.cluster import dask_crew
+        from continuum_grasp.sweeps.cluster import dask_pool
 
-        return dask_crew(scheduler)
-    return _own_crew(executor, count)
+        return dask_pool(scheduler)
+    return _own_pool(executor, count)
 
 
 @contextmanager
-def _own_crew(executor: Executor | None, count: int | None) -> Iterator[Crew]:
+def _own_pool(executor: Executor | None, count: int | None) -> Iterator[WorkerPool]:
     if executor is None:
-        yield LocalCrew(count or cores())
+        yield ProcessPool(count or cores())
     else:
         known = count or getattr(executor, "_max_workers", None) or cores()
-        yield ExecutorCrew(executor, lambda: known)
+        yield ExecutorPool(executor, lambda: known)
