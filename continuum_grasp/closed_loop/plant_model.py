@@ -314,5 +314,4 @@ def _without_lag(scene: Scene) -> Scene:
     tendons = scene.finger.tendons
     if tendons is None:
         return scene
-    finger = scene.finger.model_copy(update={"tendons": tendons.model_copy(update={"time_constant": None})})
-    return scene.model_copy(update={"finger": finger})
+    return scene.replaced(finger=scene.finger.replaced(tendons=tendons.replaced(time_constant=None)))

@@ -135,11 +135,10 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
 def _finger(mission: MissionScene, base: Array) -> Finger:
     """The finger of the grasp, as placed by it, with the whole range of its drive."""
     given = mission.grasp.setups[0].finger
-    own = {name: getattr(given, name) for name in Finger.model_fields}
-    own["base"] = BasePose(position=(float(base[0]), float(base[1])), angle=float(base[2]))
-    if mission.drive_tension is not None and given.tendons is not None:
-        own["tendons"] = given.tendons.model_copy(update={"max_tension": mission.drive_tension})
-    return Finger(**own)
+    placed = given.replaced(base=BasePose(position=(float(base[0]), float(base[1])), angle=float(base[2])))
+    if mission.drive_tension is None or given.tendons is None:
+        return placed
+    return placed.replaced(tendons=given.tendons.replaced(max_tension=mission.drive_tension))
 
 
 def _posture(found: FingerPosture, lengths: Array) -> Array:
@@ -151,7 +150,7 @@ def _posture(found: FingerPosture, lengths: Array) -> Array:
 
 def _object(mission: MissionScene, grasp: GraspResult) -> GraspObject:
     x, y, angle = (float(v) for v in grasp.object_pose)
-    return mission.grasp.object.model_copy(update={"position": (x, y), "angle": angle, "free": None})
+    return mission.grasp.object.replaced(position=(x, y), angle=angle, free=None)
 
 
 def _control_scene(
@@ -175,7 +174,7 @@ def _control_scene(
         gravity=(0.0, 0.0),
         contacts=(middle,),
         object=thing,
-        contact_law=mission.contact_law.model_copy(update={"friction": 0.0}),
+        contact_law=mission.contact_law.replaced(friction=0.0),
         fidelity=Fidelity(family="matched_clothoid", elements=lengths, bending_range=_reach(finger, lengths)),
         parameters=("bending_stiffness",) if mission.estimator.disturbances.bending_stiffness is not None else (),
         controller=Controller(

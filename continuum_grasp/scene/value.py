@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import warnings
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -32,7 +32,17 @@ class Value(BaseModel):
 
             raise input_error(error, type(self), data) from None
 
-    # pydantic calls an initialiser of one's own for nested values too, and loses the keys of what is wrong in them.
+    def replaced(self, **fields: Any) -> Self:
+        """A copy with other values of some fields, validated as if it were made anew.
+
+        Raises
+        ------
+        InputError
+            The fields do not go together.
+        """
+        return type(self)(**{**dict(self), **fields})
+
+    # pydantic calls an initializer of one's own for nested values too, and loses the keys of what is wrong in them.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     def __hash__(self) -> int:

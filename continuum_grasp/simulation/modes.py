@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -56,29 +55,8 @@ class Modes:
         return self.equilibrium.warnings
 
 
-def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = None, points: int = 61) -> Modes:
-    """Modes of a finger about its equilibrium.
-
-    Parameters
-    ----------
-    scene : Scene or path-like
-        The scene, or its YAML file.
-    about : Equilibrium, optional
-        Equilibrium to linearise about; found where not given.
-    points : int
-        Number of points of the shapes.
-
-    Returns
-    -------
-    Modes
-        As many as there are bending coordinates. Under following loads or tendon friction the stiffness is not
-        symmetric; modes that flutter then come as two of one frequency, and ``stable`` is false.
-
-    Raises
-    ------
-    SolverError
-        If no equilibrium is found.
-    """
+def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
+    """Find the modes of a scene without ``fidelity.tolerance``; see `continuum_grasp.modes`."""
     found = equilibrium(scene) if about is None else about
     model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
     core = Core(model, compiled=False)

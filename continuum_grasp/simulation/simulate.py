@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from os import PathLike
 from time import perf_counter
 
 import numpy as np
@@ -16,7 +15,6 @@ from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.integrators import INTEGRATORS
-from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.contact_spectrum import contact_frequency, pressed_radius, telling_states
 from continuum_grasp.simulation.initial import initial_state, start_warnings
@@ -54,36 +52,8 @@ _MOST_WORK = {_FAST: 4_000_000, _STIFF: 400_000}
 
 
 @interrupt.listening()
-def simulate(scene: Scene | str | PathLike[str], *, progress: Progress | None = None) -> Trajectory:
-    """Simulate a scene.
-
-    Parameters
-    ----------
-    scene : Scene or path-like
-        The scene, with ``time``, or its YAML file.
-    progress : callable, optional
-        Called with the share that is done, 0 to 1.
-
-    Returns
-    -------
-    Trajectory
-        States at every output step, with those of an object that moves and of the contacts' friction. Its ``warnings``
-        tell when an element left its declared bending range or exceeded the strain limit, and where the finger passes
-        through the object between the stations that touch it.
-
-    Raises
-    ------
-    InputError
-        If the scene has no time, or a state that does not fit.
-    NumericalError
-        If the motion does not stay finite, or is too stiff for the method that was asked for; ``result`` is the
-        trajectory until then.
-    SolverError
-        If an initial equilibrium is not found.
-    Interrupted
-        On Ctrl-C; ``result`` is the trajectory until then.
-    """
-    scene = scene_of(scene)
+def simulate(scene: Scene, *, progress: Progress | None = None) -> Trajectory:
+    """Simulate a scene without ``fidelity.tolerance``; see `continuum_grasp.simulate`."""
     if scene.time is None:
         raise InputError("a simulation needs time: {duration: ..., step: ...}", key="time")
     model = FingerModel(scene)
