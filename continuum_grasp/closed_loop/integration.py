@@ -30,6 +30,7 @@ _LONGEST = 1.25e-3
 _CONTACT_STEP = 1e-4
 """Step of ros2, which must resolve contacts [s]."""
 _SHAPES = 4
+"""Shapes at which the fastest rate is taken: each costs a linearization of the fine model on the virtual machine."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ def choose_method(model: PlantModel, period: float) -> Method:
 
 
 class Integration(Remade):
-    """Integrates a plant over stretches of constant input.
+    """Integrates a plant over periods of constant input.
 
     Parameters
     ----------
@@ -115,15 +116,15 @@ class Integration(Remade):
             w = Signal(np.ascontiguousarray(model.forces(instants))[None], model.nw, 0)
         inputs = Signal(np.ascontiguousarray(u, dtype=float)[None, None], 0, 0)
         begin = np.ascontiguousarray(x, dtype=float)[None]
-        states, kept = self._run(begin, substeps, 1, period / substeps, inputs, w, model.p)
-        if kept[0] < substeps:
-            time, last = start + kept[0] * period / substeps, states[0, kept[0]]
+        states, valid = self._run(begin, substeps, 1, period / substeps, inputs, w, model.p)
+        if valid[0] < substeps:
+            time, last = start + valid[0] * period / substeps, states[0, valid[0]]
             raise NumericalError(
                 f"the plant's state is not finite after t = {time:g} s (last finite state {last.tolist()}): its loads "
                 "or inputs bend it beyond what its model means; see plant.fidelity.bending_range and loads",
                 time=time,
                 state=last,
-                result=states[0, : kept[0] + 1],
+                result=states[0, : valid[0] + 1],
             )
         found: Array = states[0]
         return found

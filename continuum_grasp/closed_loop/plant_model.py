@@ -83,7 +83,7 @@ class PlantModel(Remade):
         family = scene.plant.fidelity.family
         if family == "matched_clothoid" and (self._lag is None or self._order == 1):
             raise InputError(
-                "a matched tip is thrown by inputs that jump: give the drive a lag of second order, or take clothoid",
+                "matched_clothoid needs a continuous tip moment: give the drive a lag of second order, or use clothoid",
                 key="plant.fidelity.family",
             )
         if self._order == 1 and self._lag is None:

@@ -120,7 +120,7 @@ class Readings:
         return self._plant.scene.finger.base.angle
 
     def tracked(self, x: Array, u: Array, w: Array, held: Array) -> Array:
-        """Outputs (K, nr) in the order of the set-points; ``held`` (K, nu) are the inputs before."""
+        """Outputs (K, nr) in the order of the setpoints; ``held`` (K, nu) are the inputs before."""
         columns = [self._map(self._tracked, x, u, w)]
         if self._scene.controller.cost.effort:
             columns.append(u)

@@ -43,8 +43,8 @@ def compile(model: FingerModel | System, functions: Sequence[str] | None = None,
     model : FingerModel or System
         The model.
     functions : sequence of str, optional
-        Functions to compile now; the others are compiled when they are first called. The forward dynamics where
-        nothing is said.
+        Functions to compile now; the others are compiled when they are first called. The forward dynamics
+        where not given.
     precision : {"double", "float"}
         What the compiled code computes in; see ``Core``.
 
@@ -85,7 +85,7 @@ class Core(Remade):
     model : FingerModel or System
         The model.
     compiled : bool
-        False: run on the virtual machine all the same, which is sooner done for a few calls of a large model.
+        False: run on the virtual machine all the same, which is faster for a few calls of a large model.
     precision : {"double", "float"}
         What the compiled code computes in. ``float`` is single precision throughout, the states between the steps of a
         rollout included; arrays are of doubles all the same. It has about 7 digits, twice the lanes in batches and
@@ -281,18 +281,18 @@ class Core(Remade):
             given = start, np.array([step / substeps]), inputs.rows, forces.rows, parameters
             SingleRange("rollout", ("x0", "step", "u", "w", "p")).check(given)
         run = self.prepare_rollout(method, single)
-        states, kept = run(start, steps, substeps, step / substeps, inputs, forces, parameters)
-        if np.any(kept < steps):
-            first = int(np.argmin(kept))
-            reached = states[first, : kept[first] + 1]
+        states, valid = run(start, steps, substeps, step / substeps, inputs, forces, parameters)
+        if np.any(valid < steps):
+            first = int(np.argmin(valid))
+            reached = states[first, : valid[first] + 1]
             which = (
-                "" if single else f" in {np.count_nonzero(kept < steps)} of {len(start)} rollouts, first in {first},"
+                "" if single else f" in {np.count_nonzero(valid < steps)} of {len(start)} rollouts, first in {first},"
             )
             raise NumericalError(
-                f"{INTEGRATORS[method].failure}{which} after t = {kept[first] * step:g} s (last finite state "
+                f"{INTEGRATORS[method].failure}{which} after t = {valid[first] * step:g} s (last finite state "
                 f"{reached[-1].tolist()}): the step is too large for this scene, or the finger left the range of the "
                 "model; try a smaller step, more substeps or method='rodas'",
-                time=kept[first] * step,
+                time=valid[first] * step,
                 state=reached[-1],
                 result=reached if single else states,
             )

@@ -59,7 +59,7 @@ class Assignment:
     force : float
         Normal force of the grasp at the contact where it is held [N].
     pulls : (K, 3) ndarray
-        Wrenches that are pulled with: world force x, y [N] and moment about the centre of mass [N m].
+        Wrenches that are pulled with: world force x, y [N] and moment about the center of mass [N m].
     """
 
     mission: MissionScene
@@ -75,7 +75,7 @@ class Assignment:
 
 
 def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignment:
-    """Optimise the grasp of a mission and say what its controller has to do.
+    """Optimize the grasp of a mission and say what its controller has to do.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     """
     found = optimize_grasp(mission.grasp) if grasp is None else grasp
     if grasp is None and found.statistics["interrupted"]:
-        raise Interrupted("interrupted while the grasp was optimised")
+        raise Interrupted("interrupted while the grasp was optimized")
     if not found.solved:
         raise SolverError("no grasp to carry out", status=found.status.value, advice=found.advice, result=found)
     (name, posture), *_ = found.fingers.items()
@@ -154,7 +154,7 @@ def _object(mission: MissionScene, grasp: GraspResult) -> GraspObject:
 
 
 def _control_scene(
-    mission: MissionScene, finger: Finger, thing: GraspObject, middle: float, force: float
+    mission: MissionScene, finger: Finger, body: GraspObject, middle: float, force: float
 ) -> ControlScene:
     asked = mission.controller
     before, after = asked.elements
@@ -173,7 +173,7 @@ def _control_scene(
         finger=finger,
         gravity=(0.0, 0.0),
         contacts=(middle,),
-        object=thing,
+        object=body,
         contact_law=mission.contact_law.replaced(friction=0.0),
         fidelity=Fidelity(family="matched_clothoid", elements=lengths, bending_range=_reach(finger, lengths)),
         parameters=("bending_stiffness",) if mission.estimator.disturbances.bending_stiffness is not None else (),
@@ -201,8 +201,8 @@ def _reach(finger: Finger, lengths: tuple[float, ...]) -> float:
 
 def _about_to_touch(control: ControlScene, side: float) -> float:
     """Size of the tip moment at which the free finger comes close to the object [N m]."""
-    finger, thing = control.finger, control.object
-    if thing is None or finger.tendons is None:
+    finger, body = control.finger, control.object
+    if body is None or finger.tendons is None:
         return 0.0
     system = System(finger, gravity=(0.0, 0.0), family="clothoid", elements=1, tip_force=False)
     where = system.sections(tuple(np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]))
@@ -211,7 +211,7 @@ def _about_to_touch(control: ControlScene, side: float) -> float:
     for moment in np.linspace(0.0, most, _STEPS + 1):
         shape = [side * moment / finger.rod.stiffness] * system.n
         points = np.array(where(system.state(q=shape), [0.0, 0.0], [])[0]).T
-        gap = min(thing.distance((float(x), float(y))) for x, y in points) - finger.thickness_radius
+        gap = min(body.distance((float(x), float(y))) for x, y in points) - finger.thickness_radius
         if gap < _CLEARANCE:
             break
         reached = float(moment)

@@ -34,7 +34,7 @@ def run_mission(
     variation: Variation | None = None,
     progress: Progress | None = None,
 ) -> MissionRun:
-    """Optimise a grasp, and carry it out in closed loop.
+    """Optimize a grasp, and carry it out in closed loop.
 
     Parameters
     ----------

@@ -20,6 +20,7 @@ from continuum_grasp.workers import ProcessPool, cores
 __all__ = ["run_trials", "variations"]
 
 _SEEDS = 2**31
+"""Upper end of the seeds of measurement noise [1]; any whole number does."""
 
 
 def variations(trials: Trials) -> list[Variation]:

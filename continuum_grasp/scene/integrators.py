@@ -48,14 +48,14 @@ class Integrator:
 
 
 # rk4 is stable up to 2.83 where eigenvalues are imaginary (undamped) and up to 2.79 where they are real (overdamped);
-# between them, at a damping ratio of 0.54, up to 2.62. Fast modes of fingers are near either end.
+# between them, at a damping ratio of 0.54, up to 2.62.
 INTEGRATORS = {
     "rk4": Integrator("the classical explicit Runge-Kutta method", 4, 4, stable=2.7, differentiates=True),
     "rodas": Integrator("linearly implicit, L-stable, stiffly accurate", 4, 6),
     "implicit_midpoint": Integrator(
         "symplectic; the energy of undamped motions does not drift",
         2,
-        4,
+        5,
         symplectic=True,
         double_only=True,
         failure="Newton's method did not converge within a step",

@@ -33,7 +33,7 @@ def _share(value: Any) -> Any:
 
 
 class Fidelity(Value):
-    """How finely the finger is modelled: by a tolerance, or by family, elements and accuracy."""
+    """How finely the finger is modeled: by a tolerance, or by family, elements and accuracy."""
 
     tolerance: Annotated[float, BeforeValidator(_share), Field(ge=1e-9, le=0.5)] | None = None
     """Greatest error of position per length, and of frequency where the scene moves, such as 0.005 or 0.5 %.
@@ -48,14 +48,14 @@ class Fidelity(Value):
         | Annotated[tuple[Length, ...], Field(strict=False, min_length=1, max_length=64)]
         | None
     ) = None
-    """Number of elements, or their lengths from base to tip [m]; None: two, or one per stretch between contacts and
+    """Number of elements, or their lengths from base to tip [m]; None: two, or one per segment between contacts and
     jumps of the rest curvature."""
     bending_range: Annotated[float, Field(ge=1e-3, le=20.0)] | None = None
     """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature); None: 2 pi / 3, or
     less where the strain limit allows less."""
     accuracy: Annotated[float, Field(ge=1e-16, le=1e-2)] | None = None
     """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
-    nodes); None: rounding for arcs, and for clothoids about as small as their discretisation error."""
+    nodes); None: rounding for arcs, and for clothoids about as small as their discretization error."""
 
 
 class Initial(Value):
@@ -110,7 +110,7 @@ class Timing(Value):
         if count > MOST_STATES:
             raise ValueError(
                 f"step = {self.step:g} s over {self.duration:g} s asks for {count:.3g} output states; at most "
-                f"{MOST_STATES} can be kept: take a longer step (the integrator takes sub-steps of its own) or a "
+                f"{MOST_STATES} can be stored: take a longer step (the integrator takes sub-steps of its own) or a "
                 "shorter duration"
             )
         if abs(count - round(count)) > 1e-6 * count:

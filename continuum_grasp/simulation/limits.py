@@ -17,7 +17,7 @@ __all__ = ["LOST", "limit_warnings", "overlap_warnings"]
 LOST = 3.0
 """Multiple of the declared bending range beyond which the model means nothing."""
 _THROUGH = 0.5
-"""Overlap between stations that is told, as a part of the half thickness."""
+"""Overlap between stations that is reported, per the half thickness."""
 _LOOKS = 50
 """Instants at which overlaps are looked for."""
 
@@ -44,7 +44,7 @@ def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | 
         if strained.size:
             found.append(
                 f"element {k + 1} exceeds the strain limit{first(strained)} "
-                f"(greatest: {curvature.max() / limit:.2f} times the limit; the model is meant for less)"
+                f"(greatest: {curvature.max() / limit:.2f} times the limit; the model is accurate for less)"
             )
         if beyond.size and reach < limit * length * (1 - 1e-9):
             found.append(

@@ -125,9 +125,9 @@ class _Run:
         }
         status = "finished" if error is None else "stopped"
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
-        started_thrown, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
+        at_start, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
         inexact = self._error_warnings(used, motion)
-        warnings = (*started_thrown, *jumps, *inexact, *limits, *overlap_warnings(result))
+        warnings = (*at_start, *jumps, *inexact, *limits, *overlap_warnings(result))
         result = replace(result, status=status, warnings=warnings, statistics=statistics, time_error=motion.time_error)
         return result, error
 
@@ -163,8 +163,8 @@ class _Run:
         radius = max(plan.radius, self._radius(shapes))
         if self._system is not None:
             at = np.arange(len(states)) * self._time.step
-            told = telling_states(self._core, states, self._signals.u(at), self._signals.w(at))
-            radius = max(radius, self._contact_radius(told))
+            looked = telling_states(self._core, states, self._signals.u(at), self._signals.w(at))
+            radius = max(radius, self._contact_radius(looked))
         wanted = self._wanted(radius)
         if error is None and radius * self._time.step / plan.substeps <= plan.stable:
             return None, None
@@ -190,7 +190,7 @@ class _Run:
         return self._controlled(Plan(method, min(wanted, most), radius))
 
     def _controlled(self, plan: Plan, final: bool = False) -> Plan:
-        """The plan with what it is compared with and, where the tolerance is to be kept, given up beyond it."""
+        """The plan with longer steps to compare with and, where the tolerance is pursued, the error to give up at."""
         auto, steps = self._time.method == "auto", self._stepper.steps
         if auto and steps == 1 and plan.substeps % 2:
             plan = replace(plan, substeps=plan.substeps + 1)

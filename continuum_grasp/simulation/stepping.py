@@ -229,9 +229,9 @@ class Stepper:
         ratios, h = (1, *plan.ratios)[: len(ends)], self._time.step / plan.substeps
         run = self._core.prepare_rollout(plan.method)
         p = np.array(self._core.model.p_nominal, dtype=float)
-        states, kept = run.levels(np.array(ends), ratios, plan.every, count, plan.substeps, h, *inputs, p)
+        states, valid = run.levels(np.array(ends), ratios, plan.every, count, plan.substeps, h, *inputs, p)
         self.taken += sum(count * plan.substeps // ratio for ratio in ratios)
-        return [x[: last + 1] for x, last in zip(states, kept, strict=True)]
+        return [x[: last + 1] for x, last in zip(states, valid, strict=True)]
 
     def _by_variable_steps(self, x: Array, u: Array, w: Array, looser: float) -> Array:
         try:

@@ -14,7 +14,9 @@ from continuum_grasp.workers import ExecutorPool
 __all__ = ["dask_pool"]
 
 _PATIENCE = 10.0
+"""How long to wait for an answer of the scheduler [s]."""
 _ASK_AGAIN = 2.0
+"""How long a count of workers is taken as current [s]: asking is a call over the network."""
 
 
 @contextmanager

@@ -25,6 +25,7 @@ PLAN = "sweep.json"
 TABLE = "table.jsonl"
 _LOCK = ".lock"
 _FLUSH_SECONDS = 2.0
+"""Time between two writes to the disk [s]: what a loss of power can cost."""
 _ABOUT = ("name", "created", "versions", "columns", "units", "pictures")
 """Entries of the stored plan that do not decide what is computed."""
 

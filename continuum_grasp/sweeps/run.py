@@ -1,4 +1,4 @@
-"""The sweep itself: gives out scenes, takes rows, writes them down, and goes on where it was stopped."""
+"""The sweep itself: submits scenes, takes rows, writes them, and resumes after an interruption."""
 
 from __future__ import annotations
 
@@ -28,9 +28,13 @@ from continuum_grasp.workers import ExecutorPool, ProcessPool, WorkerPool, check
 __all__ = ["sweep"]
 
 _CHUNK_SECONDS = 0.5
+"""Work per submitted chunk [s]: long against handing it over, short against the end of a sweep."""
 _MOST_IN_A_CHUNK = 64
+"""Scenes per chunk [1]: these are tried again one by one where their worker dies."""
 _REPORT_SECONDS = 0.2
+"""Least time between two reports of progress [s]."""
 _TRIES = 2
+"""Times that a scene may end its worker: once with others, and once alone."""
 
 
 @interrupt.listening()
@@ -49,8 +53,8 @@ def sweep(
     """Find the grasps of many scenes: a grid or random draws of any keys of one scene.
 
     Every scene gives one row of the table ``table.jsonl`` in the folder, also where there is no grasp, where the scene
-    makes no sense, and where it took its worker with it. A sweep that was stopped, in whatever way, goes on where it
-    was when it is called again with the same configuration and folder.
+    makes no sense, and where it took its worker with it. A sweep that was stopped, in whatever way, resumes
+    when it is called again with the same configuration and folder.
 
     Parameters
     ----------
@@ -125,7 +129,7 @@ class _Run:
         self.fresh = (index for index in range(len(plan)) if not self.there[index])
         self.each: float | None = None
         self.busy = 0.0
-        self.began = self.told = time.monotonic()
+        self.began = self.reported = time.monotonic()
 
     def go(self, pool: WorkerPool) -> None:
         """Work until every scene has its row.
@@ -142,7 +146,7 @@ class _Run:
             while self._fill(pool):
                 back = wait(self.flying, timeout=1.0, return_when=FIRST_COMPLETED).done
                 outcomes = [outcome for future in back for outcome in self._taken(pool, future)]
-                self._fill(pool)  # who waits gets work before anything is written down
+                self._fill(pool)  # idle workers get work before anything is written
                 self._write(outcomes)
                 self._report()
             finished = True
@@ -161,7 +165,7 @@ class _Run:
         return {"new": self.done - self.before, "seconds": seconds, "evaluation_seconds": self.busy}
 
     def _fill(self, pool: WorkerPool) -> bool:
-        """Give out chunks while somebody takes them; whether anything is out."""
+        """Submit chunks while workers are free; whether any is pending."""
         while len(self.flying) < pool.most:
             points = self._next(pool.workers)
             if not points:
@@ -222,9 +226,9 @@ class _Run:
         self.file.append(b"".join(lines))
 
     def _report(self, last: bool = False) -> None:
-        if self.tell is not None and (last or time.monotonic() - self.told > _REPORT_SECONDS):
+        if self.tell is not None and (last or time.monotonic() - self.reported > _REPORT_SECONDS):
             self.tell(self.pace.progress(self.done, self.counts))
-            self.told = time.monotonic()
+            self.reported = time.monotonic()
 
     def _stopped(self, what: str) -> SolverError:
         return SolverError(

@@ -245,10 +245,10 @@ def test_divergence_stops_with_what_was_computed():
     with pytest.raises(NumericalError, match="step") as caught:
         compiled.rollout(x0, 200, 0.2)
     error = caught.value
-    kept = len(error.result)
-    assert 1 <= kept < 200
+    count = len(error.result)
+    assert 1 <= count < 200
     assert np.isfinite(error.result).all()
-    assert error.time == pytest.approx((kept - 1) * 0.2)
+    assert error.time == pytest.approx((count - 1) * 0.2)
     assert error.state == pytest.approx(error.result[-1], abs=0)
     assert error.result[0] == pytest.approx(x0, abs=0)
 
@@ -649,7 +649,7 @@ def test_an_unusable_folder_is_left_alone(why, builds, monkeypatch, tmp_path):
         else:
             owner = os.getuid()
             monkeypatch.setattr(cache.os, "getuid", lambda: owner + 1)
-    with pytest.warns(RuntimeWarning, match="kept for this process only"):
+    with pytest.warns(RuntimeWarning, match="stored for this process only"):
         library = library_for(SOURCE, find_compiler())
     assert library.exists()
     assert library.parent != folder

@@ -99,7 +99,7 @@ def test_many_rollouts_are_single_ones(method):
 
 @pytest.mark.parametrize("single_one", [True, False])
 def test_the_state_of_a_rollout_stays_single(single_one):
-    """Every kept state is a number of single precision, and so starts the same motion again to the last bit."""
+    """Every stored state is a number of single precision, and so starts the same motion again to the last bit."""
     model, _, narrow = both("matched_clothoid")
     x0 = state(model, 0.3).x
     start = x0 if single_one else np.tile(x0, (3, 1))
@@ -121,8 +121,8 @@ def sources(model, real: str) -> dict[str, str]:
 
 
 @lru_cache
-def rubbing():
-    """Tendons that rub: with exponentials and roots."""
+def with_tendon_friction():
+    """Tendon friction: with exponentials and roots."""
     finger = Finger(rod=ROD, tendons=Tendons(offset=0.01, max_tension=50.0, friction=0.3))
     return cg.FingerModel(finger, family="clothoid", parameters=("tip_mass", "bending_stiffness", "base_angle"))
 
@@ -135,21 +135,21 @@ def compiler_says(source: str, *flags: str) -> subprocess.CompletedProcess:
 STRICT = ("-fsyntax-only", "-Werror=double-promotion", "-Werror=float-conversion")
 
 
-@pytest.mark.parametrize("what", sources(rubbing(), "float") if find_compiler() else [])
+@pytest.mark.parametrize("what", sources(with_tendon_friction(), "float") if find_compiler() else [])
 def test_the_compiler_finds_no_promotion_to_double(what):
-    done = compiler_says(sources(rubbing(), "float")[what], *STRICT)
+    done = compiler_says(sources(with_tendon_friction(), "float")[what], *STRICT)
     assert done.returncode == 0, done.stderr[:2000]
 
 
 def test_a_typedef_alone_would_leave_doubles():
-    source = "#define casadi_real float\n" + function_source(rubbing().forward_dynamics)
+    source = "#define casadi_real float\n" + function_source(with_tendon_friction().forward_dynamics)
     assert compiler_says(source, *STRICT).returncode != 0
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="instructions of x86")
 def test_the_processor_computes_nothing_in_double():
     """Instructions that end in sd or pd work on doubles; single precision needs none of them within the function."""
-    model = rubbing()
+    model = with_tendon_friction()
     for real, expected in (("float", False), ("double", True)):
         done = compiler_says(function_source(model.forward_dynamics, real), "-S", "-march=x86-64-v3")
         assert done.returncode == 0, done.stderr[:2000]
@@ -247,7 +247,7 @@ def test_without_a_compiler_it_is_refused(name, monkeypatch, tmp_path):
             core.Core(model, precision="float")
 
 
-def test_both_precisions_are_kept_apart(monkeypatch, tmp_path):
+def test_both_precisions_do_not_mix(monkeypatch, tmp_path):
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
     builds, build = [], Compiler.build
     monkeypatch.setattr(Compiler, "build", lambda *a: (builds.append(a), build(*a)))

@@ -78,18 +78,18 @@ def test_the_assignment_is_that_of_the_grasp(assignment, grasp):
 
 def test_the_finger_that_is_about_to_touch_is_near_the_object(assignment):
     """The free finger is an arc under its tip moment: its distance from the circle, sampled finely."""
-    finger, thing = assignment.control.finger, assignment.control.object
+    finger, body = assignment.control.finger, assignment.control.object
     moment = finger.tendons.offset * (assignment.before[0] - assignment.before[1])
     s = np.linspace(0.0, finger.rod.length, 2001)
     kappa, heading = moment / finger.rod.stiffness, finger.base.angle
     turned = heading + 0.5 * kappa * s  # a chord's direction
     chord = s * np.sinc(0.5 * kappa * s / np.pi)
     points = np.array(finger.base.position) + chord[:, None] * np.stack([-np.sin(turned), np.cos(turned)], axis=1)
-    gap = np.linalg.norm(points - thing.position, axis=1).min() - 0.04 - finger.thickness_radius
+    gap = np.linalg.norm(points - body.position, axis=1).min() - 0.04 - finger.thickness_radius
     assert 0.003 <= gap < 0.004
 
 
-def test_set_points_are_smooth(table, assignment):
+def test_setpoints_are_smooth(table, assignment):
     names = ("contact_force_finger.1 [N]", "tension_1 [N]", "tension_2 [N]", "bending_1 [rad]", "something [1]")
     t = np.arange(0.0, table.duration, 1e-3)
     rows = table.rows(t, names)
@@ -185,7 +185,7 @@ def test_a_variation_is_that_of_the_equations(assignment, runner):
 # -- the verdict ------------------------------------------------------------------------------------------------------
 
 
-def told(t, *, height=None, normal=5.0, shear=1.0, status="solved"):
+def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved"):
     """A closed loop by hand: one contact of the finger and a palm, a force of 5 N; and the verdict on it."""
     asked = SimpleNamespace(
         controller=SimpleNamespace(contact="finger.1"),
@@ -231,20 +231,20 @@ INSTANTS = np.arange(0.0, 8.05, 0.1)
     ],
 )
 def test_verdicts_of_closed_loops_by_hand(given, expected):
-    found = told(INSTANTS, **given)
+    found = judged(INSTANTS, **given)
     assert {name: getattr(found, name) for name in expected} == pytest.approx(expected)
 
 
 def test_a_mission_that_was_stopped_is_not_held():
-    found = told(INSTANTS[:15])
+    found = judged(INSTANTS[:15])
     assert not found.held
     assert np.isnan(found.force_error)
     assert np.isnan(found.slip_margin)
-    assert not told(INSTANTS[:65]).released
+    assert not judged(INSTANTS[:65]).released
 
 
 def test_outcomes_are_counted_and_written(tmp_path):
-    good = told(INSTANTS)
+    good = judged(INSTANTS)
     bad = replace(good, held=False, sunk=0.05, force_error=0.5, fallbacks=3)
     drawn = trials.variations(Trials(count=4))
     outcomes = [Outcome(v, verdict) for v, verdict in zip(drawn[:3], (good, bad, good), strict=True)]
@@ -281,7 +281,7 @@ def test_a_short_mission_holds_and_lets_go(held, assignment):
     assert np.all((run.u <= run.u_max + 1e-9) & (run.u >= run.u_min - 1e-9))
 
 
-def test_it_is_saved_told_and_drawn(held, tmp_path):
+def test_it_is_saved_reported_and_drawn(held, tmp_path):
     held.save(tmp_path)
     stored, report = read_run(tmp_path), held.report()
     assert stored.meta["verdict"]["held"] is True

@@ -514,16 +514,16 @@ def test_far_beyond_the_range_the_run_stops_and_keeps_what_it_has(family):
     whole = simulate(nitinol(family, duration=0.4, tip_mass=0.02))
     with pytest.raises(NumericalError, match=r"beyond 3 times its declared range of 0\.1 rad") as caught:
         simulate(nitinol(family, duration=0.4, tip_mass=0.02, fidelity={"bending_range": 0.1}))
-    error, kept = caught.value, caught.value.result
+    error, partial = caught.value, caught.value.result
     assert "raise fidelity.bending_range" in str(error)
-    assert kept.status == "stopped"
-    assert 5 < len(kept.t) < 400
-    assert error.time == kept.t[-1]
-    assert np.array_equal(error.state, kept.x[-1])
-    use = np.array([np.array(kept.model.range_use(q, [0.0], [])).ravel().max() for q in kept.q])
+    assert partial.status == "stopped"
+    assert 5 < len(partial.t) < 400
+    assert error.time == partial.t[-1]
+    assert np.array_equal(error.state, partial.x[-1])
+    use = np.array([np.array(partial.model.range_use(q, [0.0], [])).ravel().max() for q in partial.q])
     assert 2.0 < use[-1] <= 3.0
-    assert kept.tip[: len(kept.t) // 4] == pytest.approx(whole.tip[: len(kept.t) // 4], abs=1e-4)
-    assert len(kept.warnings) >= 1
+    assert partial.tip[: len(partial.t) // 4] == pytest.approx(whole.tip[: len(partial.t) // 4], abs=1e-4)
+    assert len(partial.warnings) >= 1
 
 
 def test_what_was_computed_is_saved(tmp_path, without_compiler):  # noqa: F811
@@ -555,7 +555,7 @@ def test_a_motion_that_blows_up_is_stopped_with_time_and_state(method):
     assert error.result.t[-1] == pytest.approx(error.time)
 
 
-def test_too_stiff_for_rk4_is_said_and_kept(monkeypatch):
+def test_too_stiff_for_rk4_is_reported_with_its_result(monkeypatch):
     monkeypatch.setattr(sys.modules[simulate.__module__], "_MOST_SUBSTEPS", 100)
     keys = {"duration": 0.02, "step": 2e-3, "tip_mass": 0.02, "finger": {"damping": {"material": 8e-3}}}
     with pytest.raises(NumericalError, match=r"too stiff for rk4.*time\.method: rodas") as caught:
@@ -565,7 +565,7 @@ def test_too_stiff_for_rk4_is_said_and_kept(monkeypatch):
 
 
 @pytest.mark.parametrize("method", ["rk4", "rodas", "reference"])
-def test_an_interrupted_motion_is_kept(method, monkeypatch):
+def test_an_interrupted_motion_comes_with_its_error(method, monkeypatch):
     monkeypatch.setattr(stepping, "_CHUNK", 10)
     scene = nitinol(duration=0.1, tip_mass=0.02, method=method)
 
@@ -575,10 +575,10 @@ def test_an_interrupted_motion_is_kept(method, monkeypatch):
 
     with pytest.raises(Interrupted, match=r"interrupted after t = 0\.0\d+ s of 0\.1 s") as caught:
         simulate(scene, progress=stop)
-    kept = caught.value.result
-    assert kept.status == "stopped"
-    assert 40 <= len(kept.t) <= 100
-    assert np.array_equal(kept.x, simulate(scene).x[: len(kept.t)])
+    partial = caught.value.result
+    assert partial.status == "stopped"
+    assert 40 <= len(partial.t) <= 100
+    assert np.array_equal(partial.x, simulate(scene).x[: len(partial.t)])
 
 
 @pytest.mark.parametrize("family", FAMILIES)
