@@ -127,7 +127,7 @@ class _Run:
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
         at_start, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
         inexact = self._error_warnings(used, motion)
-        warnings = (*at_start, *jumps, *inexact, *limits, *overlap_warnings(result))
+        warnings = (*at_start, *jumps, *inexact, *limits, *self._overlaps(result))
         result = replace(result, status=status, warnings=warnings, statistics=statistics, time_error=motion.time_error)
         return result, error
 
@@ -266,6 +266,11 @@ class _Run:
     def _result(self, states: Array) -> Trajectory:
         t: Array = np.linspace(0.0, (len(states) - 1) * self._time.step, len(states))
         return Trajectory(t, states, self._signals.u(t), self._signals.w(t), self._model, self._scene, self._system)
+
+    def _overlaps(self, result: Trajectory) -> tuple[str, ...]:
+        if result.contacts is None:
+            return ()
+        return overlap_warnings(result.t, result.contacts, result.overlap, self._model.finger.thickness_radius)
 
     def _range_use(self, result: Trajectory) -> Array:
         """Share of the declared bending range that each element uses (T, elements)."""

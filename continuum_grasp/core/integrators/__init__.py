@@ -12,8 +12,8 @@ from continuum_grasp.scene.integrators import INTEGRATORS
 __all__ = ["differentiated_step", "step_function"]
 
 _EXPAND_UP_TO = 1500
-"""Instructions of the dynamics up to which explicit steps become one straight-line function [1], which batches compute in
-vector lanes: it has four copies of the dynamics to compile."""
+"""Instructions of the dynamics up to which explicit steps become one straight-line function [1], which batches compute
+in vector lanes: it has four copies of the dynamics to compile."""
 
 
 def step_function(model: Any, method: str) -> ca.Function:
