@@ -48,6 +48,7 @@ class Outcome:
     note: str = ""
     seconds: dict[str, float] = field(default_factory=dict)
     worst: dict[str, float] = field(default_factory=dict)
+    tension: float = math.nan
     better: bool = False
     right: bool = False
     first: bool = False
@@ -84,7 +85,7 @@ def held(kind: str, row: dict[str, Any]) -> Outcome:
     worst = residuals(scene, result.arrays)
     unit = LITTLE * sum(f.tendons.max_tension for f in scene.named_fingers.values() if f.tendons is not None)
     share = (result.tension + unit) / (row["tension"] + unit)  # the least may be none at all
-    out = Outcome(row["seed"], what, str(result.status), False, "", seconds, worst)
+    out = Outcome(row["seed"], what, str(result.status), False, "", seconds, worst, result.tension)
     enough = share <= 1.0 + CLOSE if kind == "one" else True
     out.good = enough and not out.false
     out.better = share < 1.0 - CLOSE
