@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from dataclasses import dataclass
 
@@ -10,11 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, Signal
-from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes
@@ -83,11 +79,8 @@ class Integration(Remade):
 
     def __init__(self, model: PlantModel, method: str) -> None:
         self._model = model
-        step = step_function(model, method)
-        compiler = find_compiler()
-        library = None if compiler is None else ctypes.CDLL(str(library_for(rollout_source(step), compiler)))
-        self._run = Rollouts(step, library, True)
-        self.compiled = library is not None
+        self._run = Rollouts.of(step_function(model, method))
+        self.compiled = self._run.compiled
 
     def advance(self, x: Array, u: Array, start: float, period: float, substeps: int) -> Array:
         """States (substeps + 1, nx) at equal instants of one period.

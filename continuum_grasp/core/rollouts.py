@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.call import pointer, pointers, real_array
 from continuum_grasp.core.checks import finite
+from continuum_grasp.core.compiler import CompileError, find_compiler
+from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import InputError
 
 __all__ = ["Rollouts", "Signal", "row", "signal"]
@@ -44,6 +48,21 @@ class Rollouts:
                 self._levels.restype = None
             self._code = getattr(library, f"{step.name()}_rollout{'' if single else 's'}")
             self._code.restype = ctypes.c_longlong if single else None
+
+    @classmethod
+    def of(cls, step: ca.Function, compiled: bool = True) -> Rollouts:
+        """Rollouts from one state, in C where there is a compiler; the virtual machine gives the same numbers."""
+        compiler = find_compiler() if compiled else None
+        library = None
+        if compiler is not None:
+            with suppress(CompileError, OSError):
+                library = ctypes.CDLL(str(library_for(rollout_source(step), compiler)))
+        return cls(step, library, True)
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the code is compiled."""
+        return self._code is not None
 
     def __call__(
         self, x0: Array, keep: int, sub: int, h: float, u: Signal, w: Signal, p: Array

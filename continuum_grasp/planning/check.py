@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -12,11 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, Signal
-from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import NumericalError
 
 __all__ = ["Deviation", "Player"]
@@ -143,6 +139,4 @@ class Player:
             slopes = [ca.densify(ca.jacobian(rate, v)) for v in (model.x, model.u)]
             functions.linearization = ca.Function("linearization", inputs, slopes, names, ["A", "B"])
         step = step_function(functions, method)
-        compiler = find_compiler() if 4 * dynamics.n_instructions() * steps > _COMPILE_FROM else None
-        library = None if compiler is None else ctypes.CDLL(str(library_for(rollout_source(step), compiler)))
-        return Rollouts(step, library, True)
+        return Rollouts.of(step, 4 * dynamics.n_instructions() * steps > _COMPILE_FROM)

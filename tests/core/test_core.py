@@ -225,6 +225,12 @@ def test_methods_have_the_order_of_their_table(family, method, varying):
     assert errors[1] < {4: 1e-3, 2: 1e-2}[INTEGRATORS[method].order] * np.abs(reference).max()
 
 
+def test_every_method_is_documented():
+    page = (Path(__file__).parents[2] / "docs" / "accuracy.md").read_text(encoding="utf-8")
+    for name, method in INTEGRATORS.items():
+        assert f"| `{name}` | {method.order} | {'any' if method.stable is None else method.stable}" in page
+
+
 @pytest.mark.parametrize("method", ["rk4", "rodas"])
 def test_energy_drift_falls_with_the_step(method):
     compiled = small()[1]
