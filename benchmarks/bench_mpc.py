@@ -30,7 +30,7 @@ from benchmarks.mpc_peers import FORMS, converged, sqp_loop
 from benchmarks.mpc_world import World
 from benchmarks.report import RESULTS, Report, Table
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.rti import RealTimeIteration
+from continuum_grasp.control.rti.iteration import RealTimeIteration
 
 Array = NDArray[np.float64]
 

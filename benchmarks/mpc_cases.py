@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import continuum_grasp as cg
+from continuum_grasp.control.ocp.stages import Stages, stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.problem import stages_of
-from continuum_grasp.control.stages import Stages
 from continuum_grasp.scene.control import ControlScene
 
 Array = NDArray[np.float64]

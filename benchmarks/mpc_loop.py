@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.machine import compiler, one_core
 from benchmarks.mpc_cases import Case
-from continuum_grasp.control.stages import Stages
+from continuum_grasp.control.ocp.stages import Stages
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.mpc_cases import outside, state_step
-from continuum_grasp.control.stages import ABSENT, Stages
+from continuum_grasp.control.ocp.bounds import ABSENT
+from continuum_grasp.control.ocp.stages import Stages
 
 Array = NDArray[np.float64]
 

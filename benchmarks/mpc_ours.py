@@ -10,8 +10,8 @@ import numpy as np
 
 from benchmarks.mpc_cases import Case
 from benchmarks.mpc_loop import CLoop
-from continuum_grasp.control.settings import Settings
-from continuum_grasp.control.source import iteration_source
+from continuum_grasp.control.rti.settings import Settings
+from continuum_grasp.control.rti.source import iteration_source
 
 _HOOKS = """
 static rti_plan plan;

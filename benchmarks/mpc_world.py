@@ -16,8 +16,8 @@ from benchmarks.machine import CFLAGS, compiler
 from benchmarks.mpc_cases import state_step
 from benchmarks.mpc_loop import generated
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.estimation import estimation_of
-from continuum_grasp.control.noise import ranges_of
+from continuum_grasp.control.estimation.model import estimation_of
+from continuum_grasp.control.estimation.noise import ranges_of
 
 Array = NDArray[np.float64]
 

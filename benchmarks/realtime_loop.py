@@ -18,7 +18,7 @@ import numpy as np
 import continuum_grasp as cg
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.realtime import run_periodic
+from continuum_grasp.control.periodic import run_periodic
 
 ROOT = Path(__file__).parents[1]
 

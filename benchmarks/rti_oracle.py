@@ -1,7 +1,7 @@
 """QPs of the real-time iteration against an active-set solver, and random states in great number.
 
 Run ``python -m benchmarks.rti_oracle`` in the root of the repository (10 min). Random stages of the tests (penalties
-over five orders, absent bounds, states up to ten times the bounds) are linearised at random plans; each problem is
+over five orders, absent bounds, states up to ten times the bounds) are linearized at random plans; each problem is
 solved by the C and by qpOASES, which has the slacks of the rows as variables. ``--problems`` and ``--states`` say how
 many; ``--precision float`` does the same in single precision.
 """
@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import Report, Table
-from continuum_grasp.control.rti import STATUS, RealTimeIteration
+from continuum_grasp.control.rti.iteration import STATUS, RealTimeIteration
 from continuum_grasp.errors import SolverError
-from tests.rti_cases import SIZES, change_of_plan, disturb, programme, random_stages
+from tests.rti_cases import SIZES, change_of_plan, disturb, qp_of, random_stages
 
 SETS = 36
 """Random problems, over which the numbers are spread."""
@@ -37,7 +37,7 @@ def compared(rti: RealTimeIteration, count: int, rng: np.random.Generator) -> di
     found: dict[str, Any] = {"z": [], "cost": [], "status": Counter(), "oracle": 0, "rounds": []}
     for _ in range(count):
         x0 = disturb(rti, rng)
-        q = programme(rti, x0)
+        q = qp_of(rti, x0)
         report = rti.feedback(x0)
         found["status"][report.status] += 1
         found["rounds"].append(report.iterations)

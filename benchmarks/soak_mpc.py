@@ -50,7 +50,7 @@ EVENTS = {
     "no measurement": (Anomaly.MISSING, 0.01),
     "infinite measurement": (Anomaly.ABSURD, 0.01),
     "measurement beyond its range": (Anomaly.ABSURD, 0.02),
-    "bad setpoint": (Anomaly.BAD_SET_POINTS, 0.01),
+    "bad setpoint": (Anomaly.BAD_SETPOINTS, 0.01),
     "bad parameter": (Anomaly.BAD_PARAMETERS, 0.01),
     "bad applied input": (Anomaly.BAD_APPLIED, 0.01),
     "late command": (Anomaly.LATE, 0.01),

@@ -17,7 +17,7 @@ _MODULES = {
     "continuum_grasp.model": ("FingerModel", "System"),
     "continuum_grasp.export": ("export_c",),
     "continuum_grasp.control.controller": ("Controller",),
-    "continuum_grasp.control.estimator": ("Estimator",),
+    "continuum_grasp.control.estimation.estimator": ("Estimator",),
     "continuum_grasp.closed_loop.run": ("run_closed_loop",),
     "continuum_grasp.mission.run": ("run_mission",),
     "continuum_grasp.mission.trials": ("run_trials",),
@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     from continuum_grasp.accuracy.report import accuracy_report as accuracy_report
     from continuum_grasp.closed_loop.run import run_closed_loop as run_closed_loop
     from continuum_grasp.control.controller import Controller as Controller
-    from continuum_grasp.control.estimator import Estimator as Estimator
+    from continuum_grasp.control.estimation.estimator import Estimator as Estimator
     from continuum_grasp.core import compile as compile
     from continuum_grasp.errors import ContinuumGraspError as ContinuumGraspError
     from continuum_grasp.errors import InputError as InputError

@@ -53,7 +53,7 @@ def sensed_rod_scene(estimator=None, **changes) -> ControlScene:
 
 
 BEND = 1.2
-"""Of the whole rod at the set-point of ``swing_scene`` [rad]."""
+"""Of the whole rod at the setpoint of ``swing_scene`` [rad]."""
 TARGET = (-0.6 * (1.0 - np.cos(BEND)) / BEND, 0.6 * np.sin(BEND) / BEND)
 
 

@@ -1,4 +1,4 @@
-"""Random stages for the tests of the real-time iteration, and their quadratic programmes for other solvers."""
+"""Random stages for the tests of the real-time iteration, and their QPs for other solvers."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.control.rti import RealTimeIteration
-from continuum_grasp.control.stages import ABSENT, Stages
-from continuum_grasp.control.transcription import cost_function, terminal_function
+from continuum_grasp.control.ocp.bounds import ABSENT
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.ocp.transcription import cost_function, terminal_function
+from continuum_grasp.control.rti.iteration import RealTimeIteration
 
 LOOSE = (
     "-fassociative-math",
@@ -25,7 +26,7 @@ SIZES = ((10, 4, 1, 4, 0), (6, 3, 2, 2, 2), (15, 2, 1, 0, 1), (5, 6, 3, 3, 0), (
 
 
 def random_stages(seed: int, size: tuple[int, ...], **changes) -> Stages:
-    """Quadratic dynamics and outputs with random bounds, some of them absent, and prices over many orders."""
+    """Quadratic dynamics and outputs with random bounds, some of them absent, and penalty weights over many orders."""
     n, nx, nu, ns, others = size
     rng = np.random.default_rng(seed)
     x, u, p, h = ca.SX.sym("x", nx), ca.SX.sym("u", nu), ca.SX.sym("p", 1), ca.SX.sym("h")
@@ -82,7 +83,7 @@ def _bounds(rng: np.random.Generator, count: int, absent: float) -> tuple[np.nda
 
 
 def disturb(rti: RealTimeIteration, rng: np.random.Generator, spread: float = 0.3) -> np.ndarray:
-    """A random plan and random set-points, prepared; a random state, near or far."""
+    """A random plan and random setpoints, prepared; a random state, near or far."""
     s = rti.stages
     rti.reset(np.zeros(s.nx))
     for part in rti.plan:
@@ -92,8 +93,8 @@ def disturb(rti: RealTimeIteration, rng: np.random.Generator, spread: float = 0.
 
 
 @dataclass(frozen=True)
-class Programme:
-    """min z'Hz/2 + g'z + prices, s.t. E z = e, low <= z <= high, rows C z between c_min and c_max or at a price."""
+class QP:
+    """min z'Hz/2 + g'z + penalties, s.t. E z = e, low <= z <= high, rows C z in c_min to c_max or with a penalty."""
 
     H: np.ndarray
     g: np.ndarray
@@ -108,7 +109,7 @@ class Programme:
     quadratic: np.ndarray
 
     def cost(self, z: np.ndarray) -> float:
-        """Prices included."""
+        """Penalties included."""
         y = self.C @ z
         over = np.maximum(0.0, np.maximum(self.c_min - y, y - self.c_max))
         return 0.5 * z @ self.H @ z + self.g @ z + self.linear @ over + 0.5 * self.quadratic @ over**2
@@ -135,7 +136,7 @@ class Programme:
         return np.array(found["x"]).ravel()[:n]
 
 
-def programme(rti: RealTimeIteration, x0: np.ndarray) -> Programme:
+def qp_of(rti: RealTimeIteration, x0: np.ndarray) -> QP:
     """That of the last preparation, in z = [x_0, u_0, .., x_N] from the plan."""
     s, q, o = rti.stages, rti.qp(), rti.settings
     n, nx, nz = s.stages, s.nx, s.nx + s.nu
@@ -145,16 +146,16 @@ def programme(rti: RealTimeIteration, x0: np.ndarray) -> Programme:
     equal, right = np.zeros(((n + 1) * nx, size)), np.zeros((n + 1) * nx)
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
     equal[:nx, :nx], right[:nx] = np.eye(nx), x0 - q["x"][0]
-    rows, kept = [], []
+    rows, entries = [], []
     for k in range(n + 1):
         width = at[k].stop - at[k].start
         hessian[at[k], at[k]], gradient[at[k]] = q["H"][k, :width, :width], q["g"][k, :width]
         for i in range(s.nc):
-            priced = o.linear[i] > 0 or o.quadratic[i] > 0
-            if priced and (k > 0 if i < s.ns else k < n):
+            penalized = o.linear[i] > 0 or o.quadratic[i] > 0
+            if penalized and (k > 0 if i < s.ns else k < n):
                 rows.append(np.zeros(size))
                 rows[-1][at[k]] = q["C"][k, i, :width]
-                kept.append((k, i))
+                entries.append((k, i))
         if k == n:
             break
         to = slice((k + 1) * nx, (k + 2) * nx)
@@ -164,13 +165,13 @@ def programme(rti: RealTimeIteration, x0: np.ndarray) -> Programme:
         inputs = slice(at[k].start + nx, at[k].stop)
         low[inputs] = np.where(o.u_min > -ABSENT, o.u_min - q["u"][k], -np.inf)
         high[inputs] = np.where(o.u_max < ABSENT, o.u_max - q["u"][k], np.inf)
-    i = np.array([i for _, i in kept], dtype=int)
-    c = np.array([q["c"][k, i] for k, i in kept])
+    i = np.array([i for _, i in entries], dtype=int)
+    c = np.array([q["c"][k, i] for k, i in entries])
     c_min = np.where(o.c_min[i] > -ABSENT, o.c_min[i] - c, -np.inf)
     c_max = np.where(o.c_max[i] < ABSENT, o.c_max[i] - c, np.inf)
     matrix = np.reshape(rows, (-1, size))
-    prices = o.linear[i].copy(), o.quadratic[i].copy()
-    return Programme(hessian, gradient, equal, right, low, high, matrix, c_min, c_max, *prices)
+    penalties = o.linear[i].copy(), o.quadratic[i].copy()
+    return QP(hessian, gradient, equal, right, low, high, matrix, c_min, c_max, *penalties)
 
 
 def change_of_plan(rti: RealTimeIteration) -> np.ndarray:

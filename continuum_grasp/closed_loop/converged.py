@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.closed_loop.programme import Programme
-from continuum_grasp.control.controller import Estimate, Plan
+from continuum_grasp.control.command import Estimate, Plan
+from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.problem import stages_of
 from continuum_grasp.control.status import Status
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade

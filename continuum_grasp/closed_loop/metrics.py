@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
 
 if TYPE_CHECKING:
     from continuum_grasp.closed_loop.result import ControlRun
@@ -20,13 +20,6 @@ Array = NDArray[np.float64]
 
 _FINAL = 0.1
 """Last share of the run over which the final error is averaged."""
-_GROUPS = {
-    "tip": re.compile(r"tip_[xy]"),
-    "bending": re.compile(r"bending_\d+"),
-    "section": re.compile(r"section_\d+_[xy]"),
-    "contact_force": re.compile(r"contact_force_.+"),
-}
-"""What is followed, and the names of its entries."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +128,7 @@ def metrics_of(run: ControlRun) -> Metrics:
     away = error[:-1, inputs] if inputs else u - np.maximum(run.u_min, 0.0)
     held = np.vstack([u[:1], u[:-1]])
     return Metrics(
-        tracking=tuple(_tracking(group, names, run.r_names, error) for group in _present(names)),
+        tracking=tuple(_tracking(group, error) for group in tracked_groups(run.r_names)),
         cost=float(0.5 * run.period * np.sum(run.weights * error[:-1] ** 2)),
         effort_rms=_rms(np.linalg.norm(away, axis=1)),
         rate_rms=_rms(np.linalg.norm(u - held, axis=1) / run.period),
@@ -153,20 +146,15 @@ def metrics_of(run: ControlRun) -> Metrics:
     )
 
 
-def _present(names: Sequence[str]) -> list[str]:
-    return [group for group, pattern in _GROUPS.items() if any(map(pattern.fullmatch, names))]
-
-
-def _tracking(group: str, names: Sequence[str], labels: Sequence[str], error: Array) -> Tracking:
-    columns = [k for k, name in enumerate(names) if _GROUPS[group].fullmatch(name)]
-    own, unit = error[:, columns], labels[columns[0]].split("[")[1][:-1]
+def _tracking(group: Tracked, error: Array) -> Tracking:
+    own = error[:, group.columns]
     last = own[-max(1, round(_FINAL * len(own))) :].mean(axis=0)
-    if group in ("tip", "section"):
+    if group.of_points:
         parts = own.reshape(len(own), -1, 2)
         sizes, final = np.linalg.norm(parts, axis=2), np.linalg.norm(last.reshape(-1, 2), axis=1).max()
     else:
         sizes, final = np.abs(own), np.abs(last).max()
-    return Tracking(group.replace("_", " "), unit, _rms(sizes), float(sizes.max()), float(final))
+    return Tracking(group.label, group.unit, _rms(sizes), float(sizes.max()), float(final))
 
 
 def _times(name: str, column: Array) -> Times:

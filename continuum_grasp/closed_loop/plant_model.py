@@ -234,7 +234,7 @@ class PlantModel(Remade):
     @property
     def contact_force(self) -> ca.SX:
         """Normal forces [N] at the contacts that the controller follows, in its order."""
-        rows = [self.system.touch_names.index(self._own_name(name)) for name in self.control.followed_contacts]
+        rows = [self.system.touch_names.index(self._own_name(name)) for name in self.control.tracked_contacts]
         return self.touch["normal_force"][rows]
 
     def _own_name(self, name: str) -> str:

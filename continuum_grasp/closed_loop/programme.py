@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.stages import ABSENT, Stages
+from continuum_grasp.control.ocp.bounds import ABSENT
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.core.source import function_source

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.ocp.cost_terms import cost_terms
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.stages import Stages
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import HalfPlaneZone, Zone
 from continuum_grasp.simulation.contacts import ContactForces
@@ -33,6 +34,38 @@ class Bound:
     unit: str
     excess: Array
     scale: float
+
+
+@dataclass(frozen=True)
+class _PlantQuantities:
+    """What cost terms are computed from: expressions of a plant, and its inputs (K, nu) over time."""
+
+    plant: PlantModel
+    edges: Array
+    input: Array
+    input_rate: Array
+
+    @property
+    def tip(self) -> ca.SX:
+        return self.plant.tip
+
+    @property
+    def bending(self) -> ca.SX:
+        base = self.plant.scene.finger.base.angle
+        angles = ca.vertcat(0.0, self.plant.sections(self.edges.tolist())[1] - base)
+        return angles[1:] - angles[:-1]
+
+    @property
+    def bending_rate(self) -> ca.SX:
+        rates = ca.vertcat(0.0, self.plant.angle_rates(self.edges.tolist()))
+        return rates[1:] - rates[:-1]
+
+    @property
+    def contact_force(self) -> ca.SX:
+        return self.plant.contact_force
+
+    def sections(self, at: Sequence[float]) -> tuple[ca.SX, ca.SX]:
+        return self.plant.sections(at)
 
 
 class Readings:
@@ -97,36 +130,13 @@ class Readings:
 
     # -- what is tracked ----------------------------------------------------------------------------------------------
 
-    @cached_property
-    def _tracked(self) -> ca.Function:
-        plant, cost = self._plant, self._scene.controller.cost
-        values: list[ca.SX] = []
-        if cost.tip is not None:
-            values.append(plant.tip)
-        angles = ca.vertcat(0.0, plant.sections(self._edges.tolist())[1] - self._base_angle)
-        rates = ca.vertcat(0.0, plant.angle_rates(self._edges.tolist()))
-        if cost.bending is not None:
-            values.append(angles[1:] - angles[:-1])
-        if cost.shape is not None:
-            values.append(ca.vec(plant.sections(cost.shape.at)[0]))
-        if cost.contact_force is not None:
-            values.append(plant.contact_force)
-        if cost.speed is not None:
-            values.append(rates[1:] - rates[:-1])
-        return plant.function("tracked", y=ca.vertcat(*values))
-
-    @property
-    def _base_angle(self) -> float:
-        return self._plant.scene.finger.base.angle
-
     def tracked(self, x: Array, u: Array, w: Array, held: Array) -> Array:
         """Outputs (K, nr) in the order of the setpoints; ``held`` (K, nu) are the inputs before."""
-        columns = [self._map(self._tracked, x, u, w)]
-        if self._scene.controller.cost.effort:
-            columns.append(u)
-        if self._scene.controller.cost.input_rate:
-            columns.append((u - held) / self._stages.stage)
-        return np.hstack(columns)
+        terms = cost_terms(self._scene.controller.cost)
+        plant = _PlantQuantities(self._plant, self._edges, u, (u - held) / self._stages.stage)
+        of_state = ca.vertcat(*[term.value(plant, self._scene) for term in terms if term.of_state])
+        columns = [self._map(self._plant.function("tracked", y=of_state), x, u, w)]
+        return np.hstack([*columns, *[term.value(plant, self._scene) for term in terms if not term.of_state]])
 
     # -- what is bounded ----------------------------------------------------------------------------------------------
 
@@ -146,8 +156,8 @@ class Readings:
             kappa = self._map(self._plant.function("kappa", k=self._plant.curvature), x, u, w)
             found.append(Bound("curvature", "1/m", np.abs(kappa).max(axis=1) - most, most))
         if bounds.speed is not None:
-            rates = ca.vertcat(0.0, self._plant.angle_rates(self._edges.tolist()))
-            function = self._plant.function("speed", r=rates[1:] - rates[:-1])
+            rates = _PlantQuantities(self._plant, self._edges, u, u).bending_rate
+            function = self._plant.function("speed", r=rates)
             most = bounds.speed
             found.append(Bound("speed", "rad/s", np.abs(self._map(function, x, u, w)).max(axis=1) - most, most))
         if bounds.keep_out:

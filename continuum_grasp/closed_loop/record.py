@@ -12,8 +12,8 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.readings import Readings
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.schedule import Schedule
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.stages import Stages
 from continuum_grasp.control.status import Health
 from continuum_grasp.scene.control import ControlScene
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.closed_loop.metrics import Metrics, metrics_of
 from continuum_grasp.closed_loop.readings import Bound, Readings
+from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.simulation.contacts import ContactForces
 
@@ -169,6 +170,11 @@ class ControlRun:
     def metrics(self) -> Metrics:
         """Tracking error, effort, violations, times and counts."""
         return self._metrics
+
+    @property
+    def tracked_groups(self) -> tuple[Tracked, ...]:
+        """Columns of ``tracked`` and ``r`` that follow setpoints, by cost term."""
+        return tracked_groups(self.r_names)
 
     @cached_property
     def tip_reference(self) -> Array | None:

@@ -16,9 +16,9 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.record import Record
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.schedule import Phase, Schedule
+from continuum_grasp.control.ocp.setpoints import Function, setpoints
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.setpoints import Function, set_points
-from continuum_grasp.control.stages import Stages
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
@@ -72,7 +72,7 @@ def run_closed_loop(
     plant : Plant, optional
         A plant at its start; that of the scene where not given.
     functions : mapping of str to callable, optional
-        Functions of time in place of references of the scene; see ``set_points``.
+        Functions of time in place of references of the scene; see ``setpoints``.
     schedule : sequence of Phase, optional
         Phases in place of the scene's reference; the loop ends with the last one, or after the ``duration`` if that is
         sooner.
@@ -98,7 +98,7 @@ def run_closed_loop(
     stages, model = control.stages, control.prediction
     tried = Plant(scene, model, control.period) if plant is None else plant
     if schedule is None:
-        schedule = [Phase("run", set_points(scene, stages, model, functions).rows)]
+        schedule = [Phase("run", setpoints(scene, stages, model, functions).rows)]
     plan = Schedule(schedule)
     duration = min(plan.duration, scene.duration or np.inf)
     if not np.isfinite(duration):

@@ -1,23 +1,32 @@
-"""What a controller answers."""
+"""The command of a controller, with its status, plan and diagnosis."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Status, Trip, health_text, texts
 
-if TYPE_CHECKING:
-    from continuum_grasp.control.controller import Controller
-
-__all__ = ["Command", "Estimate", "Plan", "Times"]
+__all__ = ["Command", "Estimate", "Layout", "Plan", "Times"]
 
 Array = NDArray[np.float64]
 
 _HEALTH = tuple(Health)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the C controller writes its numbers, and the names of its vectors."""
+
+    parts: dict[str, slice]
+    nx: int
+    nu: int
+    nd: int
+    measurement_names: tuple[str, ...]
+    sensor_names: tuple[str, ...]
 
 
 class Plan(NamedTuple):
@@ -54,40 +63,37 @@ class Times(NamedTuple):
 
 
 class Command:
-    """What a controller answers.
+    """The command of a controller for one period.
 
     Attributes
     ----------
     u : (nu,) ndarray
         Tip moment [N m] or tensions [N] to apply until the next command; finite, within the rate limit, and within the
-        limits of the input unless ``Anomaly.BEYOND_LIMIT`` says that one was moved past the last command.
+        limits of the input unless ``Anomaly.BEYOND_LIMIT`` reports that one was moved past the last command.
     status : Status
-        How the command came about.
+        What the command comes from: a new plan, the previous one, or the safe ramp.
     health : Health
-        Whether sensors, model and call rate agree; ``suspect`` names what does not, ``health_text`` says it in words.
+        Whether sensors, model and call rate agree; ``suspect`` names what does not, ``health_text`` explains it.
     """
 
-    __slots__ = ("_control", "_out", "health", "status", "u")
+    __slots__ = ("_layout", "_out", "health", "status", "u")
 
-    def __init__(self, control: Controller, status: Status, out: Array) -> None:
-        self._control, self._out = control, out
+    def __init__(self, layout: Layout, status: Status, out: Array) -> None:
+        self._layout, self._out = layout, out
         self.status = status
-        self.health = _HEALTH[int(out[5])]
-        self.u = out[control._parts["u"]]
+        self.health = _HEALTH[int(self._number("health"))]
+        self.u = self._part("u")
 
     def __repr__(self) -> str:
         odd = f", anomalies={self.anomalies}" if self.anomaly else ""
         health = f", health={self.health.name} ({self.suspect})" if self.health else ""
         return f"Command(u={self.u.tolist()}, status={self.status.name}{health}{odd})"
 
-    def __reduce__(self) -> tuple[Any, ...]:  # without the controller, but for the layout of its numbers
-        control = self._control
-        stages = SimpleNamespace(nx=control.stages.nx, nu=control.stages.nu, nd=control.stages.nd)
-        names = {name: getattr(control, name) for name in ("_parts", "measurement_names", "sensor_names")}
-        return Command, (SimpleNamespace(**names, stages=stages), self.status, self._out)
-
     def _part(self, name: str) -> Array:
-        return self._out[self._control._parts[name]]
+        return self._out[self._layout.parts[name]]
+
+    def _number(self, name: str) -> float:
+        return float(self._out[self._layout.parts[name].start])
 
     @property
     def fallback(self) -> bool:
@@ -96,17 +102,16 @@ class Command:
 
     @property
     def plan(self) -> Plan:
-        """The last plan that was solved; all zero where there is none yet."""
-        stages = self._control.stages
+        """The last plan; all zero where there is none yet."""
         x, u = self._part("plan_x"), self._part("plan_u")
-        return Plan(x.reshape(-1, stages.nx), u.reshape(-1, stages.nu))
+        return Plan(x.reshape(-1, self._layout.nx), u.reshape(-1, self._layout.nu))
 
     @property
     def estimate(self) -> Estimate:
         """State and parameters."""
         variance = self._part("variance")
         std = np.sqrt(np.maximum(variance, 0.0)) if variance.size else None
-        return Estimate(self._part("x")[: self._control.stages.nd], self._part("p"), std)
+        return Estimate(self._part("x")[: self._layout.nd], self._part("p"), std)
 
     @property
     def time(self) -> Times:
@@ -115,52 +120,54 @@ class Command:
 
     @property
     def iterations(self) -> int:
-        """Factorisations of the quadratic programme beyond the first."""
-        return int(self._out[1])
+        """Factorizations of the QP beyond the first."""
+        return int(self._number("iterations"))
 
     @property
     def violation(self) -> float:
-        """Largest violation of a soft row, in shares of its bound's scale."""
-        return float(self._out[2])
+        """Largest violation of a soft constraint, in shares of its scale."""
+        return self._number("violation")
 
     @property
     def residual(self) -> float:
         """Largest residual of the optimality conditions, relative."""
-        return float(self._out[3])
+        return self._number("residual")
 
     @property
     def cost(self) -> float:
-        """Cost of the quadratic programme at its solution."""
-        return float(self._out[4])
+        """Cost of the QP at its solution."""
+        return self._number("cost")
 
     @property
     def suspect(self) -> str | None:
         """What contradicts the model most (tip, tension, bending or call rate), or the reading that is frozen."""
-        sensor, entry = int(self._out[6]), int(self._out[7])
+        sensor, entry = int(self._number("sensor")), int(self._number("entry"))
         if self.health in (Health.FROZEN, Health.TRIPPED) and entry >= 0:
-            return self._control.measurement_names[entry].split(" ")[0]
-        names = (*self._control.sensor_names, CALL_RATE)
+            return self._layout.measurement_names[entry].split(" ")[0]
+        names = (*self._layout.sensor_names, CALL_RATE)
         return names[sensor] if self.health and 0 <= sensor < len(names) else None
 
     @property
     def trip(self) -> Trip:
         """Why the controller is tripped."""
-        return Trip(int(self._out[8]))
+        return Trip(int(self._number("reason")))
 
     @property
     def rung(self) -> int:
         """How often the weight of the command's rate is raised fourfold: 0, 1 or 2."""
-        return int(self._out[9])
+        return int(self._number("rung"))
 
     @property
     def mismatch(self) -> float:
-        """Mean squared normalized innovation of the sensor that contradicts the model most; about 1: all is well."""
-        return float(self._out[10])
+        """Mean squared normalized innovation of the sensor that contradicts the model most; about 1 where they
+        agree.
+        """
+        return self._number("mismatch")
 
     @property
     def activity(self) -> float:
         """Mean squared change of the command, per that at its rate limit."""
-        return float(self._out[11])
+        return self._number("activity")
 
     @property
     def health_text(self) -> str:
@@ -169,13 +176,13 @@ class Command:
 
     @property
     def anomaly(self) -> Anomaly:
-        """What was noticed."""
-        return Anomaly(int(self._out[0]))
+        """Anomalies of this call."""
+        return Anomaly(int(self._number("anomalies")))
 
     @property
     def anomalies(self) -> tuple[str, ...]:
-        """What was noticed, in words; those of measurements begin with their name."""
-        return texts(int(self._out[0]), self._part("verdict").tolist(), self._control.measurement_names)
+        """Anomalies in words; those of measurements begin with their name."""
+        return texts(int(self._number("anomalies")), self._part("verdict").tolist(), self._layout.measurement_names)
 
     @property
     def innovation(self) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""A nonlinear model predictive controller with its estimator, in C."""
+"""A nonlinear model predictive controller with its estimator: one C function per period."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.arrays import control_scene, numbers, shown, slices, vector
-from continuum_grasp.control.command import Command, Estimate, Plan
-from continuum_grasp.control.compiled import Compiled
-from continuum_grasp.control.controller_source import Field, controller_source
-from continuum_grasp.control.estimation import estimation_of
-from continuum_grasp.control.estimator_settings import controller_fields, delay_periods
+from continuum_grasp.control.arguments import control_scene, numbers, shown, slices, vector
+from continuum_grasp.control.command import Command, Layout
+from continuum_grasp.control.compiled.library import Compiled
+from continuum_grasp.control.compiled.settings import controller_fields, delay_periods
+from continuum_grasp.control.compiled.source import Field, controller_source
+from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.first_state import first_state, rest_input
+from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
+from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.problem import stages_of
-from continuum_grasp.control.setpoints import SetPoints, set_points
 from continuum_grasp.control.statistics import Statistics
 from continuum_grasp.control.status import Status
 from continuum_grasp.core.precision import precision_of
@@ -29,29 +29,37 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 
-__all__ = ["Command", "Controller", "Estimate", "Plan"]
+__all__ = ["Controller"]
 
 Array = NDArray[np.float64]
 
 _STATUS = tuple(Status)
 _CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
 _CHUNK = 128
-"""Periods for which set-points are evaluated at once."""
+"""Periods for which setpoints are evaluated at once [1]: enough that numpy's overhead per call does not show, and
+little to hold (30 stages of 6 setpoints: 190 kB)."""
 _LATE, _APPLIED = 1, 2
+_NUMBERS = (
+    *("anomalies", "iterations", "violation", "residual", "cost"),
+    *("health", "sensor", "entry", "reason", "rung", "mismatch", "activity"),
+)
+"""Scalars of ``cg_controller_step`` in ``c/controller_python.c``, in its order."""
 
 
 class Controller(Remade):
-    """Real-time iterations with an estimator and a fallback; all of a step runs in one C function.
+    """Nonlinear model predictive control by real-time iterations, with an estimator, a supervisor and a fallback.
+
+    All of ``step`` runs in one C function that is compiled for the scene, without allocation.
 
     Parameters
     ----------
     scene : ControlScene or path-like
         The scene, or its YAML file.
     precision : {"double", "float"}
-        What the C computes in.
+        Floating-point type of the C.
     deadline : float, optional
         Duration of ``step`` after which its command counts as late [s], so that the next one is of the previous plan;
-        that of the scene (its period, where it says nothing) where not given, ``math.inf`` never.
+        by default that of the scene, else its period. ``math.inf``: never.
 
     Attributes
     ----------
@@ -68,7 +76,7 @@ class Controller(Remade):
         Name and unit of each entry of a measurement: tip, tensions (or tip moment), angles of sections; the model's
         state where the scene has no estimator.
     sensor_names : tuple of str
-        Devices that are supervised: tip, tension, bending.
+        Supervised devices: tip, tension, bending.
     estimated_names : tuple of str
         Name and unit of each entry of ``Estimate.std``: states, then disturbances.
 
@@ -79,18 +87,29 @@ class Controller(Remade):
 
     Notes
     -----
-    If something that is given cannot be used, an iteration fails, or the last command came late, the last plan goes on
-    as long as it lasts (N stages); after that, and whenever nothing was measured for as long, tensions go to the least
-    ones (the moment to zero) at a bounded rate: the whole range in half a second, or less by ``input.rate_max``. A
-    command is never non-finite, beyond the scene's limits of the input, or beyond its rate. Narrower limits that
-    ``change`` moves past the last command are reached at that rate.
+    Where an argument of ``step`` cannot be used, an iteration fails, or the last command was late, the controller
+    follows the previous plan to its end (N stages). After that, and where nothing was measured for as long, the command
+    ramps to the least tensions (the moment to zero): the whole range in half a second, or slower by ``input.rate_max``.
+    A command is always finite and within the scene's limits of the input and of its rate. Narrower limits that
+    ``change`` moves past the last command are approached at that rate.
 
-    A supervisor watches whether sensors, model and call rate agree (``Command.health``). Where they do not and the
+    A supervisor checks whether sensors, model and call rate agree (``Command.health``). Where they do not and the
     command is active, it raises the weight of the command's rate; where that does not help, or a sensor contradicts the
-    model by far, it trips: the command goes to the safe input until ``rearm``.
+    model by many standard deviations, it trips: the command ramps to the safe input until ``rearm``.
 
-    A copy, or one that is sent to another process, goes on with the same commands; its ``statistics`` begin anew.
-    Objects of their own may run in threads of their own; one object is for one thread at a time.
+    A copy, or a controller sent to another process, continues with the same commands and new ``statistics``. Use one
+    object in one thread at a time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from continuum_grasp.control.controller import Controller
+    >>> controller = Controller("configs/mpc/steady_tip.yaml", deadline=np.inf)
+    >>> controller.measurement_names
+    ('tip_x [m]', 'tip_y [m]', 'tension_1 [N]', 'tension_2 [N]')
+    >>> command = controller.step([0.0, 0.18, 1.0, 1.0])
+    >>> command.status.name, command.u.shape
+    ('SOLVED', (2,))
     """
 
     def __init__(
@@ -114,8 +133,8 @@ class Controller(Remade):
         self.period = self.scene.controller.step
         if self.period > self.stages.stage * (1.0 + 1e-9):
             raise InputError(
-                f"{self.period:g} s is longer than a stage of {self.stages.stage:g} s, for which alone an input of the "
-                "plan is held: expected a stage as long as the period, or longer",
+                f"{self.period:g} s is longer than a stage of {self.stages.stage:g} s, over which the plan holds an "
+                "input: expected a period of at most a stage",
                 key="controller.period",
             )
         self.measurement_names = self.prediction.x_names if estimation is None else estimation.measurement_names
@@ -127,37 +146,24 @@ class Controller(Remade):
         source = controller_source(self.stages, estimation, delay_periods(self.scene), fields, self.precision)
         n, s = self.stages.stages, self.stages
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
-        given = {
-            "measurement": len(self.measurement_names),
-            "p": s.np,
-            "applied": s.nu,
-            "set_points": (n + 1) * s.nr,
-            "elapsed": 1,
-        }
-        parts = {
-            "numbers": 5,
-            "health": 7,
-            "ticks": 3,
-            "u": s.nu,
-            "x": s.nx,
-            "p": s.np,
-            "verdict": len(self.measurement_names),
-        }
+        nm = len(self.measurement_names)
+        given = {"measurement": nm, "p": s.np, "applied": s.nu, "setpoints": (n + 1) * s.nr, "elapsed": 1}
+        parts = dict.fromkeys(_NUMBERS, 1) | {"ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": nm}
         parts |= {"variance": nz, "innovation": ny, "innovation_variance": ny}
         parts |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
-        self._parts, inputs = slices(parts), slices(given)
+        self._layout = Layout(slices(parts), s.nx, s.nu, s.nd, self.measurement_names, self.sensor_names)
         self._c = Compiled(source, fields, sum(given.values()), sum(parts.values()))
         self._measurement, self._p, self._applied, rows, self._elapsed = (
-            self._c.input[part] for part in inputs.values()
+            self._c.input[part] for part in slices(given).values()
         )
-        self._set_points = rows.reshape(n + 1, s.nr)
+        self._setpoints = rows.reshape(n + 1, s.nr)
         self._call = self._c.function("cg_controller_step")
         self.first = first_state(self.scene, self.prediction)
         self._nz = max(nz, s.nd)
         self.reset()
 
     def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
-        """Begin anew, at time zero of the scene's reference.
+        """Start again, at time zero of the scene's reference.
 
         Parameters
         ----------
@@ -188,24 +194,23 @@ class Controller(Remade):
         late: bool | None = None,
         time: float | None = None,
     ) -> Command:
-        """The command for a measurement; to be called once per period.
+        """Compute the command for a measurement; call it once per period.
 
         Parameters
         ----------
         measurement : (ny,) array_like or None
-            What was measured, in the order of ``measurement_names``; NaN marks what was not, None stands for nothing.
+            Measurement in the order of ``measurement_names``, NaN where a sensor has none; None: no sensor has one.
         reference : (nr,) or (N + 1, nr) array_like, optional
-            Set-points in the order of ``stages.r_names``, constant or of every node from now on; those of the scene at
-            its own clock (number of steps times the period) where not given.
+            Setpoints in the order of ``stages.r_names``, constant or one row per node from now on; by default those of
+            the scene at the number of steps times the period.
         p : (np,) array_like, optional
-            Parameters; nominal where not given.
+            Parameters; nominal by default.
         applied : (nu,) array_like, optional
-            Input that was really applied since the last step; the last command where not given.
+            Input that was applied since the last step; the last command by default.
         late : bool, optional
-            Whether the last command came too late, so that this one is of the previous plan; found by the deadline
-            where not given.
+            Whether the last command was late, so that this one is of the previous plan; by the deadline by default.
         time : float, optional
-            When the measurement arrived, on any clock that goes forward [s]; from it a wrong call rate is noticed.
+            When the measurement arrived, on a monotonic clock [s]; the supervisor detects a wrong call rate by it.
 
         Returns
         -------
@@ -214,14 +219,15 @@ class Controller(Remade):
         Raises
         ------
         InputError
-            If something has the wrong shape. Numbers that mean nothing raise nothing; see ``Command.anomalies``.
+            If an argument has the wrong shape. Non-finite and implausible numbers do not raise: they are anomalies of
+            the command.
         """
         began = perf_counter_ns()
         try:
             _put(self._measurement, np.nan if measurement is None else measurement, measurement is None)
             _put(self._p, self.stages.p_nominal if p is None else p)
             rows = self._scheduled() if reference is None else reference
-            _put(self._set_points, rows, np.ndim(rows) == 1 and np.size(rows) == self.stages.nr)
+            _put(self._setpoints, rows, np.ndim(rows) == 1 and np.size(rows) == self.stages.nr)
             flags = _LATE if (self._late if late is None else late) else 0
             if applied is not None:
                 _put(self._applied, applied)
@@ -237,10 +243,13 @@ class Controller(Remade):
             raise InputError("the settings of the controller are not valid")
         self._step += 1
         out = c.output.copy()
-        command = Command(self, _STATUS[status], out)
+        command = Command(self._layout, _STATUS[status], out)
         elapsed = perf_counter_ns() - began
         self._late = elapsed > self._deadline
-        self._counts.add(status, out[0], out[12:15], elapsed, self._late, command.health)
+        parts = self._layout.parts
+        self._counts.add(
+            status, out[parts["anomalies"].start], out[parts["ticks"]], elapsed, self._late, command.health
+        )
         return command
 
     def rearm(self) -> bool:
@@ -249,26 +258,25 @@ class Controller(Remade):
         Returns
         -------
         bool
-            Whether it was left: only where the command rests, sensors and model agree again, and it is not the second
-            trip within 30 s (which only ``reset`` ends). The weight of the command's rate starts 16-fold.
+            Whether it was left: only where the command rests, sensors and model agree again, and the trip is not the
+            second one within 30 s (which only ``reset`` ends). The weight of the command's rate starts 16-fold.
         """
         return bool(self._c.function("cg_rearm")(self._c.address))
 
     def change(self, **settings: ArrayLike) -> None:
-        """Change weights, bounds or prices from the next step on; all of what is given, or nothing.
+        """Change weights, bounds or penalty weights from the next step on; all of the arguments, or none.
 
         Parameters
         ----------
         **settings : array_like
-            By the names and in the sizes that they have in ``stages``: ``weights``, ``terminal_weights`` (nr);
+            Named and sized as in ``stages``: ``weights``, ``terminal_weights`` (nr);
             ``u_min``, ``u_max`` (nu), within those of the scene; ``c_min``, ``c_max``, ``linear``, ``quadratic`` (nc).
 
         Raises
         ------
         InputError
-            If a name is unknown; a value has another size, is not finite, or is not allowed; a lower limit would be
-            above its upper one; or no weight would be left on the inputs or their rates, so that inputs would not be
-            unique.
+            If a name is unknown; a value has another size, is not finite, or is out of range; a lower limit would be
+            above its upper one; or neither inputs nor their rates would have a weight, so that inputs are not unique.
 
         Notes
         -----
@@ -291,7 +299,7 @@ class Controller(Remade):
         self._c.configure(tuple(fields.values()))
 
     def _check_settings(self, fields: Mapping[str, Field], given: tuple[str, ...]) -> None:
-        """Refuse settings that do not go together: C would not step with them, or not have one solution."""
+        """Refuse crossed limits and a QP without a unique solution."""
         for kind, names in (("u", self.stages.u_names), ("c", self.stages.c_names)):
             low, high = (np.asarray(fields[f"rti.{kind}_{end}"].values) for end in ("min", "max"))
             crossed = [f"{n}: {a:g} > {b:g}" for n, a, b in zip(names, low, high, strict=True) if a > b]
@@ -301,7 +309,7 @@ class Controller(Remade):
         of_inputs = slice(self.stages.nt, None)
         if not np.any(np.asarray(fields["rti.weights"].values)[of_inputs] > 0.0):
             asked = ", ".join(self.stages.r_names[of_inputs])
-            raise InputError(f"one of {asked} needs a weight above 0: without, inputs are not unique", key="weights")
+            raise InputError(f"one of {asked} needs a weight above 0, else inputs are not unique", key="weights")
 
     @property
     def statistics(self) -> dict[str, Any]:
@@ -309,16 +317,16 @@ class Controller(Remade):
         return self._counts.as_dict()
 
     def save_state(self) -> bytes:
-        """All that the next command depends on."""
+        """Return all that the next command depends on."""
         return self._c.save(self._step, int(self._late))
 
     def restore(self, saved: bytes) -> None:
-        """Go on from a saved state.
+        """Continue from a saved state.
 
         Raises
         ------
         InputError
-            If it is none of this very problem.
+            If the state is not one of the same problem, version and precision.
         """
         self._step, late = self._c.restore(saved)
         self._late, self._time = bool(late), math.nan
@@ -331,11 +339,11 @@ class Controller(Remade):
         self._c.configure(tuple(self._fields.values()))
         self.restore(saved)
 
-    # -- set-points ---------------------------------------------------------------------------------------------------
+    # -- setpoints ---------------------------------------------------------------------------------------------------
 
     @cached_property
-    def _reference(self) -> SetPoints:
-        return set_points(self.scene, self.stages, self.prediction)
+    def _reference(self) -> Setpoints:
+        return setpoints(self.scene, self.stages, self.prediction)
 
     def _scheduled(self) -> Array:
         chunk, at = divmod(self._step, _CHUNK)
@@ -348,7 +356,7 @@ class Controller(Remade):
         return rows
 
     def _shape_error(self, *given: Any) -> InputError:
-        s, rows = self.stages, self._set_points.shape
+        s, rows = self.stages, self._setpoints.shape
         shapes: tuple[tuple[tuple[int, ...], ...], ...] = (
             ((len(self._measurement),),),
             ((s.nr,), rows),
@@ -356,15 +364,15 @@ class Controller(Remade):
             ((s.nu,),),
             ((),),
         )
-        said = zip(("measurement", "reference", "p", "applied", "time"), given, shapes, strict=True)
-        asked = [(name, v, expected) for name, v, expected in said if v is not None]
-        wrong = [one for one in asked if _shape(one[1]) not in one[2]] or asked
-        told = [
+        named = zip(("measurement", "reference", "p", "applied", "time"), given, shapes, strict=True)
+        present = [(name, v, expected) for name, v, expected in named if v is not None]
+        wrong = [one for one in present if _shape(one[1]) not in one[2]] or present
+        messages = [
             f"{name}: expected {' or '.join(map(str, e))}, got "
             + (shown(v, 80) if _shape(v) in (None, (), *e) else str(_shape(v)))
             for name, v, e in wrong
         ]
-        return InputError("a step takes arrays of numbers; " + "; ".join(told))
+        return InputError("a step takes arrays of numbers; " + "; ".join(messages))
 
 
 def _shape(value: Any) -> tuple[int, ...] | None:
@@ -376,7 +384,7 @@ def _shape(value: Any) -> tuple[int, ...] | None:
 
 
 def _put(to: Array, value: ArrayLike, spread: bool = False) -> None:
-    """Copy what has the same shape, or ``spread`` what has not."""
+    """Copy an array of the same shape, or ``spread`` one of another over all entries."""
     array = value if type(value) is np.ndarray and value.dtype == float else numbers(value)
     if array.shape != to.shape and not spread:
         raise ValueError

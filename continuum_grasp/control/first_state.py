@@ -1,4 +1,4 @@
-"""The state from which a controller starts, as its model has it."""
+"""The state of a controller's model in the scene's initial pose."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ Array = NDArray[np.float64]
 
 
 def rest_input(scene: ControlScene) -> Array:
-    """Least tensions, or no moment (nu)."""
+    """Return the least tensions, or no moment (nu)."""
     tendons = scene.finger.tendons
     return np.zeros(1) if tendons is None else np.full(2, tendons.min_tension)
 
 
 def first_state(scene: ControlScene, model: Prediction) -> Array:
-    """State (nx) of the scene's initial pose at rest, under ``rest_input``.
+    """Compute the state (nx) of the scene's initial pose at rest, under ``rest_input``.
 
-    An ``initial.q`` is of the plant's model; it counts here where it has as many entries as the controller's model,
-    and is the unloaded shape otherwise.
+    ``initial.q`` belongs to the plant's model. It is used where the controller's model has as many coordinates;
+    otherwise the state is that of the unloaded shape.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The finger as a controller sees it: states, inputs, and parameters that change at run time."""
+"""The model of a controller: states, inputs, and parameters that change at run time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import System
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
@@ -18,6 +18,10 @@ from continuum_grasp.simulation.spectrum import sample_shapes
 __all__ = ["Prediction"]
 
 Array = NDArray[np.float64]
+
+_PRESSED = 10.0
+"""Normal force at which the stiffness of closed contacts is taken [N]: twice that of configs/mission/mug.yaml, 5.4 N;
+the damping of a contact, which sets the fastest rate, grows with it."""
 
 
 class Prediction(Remade):
@@ -47,7 +51,7 @@ class Prediction(Remade):
     Raises
     ------
     InputError
-        If a matched tip has no lag: its moment would jump, and the tip with it.
+        If the family needs a continuous tip moment, and the drive has no lag.
     """
 
     def __init__(self, scene: ControlScene) -> None:
@@ -61,8 +65,8 @@ class Prediction(Remade):
         family = fidelity.family or self._default_family()
         if family == "matched_clothoid" and scene.lag is None:
             raise InputError(
-                "a matched tip moves with the tip moment and cannot follow one that jumps: give the drive a lag "
-                "(controller.input.time_constant or finger.tendons.time_constant), or take clothoid or arc",
+                "matched_clothoid needs a continuous tip moment: set controller.input.time_constant or "
+                "finger.tendons.time_constant, or use clothoid or arc",
                 key="fidelity.family",
             )
         self.system = System(
@@ -92,21 +96,21 @@ class Prediction(Remade):
 
     def _default_family(self) -> str:
         tendons = self.scene.finger.tendons
-        rubs = tendons is not None and tendons.friction > 0.0
-        return "clothoid" if rubs or self.scene.lag is None else "matched_clothoid"
+        has_friction = tendons is not None and tendons.friction > 0.0
+        return "clothoid" if has_friction or self.scene.lag is None else "matched_clothoid"
 
     # -- what the system takes ----------------------------------------------------------------------------------------
 
     @cached_property
     def _moment(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Tip moment that acts, its rate and acceleration, where the lag is the controller's own."""
+        """Acting tip moment, its rate and acceleration, where the lag is not in the system."""
         time = self._own_lag or 1.0
         moment, rate = self.x[-2], self.x[-1]
         return moment, rate, (self.u - moment) / time**2 - 2.0 * rate / time
 
     @cached_property
     def arguments(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """x, u, w and p of the system."""
+        """Arguments x, u, w and p of the system."""
         system = self.system
         couple = [self.p[-1]] if self._couple else []
         x, value = self.x[: system.nx], [self.u]
@@ -179,13 +183,57 @@ class Prediction(Remade):
     # -- states -------------------------------------------------------------------------------------------------------
 
     def at_rest(self, q: ArrayLike, u: ArrayLike) -> Array:
-        """State at rest with coordinates q (n) and a drive that has followed the input u (nu)."""
+        """Build the state at rest with coordinates q (n) and a drive settled at the input u (nu)."""
         shape, inputs = np.asarray(q, dtype=float), np.asarray(u, dtype=float)
         own = [] if self._own_lag is None else [inputs[0], 0.0]
         given = np.zeros(self.system.nu)
         given[: inputs.size] = inputs
         return np.array([*self.system.state(q=shape.tolist(), u=given.tolist()), *own])
 
-    def shapes(self, count: int) -> Array:
-        """Coordinates (count, n) of the straight finger and of shapes within half the bending range."""
+    def shapes(self, count: int | None = None) -> Array:
+        """Sample coordinates (count, n) of the straight finger and of shapes within half the bending range; all by
+        default.
+        """
         return sample_shapes(self.system.finger_model, np.zeros(self.system.finger_model.n))[:count]
+
+    def fastest_rate(self, u_min: Array, u_max: Array) -> float:
+        """Find the largest absolute eigenvalue of the linearized motion [1/s].
+
+        Taken over shapes within half the bending range at rest, with all contacts closed where there is an object.
+
+        Parameters
+        ----------
+        u_min, u_max : (nu,) ndarray
+            Limits of the input.
+
+        Raises
+        ------
+        NumericalError
+            If the model's numbers are not finite.
+        """
+        jacobian = self._jacobian if self.system.surroundings is None else self._pressed_jacobian
+        rng = np.random.default_rng(0)
+        largest = 0.0 if self.scene.lag is None else 1.0 / self.scene.lag
+        for shape in self.shapes():
+            u = rng.uniform(u_min, u_max)
+            a = np.array(jacobian(self.at_rest(shape, u), u, self.p_nominal))
+            if not np.all(np.isfinite(a)):
+                raise NumericalError("the linearized motion is not finite", state=shape)
+            largest = max(largest, float(np.abs(np.linalg.eigvals(a)).max()))
+        return largest
+
+    @property
+    def _jacobian(self) -> ca.Function:
+        """Jacobian of the motion as it is."""
+        given = [self.x, self.u, self.p]
+        return ca.Function("jacobian", given, [ca.jacobian(self.dynamics(*given), self.x)])
+
+    @property
+    def _pressed_jacobian(self) -> ca.Function:
+        """Jacobian of the system's motion as if every contact were pressed: open contacts are not stiff."""
+        law = None if self.system.surroundings is None else self.system.surroundings.contact_law
+        depth = 0.0 if law is None else law.rounding + _PRESSED / law.stiffness
+        x, u, w, p = self.arguments
+        gap = self.system.touch(x, u, w, p)[0]
+        jacobian = self.system.pressed_linearization(x, u, w, p, gap + depth)
+        return ca.Function("jacobian", [self.x, self.u, self.p], [jacobian])

@@ -13,7 +13,8 @@ __all__ = ["Statistics"]
 
 Array = NDArray[np.float64]
 
-_KEPT = 1 << 16
+_RETAINED = 1 << 16
+"""Steps whose durations are retained [1]: 11 minutes at 100 Hz, 2 MB."""
 _PHASES = ("estimate", "prepare", "feedback", "step")
 
 
@@ -31,11 +32,11 @@ class Statistics:
         self._status = [0] * len(Status)
         self._health = [0] * len(Health)
         self._anomalies: dict[int, int] = {}
-        self._times = np.zeros((_KEPT, len(_PHASES)))
+        self._times = np.zeros((_RETAINED, len(_PHASES)))
 
     def add(self, status: int, anomalies: float, ticks: Array, elapsed: int, late: bool, health: int = 0) -> None:
         """Count a step; durations in nanoseconds."""
-        row = self._times[self.steps % _KEPT]
+        row = self._times[self.steps % _RETAINED]
         row[:3] = ticks
         row[3] = elapsed
         self.steps += 1
@@ -71,20 +72,20 @@ class Statistics:
     @property
     def times(self) -> dict[str, dict[str, float]]:
         """Median, 99th percentile and maximum of each phase, and of the whole step in Python [s]."""
-        kept = 1e-9 * self._times[: min(self.steps, _KEPT)]
-        if not len(kept):
+        recent = 1e-9 * self._times[: min(self.steps, _RETAINED)]
+        if not len(recent):
             return {}
         return {
             name: {
-                "median": float(np.median(kept[:, k])),
-                "p99": float(np.percentile(kept[:, k], 99)),
-                "max": float(kept[:, k].max()),
+                "median": float(np.median(recent[:, k])),
+                "p99": float(np.percentile(recent[:, k], 99)),
+                "max": float(recent[:, k].max()),
             }
             for k, name in enumerate(_PHASES)
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """All of it as plain values."""
+        """Return everything as plain values."""
         return {
             "steps": self.steps,
             "late": self.late,

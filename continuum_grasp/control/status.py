@@ -1,4 +1,4 @@
-"""What a command is, and what was noticed; as in ``c/controller.h``, ``c/supervisor.h`` and ``c/checks.h``."""
+"""Status, health and anomalies of a command; as in ``c/controller.h``, ``c/supervisor.h`` and ``c/checks.h``."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from enum import IntEnum, IntFlag
 __all__ = ["CALL_RATE", "Anomaly", "Health", "Status", "Trip", "Verdict", "health_text", "texts"]
 
 CALL_RATE = "call rate"
-"""Name of what is watched beside the sensors."""
+"""Name of what is supervised beside the sensors."""
 
 
 class Status(IntEnum):
-    """What a command is."""
+    """What a command comes from."""
 
     SOLVED = 0
-    """Of a new plan."""
+    """A new plan."""
     ITERATION_LIMIT = 1
-    """Of a new plan, whose quadratic programme was not solved to its tolerance."""
+    """A new plan, whose QP was not solved to its tolerance."""
     ROW_VIOLATED = 2
-    """Of a new plan that leaves a soft bound."""
+    """A new plan that violates a soft constraint."""
     PREVIOUS_PLAN = 3
-    """Of the last plan, as long as it lasts."""
+    """The previous plan, until its end."""
     SAFE_RAMP = 4
-    """On the way to the least tensions or to no moment, at a bounded rate."""
+    """The ramp to the least tensions or to no moment, at a bounded rate."""
 
     @property
     def fallback(self) -> bool:
-        """Whether there was no new plan."""
+        """Whether there is no new plan."""
         return self >= Status.PREVIOUS_PLAN
 
 
@@ -56,7 +56,7 @@ class Trip(IntEnum):
 
 
 class Anomaly(IntFlag):
-    """What was noticed."""
+    """Anomalies of a call, as bits."""
 
     MISSING = 1
     ABSURD = 2
@@ -65,7 +65,7 @@ class Anomaly(IntFlag):
     BLIND = 16
     ESTIMATE_LIMITED = 32
     ESTIMATE_RESTARTED = 64
-    BAD_SET_POINTS = 128
+    BAD_SETPOINTS = 128
     BAD_PARAMETERS = 256
     BAD_APPLIED = 512
     LATE = 1024
@@ -77,7 +77,7 @@ class Anomaly(IntFlag):
 
 
 class Verdict(IntEnum):
-    """What became of a measurement."""
+    """Verdict on a measurement."""
 
     USED = 0
     MISSING = 1
@@ -97,11 +97,11 @@ _OF_MEASUREMENTS = {
 }
 _OF_THE_REST = {
     Anomaly.BLIND: "nothing was measured for as long as a plan lasts",
-    Anomaly.ESTIMATE_LIMITED: "an estimated disturbance was moved into its limits",
-    Anomaly.ESTIMATE_RESTARTED: "the estimate was not finite or beyond its limits, the estimator started again",
-    Anomaly.BAD_SET_POINTS: "a set-point is not finite or beyond its limits",
+    Anomaly.ESTIMATE_LIMITED: "an estimated disturbance was clipped to its limits",
+    Anomaly.ESTIMATE_RESTARTED: "the estimate was not finite or beyond its limits; the estimator restarted",
+    Anomaly.BAD_SETPOINTS: "a setpoint is not finite or beyond its limits",
     Anomaly.BAD_PARAMETERS: "a parameter is not finite or beyond its limits; the last good ones are used",
-    Anomaly.BAD_APPLIED: "the input said to be applied is not finite or beyond its limits; the last command is assumed",
+    Anomaly.BAD_APPLIED: "the applied input is not finite or beyond its limits; the last command is assumed",
     Anomaly.LATE: "the last command was late",
     Anomaly.NOT_SOLVED: "the real-time iteration failed",
     Anomaly.INPUT_LIMITED: "the planned input was outside its limits",
@@ -111,14 +111,14 @@ _OF_THE_REST = {
 
 
 def texts(anomalies: int, verdicts: Sequence[float], names: Sequence[str]) -> tuple[str, ...]:
-    """Anomalies in words.
+    """Describe anomalies in words.
 
     Parameters
     ----------
     anomalies : int
         Bits of ``Anomaly``.
     verdicts : sequence of float
-        What became of each measurement.
+        Verdict on each measurement.
     names : sequence of str
         Names of the measurements.
 
@@ -144,7 +144,7 @@ _TRIPS = {
 
 
 def health_text(health: Health, suspect: str | None, reason: Trip = Trip.NONE) -> str:
-    """A health in words, with its likely cause.
+    """Describe a health in words, with its likely cause.
 
     Parameters
     ----------

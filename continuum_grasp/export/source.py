@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.estimator import Estimator
+from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.parts import OF_LOOPS, PARTS

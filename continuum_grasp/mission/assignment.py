@@ -12,11 +12,11 @@ from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.result import FingerPosture, GraspResult
 from continuum_grasp.model import System
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import Controller, Cost, ForceWeight, Weight
+from continuum_grasp.scene.controller import Controller
+from continuum_grasp.scene.cost import Cost, ForceWeight, Reference, Weight
 from continuum_grasp.scene.finger import BasePose, Finger
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.reference import Reference
 from continuum_grasp.scene.simulate import Fidelity, Initial
 
 __all__ = ["Assignment", "assign"]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.schedule import Phase
-from continuum_grasp.control.stages import Stages
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.mission.assignment import Assignment
 
 __all__ = ["Span", "Timetable"]

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.stages import ABSENT
+from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.planning.grid import Grid
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.programme import OBJECTIVE, Block, Programme

@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import Controller, Cost, Horizon, InputLimits
+from continuum_grasp.scene.controller import Controller, Horizon, InputLimits
+from continuum_grasp.scene.cost import Cost, Reference
 from continuum_grasp.scene.estimator import Disturbed, Estimator, Measured
 from continuum_grasp.scene.plan import PlanScene
-from continuum_grasp.scene.reference import Reference
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.signals import interpolate
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.stiffness import fastest_rate
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.planning.check import Deviation, Player
 from continuum_grasp.planning.control import control_scene, parameters_over_time
@@ -39,7 +38,7 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
         If a state is not finite.
     """
     intervals, nu = len(path.u) - 1, model.nu
-    rate = fastest_rate(model, *(np.full(nu, limit) for limit in scene.input_limits))
+    rate = model.fastest_rate(*(np.full(nu, limit) for limit in scene.input_limits))
     times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.load_varies else [0.0]
     p = parameters_over_time(scene, model, times)
     t = np.linspace(0.0, path.duration, intervals + 1)

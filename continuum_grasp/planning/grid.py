@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.stiffness import fastest_rate
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.programme import OBJECTIVE, Programme
 from continuum_grasp.planning.shooting import shooting_interval
@@ -61,7 +60,7 @@ def default_substeps(motion: Motion) -> int:
     scene = motion.scene
     least, most = scene.input_limits
     low, high = np.full(motion.nu, least), np.full(motion.nu, most)
-    rate = fastest_rate(motion.prediction, low, high)
+    rate = motion.prediction.fastest_rate(low, high)
     longest = min(scene.duration_range[1], _LONGER * motion.first_duration)
     return max(1, math.ceil(longest / scene.intervals * rate / _TARGET))
 

@@ -9,9 +9,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.control.ocp.setpoints import setpoints
+from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.problem import stages_of
-from continuum_grasp.control.setpoints import set_points
 from continuum_grasp.planning.control import control_scene, parameters_over_time
 from continuum_grasp.planning.library import compiled
 from continuum_grasp.planning.term import Term, derived
@@ -69,7 +69,7 @@ class Motion:
         self.linear = scene.input.form == "linear"
         self.nx, self.nu = self.prediction.nx, self.prediction.nu
         self.ns, self.nv = self.nx + (self.nu if self.linear else 0), self.nu
-        self._set_points = set_points(control, self.stages, self.prediction)
+        self._setpoints = setpoints(control, self.stages, self.prediction)
         self.scales = self._scales()
 
     # -- units --------------------------------------------------------------------------------------------------------
@@ -141,7 +141,7 @@ class Motion:
         """Parameters and set-points (len(times), nd) at instants [s]."""
         instants = np.atleast_1d(np.asarray(times, dtype=float))
         p = parameters_over_time(self.scene, self.prediction, instants)
-        return np.hstack([p, self._set_points.rows(instants), np.tile(self.units, (len(instants), 1))])
+        return np.hstack([p, self._setpoints.rows(instants), np.tile(self.units, (len(instants), 1))])
 
     @property
     def length(self) -> float:

@@ -128,6 +128,10 @@ class DrawableControl(Protocol):
         """Name and unit of each set-point."""
 
     @property
+    def tracked_groups(self) -> Sequence[Any]:
+        """Columns of tracked quantities by cost term, each with ``unit`` and ``columns``."""
+
+    @property
     def tip(self) -> NDArray[Any]:
         """Tip positions (K + 1, 2) [m]."""
 

@@ -14,15 +14,11 @@ _MODULES = {
     "continuum_grasp.scene.controller": (
         "Bounds",
         "Controller",
-        "Cost",
         "DiscZone",
-        "ForceWeight",
         "HalfPlaneZone",
         "Horizon",
         "InputLimits",
         "Penalty",
-        "ShapeWeight",
-        "Weight",
     ),
     "continuum_grasp.scene.estimator": (
         "BendingSensors",
@@ -46,10 +42,14 @@ _MODULES = {
         "PlanSolver",
     ),
     "continuum_grasp.scene.plant": ("Plant",),
-    "continuum_grasp.scene.reference": (
+    "continuum_grasp.scene.cost": (
         "CircleReference",
+        "Cost",
+        "ForceWeight",
         "Reference",
         "RowSamples",
+        "ShapeWeight",
+        "Weight",
     ),
     "continuum_grasp.scene.finger": (
         "BasePose",
@@ -99,15 +99,18 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.control import ControlScene as ControlScene
     from continuum_grasp.scene.controller import Bounds as Bounds
     from continuum_grasp.scene.controller import Controller as Controller
-    from continuum_grasp.scene.controller import Cost as Cost
     from continuum_grasp.scene.controller import DiscZone as DiscZone
-    from continuum_grasp.scene.controller import ForceWeight as ForceWeight
     from continuum_grasp.scene.controller import HalfPlaneZone as HalfPlaneZone
     from continuum_grasp.scene.controller import Horizon as Horizon
     from continuum_grasp.scene.controller import InputLimits as InputLimits
     from continuum_grasp.scene.controller import Penalty as Penalty
-    from continuum_grasp.scene.controller import ShapeWeight as ShapeWeight
-    from continuum_grasp.scene.controller import Weight as Weight
+    from continuum_grasp.scene.cost import CircleReference as CircleReference
+    from continuum_grasp.scene.cost import Cost as Cost
+    from continuum_grasp.scene.cost import ForceWeight as ForceWeight
+    from continuum_grasp.scene.cost import Reference as Reference
+    from continuum_grasp.scene.cost import RowSamples as RowSamples
+    from continuum_grasp.scene.cost import ShapeWeight as ShapeWeight
+    from continuum_grasp.scene.cost import Weight as Weight
     from continuum_grasp.scene.estimator import BendingSensors as BendingSensors
     from continuum_grasp.scene.estimator import Disturbed as Disturbed
     from continuum_grasp.scene.estimator import Estimator as Estimator
@@ -155,9 +158,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.plan import PlanScene as PlanScene
     from continuum_grasp.scene.plan import PlanSolver as PlanSolver
     from continuum_grasp.scene.plant import Plant as Plant
-    from continuum_grasp.scene.reference import CircleReference as CircleReference
-    from continuum_grasp.scene.reference import Reference as Reference
-    from continuum_grasp.scene.reference import RowSamples as RowSamples
     from continuum_grasp.scene.simulate import Fidelity as Fidelity
     from continuum_grasp.scene.simulate import Initial as Initial
     from continuum_grasp.scene.simulate import Scene as Scene

@@ -1,4 +1,4 @@
-"""A finger under control, and what it is tried on."""
+"""A closed loop: finger, controller, estimator, and the plant that it acts on."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from continuum_grasp.scene.controller import (
-    Controller,
-)
+from continuum_grasp.scene.controller import Controller
+from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.plant import Plant
-from continuum_grasp.scene.reference import CircleReference, Reference, RowSamples
 from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.value import Length, Positive, Vector2, doubt
@@ -25,30 +23,30 @@ __all__ = [
 
 
 _CALM = 0.1
-"""Share of the rate limit that the weight of the input's rate may tolerate [1]; at 0.075 the hand finger's loops hold
-two periods of unknown delay, at 0.23 none (docs/control.md)."""
+"""Share of the rate limit that the weight of the input's rate may tolerate [1]; at 0.075 the hand finger's loops
+tolerate two periods of unmodeled delay, at 0.23 none (docs/control.md)."""
 
 
 class ControlScene(Surroundings):
-    """A finger, its controller and estimator, what it can touch, and the plant on which they are tried."""
+    """A finger, its controller and estimator, its surroundings, and the plant of the closed loop."""
 
     schema_version: Literal[1]
     name: str | None = None
     finger: Finger
-    """As the controller knows it."""
+    """Of the controller's model."""
     gravity: Vector2
     """World gravity [m/s2]."""
     contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
-    """Positions along the finger where known forces act [m]; element boundaries. These and the tip are where it touches
-    an object."""
+    """Positions along the finger where known forces act [m]; element boundaries. Contacts with an object are at these
+    and at the tip."""
     fidelity: Fidelity = Fidelity()
     """Of the controller's model."""
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    """Model parameters that stay run-time arguments of the controller."""
+    """Model parameters that are run-time arguments of the controller."""
     controller: Controller
     reference: Reference = Reference()
     estimator: Estimator | None = None
-    """None: the controller is given the state."""
+    """None: the controller measures the state."""
     initial: Initial = Initial(pose="rest")
     plant: Plant = Plant()
     loads: Annotated[tuple[ForceLoad, ...], Field(strict=False)] = ()
@@ -87,24 +85,16 @@ class ControlScene(Surroundings):
 
     def _check_references(self) -> None:
         cost, given = self.controller.cost, self.reference
-        for name in ("tip", "shape", "contact_force"):
-            if getattr(cost, name) is not None and getattr(given, name) is None:
-                raise ValueError(f"reference.{name} is needed: controller.cost.{name} tracks it")
-            if getattr(cost, name) is None and getattr(given, name) is not None:
-                raise ValueError(f"reference.{name} is tracked by nothing: give controller.cost.{name} a weight")
+        given.check(cost, "controller.cost")
         if cost.contact_force is not None and self.object is None:
             raise ValueError("controller.cost.contact_force needs an object that is touched")
         for name in (cost.contact_force.of if cost.contact_force is not None else None) or ():
             if name not in self.contact_names:
                 known = ", ".join(self.contact_names)
                 raise ValueError(f"controller.cost.contact_force.of: expected some of {known}, got {name!r:.60}")
-        if cost.shape is not None and given.shape is not None:
-            width = given.shape.width if isinstance(given.shape, RowSamples) else len(given.shape)
-            if width != 2 * len(cost.shape.at):
-                raise ValueError(f"reference.shape needs x, y of {len(cost.shape.at)} sections, got {width} numbers")
-            for k, at in enumerate(cost.shape.at):
-                if at > self.finger.rod.length * (1 + 1e-9):
-                    raise ValueError(f"controller.cost.shape.at[{k}] = {at} m is beyond the finger")
+        for k, at in enumerate(cost.shape.at if cost.shape is not None else ()):
+            if at > self.finger.rod.length * (1 + 1e-9):
+                raise ValueError(f"controller.cost.shape.at[{k}] = {at} m is beyond the finger")
         self._doubt_reach()
         if given.input is not None:
             width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
@@ -112,7 +102,7 @@ class ControlScene(Surroundings):
                 raise ValueError(f"reference.input: expected the tip moment or two tensions, got {width} numbers")
 
     def _doubt_reach(self) -> None:
-        """Warn of set-points of the tip that are farther from the base than the finger is long."""
+        """Warn of setpoints of the tip that are farther from the base than the finger is long."""
         tip, length = self.reference.tip, self.finger.rod.length
         if tip is None:
             return
@@ -126,24 +116,24 @@ class ControlScene(Surroundings):
         if far > 2.0 * length:
             doubt(
                 f"reference.tip is up to {far:g} m from the base, the finger is {length:g} m long; is it in "
-                "millimetres? (expected: m)"
+                "millimeters? (expected: m)"
             )
 
     def _doubt_margin(self) -> None:
-        """Warn of what leaves no margin for dead time that the model does not have.
+        """Warn of a weight or delay that leaves no margin for unmodeled dead time.
 
-        A contact force is followed through a stiff contact, where a calm command costs accuracy (the mug's mission: 12
-        instead of 5 % of the force): its weight is not judged.
+        A tracked contact force is exempt: through a stiff contact, a calm command costs accuracy (the mug's mission: 12
+        instead of 5 % of the force).
         """
         rate, weight = self.controller.input.rate_max, self.controller.cost.input_rate
         unit = "N/s" if self.finger.tendons is not None else "N m/s"
         tolerated = 1.0 / math.sqrt(weight) if weight else math.inf
-        follows_force = self.controller.cost.contact_force is not None
-        if rate is not None and not follows_force and tolerated > _CALM * rate * (1 + 1e-9):
+        tracks_force = self.controller.cost.contact_force is not None
+        if rate is not None and not tracks_force and tolerated > _CALM * rate * (1 + 1e-9):
             amount = f"{tolerated:.3g} {unit}" if weight else "any rate"
             doubt(
                 f"controller.cost.input_rate tolerates {amount}, more than a tenth of input.rate_max: a drive or "
-                "camera that is slower than the model can make the loop swing; expected a weight of "
+                "camera slower than the model can make the loop swing; expected a weight of "
                 f"{1.0 / (_CALM * rate) ** 2:.2g} or more"
             )
         estimator = self.estimator
@@ -166,30 +156,30 @@ class ControlScene(Surroundings):
         periods = estimator.delay / self.controller.step
         if abs(periods - round(periods)) > 1e-6 * max(1.0, periods):
             raise ValueError(
-                f"estimator.delay = {estimator.delay} s is no whole number of control periods of "
+                f"estimator.delay = {estimator.delay} s is not a whole number of control periods of "
                 f"{self.controller.step} s"
             )
 
     @property
     def lag(self) -> float | None:
-        """Time constant of the drive [s]; None where it follows at once."""
+        """Time constant of the drive [s]; None: the input acts at once."""
         tendons = self.finger.tendons
         return self.controller.input.time_constant if tendons is None else tendons.time_constant
 
     @property
     def contact_names(self) -> tuple[str, ...]:
-        """Places where the finger may touch an object."""
+        """Names of the contacts that the finger may have with an object."""
         return (*[f"finger.{k + 1}" for k in range(len(self.contacts))], "finger.tip")
 
     @property
-    def followed_contacts(self) -> tuple[str, ...]:
-        """Contacts whose normal force is tracked."""
+    def tracked_contacts(self) -> tuple[str, ...]:
+        """Names of the contacts whose normal force is tracked."""
         weight = self.controller.cost.contact_force
         return () if weight is None else weight.of or self.contact_names
 
     @property
     def curvature_limit(self) -> float:
-        """Greatest curvature that the bounds allow, beside the bending range of the model [1/m]."""
+        """Greatest curvature of the bounds, apart from the bending range of the model [1/m]."""
         asked = self.controller.bounds.curvature
         if asked is None:
             return math.inf

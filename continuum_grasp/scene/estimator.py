@@ -1,4 +1,4 @@
-"""What is measured of a finger, and what is estimated from it."""
+"""Measurements of a finger, and the estimator of its state and disturbances."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["BendingSensors", "Disturbed", "Estimator", "Measured"]
 
 
 class BendingSensors(Value):
-    """Angles of sections against the base."""
+    """Angles of sections."""
 
     at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
     """Positions along the finger [m]."""
@@ -21,33 +21,35 @@ class BendingSensors(Value):
 
 
 class Measured(Value):
-    """What is measured, each with the standard deviation of its noise."""
+    """Measured quantities, each with the standard deviation of its noise."""
 
     tip: Positive | None = None
     """Of each coordinate of the tip's world position, by a camera [m]."""
     tension: Positive | None = None
-    """Of each tendon's tension, or of the tip moment of a finger without tendons [N or N m]; needs a lag, for without
+    """Of each tendon's tension, or of the tip moment of a finger without tendons [N or N m]; needs a lag, since without
     one it is the input itself."""
     bending: BendingSensors | None = None
 
     @model_validator(mode="after")
     def _something(self) -> Measured:
         if self.tip is None and self.bending is None:
-            raise ValueError("measure the tip, the bending, or both: a tension alone does not tell the shape")
+            raise ValueError(
+                "measure the tip, the bending, or both: the shape cannot be estimated from a tension alone"
+            )
         return self
 
 
 class Disturbed(Value):
-    """Slowly varying unknowns that are estimated with the state; each with its drift, per square root of a second."""
+    """Slowly varying unknowns estimated with the state, each with its drift per square root of a second."""
 
     tip_moment: Positive | None = None
-    """Tip moment that is missing in the model, from wrong stiffness or friction [N m / s^0.5]."""
+    """Tip moment missing in the model, from wrong stiffness or friction [N m / s^0.5]."""
     tip_force: Positive | None = None
     """Unknown world force at the tip, each component [N / s^0.5]."""
     contact_force: Positive | None = None
     """Unknown world force at each place of ``contacts``, each component [N / s^0.5]."""
     object_position: Positive | None = None
-    """Position of an object that is touched and fixed, each coordinate [m / s^0.5]; seen only through its touch."""
+    """Position of a fixed object, each coordinate [m / s^0.5]; observable only in contact."""
     bending_stiffness: Positive | None = None
     """Bending stiffness, relative [1 / s^0.5]; must be one of the scene's ``parameters``."""
 
@@ -58,14 +60,14 @@ class Estimator(Value):
     measured: Measured
     disturbances: Disturbed = Disturbed()
     acceleration_std: Positive = 10.0
-    """Unmodelled acceleration of each bending angle [rad/s2 s^0.5]."""
+    """Unmodeled acceleration of each bending angle [rad/s2 s^0.5]."""
     initial_std: Positive = 0.05
-    """Uncertainty of each bending angle at the start [rad]; of their rates ten times that per second."""
+    """Standard deviation of each bending angle at the start [rad]; of their rates ten times that per second."""
     delay: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     """Known age of a measurement when it arrives, a whole number of control periods [s]."""
     outlier: Annotated[float, Field(ge=2.0, le=100.0)] = 8.0
-    """A sensor that is further than this many standard deviations from what is expected is rejected, unless that
-    happens too often: then the model is wrong, and the sensor is used with bounded influence."""
+    """A sensor further than this many standard deviations from its expected value is rejected, unless that happens too
+    often: then the model is wrong, and the sensor is used with bounded influence."""
     frozen: bool = True
-    """Whether a reading that does not move for 0.2 s (20 samples at least) while the command does counts as missing.
-    No: for sensors whose resolution is coarser than their noise, which repeat a number while the finger rests."""
+    """Whether a reading at rest for 0.2 s (20 samples at least) counts as missing while the command moves. False: for
+    sensors whose resolution is coarser than their noise, which repeat a number while the finger rests."""

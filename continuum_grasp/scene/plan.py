@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from continuum_grasp.scene.controller import Bounds, Cost, DiscZone, HalfPlaneZone, InputLimits, Penalty
+from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, InputLimits, Penalty
+from continuum_grasp.scene.cost import Cost, Reference, Row
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.reference import Reference, Row, RowSamples
 from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.surroundings import ContactLaw, Surroundings
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Value, Vector2
@@ -289,16 +289,8 @@ class PlanScene(Surroundings):
             raise ValueError("duration: tracking needs a number, since its reference runs in time")
         if (self.cost is not None) != (self.objective == "tracking"):
             raise ValueError("cost belongs to objective: tracking, which needs it")
-        if self.cost is None:
-            return
-        for name in ("tip", "shape", "contact_force"):
-            if (getattr(self.cost, name) is None) != (getattr(self.reference, name) is None):
-                raise ValueError(f"cost.{name} and reference.{name} need each other")
-        if self.cost.shape is not None and self.reference.shape is not None:
-            given = self.reference.shape
-            width = given.width if isinstance(given, RowSamples) else len(given)
-            if width != 2 * len(self.cost.shape.at):
-                raise ValueError(f"reference.shape needs x, y of {len(self.cost.shape.at)} sections, got {width}")
+        if self.cost is not None:
+            self.reference.check(self.cost, "cost")
 
     def _check_loads(self) -> None:
         places = (*self.contacts, self.finger.rod.length)

@@ -10,12 +10,12 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from continuum_grasp.control.arrays import numbers
+from continuum_grasp.control.arguments import numbers
+from continuum_grasp.control.compiled.settings import controller_fields
+from continuum_grasp.control.compiled.source import controller_source
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.controller_source import controller_source
-from continuum_grasp.control.estimation import estimation_of
-from continuum_grasp.control.estimator_settings import controller_fields
-from continuum_grasp.control.rti import RealTimeIteration
+from continuum_grasp.control.estimation.model import estimation_of
+from continuum_grasp.control.rti.iteration import RealTimeIteration
 from continuum_grasp.control.status import Anomaly, Health, Status
 from continuum_grasp.errors import InputError
 from tests.control_cases import TARGET, Reality, swing_scene
@@ -82,7 +82,7 @@ def test_a_command_is_that_of_the_real_time_iteration():
 
 
 @pytest.mark.parametrize(("first", "later"), [(1, 1), (2, 3)])
-def test_a_command_takes_as_many_linearisations_as_are_asked_for(first, later):
+def test_a_command_takes_as_many_linearizations_as_are_set(first, later):
     asked = {"start_iterations": first, "sqp_iterations": later}
     control = Controller(swing_scene(controller=asked, **GIVEN), deadline=math.inf)
     states = np.array([[0.3, 0.2, 0.5, -0.4], [0.1, 0.4, -0.3, 0.2], [-0.2, 0.3, 0.0, 0.1]])
@@ -117,12 +117,12 @@ def given_state(control):
     ("name", "size", "anomaly"),
     [
         ("measurement", 4, Anomaly.ABSURD),
-        ("reference", 3, Anomaly.BAD_SET_POINTS),
+        ("reference", 3, Anomaly.BAD_SETPOINTS),
         ("p", 1, Anomaly.BAD_PARAMETERS),
         ("applied", 1, Anomaly.BAD_APPLIED),
     ],
 )
-def test_what_means_nothing_is_told_and_never_applied(name, size, anomaly, value):
+def test_what_is_implausible_is_reported_and_never_applied(name, size, anomaly, value):
     control = given()
     control.reset()
     before = bad(control)
@@ -188,7 +188,7 @@ def test_the_plan_goes_on_as_long_as_it_lasts_and_then_the_input_goes_down():
     kinds = [c.status for c in commands]
     assert kinds == [Status.PREVIOUS_PLAN] * (N - 1) + [Status.SAFE_RAMP] * (81 - N)
     inputs = np.array([c.u[0] for c in commands])
-    assert inputs[: N - 1] == pytest.approx(plan[1:], abs=1e-8)  # the rate is kept to the last digit
+    assert inputs[: N - 1] == pytest.approx(plan[1:], abs=1e-8)  # the rate limit is satisfied to the last digit
     ramp = np.diff(inputs[N - 2 :])
     assert np.abs(ramp).max() == pytest.approx(2.0 * MOST / 0.5 * 0.01)
     assert inputs[-1] == 0.0
@@ -253,9 +253,9 @@ def test_whatever_is_given_commands_stay_finite_and_within_their_limits():
             assert np.all(np.isfinite(command.u))
             assert np.abs(command.u).max() <= MOST * (1 + 1e-6)
             assert np.abs(command.u - last).max() <= RATE * 0.01 * (1 + 1e-5)
-            told = command.anomaly != 0
-            assert told or all(np.all(np.isfinite(a)) and np.abs(a).max() < 1e12 for a in spoiled)
-            assert not command.fallback or told or command.health == Health.TRIPPED
+            reported = command.anomaly != 0
+            assert reported or all(np.all(np.isfinite(a)) and np.abs(a).max() < 1e12 for a in spoiled)
+            assert not command.fallback or reported or command.health == Health.TRIPPED
             last = command.u
             if command.health == Health.TRIPPED:
                 control.reset(u=last)
@@ -392,7 +392,7 @@ def test_numbers_beyond_doubles_are_infinite(value):
     control = given()
     for name, usual, anomaly in (
         ("measurement", [0.1, 0.1, 0.0, 0.0], Anomaly.ABSURD),
-        ("reference", [*TARGET, 0.0], Anomaly.BAD_SET_POINTS),
+        ("reference", [*TARGET, 0.0], Anomaly.BAD_SETPOINTS),
         ("p", [0.0471], Anomaly.BAD_PARAMETERS),
         ("applied", [0.0], Anomaly.BAD_APPLIED),
     ):

@@ -11,8 +11,8 @@ import pytest
 from scipy.linalg import expm, solve_discrete_are
 from scipy.stats import chi2
 
-from continuum_grasp.control.estimator import Estimator
-from continuum_grasp.control.moving_horizon import moving_horizon
+from continuum_grasp.control.estimation.estimator import Estimator
+from continuum_grasp.control.estimation.moving_horizon import moving_horizon
 from continuum_grasp.control.status import Anomaly, Verdict
 from continuum_grasp.errors import InputError
 from tests.control_cases import Reality, hand_scene, rod_scene, sensed_rod_scene
@@ -139,7 +139,7 @@ def test_on_a_linear_motion_its_covariance_is_that_of_the_riccati_equation():
     for _ in range(4000):  # straight up without input: the finger stays there, and so does the estimate
         found = estimator.step([0.0, 0.6, 0.0, 0.0], [0.0])
     a, c = slope(lambda z: rate(z, np.zeros(1)), np.zeros(7)), slope(lambda z: outputs(z), np.zeros(7))
-    f, q = exact_discretisation(a, np.diag(s["noise"]), h)
+    f, q = exact_discretization(a, np.diag(s["noise"]), h)
     # The tip's height and the stiffness are not seen in the straight shape.
     seen = [0, 1, 2, 3, 4]
     rows = [0, 2, 3]
@@ -153,7 +153,7 @@ def test_on_a_linear_motion_its_covariance_is_that_of_the_riccati_equation():
     assert (found.covariance[np.ix_(seen, seen)] - expected) / np.outer(scale, scale) == pytest.approx(0.0, abs=2e-4)
 
 
-def exact_discretisation(a, q, h):
+def exact_discretization(a, q, h):
     """Transition and noise covariance of a linear motion; C. F. Van Loan, doi:10.1109/TAC.1978.1101743."""
     n = len(a)
     block = expm(np.block([[-a, q], [np.zeros((n, n)), a.T]]) * h)
@@ -275,7 +275,7 @@ def test_an_unknown_contact_force_is_found_at_rest():
     assert bends @ found.p[:2] == pytest.approx(bends @ p[:2], rel=0.05)
 
 
-def test_a_measurement_that_means_nothing_is_left_out_and_told():
+def test_a_measurement_that_is_implausible_is_rejected_and_reported():
     estimator, same = rod(), rod().save_state()
     _, measured, inputs = motion()
     run(estimator, measured, inputs)

@@ -13,11 +13,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.control.problem import stages_of
-from continuum_grasp.control.rti import STATUS, RealTimeIteration
-from continuum_grasp.control.source import iteration_source
-from continuum_grasp.control.stages import ABSENT, Stages
-from continuum_grasp.control.transcription import cost_function, step_function, terminal_function
+from continuum_grasp.control.ocp.bounds import ABSENT
+from continuum_grasp.control.ocp.stages import Stages, stages_of
+from continuum_grasp.control.ocp.transcription import cost_function, step_function, terminal_function
+from continuum_grasp.control.rti.iteration import STATUS, RealTimeIteration
+from continuum_grasp.control.rti.source import iteration_source
 from continuum_grasp.core import compiler as compilers
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError, SolverError
@@ -141,7 +141,7 @@ def test_iterations_from_one_state_end_at_the_optimum(lanes):
 
 
 def test_iterations_of_a_finger_end_at_the_optimum():
-    """Two arcs with bounded moment and rate of moment, far from their set-point."""
+    """Two arcs with bounded moment and rate of moment, far from their setpoint."""
     s = stages_of(rod_scene())
     rti = RealTimeIteration(s)
     x0, refs = np.zeros(s.nx), np.zeros(s.nr)
@@ -179,7 +179,7 @@ def test_products_over_what_differs_from_zero_are_those_of_loops(substeps):
     plans = []
     for lanes in (False, True):
         rti = RealTimeIteration(problem, lanes=lanes)
-        assert ("RTI_CARRIED 1" in iteration_source(problem, lanes=lanes)) is not lanes
+        assert ("RTI_UNROLLED_CONGRUENCE 1" in iteration_source(problem, lanes=lanes)) is not lanes
         rti.reset(np.zeros(problem.nx), problem.u_min)
         for _ in range(4):
             rti.step(np.full(problem.nx, 0.1), np.full(problem.nr, 0.05))
@@ -254,9 +254,9 @@ BAD = {
     "stage": (lambda r, bad: (setattr(r.settings, "stage", bad), r.step(START)), "bad input"),
     "tolerance": (lambda r, bad: (setattr(r.settings, "tolerance", bad), r.step(START)), "bad input"),
     "plan": (lambda r, bad: (r.plan[0].__setitem__((7, 1), bad), r.step(START)), "bad input"),
-    "model": (lambda r, bad: (r.plan[0].__setitem__((7, 1), 1e308), r.step(START)), "bad linearisation"),
+    "model": (lambda r, bad: (r.plan[0].__setitem__((7, 1), 1e308), r.step(START)), "bad linearization"),
     "overflow": (lambda r, bad: r.step([1e200, 0.0, 0.0]), "bad solution"),
-    "negative price": (lambda r, bad: (setattr(r.settings, "linear", -1.0), r.step(START)), "bad input"),
+    "negative penalty": (lambda r, bad: (setattr(r.settings, "linear", -1.0), r.step(START)), "bad input"),
     "crossed bounds": (lambda r, bad: (setattr(r.settings, "u_min", 1.0), r.step(START)), "bad input"),
     "no sub-steps": (lambda r, bad: (setattr(r.settings, "substeps", 0), r.step(START)), "bad input"),
 }
@@ -270,8 +270,8 @@ def test_what_is_not_finite_leaves_the_plan_alone(rti, what, bad):
     with pytest.raises(SolverError) as caught:
         do(rti, bad)
     assert caught.value.status == status
-    for part, kept in zip(rti.plan, before, strict=True):
-        assert np.count_nonzero(part != kept) <= (what in ("plan", "model"))
+    for part, old in zip(rti.plan, before, strict=True):
+        assert np.count_nonzero(part != old) <= (what in ("plan", "model"))
     assert status in STATUS.values()
 
 
@@ -392,7 +392,7 @@ def test_a_plan_of_nan_is_refused():
 
 
 def test_settings_act_at_the_next_iteration():
-    """A narrower bound is kept at once; without it the answer is the first one again."""
+    """A narrower bound is satisfied at once; without it the answer is the first one again."""
     rti = RealTimeIteration(pendulum())
     rti.reset(START)
     rti.settings.u_max = 0.2
@@ -406,7 +406,7 @@ def test_settings_act_at_the_next_iteration():
 
 @pytest.mark.parametrize(("stages", "precision"), [(8, "double"), (20, "float")])
 def test_a_bound_that_holds_on_is_not_searched_for_again(stages, precision):
-    """A bend beyond the bound of the curvature, which then holds over the whole horizon in every programme."""
+    """A bend beyond the bound of the curvature, which then holds over the whole horizon in every QP."""
     problem = stages_of(loop_scene(stages, observed=False))
     iteration = RealTimeIteration(problem, precision=precision)
     x, refs = np.zeros(problem.nx), np.array([-1.2, -0.6, 1.0, 1.0])

@@ -1,4 +1,4 @@
-"""Quadratic programmes of the real-time iteration: their data, and their solutions against other solvers."""
+"""QPs of the real-time iteration: their data, and their solutions against other solvers."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from continuum_grasp.control.rti import RealTimeIteration
-from continuum_grasp.control.stages import ABSENT
+from continuum_grasp.control.ocp.bounds import ABSENT
+from continuum_grasp.control.rti.iteration import RealTimeIteration
 from continuum_grasp.core.compiler import find_compiler
-from tests.rti_cases import SIZES, change_of_plan, disturb, programme, random_stages
+from tests.rti_cases import SIZES, change_of_plan, disturb, qp_of, random_stages
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
 
@@ -26,16 +26,16 @@ def iteration(k: int, precision: str = "double", lanes: bool = False) -> RealTim
 
 @lru_cache
 def easy(precision: str) -> RealTimeIteration:
-    """A problem of which single precision keeps enough digits: prices near what they have to outweigh."""
+    """A problem of which single precision has enough digits: penalty weights near what they have to outweigh."""
     stages = random_stages(3, SIZES[0])
-    prices = {"linear": np.full(stages.nc, 5.0), "quadratic": np.full(stages.nc, 10.0)}
-    return RealTimeIteration(random_stages(3, SIZES[0], **prices), precision=precision)
+    penalties = {"linear": np.full(stages.nc, 5.0), "quadratic": np.full(stages.nc, 10.0)}
+    return RealTimeIteration(random_stages(3, SIZES[0], **penalties), precision=precision)
 
 
 @pytest.mark.parametrize("lanes", [False, True])
 @pytest.mark.parametrize("precision", ["double", "float"])
-def test_the_programme_is_that_of_the_stage_functions(precision, lanes):
-    """Evaluated by CasADi, two sub-steps chained by hand; inputs beyond their bounds are linearised at the bounds."""
+def test_the_qp_is_that_of_the_stage_functions(precision, lanes):
+    """Evaluated by CasADi, two sub-steps chained by hand; inputs beyond their bounds are linearized at the bounds."""
     rti = RealTimeIteration(random_stages(1, SIZES[1], substeps=2), precision=precision, lanes=lanes)
     s, o, p = rti.stages, rti.settings, np.ones(1)
     rng = np.random.default_rng(5)
@@ -50,7 +50,7 @@ def test_the_programme_is_that_of_the_stage_functions(precision, lanes):
         end, a2, b2 = (np.array(v) for v in s.step(middle, q["u"][k], p, 0.5))
         given = (q["x"][k], q["u"][k], p, refs[k], s.weights)
         cost, g, h, c, jacobian = (np.array(v) for v in s.cost(*given))
-        h[s.nx :, s.nx :] += o.regularisation * np.eye(s.nu)
+        h[s.nx :, s.nx :] += o.regularization * np.eye(s.nu)
         for name, expected in {"A": a2 @ a1, "B": a2 @ b1 + b2, "g": g[:, 0], "H": h, "l": cost[0, 0]}.items():
             np.testing.assert_allclose(q[name][k], expected, err_msg=name, **close)
         np.testing.assert_allclose(q["defect"][k], end[:, 0] - q["x"][k + 1], **close)
@@ -69,15 +69,15 @@ def test_without_bounds_it_is_one_linear_system(k):
     none = {name: np.full_like(getattr(stages, name), -ABSENT) for name in ("u_min", "c_min")}
     none |= {name: np.full_like(getattr(stages, name), ABSENT) for name in ("u_max", "c_max")}
     rti = iteration(k)
-    kept = {name: getattr(rti.settings, name).copy() for name in none}
+    saved = {name: getattr(rti.settings, name).copy() for name in none}
     try:
         for name, value in none.items():
             setattr(rti.settings, name, value)
         x0 = disturb(rti, np.random.default_rng(k))
-        q = programme(rti, x0)
+        q = qp_of(rti, x0)
         report = rti.feedback(x0)
     finally:
-        for name, value in kept.items():
+        for name, value in saved.items():
             setattr(rti.settings, name, value)
     system = np.block([[q.H, q.E.T], [q.E, np.zeros((len(q.e), len(q.e)))]])
     expected = np.linalg.solve(system, np.r_[-q.g, q.e])[: len(q.g)]
@@ -87,11 +87,11 @@ def test_without_bounds_it_is_one_linear_system(k):
 
 @pytest.mark.parametrize("k", range(len(SIZES)))
 def test_the_answer_is_that_of_an_active_set_solver(k):
-    """By qpOASES, on the programme with slacks as variables; 300 programmes in all."""
+    """By qpOASES, on the QP with slacks as variables; 300 QPs in all."""
     rti, rng = iteration(k), np.random.default_rng(100 + k)
     for _ in range(50):
         x0 = disturb(rti, rng)
-        q = programme(rti, x0)
+        q = qp_of(rti, x0)
         report = rti.feedback(x0)
         found, expected = change_of_plan(rti), q.solve()
         assert report.status in (0, 2)
@@ -155,33 +155,33 @@ DEGENERATE = {
     "no weight on states": lambda s: {"weights": np.r_[np.zeros(s.nx), s.weights[s.nx :]]},
     "no weight on inputs": lambda s: {"weights": np.r_[s.weights[: s.nx], np.zeros(s.nu)]},
     "a weight at the end alone": lambda s: {"weights": np.zeros(s.nr)},
-    "quadratic prices alone": lambda s: {"linear": np.zeros(s.nc)},
-    "linear prices alone": lambda s: {"quadratic": np.zeros(s.nc), "linear": np.full(s.nc, 3.0)},
+    "quadratic penalties alone": lambda s: {"linear": np.zeros(s.nc)},
+    "linear penalties alone": lambda s: {"quadratic": np.zeros(s.nc), "linear": np.full(s.nc, 3.0)},
     "rows that cost nothing": lambda s: {"quadratic": np.zeros(s.nc), "linear": np.zeros(s.nc)},
     "hard rows": lambda s: {"quadratic": np.full(s.nc, 1e6), "linear": np.full(s.nc, 1e4)},
-    "tiny room": lambda s: {"u_min": np.full(s.nu, -1e-6), "u_max": np.full(s.nu, 1e-6)},
+    "tiny range": lambda s: {"u_min": np.full(s.nu, -1e-6), "u_max": np.full(s.nu, 1e-6)},
     "one-sided inputs": lambda s: {"u_min": np.zeros(s.nu), "u_max": np.full(s.nu, ABSENT)},
 }
 
 
 @pytest.mark.parametrize("changes", DEGENERATE.values(), ids=DEGENERATE)
-def test_degenerate_programmes_are_solved(changes):
-    """Multipliers of the right signs and sizes balance the gradient, which proves a convex programme solved."""
+def test_degenerate_qps_are_solved(changes):
+    """Multipliers of the right signs and sizes balance the gradient, which proves a convex QP solved."""
     rti = iteration(1)
-    kept = {name: getattr(rti.settings, name).copy() for name in changes(rti.stages)}
+    saved = {name: getattr(rti.settings, name).copy() for name in changes(rti.stages)}
     rng = np.random.default_rng(11)
     try:
         for name, value in changes(rti.stages).items():
             setattr(rti.settings, name, value)
         for _ in range(20):
             x0 = disturb(rti, rng)
-            q = programme(rti, x0)
+            q = qp_of(rti, x0)
             assert rti.feedback(x0).status in (0, 2)
             z = change_of_plan(rti)
             np.testing.assert_allclose(q.E @ z, q.e, atol=1e-9 * (1.0 + np.abs(q.e).max()))
             assert optimality(rti, q, z) <= 1e-5
     finally:
-        for name, value in kept.items():
+        for name, value in saved.items():
             setattr(rti.settings, name, value)
 
 
@@ -218,13 +218,13 @@ def test_an_answer_does_not_depend_on_those_before(k):
             np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * np.abs(one).max())
 
 
-def test_without_room_the_violation_is_reported():
+def test_without_a_feasible_input_the_violation_is_reported():
     """A row of the state is bounded to less than what the first state allows."""
     rti = iteration(0)
     rng = np.random.default_rng(0)
     disturb(rti, rng)
     x0 = 20.0 * rng.normal(size=rti.stages.nx)
-    q = programme(rti, x0)
+    q = qp_of(rti, x0)
     report = rti.feedback(x0)
     y = q.C @ change_of_plan(rti)
     over = np.maximum(q.c_min - y, y - q.c_max).max()

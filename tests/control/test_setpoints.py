@@ -1,4 +1,4 @@
-"""Set-points of a controller's nodes against closed forms."""
+"""Setpoints of a controller's nodes against closed forms."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from continuum_grasp.control.ocp.setpoints import setpoints
+from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.problem import stages_of
-from continuum_grasp.control.setpoints import set_points
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene import (
     CircleReference,
@@ -40,7 +40,7 @@ def points(cost, functions=None, **reference):
         reference=Reference(**reference),
     )
     model = Prediction(scene)
-    return set_points(scene, stages_of(scene, model), model, functions)
+    return setpoints(scene, stages_of(scene, model), model, functions)
 
 
 def test_a_circle_waits_and_then_turns_at_constant_speed():
@@ -77,7 +77,7 @@ def test_what_is_not_said_is_zero_and_tensions_are_the_least():
     assert found.rows([0.0, 1.0]).tolist() == [[0.05, 0.16, 0, 0, 0, 0, 1.5, 1.5, 0, 0]] * 2
 
 
-def test_inputs_have_set_points_of_their_own():
+def test_inputs_have_setpoints_of_their_own():
     rows = points({"tip": 1.0, "effort": 1.0}, tip=(0.0, 0.18), input=(3.0, 4.0)).rows(0.0)
     assert rows.tolist() == [[0.0, 0.18, 3.0, 4.0]]
 

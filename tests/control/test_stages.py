@@ -9,9 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from continuum_grasp import Fidelity, load
+from continuum_grasp.control.ocp.stages import stages_of
+from continuum_grasp.control.ocp.transcription import step_function
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.problem import stages_of
-from continuum_grasp.control.transcription import step_function
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 
@@ -131,11 +131,11 @@ def test_cost_gradient_and_rows(name):
 
 
 def test_a_matched_tip_needs_a_lag():
-    with pytest.raises(InputError, match="give the drive a lag"):
+    with pytest.raises(InputError, match="needs a continuous tip moment"):
         stages_of(scene(ROD, family="matched_clothoid", input=MOMENT))
 
 
-def test_zones_are_kept_from_the_fingers_surface():
+def test_zones_hold_off_the_fingers_surface():
     zone = {"wall": {"type": "half_plane", "point": (0.0, 0.1), "normal_angle": -np.pi / 2, "clearance": 0.01}}
     made = scene(HAND, bounds={"keep_out": zone}, input={})
     stages = stages_of(made)

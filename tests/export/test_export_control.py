@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.estimator import Estimator
+from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.control.status import Status
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c

@@ -1,5 +1,5 @@
-/* Whether numbers can be used. That they are finite is told by their bits, which holds whatever the compiler assumes
- * about arithmetic: NaN is not laundered by a comparison with a limit.
+/* Whether numbers can be used. Finiteness is tested by bits, since -ffast-math lets a compiler drop isfinite(), and
+ * before any comparison with a limit, which is false for NaN.
  *
  * `real` is set before this file is read, and CG_SINGLE defined if that is float.
  */
@@ -8,14 +8,14 @@
 #include <stdint.h>
 #include <string.h>
 
-enum {                        /* what became of a measurement */
+enum {                        /* verdict on a measurement */
   CG_USED = 0,
   CG_MISSING = 1,             /* NaN: not measured now */
   CG_ABSURD = 2,              /* infinite, or beyond its limits */
   CG_OUTLIER = 3,             /* too far from what was expected: rejected */
-  CG_REOPENED = 4,            /* used, with bounded influence: too far too often, so that it is the model that is wrong */
-  CG_ALONE = 5,               /* good, but of no use without another of its sensor that is not */
-  CG_FROZEN = 6               /* the same number again and again: counts as missing until it moves */
+  CG_REOPENED = 4,            /* used with bounded influence: too far too often, so the model is wrong */
+  CG_ALONE = 5,               /* good, but useless without another reading of its sensor that is not */
+  CG_FROZEN = 6               /* repeats the same number: counts as missing until it moves */
 };
 
 #ifdef CG_SINGLE
@@ -72,13 +72,13 @@ static inline int cg_within(const real *a, const real *least, const real *most, 
   return good;
 }
 
-/* Verdict on a measurement by itself. */
+/* Verdict on a measurement alone, before the estimator sees it. */
 static inline int cg_verdict(real a, real least, real most)
 {
   return cg_is_nan(a) ? CG_MISSING : cg_within(&a, &least, &most, 1) ? CG_USED : CG_ABSURD;
 }
 
-/* Move a finite number into its limits; whether it was outside. */
+/* Clip a finite number to its limits; whether it was outside. */
 static inline int cg_limit(real *a, real least, real most)
 {
   const int outside = *a < least || *a > most;

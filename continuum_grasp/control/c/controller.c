@@ -28,13 +28,13 @@ static int controller_valid(const controller_settings *o)
   return good && cg_finite(o->rti.u_min, RTI_NU) && cg_finite(o->rti.u_max, RTI_NU) && cg_finite(o->u_safe, RTI_NU);
 }
 
-/* Time of a plan that is over, in calls. */
-static int controller_patience(const controller_settings *o)
+/* Length of a plan in calls. */
+static int controller_plan_calls(const controller_settings *o)
 {
   return (int)((real)RTI_N * o->rti.stage / o->period + (real)0.5);
 }
 
-/* ---- what is given ---- */
+/* ---- inputs ---- */
 
 static uint32_t controller_check(controller_state *state, const controller_settings *o, const controller_input *in)
 {
@@ -45,7 +45,7 @@ static uint32_t controller_check(controller_state *state, const controller_setti
 #endif
 #if RTI_NR > 0
   for (int k = 0; k <= RTI_N; ++k)
-    if (!cg_within(in->set_points + k * RTI_NR, o->r_min, o->r_max, RTI_NR)) anomalies |= CONTROLLER_BAD_SET_POINTS;
+    if (!cg_within(in->setpoints + k * RTI_NR, o->r_min, o->r_max, RTI_NR)) anomalies |= CONTROLLER_BAD_SETPOINTS;
 #endif
   if (in->applied) {
     if (cg_within(in->applied, o->applied_min, o->applied_max, RTI_NU)) memcpy(state->u, in->applied, sizeof state->u);
@@ -54,7 +54,7 @@ static uint32_t controller_check(controller_state *state, const controller_setti
   return anomalies;
 }
 
-/* State and parameters from which to plan; whether they are known. */
+/* Determine state and parameters from which to plan; whether they are known. */
 #if CONTROLLER_ESTIMATES
 static int controller_estimate(controller_state *state, controller_work *work, const controller_settings *o,
                                const real *measurement, controller_output *out)
@@ -101,7 +101,7 @@ static int controller_estimate(controller_state *state, controller_work *work, c
 }
 #endif
 
-static uint32_t controller_seen(const controller_output *out)
+static uint32_t controller_sensor_anomalies(const controller_output *out)
 {
   static const uint32_t bits[] = {0, CONTROLLER_MISSING, CONTROLLER_ABSURD, CONTROLLER_OUTLIER, CONTROLLER_REOPENED, 0,
                                   CONTROLLER_FROZEN};
@@ -112,7 +112,8 @@ static uint32_t controller_seen(const controller_output *out)
 
 /* ---- a new plan ---- */
 
-/* The problem of a call: the weight of the command's rate is raised fourfold per rung. */
+/* Settings of a call: the weight of the command's rate is raised fourfold per rung. Each fourfold buys about one period
+ * of unmodeled delay (input_rate 5e-5, 5e-4, 2e-3: one, two, three). */
 static const rti_settings *controller_problem(const controller_state *state, controller_work *work,
                                               const controller_settings *o)
 {
@@ -122,28 +123,28 @@ static const rti_settings *controller_problem(const controller_state *state, con
   return &work->detuned;
 }
 
-/* Real-time iterations of a plan in the workspace; whether they gave another. */
+/* Iterate on the plan in the workspace; whether it succeeded. */
 static int controller_iterate(controller_work *work, const rti_settings *o, const controller_input *in, int iterations,
                               controller_output *out)
 {
   int status = 0;
   for (int k = 0; k < iterations && status >= 0; ++k) {
     const uint32_t begin = CONTROLLER_TICKS();
-    status = rti_prepare(&work->rti, &work->plan, o, out->p, in->set_points);
+    status = rti_prepare(&work->rti, &work->plan, o, out->p, in->setpoints);
     const uint32_t prepared = CONTROLLER_TICKS();
     if (status >= 0) status = rti_feedback(&work->rti, &work->plan, o, out->x, &out->rti);
     out->ticks[1] += prepared - begin;
     out->ticks[2] += CONTROLLER_TICKS() - prepared;
   }
   if (status < 0 || !cg_finite(work->plan.u[0], RTI_NU)) {
-    memset(&work->rti, 0, sizeof work->rti);  /* nothing of what went wrong is kept */
+    memset(&work->rti, 0, sizeof work->rti);  /* no trace of non-finite numbers in the next call */
     return 0;
   }
   out->status = status;
   return 1;
 }
 
-/* From the last plan; from rest where there is none, or where it leads nowhere. */
+/* Plan from the last plan; from rest where there is none, or where that fails. */
 static int controller_plan(controller_state *state, controller_work *work, const controller_settings *o,
                            const controller_input *in, controller_output *out)
 {
@@ -168,26 +169,26 @@ static int controller_plan(controller_state *state, controller_work *work, const
 
 /* ---- supervision ---- */
 
-/* Distance of the measured tip from its setpoint [m]; below 0 where one of them is not known. */
+/* Distance of the measured tip from its setpoint [m]; below 0 where one of them is unknown. */
 static real controller_distance(const controller_settings *o, const controller_input *in, const real *y)
 {
   const int tip = o->supervisor.tip, setpoint = o->supervisor.setpoint;
-  if (tip < 0 || setpoint < 0 || !cg_finite(y + tip, 2) || !cg_finite(in->set_points + setpoint, 2)) return -1;
-  const real dx = y[tip] - in->set_points[setpoint], dy = y[tip + 1] - in->set_points[setpoint + 1];
+  if (tip < 0 || setpoint < 0 || !cg_finite(y + tip, 2) || !cg_finite(in->setpoints + setpoint, 2)) return -1;
+  const real dx = y[tip] - in->setpoints[setpoint], dy = y[tip + 1] - in->setpoints[setpoint + 1];
   return CG_SQRT(dx * dx + dy * dy);
 }
 
-/* Judge a call; whether a plan may be followed. */
+/* Supervise a call; whether a plan may be followed. */
 static int controller_supervise(controller_state *state, const controller_settings *o, const controller_input *in,
                                 const real *y, controller_output *out)
 {
 #if CONTROLLER_ESTIMATES
-  const real *surprise = out->ekf.surprise;
+  const real *nis = out->ekf.nis;
 #else
-  const real *surprise = 0;
+  const real *nis = 0;
 #endif
   const real elapsed = cg_finite(&in->elapsed, 1) ? in->elapsed / o->period : -1;
-  supervisor_judge(&state->supervisor, &o->supervisor, surprise, elapsed, controller_distance(o, in, y),
+  supervisor_judge(&state->supervisor, &o->supervisor, nis, elapsed, controller_distance(o, in, y),
                    &out->supervisor);
   return out->supervisor.health != SUPERVISOR_TRIPPED;
 }
@@ -199,8 +200,9 @@ int controller_rearm(controller_state *state, const controller_settings *setting
 
 /* ---- the command ---- */
 
-/* The input that comes nearest to what is wanted. A plan may go on at its rate for a whole stage, of which a period is a
- * part; only what is beyond that is told. */
+/* Command the allowed input nearest to the wanted one. A plan may change it by its rate over a whole stage, of which a
+ * period is a part; only a greater change is an anomaly. The margin of 1e-6 of the range is that of the QP's tolerance.
+ * */
 static uint32_t controller_command(controller_state *state, const controller_settings *o, const real *wanted,
                                    const real *rate, controller_output *out)
 {
@@ -228,7 +230,7 @@ int controller_step(controller_state *state, controller_work *work, const contro
   const uint32_t begin = CONTROLLER_TICKS();
   if (!state->started || !controller_valid(settings)) return output->status = CONTROLLER_INVALID;
   memset(output, 0, sizeof *output);
-  const int patience = controller_patience(settings);
+  const int patience = controller_plan_calls(settings);
   output->anomalies = controller_check(state, settings, input);
   const uint32_t given = output->anomalies;
   if (state->blind <= patience) ++state->blind;
@@ -238,7 +240,7 @@ int controller_step(controller_state *state, controller_work *work, const contro
   const int known = controller_estimate(state, work, settings, y, output);
   for (int j = 0; j < CONTROLLER_NM; ++j)
     if (cg_is_nan(y[j]) && !cg_is_nan(input->measurement[j])) output->verdict[j] = CG_FROZEN;
-  output->anomalies |= controller_seen(output);
+  output->anomalies |= controller_sensor_anomalies(output);
   if (state->blind > patience) output->anomalies |= CONTROLLER_BLIND;
   for (int j = 0; j < RTI_NX - CONTROLLER_ND; ++j) output->x[CONTROLLER_ND + j] = state->u[j];
   state->age += settings->period / settings->rti.stage;
@@ -246,7 +248,7 @@ int controller_step(controller_state *state, controller_work *work, const contro
   if (state->age > (real)RTI_N - (real)1e-3 || state->blind > patience || !trusted) state->planned = 0;
   output->ticks[0] = CONTROLLER_TICKS() - begin;
 
-  const uint32_t stops = CONTROLLER_BAD_SET_POINTS | CONTROLLER_BAD_PARAMETERS | CONTROLLER_LATE;
+  const uint32_t stops = CONTROLLER_BAD_SETPOINTS | CONTROLLER_BAD_PARAMETERS | CONTROLLER_LATE;
   int planned = 0;
   if (known && trusted && !(given & stops) && state->blind <= patience) {
     planned = controller_plan(state, work, settings, input, output);
@@ -259,7 +261,7 @@ int controller_step(controller_state *state, controller_work *work, const contro
       rate[j] = settings->safe_rate[j] < settings->u_rate[j] ? settings->safe_rate[j] : settings->u_rate[j];
     output->anomalies |= controller_command(state, settings, settings->u_safe, rate, output) & CONTROLLER_BEYOND_LIMIT;
   } else {
-    const int stage = rti_lesser((int)(state->age + (real)1e-3), RTI_N - 1);    /* the sum may round up to RTI_N */
+    const int stage = rti_lesser((int)(state->age + (real)1e-3), RTI_N - 1);    /* 1e-3 stages: the sum of periods is rounded */
     output->anomalies |= controller_command(state, settings, state->plan.u[stage], settings->u_rate, output);
   }
   return output->status;

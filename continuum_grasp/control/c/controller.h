@@ -1,55 +1,57 @@
-/* A controller: estimator, real-time iteration, supervisor, and what is done when one of them cannot.
+/* A controller: estimator, real-time iteration, supervisor, and a fallback for when one of them fails.
  *
- * Each call of controller_step takes a measurement and gives the input to apply until the next call:
+ * Each call of controller_step takes a measurement and returns the input to apply until the next call:
  *
- *   1. Parameters and set-points are checked: finite and within their limits. Bad parameters are replaced by the last
+ *   1. Parameters and setpoints are checked: finite and within their limits. Bad parameters are replaced by the last
  *      good ones.
- *   2. Readings that do not move are left out. The estimator takes the measurement and tells the state now and the disturbances, which go into the parameters
- *      over the whole horizon. Without an estimator (CONTROLLER_ESTIMATES 0) the measurement is the state.
- *   3. One real-time iteration from the last plan, moved on in time; some from a plan at rest where there is none, or
+ *   2. Readings at rest are rejected. The estimator computes from the others the state now and the disturbances, which
+ *      go into the parameters over the whole horizon. Without an estimator (CONTROLLER_ESTIMATES 0) the measurement is
+ *      the state.
+ *   3. One real-time iteration from the last plan, shifted in time; several from a plan at rest where there is none, or
  *      where that fails.
- *   4. The first input of the plan, if it is finite, moved into the limits of input and rate.
+ *   4. The first input of the plan, clipped to the limits of input and rate.
  *
- * Beside the status, which says how the command came about, stands the health, which says whether sensors, model and
- * call rate agree (supervisor.h). The supervisor raises the weight of the command's rate, the last RTI_NU weights, and
- * sends the command to the safe input after a trip, until controller_rearm.
+ * The status reports what the command comes from; the health, whether sensors, model and call rate agree
+ * (supervisor.h). The supervisor raises the weight of the command's rate, the last RTI_NU weights, and sends the
+ * command to the safe input after a trip, until controller_rearm.
  *
- * If something of 1 to 3 fails, or the last command came late, the last plan goes on as long as it lasts; after that,
- * and whenever nothing was measured for as long as a plan lasts, the input goes at a bounded rate to the safe one. A
- * command is finite and within the limits of input and rate in every case but one: where the settings move a limit past
+ * If one of 1 to 3 fails, or the last command was late, the controller follows the last plan to its end; after that,
+ * and where nothing was measured for as long as a plan lasts, the input goes to the safe one at a bounded rate. A
+ * command is finite and within the limits of input and rate, with one exception: where the settings move a limit past
  * the last input, the rate limit wins, and the command is beyond the new limit until it gets there.
  *
- * status                       what the command is
+ * status                       what the command comes from
  * ---------------------------- -----------------------------------------------------------------------------------
- *  0 CONTROLLER_SOLVED         of a new plan
- *  1 CONTROLLER_ITERATION_LIMIT    of a new plan, whose quadratic programme was not solved to its tolerance
- *  2 CONTROLLER_ROW_VIOLATED   of a new plan that leaves a soft bound
- *  3 CONTROLLER_PREVIOUS_PLAN  of the last plan
- *  4 CONTROLLER_SAFE_RAMP      on the way to the safe input
+ *  0 CONTROLLER_SOLVED         a new plan
+ *  1 CONTROLLER_ITERATION_LIMIT    a new plan, whose QP was not solved to its tolerance
+ *  2 CONTROLLER_ROW_VIOLATED   a new plan that violates a soft constraint
+ *  3 CONTROLLER_PREVIOUS_PLAN  the last plan
+ *  4 CONTROLLER_SAFE_RAMP      the ramp to the safe input
  * -1 CONTROLLER_INVALID        none: the settings are not valid, or the controller was not started; u is not written
  *
- * anomalies (bits)             what was noticed
+ * anomalies (bits)             of a call
  * ---------------------------- -----------------------------------------------------------------------------------
- *   1 CONTROLLER_MISSING       an entry of the measurement is not there (NaN)
+ *   1 CONTROLLER_MISSING       an entry of the measurement is missing (NaN)
  *   2 CONTROLLER_ABSURD        one is infinite or beyond its limits
  *   4 CONTROLLER_OUTLIER       one is too far from what was expected, and its sensor was rejected
  *   8 CONTROLLER_REOPENED      one is too far too often: used with bounded influence
  *  16 CONTROLLER_BLIND         nothing was measured for as long as a plan lasts
- *  32 CONTROLLER_ESTIMATE_LIMITED      an estimated disturbance was moved into its limits
- *  64 CONTROLLER_ESTIMATE_RESTARTED    the estimate was not finite or beyond its limits; the estimator started again
- * 128 CONTROLLER_BAD_SET_POINTS        a set-point is not finite or beyond its limits
+ *  32 CONTROLLER_ESTIMATE_LIMITED      an estimated disturbance was clipped to its limits
+ *  64 CONTROLLER_ESTIMATE_RESTARTED    the estimate was not finite or beyond its limits; the estimator restarted
+ * 128 CONTROLLER_BAD_SETPOINTS        a setpoint is not finite or beyond its limits
  * 256 CONTROLLER_BAD_PARAMETERS        a parameter is
- * 512 CONTROLLER_BAD_APPLIED   the input that is said to have been applied is; the last command is assumed
+ * 512 CONTROLLER_BAD_APPLIED   the applied input is; the last command is assumed instead
  * 1024 CONTROLLER_LATE         the last command was late
  * 2048 CONTROLLER_NOT_SOLVED   the real-time iteration failed
  * 4096 CONTROLLER_INPUT_LIMITED        the planned input was outside its limits
- * 8192 CONTROLLER_RATE_LIMITED         the planned input was further from the last one than the rate allows in a stage
+ * 8192 CONTROLLER_RATE_LIMITED         the planned input was further from the last one than its rate allows in a stage
  * 16384 CONTROLLER_FROZEN      a reading does not move: it counts as missing until it does
- * 32768 CONTROLLER_BEYOND_LIMIT        a limit was moved past the last input: the command approaches it at the rate limit
+ * 32768 CONTROLLER_BEYOND_LIMIT        a limit was moved past the last input; the command approaches it at its rate
  *
  * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the
- * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements), CONTROLLER_NS (sensors); with an estimator those of ekf.h, and the generated
- * function estimated_parameters. CONTROLLER_TICKS() may be a clock (uint32_t), of which phases are told.
+ * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements), CONTROLLER_NS (sensors); with an estimator those of
+ * ekf.h, and the generated function estimated_parameters. CONTROLLER_TICKS() may be a clock (uint32_t) that times the
+ * phases.
  */
 #ifndef CONTROLLER_H
 #define CONTROLLER_H
@@ -78,7 +80,7 @@ enum {
   CONTROLLER_BLIND = 16,
   CONTROLLER_ESTIMATE_LIMITED = 32,
   CONTROLLER_ESTIMATE_RESTARTED = 64,
-  CONTROLLER_BAD_SET_POINTS = 128,
+  CONTROLLER_BAD_SETPOINTS = 128,
   CONTROLLER_BAD_PARAMETERS = 256,
   CONTROLLER_BAD_APPLIED = 512,
   CONTROLLER_LATE = 1024,
@@ -96,12 +98,12 @@ typedef struct {
 #endif
   real period;                /* time from one command to the next, a stage at most [s] */
   real u_rate[RTI_NU];        /* greatest change of the input per time; 1e30: none */
-  real u_safe[RTI_NU], safe_rate[RTI_NU];       /* where the ramp goes, as far as limits allow; how fast */
-  real applied_min[RTI_NU], applied_max[RTI_NU];        /* of an input that was applied: slack drives, overshoot */
+  real u_safe[RTI_NU], safe_rate[RTI_NU];       /* end of the safe ramp, as far as limits allow; its rate */
+  real applied_min[RTI_NU], applied_max[RTI_NU];        /* of an applied input: slack drives, overshoot */
   real r_min[RTI_SIZE(RTI_NR)], r_max[RTI_SIZE(RTI_NR)];
   real p_min[RTI_SIZE(RTI_NP)], p_max[RTI_SIZE(RTI_NP)];
   real x_min[CONTROLLER_ND], x_max[CONTROLLER_ND];      /* of a measured state */
-  int sqp_iterations, start_iterations;         /* of a plan that goes on, and of one from rest */
+  int sqp_iterations, start_iterations;         /* from the last plan, and from one at rest */
   supervisor_settings supervisor;
 } controller_settings;
 
@@ -122,7 +124,7 @@ typedef struct {
 typedef struct {
   rti_work rti;
   rti_plan plan;
-  rti_settings detuned;       /* those of a call whose weight of the command's rate is raised */
+  rti_settings detuned;       /* settings of a call with a raised weight of the command's rate */
 #if CONTROLLER_ESTIMATES
   ekf_work ekf;
 #endif
@@ -130,19 +132,19 @@ typedef struct {
 
 typedef struct {
   const real *measurement;    /* CONTROLLER_NM */
-  const real *set_points;     /* RTI_N + 1 rows of RTI_NR */
+  const real *setpoints;     /* RTI_N + 1 rows of RTI_NR */
   const real *p;              /* RTI_NP */
-  const real *applied;        /* RTI_NU: input that was applied since the last call; null: the last command */
-  int late;                   /* whether the last command came late */
-  real elapsed;               /* time since the last call [s]; below 0: not known */
+  const real *applied;        /* RTI_NU: input applied since the last call; null: the last command */
+  int late;                   /* whether the last command was late */
+  real elapsed;               /* time since the last call [s]; below 0: unknown */
 } controller_input;
 
 typedef struct {
   real u[RTI_NU];
   int status;
   uint32_t anomalies;
-  int verdict[CONTROLLER_NM]; /* what became of each measurement, as in checks.h */
-  real x[RTI_NX], p[RTI_SIZE(RTI_NP)];  /* state and parameters that the plan starts from */
+  int verdict[CONTROLLER_NM]; /* on each measurement, as in checks.h */
+  real x[RTI_NX], p[RTI_SIZE(RTI_NP)];  /* state and parameters from which the plan starts */
   rti_report rti;
   supervisor_report supervisor;
 #if CONTROLLER_ESTIMATES
@@ -154,7 +156,7 @@ typedef struct {
 /* Start at a state (EKF_NZ with an estimator, else CONTROLLER_ND), with the input and parameters of before. */
 void controller_start(controller_state *state, const controller_settings *settings, const real *z0, const real *u0,
                       const real *p);
-/* Go on after a trip, from a plan at rest; whether that is allowed (see supervisor_rearm). */
+/* Leave a trip, with a plan from rest; whether that is allowed (see supervisor_rearm). */
 int controller_rearm(controller_state *state, const controller_settings *settings);
 int controller_step(controller_state *state, controller_work *work, const controller_settings *settings,
                     const controller_input *input, controller_output *output);

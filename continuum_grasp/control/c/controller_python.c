@@ -7,7 +7,7 @@ typedef struct {
   controller_work work;
   controller_output output;
   real measurement[CONTROLLER_NM], p[RTI_SIZE(RTI_NP)], applied[RTI_NU];
-  real set_points[RTI_SIZE((RTI_N + 1) * RTI_NR)];
+  real setpoints[RTI_SIZE((RTI_N + 1) * RTI_NR)];
 } cg_object;
 
 #if CONTROLLER_ESTIMATES
@@ -24,25 +24,24 @@ void cg_settings(cg_object *o, const double *values) { cg_fill(&o->settings, val
 void cg_start(cg_object *o, const double *in)
 {
   real z[CG_START];
-  cg_take(o->p, cg_take(o->applied, cg_take(z, in, CG_START), RTI_NU), RTI_NP);
+  cg_read(o->p, cg_read(o->applied, cg_read(z, in, CG_START), RTI_NU), RTI_NP);
   controller_start(&o->state, &o->settings, z, o->applied, o->p);
 }
 
 int cg_rearm(cg_object *o) { return controller_rearm(&o->state, &o->settings); }
 
-/* in: measurement, p, applied, set-points, elapsed; flags: 1 late, 2 applied is given;
+/* in: measurement, p, applied, setpoints, elapsed; flags: 1 late, 2 applied is an argument;
  * out: anomalies, iterations, violation, residual, cost, health (with sensor, entry, reason, rung), mismatch, activity,
- * ticks, u, x, p, verdicts, variances, innovations, their
- * variances, plan */
+ * ticks, u, x, p, verdicts, variances, innovations, their variances, plan */
 int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
 {
-  controller_input given = {o->measurement, o->set_points, o->p, flags & 2 ? o->applied : 0, flags & 1, -1};
+  controller_input given = {o->measurement, o->setpoints, o->p, flags & 2 ? o->applied : 0, flags & 1, -1};
   controller_output *found = &o->output;
-  in = cg_take(o->measurement, in, CONTROLLER_NM);
-  in = cg_take(o->p, in, RTI_NP);
-  in = cg_take(o->applied, in, RTI_NU);
-  in = cg_take(o->set_points, in, (RTI_N + 1) * RTI_NR);
-  cg_take(&given.elapsed, in, 1);
+  in = cg_read(o->measurement, in, CONTROLLER_NM);
+  in = cg_read(o->p, in, RTI_NP);
+  in = cg_read(o->applied, in, RTI_NU);
+  in = cg_read(o->setpoints, in, (RTI_N + 1) * RTI_NR);
+  cg_read(&given.elapsed, in, 1);
   const int status = controller_step(&o->state, &o->work, &o->settings, &given, found);
   *out++ = (double)found->anomalies;
   *out++ = found->rti.iterations;
@@ -51,22 +50,22 @@ int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
   *out++ = (double)found->rti.cost;
   const supervisor_report *seen = &found->supervisor;
   const int health[] = {seen->health, seen->sensor, seen->entry, seen->reason, seen->rung};
-  out = cg_give_whole(out, health, 5);
+  out = cg_write_ints(out, health, 5);
   *out++ = (double)seen->mismatch;
   *out++ = (double)seen->activity;
   for (int k = 0; k < CONTROLLER_PHASES; ++k) *out++ = found->ticks[k];
-  out = cg_give(out, found->u, RTI_NU);
-  out = cg_give(out, found->x, RTI_NX);
-  out = cg_give(out, found->p, RTI_NP);
-  out = cg_give_whole(out, found->verdict, CONTROLLER_NM);
+  out = cg_write(out, found->u, RTI_NU);
+  out = cg_write(out, found->x, RTI_NX);
+  out = cg_write(out, found->p, RTI_NP);
+  out = cg_write_ints(out, found->verdict, CONTROLLER_NM);
 #if CONTROLLER_ESTIMATES
   real variance[EKF_NZ];
   ekf_variance(&o->state.ekf, variance);
-  out = cg_give(out, variance, EKF_NZ);
-  out = cg_give(out, found->ekf.innovation, EKF_NY);
-  out = cg_give(out, found->ekf.variance, EKF_NY);
+  out = cg_write(out, variance, EKF_NZ);
+  out = cg_write(out, found->ekf.innovation, EKF_NY);
+  out = cg_write(out, found->ekf.variance, EKF_NY);
 #endif
-  out = cg_give(out, &o->state.plan.x[0][0], (RTI_N + 1) * RTI_NX);
-  cg_give(out, &o->state.plan.u[0][0], RTI_N * RTI_NU);
+  out = cg_write(out, &o->state.plan.x[0][0], (RTI_N + 1) * RTI_NX);
+  cg_write(out, &o->state.plan.u[0][0], RTI_N * RTI_NU);
   return status;
 }

@@ -1,7 +1,7 @@
 /* Extended Kalman filter. See ekf.h. */
 
-/* Errors as at the start: independent. */
-static void ekf_forget(ekf_state *state, const ekf_settings *settings)
+/* Covariance as at the start: errors are independent. */
+static void ekf_reset_covariance(ekf_state *state, const ekf_settings *settings)
 {
   memset(state->U, 0, sizeof state->U);
   for (int i = 0; i < EKF_NZ; ++i) {
@@ -16,19 +16,20 @@ void ekf_start(ekf_state *state, const ekf_settings *settings, const real *z0, c
   memcpy(state->z, z0, sizeof state->z);
   memcpy(state->first, z0, sizeof state->first);
   for (int k = 0; k < EKF_DELAY; ++k) memcpy(state->queue[k], u0, sizeof state->queue[k]);
-  ekf_forget(state, settings);
+  ekf_reset_covariance(state, settings);
 }
 
-/* From the first state, and ready to be moved by the next measurements. */
+/* Restart from the first state. Full buckets open the gate: after a restart, the estimate is far from any measurement.
+ * */
 static void ekf_restart(ekf_state *state, const ekf_settings *settings)
 {
   memcpy(state->z, state->first, sizeof state->z);
   for (int sensor = 0; sensor < EKF_NS; ++sensor) state->bucket[sensor] = (real)EKF_PATIENCE;
-  ekf_forget(state, settings);
+  ekf_reset_covariance(state, settings);
 }
 
-/* Whether the estimate means something; disturbances are moved into their limits. */
-static int ekf_sound(ekf_state *state, const ekf_settings *settings, ekf_report *report)
+/* Whether the estimate is finite and within its limits; disturbances are clipped to theirs. */
+static int ekf_plausible(ekf_state *state, const ekf_settings *settings, ekf_report *report)
 {
   if (!cg_finite(state->z, EKF_NZ) || !cg_finite(state->D, EKF_NZ) || !cg_finite(&state->U[0][0], EKF_NZ * EKF_NZ))
     return 0;
@@ -37,8 +38,9 @@ static int ekf_sound(ekf_state *state, const ekf_settings *settings, ekf_report 
   return cg_within(state->z, settings->z_min, settings->z_max, EKF_NX);
 }
 
-/* U diag(D) U' = W diag(weight) W', by the modified Gram-Schmidt method from the last row to the first. */
-static void ekf_orthogonalise(ekf_state *state, ekf_work *work, int columns)
+/* U diag(D) U' = W diag(weight) W', by weighted modified Gram-Schmidt from the last row to the first (Thornton): no
+ * subtraction of covariances, so D stays positive under rounding. */
+static void ekf_orthogonalize(ekf_state *state, ekf_work *work, int columns)
 {
   real scaled[4 * EKF_NZ];
   for (int j = EKF_NZ - 1; j >= 0; --j) {
@@ -59,7 +61,7 @@ static void ekf_orthogonalise(ekf_state *state, ekf_work *work, int columns)
   }
 }
 
-static void ekf_substep(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *u, const real *p,
+static void ekf_predict(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *u, const real *p,
                         real h)
 {
   const real *arg[] = {state->z, u, p, &h};
@@ -86,12 +88,12 @@ static void ekf_substep(ekf_state *state, ekf_work *work, const ekf_settings *se
     work->weight[columns + 1] = 4 * weight;
     columns += 3;
   }
-  ekf_orthogonalise(state, work, columns);
+  ekf_orthogonalize(state, work, columns);
 }
 
-/* Take one scalar measurement with the row h of H, whose innovation is known; the variance that was expected of it.
- * Beyond EKF_BOUND standard deviations its noise counts as so much larger that the estimate moves by as many. */
-static real ekf_take(ekf_state *state, const real *h, real noise, real innovation)
+/* Update with one scalar measurement, its row h of H and its innovation (Bierman); returns the innovation's expected
+ * variance. Beyond EKF_HUBER standard deviations, the noise is enlarged such that the estimate moves by as many. */
+static real ekf_update(ekf_state *state, const real *h, real noise, real innovation)
 {
   real f[EKF_NZ], v[EKF_NZ], gain[EKF_NZ], expected = noise;
   for (int j = 0; j < EKF_NZ; ++j) {
@@ -101,7 +103,7 @@ static real ekf_take(ekf_state *state, const real *h, real noise, real innovatio
     expected += f[j] * v[j];
   }
   real total = noise;
-  const real bound = (real)EKF_BOUND * CG_SQRT(expected), size = innovation < 0 ? -innovation : innovation;
+  const real bound = (real)EKF_HUBER * CG_SQRT(expected), size = innovation < 0 ? -innovation : innovation;
   if (size > bound) total += expected * (size / bound - 1);
   for (int j = 0; j < EKF_NZ; ++j) {
     const real before = total, share = -f[j] / before;
@@ -118,8 +120,8 @@ static real ekf_take(ekf_state *state, const real *h, real noise, real innovatio
   return expected;
 }
 
-/* Variance of h z. */
-static real ekf_spread(const ekf_state *state, const real *h)
+/* Variance of h z before the update. */
+static real ekf_prior_variance(const ekf_state *state, const real *h)
 {
   real sum = 0;
   for (int j = 0; j < EKF_NZ; ++j) {
@@ -130,7 +132,7 @@ static real ekf_spread(const ekf_state *state, const real *h)
   return sum;
 }
 
-/* Tell of each measurement in a compared quantity what became of it, unless that is known. */
+/* Give each measurement in a compared quantity its verdict, unless it has one. */
 static void ekf_report_row(const ekf_settings *settings, int row, int verdict, ekf_report *report)
 {
   for (int j = 0; j < EKF_NM; ++j) {
@@ -139,9 +141,8 @@ static void ekf_report_row(const ekf_settings *settings, int row, int verdict, e
   }
 }
 
-/* Innovations and their variances as they are before any row is taken; a row whose measurements are not all there has
- * no variance. */
-static void ekf_innovate(const ekf_state *state, const ekf_work *work, const ekf_settings *settings, const real *y,
+/* Innovations and their variances before any update; a row with a missing measurement has variance 0. */
+static void ekf_innovations(const ekf_state *state, const ekf_work *work, const ekf_settings *settings, const real *y,
                          ekf_report *report)
 {
   for (int row = 0; row < EKF_NY; ++row) {
@@ -156,13 +157,13 @@ static void ekf_innovate(const ekf_state *state, const ekf_work *work, const ekf
     if (!whole) continue;
     for (int j = 0; j < EKF_NZ; ++j) h[j] = work->H[row + EKF_NY * j];
     report->innovation[row] = innovation;
-    report->variance[row] = ekf_spread(state, h) + settings->variance[row];
+    report->variance[row] = ekf_prior_variance(state, h) + settings->variance[row];
   }
 }
 
 /* The leaky gate of a sensor: CG_USED, CG_REOPENED (used although it is beyond the gate), CG_OUTLIER (rejected), or
- * CG_ALONE (there is nothing to use). */
-static int ekf_judge(ekf_state *state, const ekf_settings *settings, int sensor, ekf_report *report)
+ * CG_ALONE (nothing to use). A rejected sensor has no nis, else 1 % of outliers would detune the controller. */
+static int ekf_gate(ekf_state *state, const ekf_settings *settings, int sensor, ekf_report *report)
 {
   const real gate = settings->gate * settings->gate;
   real sum = 0;
@@ -171,21 +172,21 @@ static int ekf_judge(ekf_state *state, const ekf_settings *settings, int sensor,
     if (settings->sensor[row] != sensor || !(report->variance[row] > 0)) continue;
     real ratio = report->innovation[row] * report->innovation[row] / report->variance[row];
     out |= ratio > gate;
-    cg_limit(&ratio, 0, (real)EKF_SURPRISE_MOST);
+    cg_limit(&ratio, 0, (real)EKF_NIS_CAP);
     sum += ratio;
     ++rows;
   }
-  report->surprise[sensor] = -1;
+  report->nis[sensor] = -1;
   if (!rows) return CG_ALONE;
   real *bucket = &state->bucket[sensor];
   *bucket += out ? (real)1 : -(real)EKF_LEAK;
-  cg_limit(bucket, 0, (real)EKF_FULL);
+  cg_limit(bucket, 0, (real)EKF_BUCKET_CAP);
   if (out && *bucket <= (real)EKF_PATIENCE) return CG_OUTLIER;
-  report->surprise[sensor] = sum / (real)rows;
+  report->nis[sensor] = sum / (real)rows;
   return out ? CG_REOPENED : CG_USED;
 }
 
-static int ekf_compare(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *y, const real *u,
+static int ekf_correct(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *y, const real *u,
                        const real *p, ekf_report *report)
 {
   real prior[EKF_NZ];
@@ -195,8 +196,8 @@ static int ekf_compare(ekf_state *state, ekf_work *work, const ekf_settings *set
   estimator_outputs(arg, res, 0, 0, 0);
   if (!cg_finite(work->y, EKF_NY) || !cg_finite(work->H, EKF_NY * EKF_NZ)) return 0;
   memcpy(prior, state->z, sizeof prior);
-  ekf_innovate(state, work, settings, y, report);
-  for (int sensor = 0; sensor < EKF_NS; ++sensor) judged[sensor] = ekf_judge(state, settings, sensor, report);
+  ekf_innovations(state, work, settings, y, report);
+  for (int sensor = 0; sensor < EKF_NS; ++sensor) judged[sensor] = ekf_gate(state, settings, sensor, report);
   const real gate = settings->gate * settings->gate;
   for (int row = 0; row < EKF_NY; ++row) {
     const real square = report->innovation[row] * report->innovation[row];
@@ -210,7 +211,7 @@ static int ekf_compare(ekf_state *state, ekf_work *work, const ekf_settings *set
       h[j] = work->H[row + EKF_NY * j];
       report->innovation[row] -= h[j] * (state->z[j] - prior[j]);
     }
-    report->variance[row] = ekf_take(state, h, settings->variance[row], report->innovation[row]);
+    report->variance[row] = ekf_update(state, h, settings->variance[row], report->innovation[row]);
     ++report->used;
   }
   return 1;
@@ -230,7 +231,7 @@ int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, con
     memcpy(state->queue[state->oldest], u, sizeof applied);
     state->oldest = state->oldest + 1 < EKF_DELAY ? state->oldest + 1 : 0;
 #endif
-    for (int k = 0; k < settings->substeps; ++k) ekf_substep(state, work, settings, applied, p, h);
+    for (int k = 0; k < settings->substeps; ++k) ekf_predict(state, work, settings, applied, p, h);
   }
 #if EKF_DELAY > 0
   const real *now = state->queue[state->oldest];
@@ -239,11 +240,11 @@ int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, con
 #endif
   for (int j = 0; j < EKF_NM; ++j) report->verdict[j] = cg_verdict(y[j], settings->y_min[j], settings->y_max[j]);
   state->started = 1;
-  if (ekf_sound(state, settings, report) && ekf_compare(state, work, settings, y, now, p, report)
-      && ekf_sound(state, settings, report))
+  if (ekf_plausible(state, settings, report) && ekf_correct(state, work, settings, y, now, p, report)
+      && ekf_plausible(state, settings, report))
     return EKF_OK;
   report->used = 0;
-  for (int sensor = 0; sensor < EKF_NS; ++sensor) report->surprise[sensor] = (real)EKF_SURPRISE_MOST;
+  for (int sensor = 0; sensor < EKF_NS; ++sensor) report->nis[sensor] = (real)EKF_NIS_CAP;
   ekf_restart(state, settings);
   return EKF_RESTARTED;
 }

@@ -11,7 +11,7 @@ void cg_settings(cg_object *o, const double *values) { cg_fill(&o->settings, val
 void cg_start(cg_object *o, const double *in)
 {
   real z[EKF_NZ], u[EKF_NU];
-  cg_take(u, cg_take(z, in, EKF_NZ), EKF_NU);
+  cg_read(u, cg_read(z, in, EKF_NZ), EKF_NU);
   ekf_start(&o->state, &o->settings, z, u);
 }
 
@@ -20,7 +20,7 @@ void cg_start(cg_object *o, const double *in)
 int cg_step(cg_object *o, const double *in, double *out)
 {
   real y[EKF_NM], u[EKF_NU], p[EKF_SIZE(EKF_NP)], z[EKF_NZ];
-  cg_take(p, cg_take(u, cg_take(y, in, EKF_NM), EKF_NU), EKF_NP);
+  cg_read(p, cg_read(u, cg_read(y, in, EKF_NM), EKF_NU), EKF_NP);
   int status = ekf_step(&o->state, &o->work, &o->settings, y, u, p, &o->report);
   if (status < 0) return status;
   if (!ekf_now(&o->state, &o->work, &o->settings, p, z)) {
@@ -31,13 +31,13 @@ int cg_step(cg_object *o, const double *in, double *out)
   const real *arg[] = {z, p};
   real full[EKF_SIZE(EKF_NP)], *res[] = {full};
   estimated_parameters(arg, res, 0, 0, 0);
-  out = cg_give_whole(out, &o->report.limited, 1);
-  out = cg_give(out, z, EKF_NZ);
-  out = cg_give(out, full, EKF_NP);
-  out = cg_give_whole(out, o->report.verdict, EKF_NM);
-  out = cg_give(out, o->report.innovation, EKF_NY);
-  out = cg_give(out, o->report.variance, EKF_NY);
-  out = cg_give(out, o->state.z, EKF_NZ);
+  out = cg_write_ints(out, &o->report.limited, 1);
+  out = cg_write(out, z, EKF_NZ);
+  out = cg_write(out, full, EKF_NP);
+  out = cg_write_ints(out, o->report.verdict, EKF_NM);
+  out = cg_write(out, o->report.innovation, EKF_NY);
+  out = cg_write(out, o->report.variance, EKF_NY);
+  out = cg_write(out, o->state.z, EKF_NZ);
   for (int i = 0; i < EKF_NZ; ++i)
     for (int j = 0; j < EKF_NZ; ++j) {
       double sum = 0;

@@ -1,19 +1,21 @@
-/* Real-time iterations of an optimal control problem on RTI_N stages.
+/* Real-time iterations of an optimal control problem on RTI_N stages: M. Diehl et al., J. Process Control 12 (2002)
+ * 577, doi:10.1016/S0959-1524(02)00023-1.
  *
- * One iteration linearises the problem at the plan (rti_prepare) and solves the quadratic programme that results once
- * the state is known (rti_feedback). With z = [x, u] and dz the change of the plan, that programme is
+ * One iteration linearizes the problem at the plan (rti_prepare) and solves the resulting QP once the state is known
+ * (rti_feedback): what does not need the state is done before it arrives. With z = [x, u] and dz the change of the
+ * plan, the QP is
  *
  *   min  sum_k  dz_k' H_k dz_k / 2 + g_k' dz_k  +  sum_k sum_i  linear_i s_ki + quadratic_i s_ki^2 / 2
  *   s.t. dx_0 = x0 - x_0,  dx_k+1 = A_k dx_k + B_k du_k + (F(x_k, u_k) - x_k+1),
  *        u_min <= u_k + du_k <= u_max,  c_min - s_k <= c_k + C_k dz_k <= c_max + s_k,  s_k >= 0.
  *
- * Rows 0 to RTI_NS - 1 of c hold at the nodes 1 to RTI_N, the others at 0 to RTI_N - 1. A bound of 1e30 or more is
- * none.
+ * The constraints c are soft, so that the QP is always feasible. Rows 0 to RTI_NS - 1 apply at the nodes 1 to RTI_N,
+ * the others at 0 to RTI_N - 1. A bound of 1e30 or more is no bound.
  *
  * Dimensions are set before this file is read: RTI_N, RTI_NX, RTI_NU (1 or more), RTI_NC, RTI_NS, RTI_NP, RTI_NR; and
  * the type `real`, with RTI_SINGLE defined if that is float. The functions of a stage stand before the other parts:
- * stage_step, stage_cost, terminal_cost. No function allocates, or keeps anything between calls beside what its caller
- * owns.
+ * stage_step, stage_cost, terminal_cost. No function allocates or has static data, so that any number of controllers
+ * run side by side.
  */
 #ifndef RTI_H
 #define RTI_H
@@ -23,19 +25,20 @@
 #define RTI_W RTI_NZ                          /* length of a row of RTI_NZ numbers, with zeros behind them */
 #endif
 #define RTI_SIZE(n) ((n) > 0 ? (n) : 1)
-#define RTI_ROWS (RTI_NU + RTI_NC)           /* bounded quantities of a node: inputs, then rows of c */
+#define RTI_ROWS (RTI_NU + RTI_NC)            /* bounded quantities of a node: inputs, then rows of c */
 #define RTI_SIDES (2 * RTI_ROWS)
 #ifndef RTI_LANES
-#define RTI_LANES 8
+#define RTI_LANES 8                           /* doubles of the widest vector register (AVX-512): rows of the interior point
+                                                 are padded to it, so that loops over nodes have no remainder */
 #endif
 #define RTI_LENGTH ((RTI_N + RTI_LANES - 1) / RTI_LANES * RTI_LANES)
 
 enum {
   RTI_SOLVED = 0,
-  RTI_ITERATION_LIMIT = 1,    /* usable: what was reached */
-  RTI_ROW_VIOLATED = 2,       /* solved, and a soft row is violated */
-  RTI_BAD_INPUT = -1,         /* state, parameters, set-points, plan or settings are not finite, or bounds cross */
-  RTI_BAD_LINEARISATION = -2, /* model or cost are not finite at the plan */
+  RTI_ITERATION_LIMIT = 1,    /* usable, but not solved to the tolerance */
+  RTI_ROW_VIOLATED = 2,       /* solved, and a soft constraint is violated */
+  RTI_BAD_INPUT = -1,         /* state, parameters, setpoints, plan or settings are not finite, or bounds cross */
+  RTI_BAD_LINEARIZATION = -2, /* model or cost are not finite at the plan */
   RTI_BAD_SOLUTION = -3,      /* the new plan or its cost is not finite */
   RTI_NOT_PREPARED = -4       /* no preparation succeeded before */
 };
@@ -43,52 +46,53 @@ enum {
 typedef struct {
   real u_min[RTI_NU], u_max[RTI_NU];
   real c_min[RTI_SIZE(RTI_NC)], c_max[RTI_SIZE(RTI_NC)];
-  real linear[RTI_SIZE(RTI_NC)], quadratic[RTI_SIZE(RTI_NC)];     /* prices of violations, 0 or more */
+  real linear[RTI_SIZE(RTI_NC)], quadratic[RTI_SIZE(RTI_NC)];     /* penalty weights, 0 or more */
   real weights[RTI_SIZE(RTI_NR)], terminal_weights[RTI_SIZE(RTI_NR)];
   real stage;                 /* length of a stage [s], of the integration; the cost has its own */
   int substeps;               /* Runge-Kutta steps per stage */
-  int iterations;             /* limit of the interior-point method */
+  int iterations;             /* cap of the interior-point method */
   real tolerance;             /* of the solution, relative */
-  real regularisation;        /* added to the Hessian's diagonal of the inputs */
+  real regularization;        /* added to the Hessian's diagonal of the inputs */
 } rti_settings;
 
 typedef struct {
   real x[RTI_N + 1][RTI_NX], u[RTI_N][RTI_NU];
-  /* of the programme that it solved: multipliers of the rows, which bounds hold, by how many stages it was moved on
-   * since, and whether bounds hold at the same nodes of the next programme rather than at the same instants */
+  /* of the QP that it solves: multipliers of the rows, active set, by how many stages the plan was shifted since, and
+   * whether the next QP has its bounds active at the same nodes rather than at the same instants */
   real a[RTI_SIZE(RTI_NC)][RTI_N], moved;
   signed char active[RTI_ROWS][RTI_N], stays;
 } rti_plan;
 
 typedef struct {
   int status;
-  int iterations;             /* factorisations beyond that of the preparation */
+  int iterations;             /* factorizations beyond that of the preparation */
   real kkt;                   /* largest residual of the optimality conditions, relative; 0 if no bound is active */
   real violation;             /* largest violation of a row */
-  real cost;                  /* of the quadratic programme at its solution, penalties included */
+  real cost;                  /* of the QP at its solution, penalties included */
 } rti_report;
 
 typedef struct {
-  int row, soft;              /* bounded quantity, whether it has a linear price */
-  real sign, bound, linear, yield;    /* sign y <= bound; yield = 1 / quadratic where that alone is the price */
+  int row, soft;              /* bounded quantity, whether it has a linear penalty */
+  real sign, bound, linear, compliance; /* sign y <= bound; compliance = 1 / quadratic of a purely quadratic penalty */
   real quadratic;
 } rti_side;
 
 typedef struct {
   int ready;
-  /* the problem: made by rti_prepare, read by rti_feedback */
+  /* the QP: written by rti_prepare, read by rti_feedback */
   real x[RTI_N + 1][RTI_NX], u[RTI_N][RTI_NU];
   real M[RTI_N][RTI_NX][RTI_W];              /* [A B] */
   real defect[RTI_N][RTI_NX];
   real l[RTI_N + 1], g[RTI_N + 1][RTI_W], H[RTI_N + 1][RTI_NZ][RTI_W];
   real c[RTI_N + 1][RTI_SIZE(RTI_NC)], C[RTI_N + 1][RTI_SIZE(RTI_NC)][RTI_NZ];
-  /* its solution without bounds, as a law of the state */
-  real gain[RTI_N][RTI_NU][RTI_W], offset[RTI_N][RTI_NU], ease[RTI_N][RTI_NU];
+  /* its solution without bounds as affine feedback; compliance: inverse Hessian of an input */
+  real gain[RTI_N][RTI_NU][RTI_W], offset[RTI_N][RTI_NU], compliance[RTI_N][RTI_NU];
   /* the solution: change of the plan, bounded quantities */
   real z[RTI_N + 1][RTI_W], dz[RTI_N + 1][RTI_W], saved[RTI_N + 1][RTI_W];
   real y[RTI_ROWS][RTI_LENGTH], dy[RTI_ROWS][RTI_LENGTH];
-  real stiffness[RTI_ROWS][RTI_LENGTH];       /* curvature of the cost along a bounded quantity */
-  /* a Newton step: weights and multipliers of bounded quantities, factors, gradients */
+  real stiffness[RTI_ROWS][RTI_LENGTH];       /* second derivative of the cost along a bounded quantity */
+  /* a Newton step: of bounded quantities weight (diagonal), multiplier (force) and constant part (push); factors,
+   * gradients */
   real weight[RTI_ROWS][RTI_LENGTH], force[RTI_ROWS][RTI_LENGTH], push[RTI_ROWS][RTI_LENGTH];
   real K[RTI_N][RTI_NU][RTI_W], inverse[RTI_N][RTI_NU], constant[RTI_N][RTI_NU];
   real residual[RTI_N][RTI_NU], gradient_size[RTI_NU];
@@ -105,16 +109,16 @@ typedef struct {
   rti_plan next;
 } rti_work;
 
-/* A plan that stays at a state with an input. */
+/* Start a plan that stays at a state with an input. */
 void rti_start(rti_plan *plan, const real *x0, const real *u0);
-/* The states of a plan by integration of its inputs from x0; of no use if the result is negative. */
+/* Integrate the inputs of a plan from x0; the plan is not usable if the result is negative. */
 int rti_rollout(rti_plan *plan, rti_work *work, const rti_settings *settings, const real *x0, const real *p);
-/* The same from a node on, which stays. */
+/* The same from a node on, whose state stays. */
 int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const real *p);
-/* Linearise at the plan; refs has RTI_N + 1 rows of RTI_NR. */
+/* Linearize at the plan; refs has RTI_N + 1 rows of RTI_NR. */
 int rti_prepare(rti_work *work, const rti_plan *plan, const rti_settings *settings, const real *p, const real *refs);
-/* Solve for the state x0; the plan is replaced if the result is 0 or more, and its first input is to be applied. */
+/* Solve for the state x0. If the result is 0 or more, the plan is replaced and its first input is to be applied. */
 int rti_feedback(rti_work *work, rti_plan *plan, const rti_settings *settings, const real *x0, rti_report *report);
-/* Move the plan on by a number of stages, whole or not. */
+/* Shift the plan by a number of stages, whole or not. */
 void rti_shift(rti_plan *plan, const rti_settings *settings, real stages);
 #endif

@@ -1,49 +1,56 @@
-/* Active set: which bounds hold; a Newton step for these; anew.
+/* Active set: choose the active bounds, take a Newton step for these, repeat (the primal-dual active set method: M.
+ * Hintermueller, K. Ito, K. Kunisch, SIAM J. Optim. 13 (2002) 865, doi:10.1137/S1052623401383558).
  *
- * A bound that holds is let go if its multiplier pulls the wrong way, and one that is violated is made to hold. A row
- * whose multiplier exceeds its linear price leaves its bound, and comes back to it if it lies inside. Of a first set
- * that comes from an estimate, multiplier and distance from the bound say together what holds.
+ * An active bound whose multiplier has the wrong sign is dropped, and a violated one is added; many at once, which
+ * takes few rounds but may cycle, so the rounds are limited. A row whose multiplier exceeds its linear penalty leaves
+ * its bound, and returns to it if it lies inside. In a first set from an estimate, multiplier and distance from the
+ * bound together decide.
  */
 
-enum { RTI_KEPT, RTI_ESTIMATED, RTI_EXCHANGED };    /* how a set comes about */
+enum { RTI_RETAINED, RTI_ESTIMATED, RTI_EXCHANGED };    /* where a set comes from */
 enum { RTI_FREE = 0, RTI_AT_HIGH = 1, RTI_AT_LOW = -1, RTI_OVER_HIGH = 2, RTI_UNDER_LOW = -2 };
 
-#define RTI_FIXED RTI_R(1e30)         /* weight of an input at its bound: as good as infinite, and harmless */
-#define RTI_ROUNDING (10000 * RTI_EPS) /* of a gradient, relative */
-#define RTI_ROUNDED 2                 /* the set is found, and only rounding left */
-#define RTI_MANY 8                    /* changes of a set that may be more than the round before */
+#define RTI_FIXED RTI_R(1e30)         /* weight of an input at its bound: its pivot's inverse is 0 to rounding, and a sum
+                                         of them stays below the largest float, 3.4e38 */
+#define RTI_ROUNDING (10000 * RTI_EPS) /* of a gradient, relative to its largest term: it is a sum of RTI_N RTI_NZ terms,
+                                          some hundred, through factors of similar condition */
+#define RTI_ROUNDED 2                 /* result: the set is found, and only rounding is left */
+#define RTI_MORE_CHANGES 8            /* changes up to which a round may have more than the one before: a small set may
+                                         grow, one that grows beyond is cycling (0: 8.2 instead of 7.4 factorizations) */
 #ifdef RTI_SINGLE
 #define RTI_COARSE 1                  /* whether rounding may be all that is left; an interior point does no better then */
-#define RTI_STIFFER RTI_R(1e3)        /* weight of a row at its bound, per stiffness; multipliers do the rest */
+#define RTI_ROW_WEIGHT RTI_R(1e3)     /* weight of a row at its bound, per stiffness: closes the gap to 1e-3 in a step, and
+                                         the update of the multipliers (augmented Lagrangian) closes the rest; more would
+                                         leave no digits for the cost */
 #else
 #define RTI_COARSE 0
-#define RTI_STIFFER RTI_R(1e9)
+#define RTI_ROW_WEIGHT RTI_R(1e9)     /* 1e6 to 1e12 take the same number of factorizations */
 #endif
 
 typedef struct {
-  real low, high, price, stiffness, slack;      /* price: least multiplier at which the bound is left */
+  real low, high, penalty, stiffness, slack;    /* penalty: least multiplier at which the bound is left */
 } rti_bound;
 
-/* The next state of a bounded quantity y with a multiplier that is positive where it pulls down. */
+/* The next state of a bounded quantity y, whose multiplier is positive at its upper bound. */
 static inline int rti_next(const rti_bound *b, int how, int at, real y, real multiplier)
 {
-  if (how == RTI_KEPT) return at;
+  if (how == RTI_RETAINED) return at;
   if (how == RTI_ESTIMATED) {
     const real above = multiplier + b->stiffness * (y - b->high), below = b->stiffness * (b->low - y) - multiplier;
-    if (b->high < RTI_ABSENT && above > 0) return above < b->price ? RTI_AT_HIGH : RTI_OVER_HIGH;
-    if (b->low > -RTI_ABSENT && below > 0) return below < b->price ? RTI_AT_LOW : RTI_UNDER_LOW;
+    if (b->high < RTI_ABSENT && above > 0) return above < b->penalty ? RTI_AT_HIGH : RTI_OVER_HIGH;
+    if (b->low > -RTI_ABSENT && below > 0) return below < b->penalty ? RTI_AT_LOW : RTI_UNDER_LOW;
     return RTI_FREE;
   }
-  const int to_high = b->price > 0 ? RTI_AT_HIGH : RTI_OVER_HIGH, to_low = b->price > 0 ? RTI_AT_LOW : RTI_UNDER_LOW;
+  const int to_high = b->penalty > 0 ? RTI_AT_HIGH : RTI_OVER_HIGH, to_low = b->penalty > 0 ? RTI_AT_LOW : RTI_UNDER_LOW;
   switch (at) {
     case RTI_AT_HIGH:
-      return multiplier <= 0 ? RTI_FREE : multiplier < b->price ? RTI_AT_HIGH : RTI_OVER_HIGH;
+      return multiplier <= 0 ? RTI_FREE : multiplier < b->penalty ? RTI_AT_HIGH : RTI_OVER_HIGH;
     case RTI_AT_LOW:
-      return multiplier >= 0 ? RTI_FREE : -multiplier < b->price ? RTI_AT_LOW : RTI_UNDER_LOW;
+      return multiplier >= 0 ? RTI_FREE : -multiplier < b->penalty ? RTI_AT_LOW : RTI_UNDER_LOW;
     case RTI_OVER_HIGH:
-      return y > b->high - b->slack ? RTI_OVER_HIGH : b->price > 0 ? RTI_AT_HIGH : RTI_FREE;
+      return y > b->high - b->slack ? RTI_OVER_HIGH : b->penalty > 0 ? RTI_AT_HIGH : RTI_FREE;
     case RTI_UNDER_LOW:
-      return y < b->low + b->slack ? RTI_UNDER_LOW : b->price > 0 ? RTI_AT_LOW : RTI_FREE;
+      return y < b->low + b->slack ? RTI_UNDER_LOW : b->penalty > 0 ? RTI_AT_LOW : RTI_FREE;
     default:
       break;
   }
@@ -52,25 +59,25 @@ static inline int rti_next(const rti_bound *b, int how, int at, real y, real mul
   return RTI_FREE;
 }
 
-/* Whether a row is held by a multiplier that pulls the wrong way. */
-static inline int rti_wrong(const rti_work *o, int row, int k)
+/* Whether an active row has a multiplier of the wrong sign. */
+static inline int rti_wrong_sign(const rti_work *o, int row, int k)
 {
   const int at = o->active[row][k];
   return (at == RTI_AT_HIGH && o->a[row][k] <= 0) || (at == RTI_AT_LOW && o->a[row][k] >= 0);
 }
 
-/* The greatest of the wrong multipliers that follow on each other from an entry on. Its entry alone is let go: where a
- * state is held over many nodes, one entry too many makes the multipliers of all before it wrong. */
-static real rti_worst(const rti_work *o, int row, int from)
+/* The greatest of consecutive wrong multipliers from an entry on. Only its bound is dropped: where a state is at its
+ * bound over many nodes, one active bound too many gives all multipliers before it the wrong sign. */
+static real rti_greatest_wrong(const rti_work *o, int row, int from)
 {
   real worst = 0;
-  for (int k = from; k < RTI_N && rti_wrong(o, row, k); ++k) worst = rti_max(worst, rti_abs(o->a[row][k]));
+  for (int k = from; k < RTI_N && rti_wrong_sign(o, row, k); ++k) worst = rti_max(worst, rti_abs(o->a[row][k]));
   return worst;
 }
 
-/* The next set with its weights and pushes, from the present point and multipliers. Gives the number of changes, and
- * how far what is to hold is from its bound, relative. */
-static int rti_choose(rti_work *o, const rti_settings *s, int how, real *gap)
+/* Choose the next set with its weights and pushes from the current point and multipliers. Returns the number of
+ * changes, and the greatest relative distance of an active quantity from its bound. */
+static int rti_update_set(rti_work *o, const rti_settings *s, int how, real *gap)
 {
   int changes = 0;
   *gap = 0;
@@ -80,17 +87,17 @@ static int rti_choose(rti_work *o, const rti_settings *s, int how, real *gap)
     rti_bound bound = {rti_low(s, row), rti_high(s, row), 0, 0, s->tolerance * unit / 10};
     memset(o->weight[row], 0, sizeof o->weight[row]);
     memset(o->push[row], 0, sizeof o->push[row]);
-    if (!rti_priced(s, row)) continue;
+    if (!rti_penalized(s, row)) continue;
     int wrong = 0;
     real worst = 0;
     for (int k = 0; k < RTI_N; ++k) {
       const real y = o->y[row][k], c = o->stiffness[row][k], residual = input ? o->residual[k][rti_lesser(row, RTI_NU - 1)] : 0;
       const real a = input ? -residual : o->a[row][k];
       const int first = !wrong;
-      wrong = !input && how == RTI_EXCHANGED && rti_wrong(o, row, k);
-      if (wrong && first) worst = rti_worst(o, row, k);
+      wrong = !input && how == RTI_EXCHANGED && rti_wrong_sign(o, row, k);
+      if (wrong && first) worst = rti_greatest_wrong(o, row, k);
       bound.stiffness = c;
-      bound.price = input ? RTI_FIXED : c > 0 ? linear : 0;
+      bound.penalty = input ? RTI_FIXED : c > 0 ? linear : 0;
       int at = input && rti_fixed(s, row) ? RTI_AT_HIGH : rti_next(&bound, how, o->active[row][k], y, a);
       if (wrong && rti_abs(a) < worst) at = o->active[row][k];
       const real away = at == RTI_FREE ? 0 : y - (at > 0 ? bound.high : bound.low);
@@ -98,7 +105,7 @@ static int rti_choose(rti_work *o, const rti_settings *s, int how, real *gap)
       changes += at != o->active[row][k];
       o->active[row][k] = (signed char)at;
       if (holds) *gap = rti_max(*gap, rti_abs(away) / unit);
-      const real weight = at == RTI_FREE ? 0 : input ? RTI_FIXED : holds ? RTI_STIFFER * c : quadratic;
+      const real weight = at == RTI_FREE ? 0 : input ? RTI_FIXED : holds ? RTI_ROW_WEIGHT * c : quadratic;
       o->weight[row][k] = weight;
       o->push[row][k] = weight * away;
       if (input) o->push[row][k] -= at == RTI_FREE ? 0 : residual;
@@ -108,7 +115,8 @@ static int rti_choose(rti_work *o, const rti_settings *s, int how, real *gap)
   return changes;
 }
 
-/* Largest gradient by an input that is free, beside its terms and the force that moves the input by its scale. */
+/* Largest gradient with respect to a free input, relative to its terms and to the force that moves the input by its
+ * scale. */
 static real rti_free_residual(const rti_work *o, const rti_settings *s)
 {
   real worst = 0;
@@ -122,24 +130,24 @@ static real rti_free_residual(const rti_work *o, const rti_settings *s)
   return worst;
 }
 
-/* From the present point and the rows' multipliers a; 1 if the optimality conditions are met in the end, RTI_ROUNDED, or
- * 0. */
+/* Iterate from the current point and the rows' multipliers a; 1 if the optimality conditions are satisfied,
+ * RTI_ROUNDED, or 0 if the set was not found. */
 static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit, rti_report *report)
 {
   int before = RTI_ROWS * RTI_N;
-  real last = 0; /* error of the round before, if that changed nothing */
+  real last = 0; /* residual of the round before, if that did not change the set */
   for (int round = 0;; ++round) {
     real gap;
     memset(o->force, 0, sizeof o->force[0] * RTI_NU);
     for (int i = RTI_NU; i < RTI_ROWS; ++i) memcpy(o->force[i], o->a[i], sizeof o->force[i]);
     rti_gradient(o);
-    const int changes = rti_choose(o, s, round == 0 ? how : RTI_EXCHANGED, &gap);
+    const int changes = rti_update_set(o, s, round == 0 ? how : RTI_EXCHANGED, &gap);
     const real residual = rti_free_residual(o, s);
     report->kkt = rti_max(gap, residual);
     const real enough = (round == limit ? 100 : 1) * s->tolerance;
     if (round > 0 && changes == 0 && 100 * gap <= enough && residual <= enough + RTI_ROUNDING) return 1;
     if (RTI_COARSE && changes == 0 && last > 0 && report->kkt > last / 2) return RTI_ROUNDED;
-    if (round == limit || (round > 1 && changes > before && changes > RTI_MANY)) return 0;
+    if (round == limit || (round > 1 && changes > before && changes > RTI_MORE_CHANGES)) return 0;
     if (round > 0) before = changes;
     last = round > 0 && changes == 0 ? report->kkt : 0;
     ++report->iterations;
@@ -152,43 +160,44 @@ static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit
   }
 }
 
-/* The set that the plan tells, which is the last solution moved on: what is at its bound there, or beyond. Whether that
- * promises more than what the solution without bounds violates, which is much where it is far from the plan. */
-static int rti_planned(rti_work *o, const rti_settings *s)
+/* The set of the plan, which is the last solution shifted: what is at its bound there, or beyond. Whether to start from
+ * it: where the solution without bounds violates few entries (4), the plan is close, and these are the better estimate.
+ * */
+static int rti_plan_set(rti_work *o, const rti_settings *s)
 {
   int count = 0, violated = 0;
   for (int row = 0; row < RTI_ROWS; ++row) {
     const int input = row < RTI_NU, i = input ? 0 : row - RTI_NU, later = !input && i < RTI_NS;
     const real low = rti_low(s, row), high = rti_high(s, row);
     const real margin = rti_scale(s, row) * (input ? RTI_R(1e-6) : RTI_R(1e-2));
-    const int priced = rti_priced(s, row), over = input ? RTI_AT_HIGH : RTI_OVER_HIGH;
+    const int penalized = rti_penalized(s, row), over = input ? RTI_AT_HIGH : RTI_OVER_HIGH;
     for (int k = 0; k < RTI_N; ++k) {
       const real y = input ? o->u[k][rti_lesser(row, RTI_NU - 1)] : o->c[k + later][i];
       int at = RTI_FREE;
-      if (priced && high < RTI_ABSENT && y > high - margin) at = y > high + margin ? over : RTI_AT_HIGH;
-      else if (priced && low > -RTI_ABSENT && y < low + margin) at = y < low - margin ? -over : RTI_AT_LOW;
+      if (penalized && high < RTI_ABSENT && y > high - margin) at = y > high + margin ? over : RTI_AT_HIGH;
+      else if (penalized && low > -RTI_ABSENT && y < low + margin) at = y < low - margin ? -over : RTI_AT_LOW;
       o->active[row][k] = (signed char)at;
       count += at != RTI_FREE;
-      violated += priced && (o->y[row][k] < low || o->y[row][k] > high);
+      violated += penalized && (o->y[row][k] < low || o->y[row][k] > high);
     }
   }
   return count > 0 && violated > 4;
 }
 
-/* Entry of the programme before that tells of an entry: the same, or that of the same instant. */
-static inline int rti_told_from(const rti_plan *plan, int k, int stays)
+/* Entry of the previous QP that corresponds to an entry: that of the same node, or of the same instant. */
+static inline int rti_previous_entry(const rti_plan *plan, int k, int stays)
 {
   return stays ? k : rti_lesser(k + (int)(plan->moved + RTI_R(0.5)), RTI_N - 1);
 }
 
-/* The set that the programme before tells, and its multipliers; whether that is anything. */
-static int rti_told(rti_work *o, const rti_plan *plan)
+/* Take the active set of the previous QP and its multipliers; whether it had one. */
+static int rti_previous_set(rti_work *o, const rti_plan *plan)
 {
   int count = 0;
   if (!rti_finite(plan->a[0], RTI_NC * RTI_N)) return 0;
   for (int row = 0; row < RTI_ROWS; ++row)
     for (int k = 0; k < RTI_N; ++k) {
-      const int from = rti_told_from(plan, k, plan->stays);
+      const int from = rti_previous_entry(plan, k, plan->stays);
       o->active[row][k] = plan->active[row][from];
       count += o->active[row][k] != RTI_FREE;
       if (row >= RTI_NU) o->a[row][k] = plan->a[row - RTI_NU][from];
@@ -197,15 +206,16 @@ static int rti_told(rti_work *o, const rti_plan *plan)
   return count > 0;
 }
 
-/* What the next programme is told, given what was told to this one: of the two ways, the one that said more of it. */
-static void rti_tell(const rti_work *o, const rti_plan *before, rti_plan *next)
+/* Save the active set for the next QP, and which correspondence of entries predicted this one better: a constraint
+ * stays at its instant in a move to a fixed setpoint, but at its node where the reference moves on. */
+static void rti_remember_set(const rti_work *o, const rti_plan *before, rti_plan *next)
 {
   int changed = 0;
   for (int i = 0; i < RTI_NC; ++i) memcpy(next->a[i], o->a[RTI_NU + i], sizeof next->a[i]);
   for (int row = 0; row < RTI_ROWS; ++row) {
     memcpy(next->active[row], o->active[row], sizeof next->active[row]);
     for (int k = 0; k < RTI_N; ++k) {
-      const int is = o->active[row][k], moved = before->active[row][rti_told_from(before, k, 0)];
+      const int is = o->active[row][k], moved = before->active[row][rti_previous_entry(before, k, 0)];
       changed += (is != before->active[row][k]) - (is != moved);
     }
   }

@@ -1,4 +1,4 @@
-/* What all parts of the real-time iteration use; see rti.h. The parts make up one translation unit. */
+/* Basis of all parts of the real-time iteration; see rti.h. The parts form one translation unit. */
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
@@ -22,14 +22,15 @@ typedef uint64_t rti_bits;
 #endif
 #define RTI_R(a) ((real)(a))
 #define RTI_ABSENT RTI_R(1e30)
-#define RTI_LEAST RTI_R(2e-38)                /* divisors that may underflow, in float, are this at least */
+#define RTI_SMALLEST RTI_R(2e-38)             /* least divisor, just above the smallest normal float (1.2e-38): a product of
+                                                 slack and multiplier that underflows must not give 0 / 0 */
 
 static inline real rti_abs(real a) { return a < 0 ? -a : a; }
 static inline real rti_max(real a, real b) { return a > b ? a : b; }
 static inline real rti_min(real a, real b) { return a < b ? a : b; }
 static inline int rti_lesser(int a, int b) { return a < b ? a : b; }
 
-/* Whether all numbers are finite, by their bits: this holds whatever the compiler assumes about arithmetic. */
+/* Whether all numbers are finite, by their bits: -ffast-math lets a compiler drop isfinite(). */
 static int rti_finite(const real *a, size_t count)
 {
   int good = 1;
@@ -58,15 +59,15 @@ static inline real rti_high(const rti_settings *s, int row)
   return row < RTI_NU ? s->u_max[row] : s->c_max[row - RTI_NU];
 }
 
-/* Whether leaving the bounds costs anything. */
-static inline int rti_priced(const rti_settings *s, int row)
+/* Whether a violation of the bounds has a penalty; inputs have hard bounds. */
+static inline int rti_penalized(const rti_settings *s, int row)
 {
   return row < RTI_NU || s->linear[row - RTI_NU] > 0 || s->quadratic[row - RTI_NU] > 0;
 }
 
 static inline int rti_fixed(const rti_settings *s, int input) { return s->u_min[input] == s->u_max[input]; }
 
-/* What a bounded quantity is compared with: its greatest bound; one where that is zero. */
+/* Scale of a bounded quantity for relative tolerances: its greatest bound; 1 where that is zero. */
 static real rti_scale(const rti_settings *s, int row)
 {
   const real low = rti_abs(rti_low(s, row)), high = rti_abs(rti_high(s, row));
@@ -76,9 +77,9 @@ static real rti_scale(const rti_settings *s, int row)
 
 static int rti_settings_valid(const rti_settings *s)
 {
-  const real limit = RTI_R(1e38);
+  const real limit = RTI_R(1e38); /* just below the largest float, 3.4e38 */
   int good = rti_between(s->stage, RTI_R(1e-30), limit) && s->substeps > 0 && s->iterations >= 0
-      && rti_between(s->tolerance, RTI_R(1e-30), 1) && rti_between(s->regularisation, 0, limit)
+      && rti_between(s->tolerance, RTI_R(1e-30), 1) && rti_between(s->regularization, 0, limit)
       && rti_finite(s->u_min, RTI_NU) && rti_finite(s->u_max, RTI_NU);
   for (int j = 0; good && j < RTI_NU; ++j) good = s->u_min[j] <= s->u_max[j];
   for (int i = 0; good && i < RTI_NR; ++i)

@@ -1,14 +1,16 @@
-/* Interior point: S. Mehrotra, SIAM J. Optim. 2 (1992) 575, doi:10.1137/0802028.
+/* Interior point: predictor and corrector of S. Mehrotra, SIAM J. Optim. 2 (1992) 575, doi:10.1137/0802028.
  *
- * Of a side sign y <= bound + s, with t = bound + s - sign y >= 0 and multiplier m, and s >= 0 with multiplier
- * n = linear + quadratic s - m, a Newton step is dm = W sign dy + e, ds = V dm + f; V is the ease with which s yields.
- * Inputs have no s; rows without a linear price have s = m / quadratic and no n.
+ * A side of a bound is sign y <= bound + s, with slack t = bound + s - sign y >= 0 and its multiplier m, and violation
+ * s >= 0 with multiplier n = linear + quadratic s - m. Elimination of t, n, s leaves a Newton step dm = W sign dy + e,
+ * ds = V dm + f, with weights W on the bounded quantities of a QP without bounds; V is the compliance of s. Inputs have
+ * no s; rows without a linear penalty have s = m / quadratic and no n.
  */
 
-#define RTI_CENTRE RTI_R(0.01)        /* first products, per what can be gained */
-#define RTI_SHORT RTI_R(1e-6)         /* a step that leads nowhere */
+#define RTI_CENTER RTI_R(0.01)        /* first complementarity products, per possible decrease of the cost; 1 and 1e-4 are
+                                         hardly different: 7.9 and 7.0 instead of 7.4 factorizations (see rti.c) */
+#define RTI_SHORTEST_STEP RTI_R(1e-6) /* a shorter step means that the iterate is stuck at the boundary */
 
-/* The sides that there are; an input that cannot move has none. */
+/* List the sides; an input that cannot move has none, since it has no interior. */
 static void rti_sides(rti_work *o, const rti_settings *s)
 {
   o->sides = 0;
@@ -16,7 +18,7 @@ static void rti_sides(rti_work *o, const rti_settings *s)
     for (int sign = -1; sign <= 1; sign += 2) {
       const real bound = sign > 0 ? rti_high(s, row) : -rti_low(s, row);
       const int input = row < RTI_NU, i = input ? 0 : row - RTI_NU;
-      if (!rti_priced(s, row) || bound >= RTI_ABSENT || (input && rti_fixed(s, row))) continue;
+      if (!rti_penalized(s, row) || bound >= RTI_ABSENT || (input && rti_fixed(s, row))) continue;
       rti_side *side = &o->side[o->sides++];
       side->row = row;
       side->sign = (real)sign;
@@ -24,12 +26,13 @@ static void rti_sides(rti_work *o, const rti_settings *s)
       side->linear = input ? 0 : s->linear[i];
       side->quadratic = input ? 0 : s->quadratic[i];
       side->soft = side->linear > 0;
-      side->yield = input || side->soft ? 0 : 1 / side->quadratic;
+      side->compliance = input || side->soft ? 0 : 1 / side->quadratic;
     }
 }
 
-/* Inputs of the present way moved inside their bounds, and the states that follow from them. */
-static void rti_inner_way(rti_work *o, const rti_settings *s)
+/* Move the inputs inside their bounds by a tenth of the range, and integrate the states: Newton steps are long only
+ * where slacks and multipliers are both away from zero. */
+static void rti_inner_trajectory(rti_work *o, const rti_settings *s)
 {
   for (int k = 0; k < RTI_N; ++k) {
     for (int j = 0; j < RTI_NU; ++j) {
@@ -47,7 +50,7 @@ static void rti_inner_way(rti_work *o, const rti_settings *s)
   rti_bounded(o, o->z, o->y, 1);
 }
 
-/* What could be gained by an input at most, on average. */
+/* Possible decrease of the cost per input on average: along its gradient, up to its bound or the minimum. */
 static real rti_first_product(rti_work *o, const rti_settings *s)
 {
   real sum = 0;
@@ -63,14 +66,15 @@ static real rti_first_product(rti_work *o, const rti_settings *s)
   for (int k = 0; k < RTI_N; ++k)
     for (int j = 0; j < RTI_NU; ++j) {
       const real r = o->residual[k][j], c = o->stiffness[j][k], y = o->y[j][k];
-      const real room = r > 0 ? y - s->u_min[j] : s->u_max[j] - y;
-      if (c > 0) sum += rti_abs(r) * rti_min(room, rti_abs(r) / c);
+      const real margin = r > 0 ? y - s->u_min[j] : s->u_max[j] - y;
+      if (c > 0) sum += rti_abs(r) * rti_min(margin, rti_abs(r) / c);
     }
   return rti_max(sum / (real)(RTI_N * RTI_NU), RTI_R(1e-20));
 }
 
-/* Slacks and multipliers whose products are about `product`; they meet all conditions but that on the gradient. */
-static void rti_centre(rti_work *o, real product)
+/* Slacks and multipliers whose products are about `product`; they satisfy all optimality conditions but the gradient's.
+ * */
+static void rti_center(rti_work *o, real product)
 {
   memset(o->dt, 0, sizeof o->dt);
   memset(o->dm, 0, sizeof o->dm);
@@ -79,27 +83,27 @@ static void rti_centre(rti_work *o, real product)
   for (int i = 0; i < o->sides; ++i) {
     const rti_side side = o->side[i];
     for (int k = 0; k < RTI_LENGTH; ++k) {
-      const real room = side.bound - side.sign * o->y[side.row][k], over = rti_max(0, -room);
-      real t = room, m, v = 0, n = 1;
+      const real gap = side.bound - side.sign * o->y[side.row][k], over = rti_max(0, -gap);
+      real t = gap, m, v = 0, n = 1;
       if (side.soft) {
-        const real price = side.linear + side.quadratic * over;
-        const real most = side.quadratic > 0 ? RTI_SQRT(product / side.quadratic) : product / price;
-        const real inward = rti_min(product / price, most);
-        const real all = price + side.quadratic * inward;
+        const real penalty = side.linear + side.quadratic * over;
+        const real most = side.quadratic > 0 ? RTI_SQRT(product / side.quadratic) : product / penalty;
+        const real inward = rti_min(product / penalty, most);
+        const real all = penalty + side.quadratic * inward;
         v = over + inward;
-        t = room + v;
-        if (room < 0) {
+        t = gap + v;
+        if (gap < 0) {
           n = rti_min(product / v, all / 2);
           m = all - n;
         } else {
           m = rti_min(product / t, all / 2);
           n = all - m;
         }
-      } else if (side.yield > 0) {
-        const real root = RTI_SQRT(room * room + 4 * product * side.yield);
-        t = room > 0 ? (room + root) / 2 : 2 * product * side.yield / (root - room);
+      } else if (side.compliance > 0) {
+        const real root = RTI_SQRT(gap * gap + 4 * product * side.compliance);
+        t = gap > 0 ? (gap + root) / 2 : 2 * product * side.compliance / (root - gap);
         m = product / t;
-        v = m * side.yield;
+        v = m * side.compliance;
       } else {
         m = product / t;
       }
@@ -111,7 +115,7 @@ static void rti_centre(rti_work *o, real product)
   }
 }
 
-/* What the multipliers pull with. */
+/* Forces on the bounded quantities from the multipliers of their sides. */
 static void rti_forces(rti_work *o)
 {
   memset(o->force, 0, sizeof o->force);
@@ -136,7 +140,7 @@ static void rti_weights(rti_work *o, const rti_settings *settings)
     if (side.soft)
       for (int k = 0; k < RTI_LENGTH; ++k) V[k] = s[k] / (side.quadratic * s[k] + n[k]);
     else
-      for (int k = 0; k < RTI_LENGTH; ++k) V[k] = side.yield;
+      for (int k = 0; k < RTI_LENGTH; ++k) V[k] = side.compliance;
     for (int k = 0; k < RTI_LENGTH; ++k) {
       W[k] = m[k] / (t[k] + V[k] * m[k]);
       weight[k] += W[k];
@@ -144,8 +148,9 @@ static void rti_weights(rti_work *o, const rti_settings *settings)
   }
 }
 
-/* Constant parts of the step towards products of `target`; `second` of the changes before is taken into account. */
-static void rti_aim(rti_work *o, real target, real second)
+/* Constant parts of the step towards products of `target`, with a share `second` of the predictor's second-order term.
+ * */
+static void rti_newton_constants(rti_work *o, real target, real second)
 {
   memset(o->push, 0, sizeof o->push);
   for (int i = 0; i < o->sides; ++i) {
@@ -167,10 +172,10 @@ static void rti_aim(rti_work *o, real target, real second)
   }
 }
 
-typedef struct { real ratio, first, second; } rti_change;
+typedef struct { real ratio, first, second; } rti_direction;
 
-/* Changes of slacks and multipliers with dy: largest relative decrease, and how the mean product changes. */
-static rti_change rti_changes(rti_work *o, real target, real second)
+/* Directions of slacks and multipliers along dy: largest relative decrease, and how the mean product changes. */
+static rti_direction rti_directions(rti_work *o, real target, real second)
 {
   real ratio[RTI_LENGTH] = {0}, first[RTI_LENGTH] = {0}, square[RTI_LENGTH] = {0};
   for (int i = 0; i < o->sides; ++i) {
@@ -181,7 +186,7 @@ static rti_change rti_changes(rti_work *o, real target, real second)
     real *restrict dt = o->dt[i], *restrict dm = o->dm[i], *restrict ds = o->ds[i], *restrict dn = o->dn[i];
     if (side.soft)
       for (int k = 0; k < RTI_LENGTH; ++k) {
-        const real violation = V[k] * (W[k] * side.sign * dy[k] + e[k]) + f[k], inverse = 1 / rti_max(s[k] * n[k], RTI_LEAST);
+        const real violation = V[k] * (W[k] * side.sign * dy[k] + e[k]) + f[k], inverse = 1 / rti_max(s[k] * n[k], RTI_SMALLEST);
         const real pull = (target - second * ds[k] * dn[k] - n[k] * violation) * n[k] * inverse - n[k];
         dn[k] = pull;
         ratio[k] = rti_max(ratio[k], -inverse * rti_min(n[k] * violation, s[k] * pull));
@@ -194,12 +199,12 @@ static rti_change rti_changes(rti_work *o, real target, real second)
       dm[k] = multiplier;
       ds[k] = violation;
       dt[k] = slack;
-      ratio[k] = rti_max(ratio[k], -rti_min(m[k] * slack, t[k] * multiplier) / rti_max(t[k] * m[k], RTI_LEAST));
+      ratio[k] = rti_max(ratio[k], -rti_min(m[k] * slack, t[k] * multiplier) / rti_max(t[k] * m[k], RTI_SMALLEST));
       first[k] += t[k] * multiplier + m[k] * slack;
       square[k] += slack * multiplier;
     }
   }
-  rti_change change = {0, 0, 0};
+  rti_direction change = {0, 0, 0};
   real pairs = 0;
   for (int i = 0; i < o->sides; ++i) pairs += o->side[i].soft ? (real)(2 * RTI_LENGTH) : (real)RTI_LENGTH;
   for (int k = 0; k < RTI_LENGTH; ++k) {
@@ -235,7 +240,7 @@ static void rti_step_sides(rti_work *o, real length)
     }
 }
 
-/* Until the mean product of pairs is small; 1 if so, 0 if the steps become too short or too many. */
+/* Iterate until the mean product is small: 1; or 0 if steps become too short or too many. */
 static int rti_interior_point(rti_work *o, const rti_settings *s, real small, int *left)
 {
   for (;;) {
@@ -246,26 +251,27 @@ static int rti_interior_point(rti_work *o, const rti_settings *s, real small, in
     rti_forces(o);
     rti_gradient(o);
     rti_weights(o, s);
-    rti_aim(o, 0, 0);
+    rti_newton_constants(o, 0, 0);
     rti_factor(o);
     if (!rti_advance(o)) return 0;
-    rti_change change = rti_changes(o, 0, 0);
+    rti_direction change = rti_directions(o, 0, 0);
     real length = change.ratio > 1 ? 1 / change.ratio : 1;
     const real rest = rti_max(0, 1 + length * (change.first + length * change.second) / mean);
     const real target = rest * rest * rest * mean;
-    const real second = length;     /* the whole product can make steps go round in circles */
-    rti_aim(o, target, second);
+    const real second = length;     /* the full second-order term can make the iteration cycle where the predictor was short */
+    rti_newton_constants(o, target, second);
     rti_resolve(o);
     if (!rti_advance(o)) return 0;
-    change = rti_changes(o, target, second);
+    change = rti_directions(o, target, second);
+    /* 0.995 of the way to the boundary, as usual: closer, the next products are badly centered. */
     length = change.ratio > RTI_R(0.995) ? RTI_R(0.995) / change.ratio : 1;
-    if (length < RTI_SHORT) return 0;
+    if (length < RTI_SHORTEST_STEP) return 0;
     rti_move(o, length);
     rti_step_sides(o, length);
   }
 }
 
-/* Cost of moving an input by its scale, the least of all. */
+/* Least cost of moving an input by its scale: the unit in which products are small. */
 static real rti_unit_cost(const rti_work *o, const rti_settings *s)
 {
   real least = 0;

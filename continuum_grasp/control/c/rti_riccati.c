@@ -1,15 +1,20 @@
-/* Riccati recursion: the problem without bounds, and Newton steps of the problem with bounds.
+/* Riccati recursion: the QP without bounds, and Newton steps of the QP with bounds.
+ *
+ * A Newton step of a bounded QP is an unbounded QP with weights on its bounded quantities, so both have the structure
+ * of a linear-quadratic regulator, which the recursion solves in O(RTI_N) (C. V. Rao, S. J. Wright, J. B. Rawlings, J.
+ * Optim. Theory Appl. 99 (1998) 723, doi:10.1023/A:1021711402723).
  *
  * Bounded quantities are the inputs, then the rows of c. Entry k of one is its value at node k, or at node k + 1 if it
- * is a row of the state alone; entries from RTI_N on repeat the last one. Rows come from three generated functions:
+ * is a row of the state alone; entries from RTI_N on (padding) repeat the last one. Rows come from three generated
+ * functions, which skip the zeros of C:
  *   rti_row_values(c, C, z, y)    y = c + C z
  *   rti_row_gradient(C, w, q)     q += C' w
  *   rti_row_hessian(C, W, G)      G += C' diag(W) C
  */
 
-#ifndef RTI_CARRIED /* where it is not written out for a problem */
+#ifndef RTI_UNROLLED_CONGRUENCE /* else written out for the sparsity of the problem */
 /* G += M' P M */
-static inline void rti_carry(real (*G)[RTI_W], real (*P)[RTI_W], real (*M)[RTI_W])
+static inline void rti_add_congruence(real (*G)[RTI_W], real (*P)[RTI_W], real (*M)[RTI_W])
 {
   real PM[RTI_NX][RTI_W];
   for (int i = 0; i < RTI_NX; ++i) {
@@ -30,13 +35,15 @@ static inline void rti_carry(real (*G)[RTI_W], real (*P)[RTI_W], real (*M)[RTI_W
 #endif
 
 /* q += M' p */
-static inline void rti_pull(real q[RTI_W], real (*M)[RTI_W], const real p[RTI_NX])
+static inline void rti_add_transposed(real q[RTI_W], real (*M)[RTI_W], const real p[RTI_NX])
 {
   for (int i = 0; i < RTI_NX; ++i)
     for (int l = 0; l < RTI_W; ++l) q[l] += M[i][l] * p[i];
 }
 
-/* Minimise over the inputs, last first: u_j = K_j [x, u_0 .. u_j-1]; what remains is the Hessian of the state. */
+/* Minimize over the inputs one by one, last first: u_j = K_j [x, u_0 .. u_j-1]; what remains is the Hessian of the
+ * state. An input whose pivot is rounding (8 eps of its diagonal) has no effect and stays; dividing by it would blow
+ * up. */
 static inline void rti_eliminate(real (*G)[RTI_W], real (*K)[RTI_W], real inverse[RTI_NU])
 {
   real least[RTI_NU];
@@ -52,7 +59,7 @@ static inline void rti_eliminate(real (*G)[RTI_W], real (*K)[RTI_W], real invers
   }
 }
 
-/* The same for the gradient: gives the constant part of the inputs. */
+/* The same for the gradient, which gives the constant part of the inputs. */
 static inline void rti_eliminate_gradient(real q[RTI_W], real (*K)[RTI_W], const real inverse[RTI_NU],
     real constant[RTI_NU])
 {
@@ -72,7 +79,7 @@ static inline void rti_inputs(real z[RTI_W], real (*K)[RTI_W], const real consta
   }
 }
 
-/* next = M z, to which more is added */
+/* next += M z */
 static inline void rti_following(real next[RTI_W], real (*M)[RTI_W], const real z[RTI_W])
 {
   for (int i = 0; i < RTI_NX; ++i) {
@@ -82,7 +89,7 @@ static inline void rti_following(real next[RTI_W], real (*M)[RTI_W], const real 
   }
 }
 
-/* The law that solves the problem without bounds. */
+/* The affine feedback that solves the QP without bounds. */
 static void rti_solve_free(rti_work *o)
 {
   real G[RTI_NZ][RTI_W], P[RTI_NZ][RTI_W], q[RTI_W], p[RTI_NX];
@@ -91,12 +98,12 @@ static void rti_solve_free(rti_work *o)
   for (int k = RTI_N - 1; k >= 0; --k) {
     memcpy(G, o->H[k], sizeof G);
     memcpy(q, o->g[k], sizeof q);
-    rti_carry(G, P, o->M[k]);
+    rti_add_congruence(G, P, o->M[k]);
     for (int i = 0; i < RTI_NX; ++i)
       for (int l = 0; l < RTI_NX; ++l) p[i] += P[i][l] * o->defect[k][l];
-    rti_pull(q, o->M[k], p);
-    rti_eliminate(G, o->gain[k], o->ease[k]);
-    rti_eliminate_gradient(q, o->gain[k], o->ease[k], o->offset[k]);
+    rti_add_transposed(q, o->M[k], p);
+    rti_eliminate(G, o->gain[k], o->compliance[k]);
+    rti_eliminate_gradient(q, o->gain[k], o->compliance[k], o->offset[k]);
     memcpy(P, G, sizeof P);
     memcpy(p, q, sizeof p);
   }
@@ -110,7 +117,7 @@ static inline void rti_row_entries(real (*from)[RTI_LENGTH], int node, real to[R
   }
 }
 
-/* Bounded quantities along z; with_constant adds their values on the plan. */
+/* Bounded quantities along z; with_constant adds their values at the plan. */
 static void rti_bounded(rti_work *o, real (*z)[RTI_W], real (*y)[RTI_LENGTH], int with_constant)
 {
   static const real zero[RTI_SIZE(RTI_NC)] = {0};
@@ -128,8 +135,8 @@ static void rti_bounded(rti_work *o, real (*z)[RTI_W], real (*y)[RTI_LENGTH], in
     for (int k = RTI_N; k < RTI_LENGTH; ++k) y[i][k] = y[i][RTI_N - 1];
 }
 
-/* The way without bounds from the state x0. */
-static void rti_free_way(rti_work *o, const real *x0)
+/* The trajectory without bounds from the state x0. */
+static void rti_free_trajectory(rti_work *o, const real *x0)
 {
   memset(o->z[0], 0, sizeof o->z[0]);
   for (int i = 0; i < RTI_NX; ++i) o->z[0][i] = x0[i] - o->x[0][i];
@@ -142,8 +149,9 @@ static void rti_free_way(rti_work *o, const real *x0)
   rti_bounded(o, o->z, o->y, 1);
 }
 
-/* Force per change of each bounded quantity, from the inverse Hessian of the problem without bounds: with S that of the
- * state, that of z is [I; K] S [I; K]' + the inverse Hessian of the inputs. Zero where no input has any influence. */
+/* Stiffness of each bounded quantity, multiplier per change, from the inverse Hessian of the QP without bounds: with S
+ * that of the state, that of z is [I; K] S [I; K]' + the inverse Hessian of the inputs. It scales the weights and the
+ * first multipliers, so that neither depends on units. Zero where no input has an effect beyond rounding (64 eps). */
 static void rti_stiffnesses(rti_work *o)
 {
   real S[RTI_NX][RTI_NX] = {{0}};
@@ -157,7 +165,7 @@ static void rti_stiffnesses(rti_work *o)
         for (int l = 0; l < v; ++l) sum += o->gain[k][j][l] * Z[l][i];
         Z[v][i] = Z[i][v] = sum;
       }
-      real own = o->ease[k][j];
+      real own = o->compliance[k][j];
       for (int l = 0; l < v; ++l) own += o->gain[k][j][l] * Z[l][v];
       Z[v][v] = own;
       o->stiffness[j][k] = own > 0 ? 1 / own : 0;
@@ -190,7 +198,8 @@ static void rti_stiffnesses(rti_work *o)
     for (int k = RTI_N; k < RTI_LENGTH; ++k) o->stiffness[i][k] = o->stiffness[i][RTI_N - 1];
 }
 
-/* Gradient of the Lagrangian by each input, and the largest sum of its terms. */
+/* Gradient of the Lagrangian with respect to each input by the adjoint recursion, and the largest sum of the magnitudes
+ * of its terms, against which its rounding is judged. */
 static void rti_gradient(rti_work *o)
 {
   real pi[RTI_NX] = {0}, w[RTI_SIZE(RTI_NC)], *size = o->gradient_size;
@@ -203,7 +212,7 @@ static void rti_gradient(rti_work *o)
     rti_row_entries(o->force, k, w);
     rti_row_gradient(o->C[k], w, r);
     if (k < RTI_N) {
-      rti_pull(carried, o->M[k], pi);
+      rti_add_transposed(carried, o->M[k], pi);
       for (int j = 0; j < RTI_NU; ++j) {
         const real own = r[RTI_NX + j], from = carried[RTI_NX + j], bound = o->force[j][k];
         o->residual[k][j] = own + from + bound;
@@ -214,7 +223,7 @@ static void rti_gradient(rti_work *o)
   }
 }
 
-/* Factors with the present weights; then the step with the present residual and push. */
+/* Factorize with the current weights, and solve for the step with the current residual and push. */
 static void rti_factor(rti_work *o)
 {
   real P[RTI_NZ][RTI_W], p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
@@ -234,8 +243,8 @@ static void rti_factor(rti_work *o)
       G[RTI_NX + j][RTI_NX + j] += o->weight[j][k];
       q[RTI_NX + j] += o->push[j][k] + o->residual[k][j];
     }
-    rti_carry(G, P, o->M[k]);
-    rti_pull(q, o->M[k], p);
+    rti_add_congruence(G, P, o->M[k]);
+    rti_add_transposed(q, o->M[k], p);
     rti_eliminate(G, o->K[k], o->inverse[k]);
     rti_eliminate_gradient(q, o->K[k], o->inverse[k], o->constant[k]);
     memcpy(P, G, sizeof P);
@@ -243,7 +252,7 @@ static void rti_factor(rti_work *o)
   }
 }
 
-/* The step with the present factors. */
+/* Solve for the step with the current factors: O(nz^2) per stage instead of O(nz^3). */
 static void rti_resolve(rti_work *o)
 {
   real p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
@@ -254,13 +263,13 @@ static void rti_resolve(rti_work *o)
     rti_row_entries(o->push, k, w);
     rti_row_gradient(o->C[k], w, q);
     for (int j = 0; j < RTI_NU; ++j) q[RTI_NX + j] += o->push[j][k] + o->residual[k][j];
-    rti_pull(q, o->M[k], p);
+    rti_add_transposed(q, o->M[k], p);
     rti_eliminate_gradient(q, o->K[k], o->inverse[k], o->constant[k]);
     memcpy(p, q, sizeof p);
   }
 }
 
-/* The change of the way and of what is bounded; whether it is finite. */
+/* Change of the trajectory and of the bounded quantities; whether it is finite. */
 static int rti_advance(rti_work *o)
 {
   memset(o->dz[0], 0, sizeof o->dz[0]);

@@ -1,25 +1,24 @@
 /* Supervision of sensors, model and call rate. See supervisor.h. */
 
-#define SUPERVISOR_NOTICE 2.5   /* mismatch that is reported; a drive four times slower than the model's, which makes the
-                                   tip late without a swing, has 2.8 */
+#define SUPERVISOR_NOTICE 2.5   /* mismatch that is reported; a drive four times slower than the model's, which delays the
+                                   tip without a swing, has 2.8 */
 #define SUPERVISOR_DOUBT 3.0    /* mismatch: of one row the mean is chi-square with 39 degrees of freedom per 39, beyond
                                    3 once in 1e9 steps; greatest of nominal trials 2.3 */
-#define SUPERVISOR_SEVERE 10.0  /* mismatch that needs no waiting: a move with half the stiffness stays below 9, a loop
-                                   that swings passes it within a period of its swing */
+#define SUPERVISOR_SEVERE 10.0  /* mismatch that is acted on at once: a move with half the stiffness stays below 9, a loop
+                                   that swings exceeds it within a period of its swing */
 #define SUPERVISOR_TRUST 1.5    /* mismatch below which sensors and model agree */
-#define SUPERVISOR_WRONG 20.0   /* mismatch that no tuning holds; a camera rotated by 5 degrees, which still can be
-                                   held, has 10 to 14 */
+#define SUPERVISOR_WRONG 20.0   /* mismatch that no tuning stabilizes; a camera rotated by 5 degrees, with which the loop
+                                   still works, has 10 to 14 */
 #define SUPERVISOR_ACTIVE 0.002 /* activity of a loop that swings with a quarter of its noise's amplitude; a knock at
                                    rest stays below */
 #define SUPERVISOR_HARD 0.1     /* activity of a command that runs at a third of its rate limit on average */
 #define SUPERVISOR_JITTER 0.2   /* standard deviation of the time between two calls, in periods: half the call rate has a
                                    mismatch of 25, scheduling jitter of an ordinary system less than 1 */
-
-#define SUPERVISOR_PATH 0.02    /* of the command, in `change`, before a reading that rests is suspicious: without noise
+#define SUPERVISOR_PATH 0.02    /* travel of the command, in `change`, before a reading at rest is suspicious: without noise
                                    everything rests together; the noise of the other sensors moves a command so far in a
                                    few calls */
 
-static int supervisor_passed(int *count, int condition, int most)
+static int supervisor_lasted(int *count, int condition, int most)
 {
   *count = condition ? (*count < most ? *count + 1 : most) : 0;
   return *count >= most;
@@ -54,24 +53,24 @@ void supervisor_screen(supervisor_state *state, const supervisor_settings *o, re
     const int same = state->calls > 0 && moved <= o->still[j] && moved >= -o->still[j];
     state->last[j] = y[j];
     if (!same) state->path[j] = 0;
-    supervisor_passed(&state->still[j], same, o->window);
+    supervisor_lasted(&state->still[j], same, o->window);
     if (!supervisor_frozen(state, o, j)) continue;
     y[j] = cg_nan();
     if (report->entry < 0) report->entry = j;
   }
   int seen = 0;
   for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor) seen |= o->shape[sensor] && supervisor_alive(state, o, sensor);
-  supervisor_passed(&state->unseen, !seen && report->entry >= 0, o->window + o->window / 2);
+  supervisor_lasted(&state->unseen, !seen && report->entry >= 0, o->window + o->window / 2);
 }
 
 /* Means over a window, and the device that contradicts most. */
-static void supervisor_average(supervisor_state *state, const supervisor_settings *o, const real *surprise,
+static void supervisor_average(supervisor_state *state, const supervisor_settings *o, const real *nis,
                                real elapsed, supervisor_report *report)
 {
   if (state->calls < o->delay) ++state->calls;
   else {
     for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor)
-      if (surprise[sensor] >= 0) supervisor_mean(o, &state->mismatch[sensor], surprise[sensor]);
+      if (nis[sensor] >= 0) supervisor_mean(o, &state->mismatch[sensor], nis[sensor]);
     if (elapsed >= 0) {
       real off = (elapsed - 1) / (real)SUPERVISOR_JITTER;
       off *= off;
@@ -86,16 +85,17 @@ static void supervisor_average(supervisor_state *state, const supervisor_setting
   }
 }
 
-/* The ladder: up where a mismatch lasts or is severe (that of a knock, or of a move with half the stiffness, is over in
- * 0.4 s, and a calmer command would only hold on to the error), one rung down after a calm time that doubles with every
- * raise. */
+/* The ladder: up where a mismatch lasts 2.5 windows or is severe (that of a knock, or of a move with half the
+ * stiffness, is over in 0.4 s, and a calmer command would only prolong the error), one rung down after 5 windows of
+ * calm, twice as many after each raise, so that a loop which swings on the lower rung does not go up and down for ever.
+ * */
 static void supervisor_climb(supervisor_state *state, const supervisor_settings *o, real mismatch)
 {
   const int doubled = state->raises > 8 ? 7 : state->raises > 0 ? state->raises - 1 : 0;
   const int calm = mismatch < (real)SUPERVISOR_TRUST && state->activity < (real)SUPERVISOR_ACTIVE;
-  const int settled = supervisor_passed(&state->calm, calm, (5 * o->window) << doubled);
+  const int settled = supervisor_lasted(&state->calm, calm, (5 * o->window) << doubled);
   const int doubt = mismatch > (real)SUPERVISOR_DOUBT;
-  const int lasting = supervisor_passed(&state->doubted, doubt, 2 * o->window + o->window / 2);
+  const int lasting = supervisor_lasted(&state->doubted, doubt, 2 * o->window + o->window / 2);
   if (state->since < 5 * o->window) ++state->since;
   if ((lasting || mismatch > (real)SUPERVISOR_SEVERE) && state->activity > (real)SUPERVISOR_ACTIVE && state->rung < o->rungs
       && state->since >= o->window / 2) {
@@ -106,21 +106,21 @@ static void supervisor_climb(supervisor_state *state, const supervisor_settings 
   state->since = state->calm = 0;
 }
 
-void supervisor_judge(supervisor_state *state, const supervisor_settings *o, const real *surprise, real elapsed,
+void supervisor_judge(supervisor_state *state, const supervisor_settings *o, const real *nis, real elapsed,
                       real distance, supervisor_report *report)
 {
   if (!o->window) return;
-  supervisor_average(state, o, surprise, elapsed, report);
+  supervisor_average(state, o, nis, elapsed, report);
   const real mismatch = report->mismatch, activity = state->activity;
   const int doubt = mismatch > (real)SUPERVISOR_DOUBT, half = o->window / 2, window = o->window;
   int reason = 0;
   if (!state->tripped) supervisor_climb(state, o, mismatch);
   const int top = state->rung == o->rungs && state->since >= 2 * window + half;
-  if (supervisor_passed(&state->swinging, doubt && top && activity > (real)SUPERVISOR_HARD, 2 * window + half))
+  if (supervisor_lasted(&state->swinging, doubt && top && activity > (real)SUPERVISOR_HARD, 2 * window + half))
     reason = SUPERVISOR_SWINGING;
-  if (supervisor_passed(&state->contradicted, mismatch > (real)SUPERVISOR_WRONG, 2 * window + half))
+  if (supervisor_lasted(&state->contradicted, mismatch > (real)SUPERVISOR_WRONG, 2 * window + half))
     reason = SUPERVISOR_CONTRADICTED;
-  if (supervisor_passed(&state->away, doubt && distance > o->far, 5 * window)) reason = SUPERVISOR_AWAY;
+  if (supervisor_lasted(&state->away, doubt && distance > o->far, 5 * window)) reason = SUPERVISOR_AWAY;
   if (state->unseen >= window + half) reason = SUPERVISOR_UNSEEN;
   if (!state->tripped && state->since_rearmed < 150 * window) ++state->since_rearmed;
   if (reason && !state->tripped) {

@@ -1,29 +1,28 @@
-/* A supervisor: whether sensors, model and call rate agree, beside what the solver says of a command.
+/* A supervisor: whether sensors, model and call rate agree, which the solver's status does not show.
  *
- * A loop can swing at its rate limit while every quadratic problem is solved. What shows it are two exponentially
- * weighted means over SUPERVISOR_WINDOW: the mean squared normalized innovation of each sensor ("mismatch", about 1 where
- * the filter's covariances are right), and the mean squared change of the command per its rate limit ("activity", 1: the
- * command runs at the limit). By them a report is made and, one after the other, the weight of the command's rate is
- * raised (which buys delay margin), and the command goes to the safe input, latched.
+ * A loop can swing at its rate limit while every QP is solved (86 mm, status "solved", with a lag of half the model's).
+ * Two exponentially weighted means over `window` calls show it: the mean squared normalized innovation of each sensor
+ * ("mismatch", about 1 where the filter's covariances are right), and the mean squared change of the command relative
+ * to its rate limit ("activity", 1: the command runs at the limit). The supervisor reports a mismatch, then raises the
+ * weight of the command's rate (which gives delay margin), then sends the command to the safe input, latched.
  *
  * health                       when
  * ---------------------------- -----------------------------------------------------------------------------------
  *  0 SUPERVISOR_OK
  *  1 SUPERVISOR_MISMATCH       a sensor contradicts the model: mismatch > 2.5
- *  2 SUPERVISOR_DETUNED        the weight of the command's rate is raised, for a mismatch with an active command that lasts
- *  3 SUPERVISOR_FROZEN         a reading has not moved for a window while the command did: it counts as missing until it
- *                              moves
+ *  2 SUPERVISOR_DETUNED        the weight of the command's rate is raised, for a lasting mismatch with an active command
+ *  3 SUPERVISOR_FROZEN         a reading has not moved for a window while the command did: missing until it moves
  *  4 SUPERVISOR_TRIPPED        the command goes to the safe input and stays there
  *
  * reason of a trip             when
  * ---------------------------- -----------------------------------------------------------------------------------
- *  1 SUPERVISOR_SWINGING       mismatch and an active command, though the weight was raised as far as it goes
+ *  1 SUPERVISOR_SWINGING       mismatch and an active command, although the weight is raised to its maximum
  *  2 SUPERVISOR_CONTRADICTED   mismatch > 20: a sensor contradicts the model by many standard deviations, moving or not
  *  3 SUPERVISOR_AWAY           mismatch, and the measured tip stays far from its setpoint
  *  4 SUPERVISOR_UNSEEN         no sensor that shows the shape has a reading that moves
  *
- * The bounds are those of trials on 26 wrong plants and 16 faults: in 240,000 nominal and mildly mismatched steps the
- * mismatch never passed 2.3, and activity alone does nothing.
+ * The thresholds come from trials with 26 wrong plants and 16 faults: in 240,000 nominal and mildly mismatched steps
+ * the mismatch stayed below 2.3. Activity alone triggers nothing.
  *
  * Dimensions are set before this file is read: CONTROLLER_NM, CONTROLLER_NS (sensors; the one behind them is the call
  * rate), RTI_NU; and `real`.
@@ -39,15 +38,15 @@ enum { SUPERVISOR_SWINGING = 1, SUPERVISOR_CONTRADICTED = 2, SUPERVISOR_AWAY = 3
 
 typedef struct {
   int window;                 /* calls over which means are taken; 0: no supervision */
-  int delay;                  /* calls before innovations mean something: the filter's delay and three more */
+  int delay;                  /* calls before innovations are meaningful: the filter's delay and three more */
   int rungs;                  /* how often the weight of the command's rate may be raised fourfold */
   int sensor[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* device of each measurement */
   int shape[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* whether a device shows the shape of the finger */
   int cause[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* entry of the command that moves a measurement; -1: all */
-  real still[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* a reading that moves by no more has not moved; below 0: not asked */
-  real change[RTI_NU];        /* of the command per call, at activity 1 */
+  real still[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* a reading that moves by no more is at rest; below 0: not tested */
+  real change[RTI_NU];        /* of the command per call at activity 1 */
   int tip, setpoint;          /* first of two measurements and of two setpoints of the tip; -1: none */
-  real far;                   /* from the setpoint: distance of a tip that is away [m] */
+  real far;                   /* distance from the setpoint beyond which a tip is away [m] */
 } supervisor_settings;
 
 typedef struct {
@@ -59,7 +58,7 @@ typedef struct {
   int rung, raises;           /* fourfold raises of the weight now, and ever */
   int since, calm, doubted;   /* calls since the last change of the rung; calm ones and ones with a mismatch in a row */
   int swinging, contradicted, away, unseen;     /* calls in a row */
-  int tripped, trips, since_rearmed;    /* reason of the trip that holds on, or 0 */
+  int tripped, trips, since_rearmed;    /* reason of the latched trip, or 0 */
 } supervisor_state;
 
 typedef struct {
@@ -71,15 +70,15 @@ typedef struct {
   real mismatch, activity;
 } supervisor_report;
 
-/* Mark readings that do not move; those are NaN in y afterwards. */
+/* Replace readings at rest in y by NaN. */
 void supervisor_screen(supervisor_state *state, const supervisor_settings *settings, real *y, supervisor_report *report);
-/* Judge a call: surprise of each sensor (below 0: not used), time since the last call in periods (below 0: not known),
- * distance of the measured tip from its setpoint (below 0: not known). */
-void supervisor_judge(supervisor_state *state, const supervisor_settings *settings, const real *surprise, real elapsed,
+/* Evaluate a call: nis of each sensor (below 0: not used), time since the last call in periods (below 0: unknown),
+ * distance of the measured tip from its setpoint (below 0: unknown). */
+void supervisor_judge(supervisor_state *state, const supervisor_settings *settings, const real *nis, real elapsed,
                       real distance, supervisor_report *report);
-/* Take note of the change of the command. */
+/* Record the change of the command. */
 void supervisor_note(supervisor_state *state, const supervisor_settings *settings, const real *change);
-/* Leave a trip: only at rest, without mismatch, and not after a second trip within 150 windows (30 s); whether it was
- * left. The weight of the command's rate starts fully raised. */
+/* Leave a trip: only at rest, without mismatch, and not after a second trip within 150 windows (30 s); returns whether
+ * it was left. The weight of the command's rate starts fully raised. */
 int supervisor_rearm(supervisor_state *state, const supervisor_settings *settings);
 #endif

@@ -1,7 +1,4 @@
-"""A diagonally implicit method of two stages, each by two Newton iterations, with its derivatives.
-
-R. Alexander (1977), doi:10.1137/0714068: order 2, L-stable. Without loops, branches or pivoting, for embedded code.
-"""
+"""An L-stable step of order 2 for stiff models: two diagonally implicit stages, each by two Newton iterations."""
 
 from __future__ import annotations
 
@@ -12,13 +9,19 @@ import casadi as ca
 __all__ = ["differentiated_step"]
 
 _GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
-"""Makes two diagonally implicit stages L-stable and of order 2 [1]."""
+"""Diagonal coefficient [1] that makes two diagonally implicit stages L-stable and of order 2; R. Alexander, SIAM J.
+Numer. Anal. 14 (1977) 1006, doi:10.1137/0714068."""
 
 
 def differentiated_step(
     slope: ca.Function, x: ca.SX, others: tuple[ca.SX, ...], h: ca.SX, held: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The step with its derivatives, exact up to the last Newton correction."""
+    """Write the step with its derivatives, exact up to the last Newton correction; see the package.
+
+    Each stage takes two Newton iterations, a number that does not depend on data, so that the code is straight-line and
+    its time is constant. A contact of 20 kN/m that closes within a step of 10 ms leaves the stage equations unsolved;
+    such models need shorter steps.
+    """
     n = x.numel()
     step, ahead = _GAMMA * h, (1.0 - _GAMMA) * h
     start, by_x, by_u = x, ca.SX.eye(n), ca.SX(n, slope.size2_out(2))
@@ -38,7 +41,9 @@ def differentiated_step(
 
 
 def _solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """Gaussian elimination without pivoting that leaves zeros out."""
+    """Solve by Gaussian elimination that skips zeros, without pivoting, since straight-line code cannot branch; the
+    identity in I - h J keeps the pivots away from zero.
+    """
     n, m = right.shape
     a = [[matrix[i, j] for j in range(n)] for i in range(n)]
     b = [[right[i, j] for j in range(m)] for i in range(n)]

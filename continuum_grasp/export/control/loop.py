@@ -11,15 +11,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.controller_source import Field as Member
-from continuum_grasp.control.estimation import Estimation, estimation_of
-from continuum_grasp.control.estimator_settings import controller_fields, delay_periods
+from continuum_grasp.control.compiled.settings import controller_fields, delay_periods
+from continuum_grasp.control.compiled.source import Field as Member
+from continuum_grasp.control.estimation.model import Estimation, estimation_of
+from continuum_grasp.control.estimation.noise import Ranges, ranges_of
 from continuum_grasp.control.first_state import first_state, rest_input
-from continuum_grasp.control.noise import Ranges, ranges_of
+from continuum_grasp.control.ocp.setpoints import setpoints
+from continuum_grasp.control.ocp.stages import Stages, stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.problem import stages_of
-from continuum_grasp.control.setpoints import set_points
-from continuum_grasp.control.stages import Stages
 from continuum_grasp.control.status import CALL_RATE
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Struct
@@ -176,7 +175,7 @@ class Loop:
     @cached_property
     def wanted(self) -> Array:
         """Setpoints (nr) with which the scene begins."""
-        found: Array = set_points(self.scene, self.stages, self.prediction).rows(0.0)[0]
+        found: Array = setpoints(self.scene, self.stages, self.prediction).rows(0.0)[0]
         return found
 
     @cached_property

@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp import __version__
-from continuum_grasp.control.controller_source import Field as Member
-from continuum_grasp.control.source import dimensions, iteration_bodies, template
+from continuum_grasp.control.compiled.source import Field as Member
+from continuum_grasp.control.rti.source import dimensions, iteration_bodies, template
 from continuum_grasp.export.control.loop import CHANGEABLE, DIAGNOSIS, Loop
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
 from continuum_grasp.export.fields import Struct
@@ -154,7 +154,7 @@ class _Writer:
             texts += [self.bounds(loop.known)] if "estimator" in loop.parts else []
         if self.mpc:
             texts += [self.array("settings_nominal", loop.nominal_settings), self.bounds(loop.settings)]
-            texts.append(self.array("first_set_points", loop.wanted))
+            texts.append(self.array("first_setpoints", loop.wanted))
             texts.append(f"static const {p}_loop_settings loop_settings = {self.initialiser(loop.members)};")
         else:
             own = [
@@ -214,7 +214,7 @@ class _Writer:
             "take": "\n".join(lines),
             "read_reference": "\n".join(reading),
             "first_reference": "\n".join(
-                f"    reference->{f.name}[k] = first_set_points[{j}];" for j, f in enumerate(loop.reference.fields)
+                f"    reference->{f.name}[k] = first_setpoints[{j}];" for j, f in enumerate(loop.reference.fields)
             ),
             "diagnosis": "\n".join(
                 f"  {f'{p}_real' if kind == 'real' else kind} {name}; /* {text} */" for kind, name, text in DIAGNOSIS

@@ -95,23 +95,33 @@ def plot_inputs(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_tracking(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
-    """Draw what is followed, and its set-points, over time; of several units, that of the first."""
+    """Draw tracked quantities and setpoints over time; of several units, the first on the left, the second on the
+    right.
+    """
     ax = new_axes(ax)
-    unit = split_unit(run.r_names[0])[1]
-    chosen = [k for k, name in enumerate(run.r_names) if split_unit(name)[1] == unit and "rate" not in name]
-    for k, color in zip(chosen, colors(len(chosen)), strict=True):
+    groups = run.tracked_groups
+    units = list(dict.fromkeys(group.unit for group in groups))[:2]
+    columns = [(k, group.unit) for group in groups for k in group.columns if group.unit in units]
+    right = ax.twinx() if len(units) > 1 else ax
+    for (k, unit), color in zip(columns, colors(len(columns)), strict=True):
         label = split_unit(run.r_names[k])[0].replace("_", " ")
-        ax.plot(run.t, run.r[:, k], color=color, linewidth=1.0, linestyle="--")
-        ax.plot(run.t, run.tracked[:, k], color=color, linewidth=1.4, label=label)
-    ax.plot([], [], color=GREY, linewidth=1.0, linestyle="--", label="set-point")
+        axis = ax if unit == units[0] else right
+        axis.plot(run.t, run.r[:, k], color=color, linewidth=1.0, linestyle="--")
+        axis.plot(run.t, run.tracked[:, k], color=color, linewidth=1.4)
+        ax.plot([], [], color=color, linewidth=1.4, label=label)
+    ax.plot([], [], color=GREY, linewidth=1.0, linestyle="--", label="setpoint")
     ax.set_xlabel("time [s]", color=INK)
-    ax.set_ylabel(f"followed [{unit}]", color=INK)
-    head(ax, run.name, entries=len(chosen) + 1)
+    ax.set_ylabel(f"tracked [{units[0]}]", color=INK)
+    if right is not ax:
+        right.set_ylabel(f"tracked [{units[1]}]", color=INK)
+    head(ax, run.name, entries=len(columns) + 1)
     return ax
 
 
 def plot_tracking_error(run: DrawableControl, *, ax: Axes | None = None) -> Axes:
-    """Draw the distance of the tip from its set-point over time, or the greatest error of what is followed instead."""
+    """Draw the distance of the tip from its setpoint over time, or else the greatest error of the first tracked
+    quantity.
+    """
     ax = new_axes(ax)
     if run.tip_reference is not None:
         size, label, unit = 1e3 * np.linalg.norm(run.tip - run.tip_reference, axis=1), "tip", "mm"

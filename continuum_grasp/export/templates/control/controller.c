@@ -104,7 +104,7 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
 <<read_reference>>
   }
   input.measurement = y;
-  input.set_points = &work->reference[0][0];
+  input.setpoints = &work->reference[0][0];
   input.p = <<known_or_null>>;
   input.applied = 0;
   input.late = controller->memory.late;

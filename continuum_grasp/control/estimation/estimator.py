@@ -1,4 +1,4 @@
-"""An extended Kalman filter of a finger and what disturbs it, in C."""
+"""An extended Kalman filter of a finger and its disturbances, in C."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from os import PathLike
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.arrays import control_scene, slices, vector
-from continuum_grasp.control.compiled import Compiled
-from continuum_grasp.control.controller_source import estimator_source
-from continuum_grasp.control.estimation import estimation_of
-from continuum_grasp.control.estimator_settings import delay_periods, estimator_fields
+from continuum_grasp.control.arguments import control_scene, slices, vector
+from continuum_grasp.control.compiled.library import Compiled
+from continuum_grasp.control.compiled.settings import delay_periods, estimator_fields
+from continuum_grasp.control.compiled.source import estimator_source
+from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.first_state import first_state, rest_input
+from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.problem import stages_of
 from continuum_grasp.control.status import Anomaly, Verdict, texts
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
@@ -35,7 +35,7 @@ _OF_VERDICTS = {
 
 
 class Filtered:
-    """What an estimator knows after a measurement.
+    """Estimate of an estimator after a measurement.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Filtered:
     innovation, innovation_variance : (ny,) ndarray
         Measured minus expected of each compared quantity, taken one by one, and its variance (0: not compared).
     verdict : tuple of Verdict
-        What became of each measurement.
+        Verdict on each measurement.
     anomaly : Anomaly
     """
 
@@ -73,19 +73,19 @@ class Filtered:
 
     @property
     def anomalies(self) -> tuple[str, ...]:
-        """What was noticed, in words."""
+        """Anomalies in words."""
         return texts(self.anomaly, [float(v) for v in self.verdict], self._names)
 
 
 class Estimator(Remade):
-    """The estimator of a control scene by itself; the same C as in ``Controller``.
+    """The estimator of a control scene alone; the same C as in ``Controller``.
 
     Parameters
     ----------
     scene : ControlScene or path-like
         The scene, with an estimator, or its YAML file.
     precision : {"double", "float"}
-        What the C computes in.
+        Floating-point type of the C.
 
     Attributes
     ----------
@@ -114,7 +114,17 @@ class Estimator(Remade):
 
     Notes
     -----
-    Forces and moments that are unknown add to those of ``p``; a bending stiffness is multiplied by one plus its error.
+    Unknown forces and moments add to those of ``p``; the bending stiffness is multiplied by one plus its error.
+
+    Examples
+    --------
+    >>> from continuum_grasp.control.estimation.estimator import Estimator
+    >>> estimator = Estimator("configs/mpc/steady_tip.yaml")
+    >>> found = estimator.step([0.0, 0.18, 1.0, 1.0], [1.0, 1.0])
+    >>> [verdict.name for verdict in found.verdict]
+    ['USED', 'USED', 'USED', 'USED']
+    >>> found.z.shape == found.std.shape == (len(estimator.names),)
+    True
     """
 
     def __init__(self, scene: ControlScene | str | PathLike[str], *, precision: str = "double") -> None:
@@ -142,14 +152,14 @@ class Estimator(Remade):
         self.reset()
 
     def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
-        """Begin anew.
+        """Start again.
 
         Parameters
         ----------
         state : (nx,) array_like, optional
-            State of the prediction to start from; the scene's initial pose where not given.
+            State of the prediction from which to start; by default the scene's initial pose.
         u : (nu,) array_like, optional
-            Input that was applied before; least tensions or no moment where not given.
+            Input applied before; by default least tensions or no moment.
 
         Raises
         ------
@@ -162,16 +172,16 @@ class Estimator(Remade):
         self._c.start(np.concatenate([z, before]))
 
     def step(self, measurement: ArrayLike | None, u: ArrayLike, *, p: ArrayLike | None = None) -> Filtered:
-        """Take a measurement; to be called once per period.
+        """Predict over a period and update with a measurement; call it once per period.
 
         Parameters
         ----------
         measurement : (ny,) array_like or None
-            What was measured, in the order of ``measurement_names``; NaN marks what was not, None stands for nothing.
+            Measurement in the order of ``measurement_names``, NaN where a sensor has none; None: no sensor has one.
         u : (nu,) array_like
-            Input that was applied since the last step; of no effect in the first.
+            Input applied since the last step; without effect in the first.
         p : (np,) array_like, optional
-            Parameters; nominal where not given.
+            Parameters; nominal by default.
 
         Returns
         -------
@@ -194,16 +204,16 @@ class Estimator(Remade):
         return Filtered(self, status == _RESTARTED, self._c.output.copy())
 
     def save_state(self) -> bytes:
-        """All that the next estimate depends on."""
+        """Return all that the next estimate depends on."""
         return self._c.save(0)
 
     def restore(self, saved: bytes) -> None:
-        """Go on from a saved state.
+        """Continue from a saved state.
 
         Raises
         ------
         InputError
-            If it is none of this very problem.
+            If the state is not one of the same problem, version and precision.
         """
         self._c.restore(saved)
 

@@ -1,4 +1,4 @@
-"""C of estimators and controllers, with an interface of doubles for Python."""
+"""C source of estimators and controllers, with an interface of doubles for Python."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.estimation import Estimation
-from continuum_grasp.control.source import iteration_source, template
-from continuum_grasp.control.stages import Stages
+from continuum_grasp.control.estimation.model import Estimation
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.rti.source import iteration_source, template
 from continuum_grasp.core.precision import single
 
 __all__ = ["Field", "controller_source", "estimator_functions", "estimator_source", "settings_values"]
@@ -30,14 +30,14 @@ class Field:
 
 
 def settings_values(fields: Sequence[Field]) -> Array:
-    """Values of all members, one after the other."""
+    """Concatenate the values of all members."""
     return np.concatenate([np.ravel(np.asarray(f.values, dtype=float)) for f in fields])
 
 
 def estimator_source(
     estimation: Estimation, periods: int, nu: int, np_: int, fields: Sequence[Field], real: str
 ) -> str:
-    """C of an estimator for Python: the functions of ``c/estimator_python.c``."""
+    """Write the C of an estimator for Python: the functions of ``c/estimator_python.c``."""
     return "\n".join(
         [
             f"#include <stddef.h>\ntypedef {real} real;",
@@ -53,7 +53,7 @@ def estimator_source(
 def controller_source(
     stages: Stages, estimation: Estimation | None, periods: int, fields: Sequence[Field], real: str
 ) -> str:
-    """C of a controller for Python: the functions of ``c/controller_python.c``."""
+    """Write the C of a controller for Python: the functions of ``c/controller_python.c``."""
     parts = ["#define _POSIX_C_SOURCE 199309L\n#include <stddef.h>", iteration_source(stages, real=real)]
     measured = stages.nd if estimation is None else estimation.nm
     if estimation is not None:
@@ -69,7 +69,7 @@ def controller_source(
     parts += [
         f"#define CONTROLLER_ND {stages.nd}\n#define CONTROLLER_NM {measured}\n#define CONTROLLER_NS {sensors}",
         f"#define CONTROLLER_ESTIMATES {int(estimation is not None)}",
-        _templates("clock.h", "supervisor.h", "controller.h", "supervisor.c", "controller.c"),
+        _templates("timing.h", "supervisor.h", "controller.h", "supervisor.c", "controller.c"),
         _setter("controller_settings", fields),
         _templates("doubles.h", "controller_python.c"),
     ]
@@ -77,7 +77,7 @@ def controller_source(
 
 
 def estimator_functions(estimation: Estimation, periods: int, real: str) -> str:
-    """C of an estimator's functions by CasADi; of the step without derivatives only where there is a delay."""
+    """Write the C of an estimator's functions; that of the step without derivatives only where there is a delay."""
     options = {"with_header": False, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator("estimator.c", options)
     for function in (estimation.step, estimation.outputs, estimation.parameters):
@@ -108,7 +108,7 @@ def _templates(*names: str) -> str:
 
 
 def _setter(structure: str, fields: Sequence[Field]) -> str:
-    """C of ``cg_fill``: settings from the values of all members, one after the other."""
+    """Write ``cg_fill``, which reads settings from the concatenated values of all members."""
     lines = [f"static void cg_fill({structure} *o, const double *v)", "{", "  memset(o, 0, sizeof *o);"]
     for field in fields:
         values = np.asarray(field.values)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.control import realtime
+from continuum_grasp.control import periodic
 from continuum_grasp.control.status import Status
 from continuum_grasp.errors import InputError
 
@@ -27,7 +27,7 @@ class Clock:
 
 
 class Steps:
-    """A controller of 10 ms whose steps take as long as they are told."""
+    """A controller of 10 ms whose steps take as long as they are set to."""
 
     period = 0.01
 
@@ -44,14 +44,14 @@ class Steps:
 @pytest.fixture
 def clock(monkeypatch):
     made = Clock()
-    monkeypatch.setattr(realtime, "time", made)
+    monkeypatch.setattr(periodic, "time", made)
     return made
 
 
 def run(clock, durations, **options):
     control = Steps(clock, durations)
     written = []
-    found = realtime.run_periodic(control, lambda: "y", written.append, duration=0.1, **options)
+    found = periodic.run_periodic(control, lambda: "y", written.append, duration=0.1, **options)
     return found, control.calls, written
 
 
@@ -69,7 +69,7 @@ def test_spinning_takes_out_what_sleeping_adds(clock):
     assert run(clock, [0.002] * 10, spin=2e-5)[0].jitter == pytest.approx(0.0, abs=1e-7)
 
 
-def test_a_late_command_is_told_and_missed_cycles_are_made_up_for(clock):
+def test_a_late_command_is_reported_and_missed_cycles_are_replaced(clock):
     found, calls, _ = run(clock, [0.002, 0.035] + [0.002] * 6)
     assert (found.overruns, found.skipped, len(found.jitter)) == (1, 2, 8)
     assert [late for _, late, _ in calls] == [None, None, True, True, True] + [None] * 5
@@ -88,4 +88,4 @@ def test_the_rest_of_a_period_may_be_used_and_overrun(clock):
 @pytest.mark.parametrize("wrong", [{"duration": 0.0}, {"duration": 1.0, "spin": 0.01}, {"duration": 1.0, "spin": -1.0}])
 def test_times_are_checked(clock, wrong):
     with pytest.raises(InputError):
-        realtime.run_periodic(Steps(clock, []), lambda: None, lambda u: None, **wrong)
+        periodic.run_periodic(Steps(clock, []), lambda: None, lambda u: None, **wrong)

@@ -1,4 +1,4 @@
-"""From the references of a scene, or from functions of time, to set-points of the controller's nodes."""
+"""Setpoints of a controller's nodes from the references of a scene, or from functions of time."""
 
 from __future__ import annotations
 
@@ -9,27 +9,28 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.arrays import numbers, shown
+from continuum_grasp.control.arguments import numbers, shown
+from continuum_grasp.control.ocp.cost_terms import TERMS, cost_terms
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.stages import Stages
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.cost import CircleReference, RowSamples
 from continuum_grasp.scene.loads import Samples
-from continuum_grasp.scene.reference import CircleReference, RowSamples
 from continuum_grasp.simulation.signals import interpolate
 
-__all__ = ["SetPoints", "set_points"]
+__all__ = ["Setpoints", "setpoints"]
 
 Array = NDArray[np.float64]
 Function: TypeAlias = Callable[[float], ArrayLike]
 _Given: TypeAlias = "CircleReference | RowSamples | tuple[float, ...] | Function"
 
-FOLLOWED = ("tip", "bending", "shape", "contact_force", "input")
-"""What a reference can say, by the names of ``scene.reference``."""
+SETPOINTS = {term.reference: term.key for term in TERMS if term.reference}
+"""Weight in ``controller.cost`` by the name of its setpoint in ``reference``."""
 
 
-class SetPoints:
-    """Set-points over time, in the order of a controller's ``r_names``.
+class Setpoints:
+    """Setpoints over time, in the order of a controller's ``r_names``.
 
     Attributes
     ----------
@@ -42,76 +43,76 @@ class SetPoints:
         self._blocks = blocks
 
     def rows(self, times: ArrayLike) -> Array:
-        """Set-points (len(times), nr) at instants [s].
+        """Evaluate setpoints (len(times), nr) at instants [s].
 
         Raises
         ------
         InputError
-            If a function of time gives another number of entries, or one that is not finite.
+            If a function of time returns another number of entries, or one that is not finite.
         """
         instants = np.atleast_1d(np.asarray(times, dtype=float))
         return np.hstack([_rows(given, width, instants) for width, given in self._blocks])
 
 
-def set_points(
+def setpoints(
     scene: ControlScene,
     stages: Stages,
     prediction: Prediction,
     functions: Mapping[str, Function] | None = None,
-) -> SetPoints:
-    """Set-points of a scene.
+) -> Setpoints:
+    """Collect the setpoints of a scene.
 
     Parameters
     ----------
     scene : ControlScene
-        Its ``reference`` says what is to be followed; what it leaves out is zero, tensions are the least.
+        The scene with its ``reference``; what that does not have is zero, tensions are the least.
     stages : Stages
         The controller's problem.
     prediction : Prediction
         Its model.
     functions : mapping of str to callable, optional
-        Functions of time [s] that take the place of ``reference.tip``, ``bending``, ``shape``, ``contact_force`` or
-        ``input``, each giving all entries of one row.
+        Functions of time [s] that replace members of ``reference``, each returning all entries of one row.
 
     Returns
     -------
-    SetPoints
+    Setpoints
 
     Raises
     ------
     InputError
-        If a reference has another number of entries than what it is for, or if nothing tracks it.
+        If a reference has another number of entries than its cost term, or if no term tracks it.
+
+    Examples
+    --------
+    >>> from continuum_grasp.control.ocp.setpoints import setpoints
+    >>> from continuum_grasp.control.ocp.stages import stages_of
+    >>> from continuum_grasp.control.prediction import Prediction
+    >>> from continuum_grasp.scene.load import load
+    >>> scene = load("configs/mpc/steady_tip.yaml")
+    >>> model = Prediction(scene)
+    >>> rows = setpoints(scene, stages_of(scene, model), model, {"tip": lambda t: (-0.05, 0.15 + 0.01 * t)}).rows([0.0,
+    1.0]) >>> rows[:, :2].round(3).tolist() [[-0.05, 0.15], [-0.05, 0.16]]
     """
-    cost, reference = scene.controller.cost, scene.reference
-    elements = len(prediction.system.finger_model.lengths)
-    tendons = scene.finger.tendons
-    given: dict[str, _Given | None] = {name: getattr(reference, name) for name in FOLLOWED}
-    widths = {
-        "tip": 2 if cost.tip is not None else 0,
-        "bending": elements if cost.bending is not None else 0,
-        "shape": 2 * len(cost.shape.at) if cost.shape is not None else 0,
-        "contact_force": len(scene.followed_contacts),
-        "speed": elements if cost.speed is not None else 0,
-        "input": prediction.nu if cost.effort else 0,
-        "input_rate": prediction.nu if cost.input_rate else 0,
-    }
+    given: dict[str, _Given | None] = {name: getattr(scene.reference, name) for name in SETPOINTS}
+    if given["input"] is None and scene.finger.tendons is not None:
+        given["input"] = (scene.finger.tendons.min_tension,) * 2
+    terms = cost_terms(scene.controller.cost)
     for name, function in (functions or {}).items():
-        if name not in FOLLOWED:
-            raise InputError(f"expected one of {', '.join(FOLLOWED)}, got {name!r}", key="functions")
-        if not widths[name]:
-            raise InputError(f"is tracked by nothing: give controller.cost.{name} a weight", key=f"functions.{name}")
+        if name not in SETPOINTS:
+            raise InputError(f"expected one of {', '.join(SETPOINTS)}, got {name!r}", key="functions")
+        if name not in [term.reference for term in terms]:
+            raise InputError(
+                f"nothing tracks it: give controller.cost.{SETPOINTS[name]} a weight", key=f"functions.{name}"
+            )
         given[name] = function
-    if given["input"] is None and tendons is not None:
-        given["input"] = (tendons.min_tension,) * 2
     blocks: list[tuple[int, _Given | None]] = []
-    for name, width in widths.items():
-        if width:
-            value = given.get(name)
-            _check_width(name, value, width)
-            blocks.append((width, value))
+    for term in terms:
+        value, width = given.get(term.reference), len(term.names(scene, prediction))
+        _check_width(term.reference, value, width)
+        blocks.append((width, value))
     if sum(width for width, _ in blocks) != stages.nr:
-        raise InputError(f"set-points of {sum(width for width, _ in blocks)} entries do not fit {stages.r_names}")
-    return SetPoints(stages.r_names, blocks)
+        raise InputError(f"setpoints of {sum(width for width, _ in blocks)} entries do not fit {stages.r_names}")
+    return Setpoints(stages.r_names, blocks)
 
 
 def _check_width(name: str, given: _Given | None, width: int) -> None:
@@ -152,8 +153,8 @@ def _called(function: Function, width: int, t: Array) -> Array:
         try:
             row = numbers(given).reshape(-1)
         except (TypeError, ValueError):
-            raise InputError(f"a set-point at t = {instant:g} s: expected numbers, got {shown(given)}") from None
+            raise InputError(f"a setpoint at t = {instant:g} s: expected numbers, got {shown(given)}") from None
         if row.size != width or not np.all(np.isfinite(row)):
-            raise InputError(f"a set-point at t = {instant:g} s: expected {width} finite entries, got {shown(given)}")
+            raise InputError(f"a setpoint at t = {instant:g} s: expected {width} finite entries, got {shown(given)}")
         rows[k] = row
     return rows

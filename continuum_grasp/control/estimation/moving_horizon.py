@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.estimator import Estimator
+from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.core.call import real_array
 from continuum_grasp.errors import InputError, SolverError
 
@@ -18,7 +18,8 @@ __all__ = ["Smoothed", "moving_horizon"]
 Array = NDArray[np.float64]
 
 _ABSENT = 1e-9
-"""Weight of a measurement that is not there, per that of one that is."""
+"""Weight of a missing measurement relative to that of one [1]: keeps the problem's structure, and its square is below
+rounding."""
 
 
 @dataclass(frozen=True)
@@ -40,22 +41,22 @@ class Smoothed:
 def moving_horizon(
     estimator: Estimator, measurements: ArrayLike, inputs: ArrayLike, *, p: ArrayLike | None = None
 ) -> Smoothed:
-    """The motion that explains a record with the least start error, noise and measurement errors.
+    """Estimate the motion that explains a record with the least start error, noise and measurement errors.
 
     Multiple shooting over all periods of the record: z_(k+1) = F(z_k, u_k) + L_k e_k with the noise L_k e_k of the
-    estimator's own covariance, linearised along the estimator's run over the same record. The last state is what the
+    estimator's own covariance, linearized along the estimator's run over the same record. The last state is what the
     estimator approximates (C. V. Rao, J. B. Rawlings, D. Q. Mayne, doi:10.1109/TAC.2002.808470).
 
     Parameters
     ----------
     estimator : Estimator
-        Model, noise and start. It is reset, and run over the record.
+        Model, noise and start; it is reset and run over the record.
     measurements : (K, ny) array_like
         One row per period, NaN where nothing was measured.
     inputs : (K - 1, nu) array_like
-        Inputs that were applied between them.
+        Inputs applied between them.
     p : (np,) array_like, optional
-        Parameters; nominal where not given.
+        Parameters; nominal by default.
 
     Returns
     -------
@@ -127,7 +128,7 @@ def _noise_root(estimator: Estimator, z: Array, u: Array, p: ca.DM, steps: int, 
 
 
 def _least_squares(x: ca.MX, errors: ca.MX, gaps: ca.MX, guess: Array) -> tuple[Array, float]:
-    """Minimise half the sum of squares with zero gaps, by Gauss-Newton steps of IPOPT."""
+    """Minimize half the sum of squares with zero gaps, by Gauss-Newton steps of IPOPT."""
     slope = ca.jacobian(errors, x)
     p, scale, multipliers = ca.MX.sym("p", 0), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", gaps.numel())
     hessian = ca.Function(

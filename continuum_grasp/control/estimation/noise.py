@@ -1,4 +1,4 @@
-"""How uncertain states and measurements are, and within which limits they mean something."""
+"""Noise of states and measurements, and the ranges beyond which numbers are implausible."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.estimation import Estimation
+from continuum_grasp.control.estimation.model import Estimation
+from continuum_grasp.control.ocp.cost_terms import UNLIMITED, cost_terms
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.stages import Stages
-from continuum_grasp.control.stiffness import fastest_rate
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 
@@ -21,23 +21,26 @@ __all__ = ["Noise", "Ranges", "measurement_std", "noise_of", "ranges_of"]
 Array = NDArray[np.float64]
 
 _DRIVE = 0.01
-"""Share of the greatest tip moment by which a drive at rest differs from its lag."""
+"""Standard deviation of a drive at rest from the model of its lag, as a share of the greatest tip moment [1]: four
+times the noise of the tension sensors in configs/mpc, so that the filter trusts these more than the model."""
 _DRIVE_AT_START = 0.1
+"""The same at the start [1], where the tensions before are unknown."""
 _MARGIN = 1.5
-"""Limits of estimates and measurements beyond those of the model."""
-_ABSURD = 1e6
-"""Limit of what has no other."""
+"""Limits of estimates and measurements as multiples of those of the model [1]: an estimate may overshoot by noise, but
+the model's series are accurate within its range only."""
 _FORCES = 100.0
-"""Greatest unknown force in multiples of EI/L2."""
+"""Greatest unknown force as a multiple of EI/L2 [1]: 2.5 EI/L2 buckles a clamped rod, so this is far beyond any
+touch."""
 _MOMENT = 2.0
-"""Greatest missing tip moment in multiples of the greatest one that can be commanded."""
+"""Greatest missing tip moment as a multiple of the greatest one that can be commanded [1]: more is not a model
+error."""
 _KNOWN = 10.0
-"""Greatest known force or moment in multiples of the greatest unknown one."""
+"""Greatest known force or moment as a multiple of the greatest unknown one [1]: larger than an error."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Uncertainty of an estimator's states and measurements.
+    """Noise of an estimator's states and measurements.
 
     Attributes
     ----------
@@ -56,9 +59,9 @@ class Noise:
 
 @dataclass(frozen=True)
 class Ranges:
-    """Limits beyond which numbers are absurd: least and most of each entry, (size, 2).
+    """Limits beyond which numbers are implausible: least and most of each entry, (size, 2).
 
-    ``applied`` are those of an input that was applied, which may be off (0 N) or beyond what can be commanded.
+    ``applied`` are those of an applied input, which may be off (0 N) or beyond what can be commanded.
     """
 
     x: Array
@@ -70,11 +73,12 @@ class Ranges:
 
 
 def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> Noise:
-    """The noise of a scene's estimator.
+    """Compute the noise of a scene's estimator.
 
-    The rate of each coordinate is driven so that the bending angles (root of the sum of squares over the elements) have
-    the acceleration of ``acceleration_std``; a drive with a lag differs from it by a hundredth of the greatest tip
-    moment; disturbances drift, and start as uncertain as after one second of their drift.
+    White noise drives the rate of each coordinate so that the bending angles (root of the sum of squares over the
+    elements) have the acceleration of ``acceleration_std``, and a lagging drive so that it differs from its model by a
+    hundredth of the greatest tip moment. Disturbances are random walks; their variance at the start is that after one
+    second.
 
     Parameters
     ----------
@@ -95,7 +99,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
         If the scene has no estimator.
     """
     if scene.estimator is None:
-        raise InputError("an estimator is needed: say what is measured", key="estimator")
+        raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
     asked = scene.estimator
     process, initial = np.zeros(estimation.nz), np.zeros(estimation.nz)
     n = model.system.finger_model.n
@@ -115,7 +119,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
 
 
 def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None) -> Ranges:
-    """Limits of states, disturbances, measurements, set-points and parameters of a scene.
+    """Compute the limits of states, disturbances, measurements, setpoints and parameters of a scene.
 
     Parameters
     ----------
@@ -143,7 +147,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
         disturbances=np.array([_disturbance_range(scene, name) for name in unknown]).reshape(-1, 2),
         measurement=measured,
         applied=np.stack([np.minimum(applied[:, 0], stages.u_min), np.maximum(applied[:, 1], stages.u_max)], axis=1),
-        r=np.array([_set_point_range(scene, name) for name in stages.r_names]).reshape(-1, 2),
+        r=np.vstack([term.ranges(scene, model) for term in cost_terms(scene.controller.cost)]),
         p=np.array([_parameter_range(scene, *v) for v in zip(model.p_names, model.p_nominal, strict=True)]).reshape(
             -1, 2
         ),
@@ -151,7 +155,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
 
 
 def _bending_slopes(model: Prediction) -> Array:
-    """Root of the sum of squares of what the elements bend per unit of each coordinate."""
+    """Euclidean norm of the bending angles per unit of each coordinate."""
     n = model.system.finger_model.n
     slope = ca.Function(
         "slope", [model.x, model.u, model.p], [ca.jacobian(model.bending(model.x, model.u, model.p), model.x)]
@@ -185,7 +189,7 @@ def _drifts(scene: ControlScene, estimation: Estimation) -> Array:
 
 
 def measurement_std(scene: ControlScene, name: str) -> float:
-    """Standard deviation of a measurement, by its name."""
+    """Return the standard deviation of a measurement, by its name."""
     if scene.estimator is None:
         return math.inf
     asked = scene.estimator.measured
@@ -195,14 +199,14 @@ def measurement_std(scene: ControlScene, name: str) -> float:
 
 
 def _state_range(scene: ControlScene, model: Prediction, stages: Stages) -> Array:
-    """Coordinates well beyond the bending range, and rates at which the fastest mode swings that far."""
+    """Coordinates well beyond the bending range, and rates of the fastest mode at that amplitude."""
     finger, n = model.system.finger_model, model.system.finger_model.n
     arcs = finger.family == "arc"
     bend = max(finger.ranges) if arcs else max(r / h for r, h in zip(finger.ranges, finger.lengths, strict=True))
-    most = np.full(model.nx, _ABSURD)
+    most = np.full(model.nx, UNLIMITED)
     moment = _greatest_moment(scene)
     most[:n] = _MARGIN * bend
-    most[n : 2 * n] = _MARGIN * bend * fastest_rate(model, stages.u_min, stages.u_max)
+    most[n : 2 * n] = _MARGIN * bend * model.fastest_rate(stages.u_min, stages.u_max)
     if scene.lag is not None:
         at = model.x_names.index("tip_moment [N m]")
         most[at], most[at + 1] = 2.0 * moment, 10.0 * moment / scene.lag
@@ -235,19 +239,11 @@ def _measurable(scene: ControlScene, model: Prediction, name: str) -> tuple[floa
     return (-most, most)
 
 
-def _set_point_range(scene: ControlScene, name: str) -> tuple[float, float]:
-    if name.endswith("[m]"):
-        axis = 0 if "_x " in name else 1
-        centre, reach = scene.finger.base.position[axis], 10.0 * scene.finger.rod.length
-        return (centre - reach, centre + reach)
-    return (-_ABSURD, _ABSURD)
-
-
 def _parameter_range(scene: ControlScene, name: str, nominal: float) -> tuple[float, float]:
     unit = name[name.index("[") + 1 : -1]
     if unit in ("N", "N m"):
         most = _KNOWN * _disturbance_range(scene, name)[1]
         return (-most, most)
     if name.startswith(("gravity", "base_angle", "rest_curvature", "object_")):
-        return (-_ABSURD, _ABSURD)
-    return (1e-3 * nominal, 1e3 * nominal) if nominal > 0.0 else (0.0, _ABSURD)
+        return (-UNLIMITED, UNLIMITED)
+    return (1e-3 * nominal, 1e3 * nominal) if nominal > 0.0 else (0.0, UNLIMITED)

@@ -1,4 +1,4 @@
-"""What an estimator is made of: the motion of states and disturbances, and what is measured of them."""
+"""The model of an estimator: motion of states and disturbances, and their measurement."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 
 _SLOPES = ((1.0 / 6.0, 5.0 / 24.0, 0.5), (2.0 / 6.0, 4.0 / 24.0, 0.5), (2.0 / 6.0, 4.0 / 24.0, 1.0))
 _LAST_SLOPE = (1.0 / 6.0, -1.0 / 24.0, 0.0)
-"""Of the Runge-Kutta method: weight at the end of the step and half-way (its continuous extension of order 3), and how
-far ahead the next slope is taken; Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6."""
+"""Coefficients of RK4 [1]: weight of a slope at the end of the step, its weight half-way (continuous extension of order
+3), and the position of the next slope; Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Estimation:
     """The model of an estimator.
 
     Its state z = [x, d] has the continuous states of the prediction and the disturbances d: world forces [N] and tip
-    moment [N m] beside those that p has, and the relative error of the bending stiffness [1].
+    moment [N m] in addition to those in p, and the relative error of the bending stiffness [1].
 
     Attributes
     ----------
@@ -49,8 +49,8 @@ class Estimation:
     mixing : (ny, nm) ndarray
         Compared quantities as sums of measurements: of two tensions, their difference.
     sensors : tuple of str
-        Device of each compared quantity, by its key in ``estimator.measured``: tip, tension or bending. The rows of one
-        device fail together, so they are judged together.
+        Device of each compared quantity, by its key in ``estimator.measured``: tip, tension or bending. The gate acts
+        on devices, since the rows of one fail together.
     """
 
     step: ca.Function
@@ -91,7 +91,7 @@ class Estimation:
 
 
 def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -> Estimation:
-    """The model of a scene's estimator.
+    """Build the model of a scene's estimator.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     model : Prediction
         Its prediction model.
     method : str
-        How it is integrated, by name in ``CONTROL_METHODS``; that of the stages.
+        Integrator, by name in ``CONTROL_METHODS``; that of the stages.
 
     Returns
     -------
@@ -112,7 +112,7 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
         If the scene has no estimator.
     """
     if scene.estimator is None:
-        raise InputError("an estimator is needed: say what is measured", key="estimator")
+        raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
     names, where, relative = _disturbances(scene, model)
     d, h = ca.SX.sym("d", len(names)), ca.SX.sym("h")
     z, u, p = ca.vertcat(model.x, d), model.u, model.p
@@ -142,7 +142,7 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
 
 
 def _step(z: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX, rate: ca.SX, nx: int) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Next z, and the derivatives over the step and over half of it."""
+    """Write the next z, and the derivatives over the step and over half of it."""
     x, d = z[:nx], z[nx:]
     slope = ca.Function("slope", [z, u, p], ca.cse([rate, ca.jacobian(rate, x), ca.jacobian(rate, d)]))
     state, by_x, by_d = x, ca.SX.eye(nx), ca.SX(nx, d.numel())
@@ -173,7 +173,7 @@ def _implicit_step(
 
 
 def _disturbances(scene: ControlScene, model: Prediction) -> tuple[list[str], list[int], list[bool]]:
-    """Names of the disturbances, the parameters that they add to, and whether they do so by a share."""
+    """Names of the disturbances, the parameters that they add to, and whether they are relative."""
     asked = scene.estimator.disturbances if scene.estimator is not None else None
     names: list[str] = []
     where: list[int] = []
@@ -205,9 +205,9 @@ def _disturbances(scene: ControlScene, model: Prediction) -> tuple[list[str], li
 def _measured(
     scene: ControlScene, model: Prediction, p: ca.SX
 ) -> tuple[tuple[str, ...], ca.SX, tuple[str, ...], Array, tuple[str, ...]]:
-    """Names and expressions of what is compared, names of the measurements, how they are mixed, and their devices."""
+    """Names and expressions of the compared quantities, names of the measurements, mixing matrix, and devices."""
     if scene.estimator is None:
-        raise InputError("an estimator is needed: say what is measured", key="estimator")
+        raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
     asked, tendons = scene.estimator.measured, scene.finger.tendons
     names: list[str] = []
     measured: list[str] = []

@@ -29,20 +29,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PeriodicRun:
-    """What happened in a periodic loop of K cycles.
+    """Timing and statuses of a periodic loop of K cycles.
 
     Attributes
     ----------
     period : float
         [s]
     jitter : (K,) ndarray
-        How much later than asked for each cycle began [s].
+        Delay of the start of each cycle [s].
     latency : (K,) ndarray
-        From the beginning of a cycle until its command was written [s].
+        Time from the start of a cycle until its command was written [s].
     overruns : int
         Cycles that ended after the next one should have begun.
     skipped : int
-        Cycles that were left out for that reason.
+        Cycles that were skipped for that reason.
     status : dict
         Commands by their status.
     """
@@ -55,7 +55,7 @@ class PeriodicRun:
     status: dict[str, int]
 
     def summary(self) -> dict[str, Any]:
-        """Counts, and median, 99th percentile and maximum of jitter and latency [s]."""
+        """Return counts, and median, 99th percentile and maximum of jitter and latency [s]."""
         spread = {
             name: {
                 "median": float(np.median(values)),
@@ -79,25 +79,25 @@ def run_periodic(
 ) -> PeriodicRun:
     """Read, compute and write once per period of a controller.
 
-    Cycles begin at fixed instants of the monotonic clock, whatever the cycles before them took. A cycle that ends after
-    the next one should have begun is an overrun; the next begins at once. Was its command written that late, the
-    controller is told so. Cycles that are missed altogether are made up for in the controller with the input that was
-    applied, without a measurement and without a new plan. Python's garbage collection waits until the loop is over.
+    Cycles begin at fixed instants of the monotonic clock, however long the previous ones took. A cycle that ends after
+    the next one should have begun is an overrun, and the next begins at once; a command written that late counts as
+    late. For each cycle that is missed altogether, the controller steps with the applied input, without a measurement
+    and without a new plan. Python's garbage collection is off during the loop: a collection takes longer than a step.
 
     Parameters
     ----------
     controller : Controller
-        The controller, ready to start; made with ``deadline=math.inf``, it leaves the watching to this loop.
+        The controller, ready to start, with ``deadline=math.inf``: this loop detects late commands itself.
     read : callable
-        Gives a measurement in the order of ``measurement_names``, or None; should not wait.
+        Returns a measurement in the order of ``measurement_names``, or None, without waiting.
     write : callable
         Takes the command, (nu,).
     duration : float
-        How long [s].
+        Duration [s].
     spin : float
-        The last part of the waiting that is spent asking the clock instead of sleeping [s]; less jitter, more load.
+        Last part of the waiting time, spent polling the clock instead of sleeping [s]; less jitter, more load.
     idle : callable, optional
-        Called after ``write``, for what may take the rest of a period.
+        Called after ``write``, for work that may take the rest of a period.
 
     Returns
     -------
@@ -107,6 +107,17 @@ def run_periodic(
     ------
     InputError
         If a time is not positive, or spinning takes longer than a period.
+
+    Examples
+    --------
+    >>> import math
+    >>> from continuum_grasp.control.controller import Controller
+    >>> from continuum_grasp.control.periodic import run_periodic
+    >>> controller = Controller("configs/mpc/steady_tip.yaml", deadline=math.inf)
+    >>> commands = []
+    >>> run = run_periodic(controller, lambda: [0.0, 0.18, 1.0, 1.0], commands.append, duration=0.05)
+    >>> len(commands) + run.skipped
+    5
     """
     period = controller.period
     cycles = max(1, math.floor(positive("duration", duration) / period + 1e-9))
@@ -142,7 +153,7 @@ def run_periodic(
 
 
 def _wait_until(instant: float, spin: float) -> float:
-    """Sleep, then ask the clock; the time at which the waiting ended."""
+    """Sleep, then poll the clock; return the time at which the waiting ended."""
     rest = instant - spin - time.perf_counter()
     if rest > 0.0:
         time.sleep(rest)

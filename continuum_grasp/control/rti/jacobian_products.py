@@ -1,4 +1,4 @@
-"""C of products with the Jacobian of a stage, written out over the entries that can differ from zero."""
+"""C source of products with the Jacobian of a stage, unrolled over its structural nonzeros."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.stages import Stages
+from continuum_grasp.control.ocp.stages import Stages
 
 __all__ = ["jacobian_products"]
 
 Pattern = NDArray[np.bool_]
 
 _MOST = 1500
-"""Multiplications of a product from which on loops do: beyond, the code would take more than 10 kB."""
+"""Multiplications of a product [1] beyond which loops are used: unrolled, they would take over 10 kB."""
 
 
 def jacobian_products(stages: Stages) -> str:
-    """``rti_chain`` and ``rti_carry`` of the iteration's C, where they are short; the templates have loops otherwise.
+    """Write ``rti_chain_rule`` and ``rti_add_congruence`` where they are short; otherwise the templates have loops.
 
-    Not for vector lanes, to which loops over whole rows suit better.
+    Not for vector lanes, where loops over whole rows are faster.
     """
     rate, driven = (_pattern(stages.step, output) for output in (1, 2))
     return _chain(rate, driven) + _carry(_reached(rate, driven))
 
 
 def _pattern(function: ca.Function, output: int) -> Pattern:
-    """Entries of an output that can differ from zero."""
+    """Structural nonzeros of an output."""
     sparsity = ca.sparsify(function.call(function.sx_in())[output]).sparsity()
     pattern = np.zeros(sparsity.shape, dtype=bool)
     pattern[tuple(np.array(sparsity.get_triplet(), dtype=int))] = True
@@ -36,7 +36,7 @@ def _pattern(function: ca.Function, output: int) -> Pattern:
 
 
 def _reached(rate: Pattern, driven: Pattern) -> Pattern:
-    """Entries of [A B] of a stage after any number of steps."""
+    """Structural nonzeros of [A B] of a stage after any number of steps."""
     found = np.hstack([rate, driven])
     while True:
         further = found | _product(rate, found)
@@ -67,8 +67,8 @@ def _chain(rate: Pattern, driven: Pattern) -> str:
         if sums:
             lines += ["  {", *(f"    const real c{r} = {text};" for r, text in sums.items())]
             lines += [*(f"    M[{j}][{r}] = c{r};" for r in sums), "  }"]
-    head = "static inline void rti_chain(real (*A)[RTI_NX], real (*B)[RTI_NX], real (*M)[RTI_NX])"
-    return _function("RTI_CHAINED", head, "AB", lines) if count <= _MOST else ""
+    head = "static inline void rti_chain_rule(real (*A)[RTI_NX], real (*B)[RTI_NX], real (*M)[RTI_NX])"
+    return _function("RTI_UNROLLED_CHAIN_RULE", head, "AB", lines) if count <= _MOST else ""
 
 
 def _carry(reached: Pattern) -> str:
@@ -87,8 +87,8 @@ def _carry(reached: Pattern) -> str:
                 lines.append(f"    G[{j}][{k}] += {' + '.join(f'M[{i}][{k}] * v{i}' for i in row)};")
         lines.append("  }")
         count += len(needed) * len(own) + sum(len(row) for row in rows[: j + 1])
-    head = "static inline void rti_carry(real (*G)[RTI_W], real (*P)[RTI_W], real (*M)[RTI_W])"
-    return _function("RTI_CARRIED", head, "", lines) if count <= _MOST else ""
+    head = "static inline void rti_add_congruence(real (*G)[RTI_W], real (*P)[RTI_W], real (*M)[RTI_W])"
+    return _function("RTI_UNROLLED_CONGRUENCE", head, "", lines) if count <= _MOST else ""
 
 
 def _function(flag: str, head: str, unused: Iterable[str], lines: list[str]) -> str:

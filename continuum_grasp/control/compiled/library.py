@@ -1,4 +1,4 @@
-"""Memory and functions of an object in C that Python calls with doubles."""
+"""A compiled C object in memory, called from Python with doubles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.controller_source import Field, settings_values
+from continuum_grasp.control.compiled.source import Field, settings_values
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
 from continuum_grasp.errors import InputError
@@ -23,10 +23,11 @@ Array = NDArray[np.float64]
 _HEAD = struct.Struct("<8s16sqqq")
 _MAGIC = b"cgstate1"
 _ALIGNMENT = 64
+"""Of the object's memory [bytes]: a cache line, and the widest vector register (AVX-512)."""
 
 
 class Compiled:
-    """One object of a C source with ``cg_size``, ``cg_settings``, ``cg_start`` and a state at its beginning.
+    """An object of a C source that defines ``cg_size``, ``cg_settings`` and ``cg_start``, its state first.
 
     Parameters
     ----------
@@ -35,7 +36,7 @@ class Compiled:
     fields : sequence of Field
         Its settings.
     inputs, outputs : int
-        Doubles that come and go with a call.
+        Numbers of doubles that a call takes and returns.
 
     Attributes
     ----------
@@ -70,34 +71,34 @@ class Compiled:
         self.configure(fields)
 
     def configure(self, fields: Sequence[Field]) -> None:
-        """Give the settings anew; the state stays."""
+        """Set the settings; the state stays."""
         values = settings_values(fields)
         self._library.cg_settings(self.address, ctypes.c_void_p(values.ctypes.data))
 
     def function(self, name: str) -> Any:
-        """A function of the library."""
+        """Return a function of the library."""
         return getattr(self._library, name)
 
     def start(self, values: Array) -> None:
-        """Begin anew from what ``cg_start`` takes."""
+        """Start again from the arguments of ``cg_start``."""
         self._library.cg_start(self.address, ctypes.c_void_p(values.ctypes.data))
 
     def save(self, step: int, flags: int = 0) -> bytes:
-        """The state with two numbers of its owner."""
+        """Serialize the state with two numbers of its owner."""
         return _HEAD.pack(_MAGIC, self._key, self.state.size, step, flags) + self.state.tobytes()
 
     def restore(self, saved: bytes) -> tuple[int, int]:
-        """Put a saved state back; the owner's numbers.
+        """Restore a saved state; return the owner's numbers.
 
         Raises
         ------
         InputError
-            If it is none of this very problem.
+            If the state is not one of the same problem, version and precision.
         """
         head = _HEAD.unpack(saved[: _HEAD.size]) if len(saved) >= _HEAD.size else (b"", b"", 0, 0, 0)
         magic, key, size, step, flags = head
         if magic != _MAGIC or size != len(saved) - _HEAD.size:
-            raise InputError(f"expected a state as save_state gives it, got {len(saved)} bytes of something else")
+            raise InputError(f"expected a state from save_state, got {len(saved)} bytes of something else")
         if key != self._key or size != self.state.size:
             raise InputError("the saved state is of another problem, version or precision")
         self.state[:] = np.frombuffer(saved, np.uint8, offset=_HEAD.size)

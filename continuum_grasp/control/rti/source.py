@@ -1,4 +1,4 @@
-"""C of a real-time iteration: functions of the stages and the template around them, in one translation unit."""
+"""C source of a real-time iteration: functions of the stages and the templates around them, in one translation unit."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from importlib.resources import files
 
 import casadi as ca
 
-from continuum_grasp.control.products import jacobian_products
-from continuum_grasp.control.stages import Stages
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.rti.jacobian_products import jacobian_products
 from continuum_grasp.core.lanes import lane_function, lane_prelude
 from continuum_grasp.core.precision import single
 from continuum_grasp.errors import InputError
@@ -26,25 +26,25 @@ __all__ = [
 _BODY = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)
 """Name and body of a function in what CasADi writes."""
 
-_ITERATION = ("rti_linearise.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c")
-"""Templates behind the basis and what is written for a problem, in their order."""
+_ITERATION = ("rti_linearize.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c")
+"""Templates after the basis and the functions generated for a problem, in their order."""
 
 PROBLEM = ("x", "u", "M", "defect", "l", "g", "H", "c", "C")
-"""Members of the workspace that say which quadratic programme is solved."""
+"""Members of the workspace that define the QP."""
 
 
 def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True) -> str:
-    """C of the real-time iterations of a problem.
+    """Write the C of the real-time iterations of a problem.
 
     Parameters
     ----------
     stages : Stages
         The problem.
     real : {"double", "float"}
-        What it computes in.
+        Floating-point type.
     lanes : bool
-        Whether stages are linearised side by side in vector lanes (for gcc and clang), which gives the same to
-        rounding. Models with an operation that vector lanes do not have go one stage after the other all the same.
+        Whether stages are linearized side by side in vector lanes (gcc and clang), with the same result to rounding.
+        Models with an operation that vector lanes do not have are linearized stage by stage.
 
     Returns
     -------
@@ -66,13 +66,13 @@ def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True
 
 
 def iteration_bodies(stages: Stages, *, lanes: bool) -> list[str]:
-    """C behind the header."""
+    """Write the C after the header."""
     own = [_row_functions(stages), "" if lanes else jacobian_products(stages)]
     return [template("rti_basis.c"), *own, *(template(name) for name in _ITERATION)]
 
 
 def library_source(stages: Stages, *, real: str = "double", lanes: bool = True) -> str:
-    """The same, with the sizes and offsets that a caller from another language needs."""
+    """Write the same, with the sizes and offsets that a caller from another language needs."""
     offsets = ", ".join(f"offsetof(rti_work, {name})" for name in PROBLEM)
     structures = ", ".join(f"sizeof(rti_{name})" for name in ("settings", "plan", "work", "report"))
     return f"""{iteration_source(stages, real=real, lanes=lanes)}
@@ -91,12 +91,12 @@ int rti_offset(int which)
 
 
 def template(name: str) -> str:
-    """Text of a C template of this package."""
+    """Read a C template of this package."""
     return (files("continuum_grasp.control") / "c" / name).read_text(encoding="utf-8")
 
 
 def dimensions(stages: Stages, real: str) -> str:
-    """Macros of the dimensions, and the type ``real``."""
+    """Write the macros of the dimensions, and the type ``real``."""
     sizes = {"N": stages.stages, "NX": stages.nx, "NU": stages.nu, "NC": stages.nc, "NS": stages.ns}
     sizes |= {"NP": stages.np, "NR": stages.nr}
     lines = [f"#define RTI_{name} {size}" for name, size in sizes.items()]
@@ -106,7 +106,7 @@ def dimensions(stages: Stages, real: str) -> str:
 
 
 def stage_functions(stages: Stages, real: str, *, vector: bool = False) -> str:
-    """C of step and costs by CasADi; of the terminal cost alone where the others come as vector lanes."""
+    """Write the C of step and costs; of the terminal cost alone where the others are in vector lanes."""
     options = {"with_header": False, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator("stages.c", options)
     for function in (stages.terminal,) if vector else (stages.step, stages.cost, stages.terminal):
@@ -122,7 +122,7 @@ def stage_functions(stages: Stages, real: str, *, vector: bool = False) -> str:
 
 
 def _check(stages: Stages) -> None:
-    """Whether the functions are those that the template calls.
+    """Check that the functions are as the template calls them.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def _check(stages: Stages) -> None:
 
 
 def _lanes(stages: Stages, real: str) -> str:
-    """Step and cost as vector lanes; empty where an operation of theirs is not known there."""
+    """Write step and cost in vector lanes; empty if one has an operation that lanes do not have."""
     try:
         functions = [lane_function(f, real) for f in (stages.step, stages.cost)]
     except InputError:
@@ -154,7 +154,7 @@ def _lanes(stages: Stages, real: str) -> str:
 
 
 def _row_functions(stages: Stages) -> str:
-    """What the template needs of the rows' Jacobian, over the entries that can differ from zero."""
+    """Write the products with the rows' Jacobian, over its structural nonzeros."""
     nc = stages.nc
     entries = _pattern(stages)
     values = [
@@ -193,7 +193,7 @@ def _row_functions(stages: Stages) -> str:
 
 
 def _pattern(stages: Stages) -> list[list[int]]:
-    """Entries of each row of C that can differ from zero, at a stage or at the last node."""
+    """List the structural nonzeros of each row of C, at a stage or at the last node."""
     found: list[set[int]] = [set() for _ in range(stages.nc)]
     for function in (stages.cost, stages.terminal):
         rows, columns = ca.sparsify(function.call(function.sx_in())[4]).sparsity().get_triplet()

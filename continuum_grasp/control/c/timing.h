@@ -1,6 +1,7 @@
-/* Nanoseconds of a clock that never goes back, for the phases of a controller. */
-#ifndef CG_CLOCK_H
-#define CG_CLOCK_H
+/* Nanoseconds of a monotonic clock, for the phases of a controller; they wrap after 4.3 s, which differences do not
+ * see. */
+#ifndef CG_TIMING_H
+#define CG_TIMING_H
 #include <stdint.h>
 #include <time.h>
 static uint32_t cg_ticks(void)

@@ -1,4 +1,4 @@
-"""Real-time iterations: one linearisation and one quadratic programme per control period, in C."""
+"""Real-time iterations: one linearization and one QP per control period, in C."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.settings import Settings
-from continuum_grasp.control.source import PROBLEM, library_source
-from continuum_grasp.control.stages import Stages
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.rti.settings import Settings
+from continuum_grasp.control.rti.source import PROBLEM, library_source
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
 from continuum_grasp.core.precision import precision_of
@@ -25,35 +25,35 @@ STATUS = {
     1: "iteration limit",
     2: "row violated",
     -1: "bad input",
-    -2: "bad linearisation",
+    -2: "bad linearization",
     -3: "bad solution",
     -4: "not prepared",
 }
-"""Names of the statuses; those from 0 on come with a usable plan, the others leave the plan as it was."""
+"""Names of the statuses; those from 0 on give a usable plan, the others leave the plan as it was."""
 
 _ADVICE = {
-    -1: "state, parameters, set-points, plan and settings must be finite, and no lower bound above its upper one",
-    -2: "model or cost is not finite at the plan: reset it, or take more substeps",
-    -3: "the quadratic programme has no finite solution: raise the regularisation, or bound the inputs",
+    -1: "state, parameters, setpoints, plan and settings must be finite, and no lower bound above its upper one",
+    -2: "model or cost is not finite at the plan: reset it, or use more substeps",
+    -3: "the QP has no finite solution: raise the regularization, or bound the inputs",
     -4: "prepare first",
 }
 
 
 class Report(NamedTuple):
-    """What an iteration did.
+    """Outcome of an iteration.
 
     Attributes
     ----------
     status : int
         Key of ``STATUS``.
     iterations : int
-        Factorisations beyond that of the preparation; 0 where no bound is active.
+        Factorizations beyond that of the preparation; 0 where no bound is active.
     kkt : float
-        Largest residual of the optimality conditions of the quadratic programme, relative.
+        Largest residual of the optimality conditions of the QP, relative.
     violation : float
-        Largest violation of a row, in the row's unit.
+        Largest violation of a soft constraint, in its unit.
     cost : float
-        Cost of the quadratic programme at its solution, penalties included.
+        Cost of the QP at its solution, penalties included.
     """
 
     status: int
@@ -66,18 +66,18 @@ class Report(NamedTuple):
 class RealTimeIteration:
     """Real-time iterations of an optimal control problem (M. Diehl et al., doi:10.1016/S0959-1524(02)00023-1).
 
-    An iteration linearises the problem at the plan and replaces the plan by the solution of the quadratic programme
-    that results (full step). The states of the plan are variables (multiple shooting), so each iteration closes the
-    gaps that the one before has left. All of it runs in C on memory of this object; other threads need other objects.
+    An iteration linearizes the problem at the plan and replaces the plan by the solution of the resulting QP (full
+    step). The states of the plan are variables (multiple shooting), so each iteration closes the gaps that the previous
+    one left. It runs in C on memory of this object; use one object per thread.
 
     Parameters
     ----------
     stages : Stages
         The problem.
     precision : {"double", "float"}
-        What the C computes in; arrays given may be of doubles all the same.
+        Floating-point type of the C; arguments may be doubles in either case.
     lanes : bool
-        Whether stages are linearised side by side in vector lanes.
+        Whether stages are linearized side by side in vector lanes.
 
     Attributes
     ----------
@@ -88,8 +88,19 @@ class RealTimeIteration:
     Raises
     ------
     InputError
-        If there is no C compiler (nothing slower takes its place), or single precision cannot hold a constant of the
+        If there is no C compiler (there is no slower substitute), or single precision cannot hold a constant of the
         problem.
+
+    Examples
+    --------
+    >>> from continuum_grasp.control.ocp.stages import stages_of
+    >>> from continuum_grasp.control.rti.iteration import STATUS, RealTimeIteration
+    >>> from continuum_grasp.scene.load import load
+    >>> stages = stages_of(load("configs/mpc/steady_tip.yaml"))
+    >>> rti = RealTimeIteration(stages)
+    >>> rti.reset([0.0] * stages.nx)
+    >>> STATUS[rti.step([0.0] * stages.nx).status]
+    'solved'
     """
 
     def __init__(self, stages: Stages, *, precision: str = "double", lanes: bool = True) -> None:
@@ -105,12 +116,12 @@ class RealTimeIteration:
         plan = np.zeros(-(-library.rti_sizeof(1) // np.dtype(real).itemsize), real)
         states, inputs = (n + 1) * nx, n * nu
         self._x, self._u = plan[:states].reshape(n + 1, nx), plan[states : states + inputs].reshape(n, nu)
-        self._told = plan[states + inputs :]
+        self._warm_start = plan[states + inputs :]
         self._work = np.zeros(library.rti_sizeof(2), np.uint8)
         self._record = _record(self._number)
         sizes = self.settings.size, plan.nbytes, self._work.nbytes, ctypes.sizeof(self._record)
         if sizes != tuple(library.rti_sizeof(k) for k in range(4)):
-            raise RuntimeError(f"the C compiler lays structures out in another way than expected: {sizes}")
+            raise RuntimeError(f"the C compiler has an unexpected layout of structures: {sizes}")
         self._work_at, self._plan_at = _address(self._work), _address(plan)
         self._settings_at, self._x0_at, self._p_at = self.settings.address, _address(self._x0), _address(self._p)
         head = self._work_at, self._plan_at, self._settings_at
@@ -119,7 +130,9 @@ class RealTimeIteration:
         self._prepare, self._feedback = library.rti_prepare, library.rti_feedback
 
     def __reduce__(self) -> NoReturn:
-        raise TypeError("RealTimeIteration works on memory of loaded C: send its stages, and make one of them there")
+        raise TypeError(
+            "RealTimeIteration cannot be pickled, since it works on memory of loaded C: send its stages instead"
+        )
 
     @property
     def plan(self) -> tuple[Array, Array]:
@@ -127,14 +140,14 @@ class RealTimeIteration:
         return self._x, self._u
 
     def reset(self, x0: ArrayLike, u0: ArrayLike | None = None, *, rollout: bool = False) -> None:
-        """Make a plan that stays at a state, or that an input drives there from.
+        """Start a plan that stays at a state, or that an input drives from there.
 
         Parameters
         ----------
         x0 : (nx,) array_like
             The state.
         u0 : (nu,) array_like, optional
-            The input; zero, or the nearest bound, where not given.
+            The input; by default zero, or the nearest bound.
         rollout : bool
             True: integrate the states.
 
@@ -148,7 +161,7 @@ class RealTimeIteration:
         u = np.clip(np.zeros(self.stages.nu), self.settings.u_min, self.settings.u_max) if u0 is None else u0
         self._take(self._x0, "x0", x0)
         self._x[:] = self._x0
-        self._told[:] = 0
+        self._warm_start[:] = 0
         self._take(self._u, "u0", u)
         if not (np.isfinite(self._x).all() and np.isfinite(self._u).all()):
             raise InputError("reset: expected finite numbers")
@@ -163,9 +176,9 @@ class RealTimeIteration:
         x0 : (nx,) array_like
             The state.
         refs : (N + 1, nr) or (nr,) array_like, optional
-            Set-points of the nodes, or one for all; those given last (zero at first) where not given.
+            Setpoints of the nodes, or one row for all; by default those of the last call (zero at first).
         p : (np,) array_like, optional
-            Parameters; those given last (nominal at first) where not given.
+            Parameters; by default those of the last call (nominal at first).
 
         Returns
         -------
@@ -182,7 +195,7 @@ class RealTimeIteration:
         return self.feedback(x0)
 
     def prepare(self, refs: ArrayLike | None = None, p: ArrayLike | None = None) -> None:
-        """Linearise at the plan, before the state is known; see ``step``."""
+        """Linearize at the plan, before the state is known; see ``step``."""
         if refs is not None:
             self._take(self._refs, "refs", refs)
         if p is not None:
@@ -200,17 +213,17 @@ class RealTimeIteration:
         return Report(record.status, record.iterations, record.kkt, record.violation, record.cost)
 
     def shift(self, stages: float = 1.0, *, rollout: bool = False) -> None:
-        """Move the plan on by a number of stages, whole or not.
+        """Shift the plan by a number of stages, whole or not.
 
         States are interpolated between the nodes and inputs averaged over the new stages; beyond the horizon the last
-        ones stay.
+        ones are repeated.
 
         Parameters
         ----------
         stages : float
-            How far.
+            Shift in stages.
         rollout : bool
-            True: integrate the states that lie beyond the horizon, with the last input and the parameters given last.
+            True: integrate the states beyond the horizon, with the last input and parameters.
 
         Raises
         ------
@@ -227,12 +240,12 @@ class RealTimeIteration:
             self._must(self._library.rti_extend(self._plan_at, self._settings_at, last, self._p_at))
 
     def qp(self) -> dict[str, Array]:
-        """The quadratic programme of the last preparation, as copies; see ``control/c/rti.h`` for what it says.
+        """Copy the QP of the last preparation; ``control/c/rti.h`` defines it.
 
         Returns
         -------
         dict
-            x (N+1, nx) and u (N, nu), where it is made; A (N, nx, nx), B (N, nx, nu), defect (N, nx); l (N+1),
+            x (N+1, nx) and u (N, nu), the plan; A (N, nx, nx), B (N, nx, nu), defect (N, nx); l (N+1),
             g (N+1, nz), H (N+1, nz, nz); c (N+1, nc), C (N+1, nc, nz). What a node does not have is zero.
         """
         s = self.stages

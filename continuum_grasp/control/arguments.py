@@ -1,4 +1,4 @@
-"""What users give to controllers and estimators, as scenes and arrays of the right size."""
+"""Arguments of controllers and estimators as scenes and arrays of the right size."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ Array = NDArray[np.float64]
 
 
 def control_scene(given: ControlScene | str | PathLike[str]) -> ControlScene:
-    """The scene itself, or that of a file.
+    """Return the scene itself, or load it from a file.
 
     Raises
     ------
     InputError
-        If it is none of a controller.
+        If it is not the scene of a controller.
     """
     scene = given if isinstance(given, ControlScene) else load(given)  # type: ignore[arg-type]
     if not isinstance(scene, ControlScene):
@@ -35,7 +35,7 @@ def control_scene(given: ControlScene | str | PathLike[str]) -> ControlScene:
 
 
 def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Array:
-    """A vector, finite unless that is not to be checked.
+    """Convert to a vector; ``check``: a finite one.
 
     Raises
     ------
@@ -52,12 +52,12 @@ def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Arr
 
 
 def numbers(value: ArrayLike) -> Array:
-    """A copy in double precision; what no double can hold is infinite, so that checks of ranges see it.
+    """Copy in double precision; what no double can hold becomes infinite, so that checks of ranges see it.
 
     Raises
     ------
     TypeError, ValueError
-        If it is no array of real numbers (text and complex numbers are none), or ragged.
+        If it is ragged, or not an array of real numbers (text and complex numbers are not).
     """
     array = np.asarray(value)
     if array.dtype.kind not in "biufO":
@@ -77,7 +77,9 @@ def _double(value: Any) -> float:
 
 
 def shown(value: Any, width: int = 60) -> str:
-    """The beginning of a value in a message; its type where it cannot be printed (integers of over 4300 digits)."""
+    """Return the beginning of a value for a message; its type if it cannot be printed (integers of over 4300
+    digits).
+    """
     try:
         return f"{value!r:.{width}}"
     except ValueError:
@@ -85,6 +87,6 @@ def shown(value: Any, width: int = 60) -> str:
 
 
 def slices(sizes: Mapping[str, int]) -> dict[str, slice]:
-    """Where each of the named vectors lies, one after the other."""
+    """Return where each of the named vectors lies in their concatenation."""
     ends = np.cumsum([0, *sizes.values()])
     return {name: slice(int(a), int(b)) for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)}

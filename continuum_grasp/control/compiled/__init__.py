@@ -1,0 +1,1 @@
+"""C of controllers and estimators, compiled and called from Python."""

@@ -1,0 +1,117 @@
+"""Bounds of the state and of the input's rate as rows of soft constraints, each in shares of its scale."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, Penalty
+
+__all__ = ["ABSENT", "HARD", "BoundedRows", "state_bounds"]
+
+Array = NDArray[np.float64]
+
+ABSENT = 1e30
+"""Magnitude of a bound that means there is none, in the bound's unit: beyond any quantity, and below the largest number
+of single precision (3.4e38), so that sums of two do not overflow."""
+HARD = Penalty(linear=1e4, quadratic=1e6)
+"""Penalty weights of a hard constraint, per share of its scale. A linear penalty above the constraint's multiplier is
+exact (a constraint that can be satisfied is; Fletcher, Practical Methods of Optimization, 12.3), and leaves the QP
+feasible where none can: 1e4 is 100 times the default of soft constraints, and does not spoil single precision."""
+_PER_ELEMENT = 4
+"""Sections of every element at which a zone is checked [1]: where it bends by 1.5 rad, the backbone leaves its chord
+between two of them by a twentieth of their distance."""
+
+
+@dataclass
+class BoundedRows:
+    """Rows of constraints with their bounds and penalty weights."""
+
+    names: list[str] = field(default_factory=list)
+    values: list[ca.SX] = field(default_factory=list)
+    least: list[float] = field(default_factory=list)
+    most: list[float] = field(default_factory=list)
+    penalties: list[Penalty] = field(default_factory=list)
+
+    def add(self, names: list[str], value: ca.SX, least: float, most: float, penalty: Penalty) -> None:
+        self.names += names
+        self.values.append(value)
+        self.least += [least] * len(names)
+        self.most += [most] * len(names)
+        self.penalties += [penalty] * len(names)
+
+    @property
+    def column(self) -> ca.SX:
+        return ca.vertcat(*self.values) if self.values else ca.SX(0, 1)
+
+
+def state_bounds(bounds: Bounds, curvature_limit: float, model: Prediction) -> BoundedRows:
+    """Rows of the state alone: curvatures, bending rates, and distances from zones.
+
+    Parameters
+    ----------
+    bounds : Bounds
+        The bounds.
+    curvature_limit : float
+        Greatest curvature beside the bending range of the model [1/m].
+    model : Prediction
+        The controller's model.
+    """
+    found = BoundedRows()
+    penalty = _penalty(bounds.penalty)
+    given = (model.x, model.u, model.p)
+    if bounds.curvature is not None:
+        kappa = model.curvature(*given)
+        limits = np.minimum(_range_of_nodes(model, kappa.numel()), curvature_limit)
+        names = [f"curvature_{k + 1}" for k in range(kappa.numel())]
+        found.add(names, kappa / ca.DM(limits), -1.0, 1.0, penalty)
+    if bounds.speed is not None:
+        rate = model.bending_rate(*given)
+        names = [f"bending_rate_{k + 1}" for k in range(rate.numel())]
+        found.add(names, rate / bounds.speed, -1.0, 1.0, penalty)
+    _add_zones(found, bounds, model)
+    return found
+
+
+def _add_zones(found: BoundedRows, bounds: Bounds, model: Prediction) -> None:
+    """Distance of the finger's surface from each zone, per finger length."""
+    finger = model.scene.finger
+    for name, zone in bounds.keep_out.items():
+        places = [finger.rod.length]
+        if zone.of == "backbone":
+            lengths = model.system.finger_model.lengths
+            ends = np.cumsum([0.0, *lengths])
+            places = [ends[k] + h * (j + 1) / _PER_ELEMENT for k, h in enumerate(lengths) for j in range(_PER_ELEMENT)]
+        where = model.sections(tuple(min(s, finger.rod.length) for s in places))(model.x, model.u, model.p)[0]
+        away = zone.clearance + finger.thickness_radius
+        gaps = ca.vertcat(*[_gap(zone, where[:, k]) for k in range(len(places))]) - away
+        labels = [name] if len(places) == 1 else [f"{name}_{k + 1}" for k in range(len(places))]
+        found.add(labels, gaps / finger.rod.length, 0.0, ABSENT, _penalty(zone.penalty))
+
+
+def _gap(zone: HalfPlaneZone | DiscZone, at: ca.SX) -> ca.SX:
+    """Distance of a point from the edge of a zone, positive outside [m]."""
+    if isinstance(zone, HalfPlaneZone):
+        nx, ny = math.cos(zone.normal_angle), math.sin(zone.normal_angle)
+        return nx * (at[0] - zone.point[0]) + ny * (at[1] - zone.point[1])
+    dx, dy = at[0] - zone.center[0], at[1] - zone.center[1]
+    return ca.sqrt(dx * dx + dy * dy + 1e-12) - zone.radius
+
+
+def _penalty(given: Penalty | str) -> Penalty:
+    return given if isinstance(given, Penalty) else HARD
+
+
+def _range_of_nodes(model: Prediction, count: int) -> Array:
+    """Greatest curvature that the bending range allows at each node, or on each arc [1/m]."""
+    finger = model.system.finger_model
+    per_length: Array = np.array(finger.ranges) / np.array(finger.lengths)
+    if count == len(per_length):
+        return per_length
+    nodes: Array = np.minimum(np.append(per_length, per_length[-1]), np.append(per_length[0], per_length))
+    return nodes

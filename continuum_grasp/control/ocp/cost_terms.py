@@ -1,0 +1,262 @@
+"""Cost terms: how each is named and computed, and where its setpoint comes from.
+
+A term is a row of ``TERMS``, with its weight and its setpoint declared in ``scene/cost.py``. Stage functions, setpoints
+and their ranges, readings of a plant, metrics, plots and the exported C follow from these two.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.cost import Cost, Weight
+from continuum_grasp.scene.finger import Finger
+
+__all__ = ["TERMS", "UNLIMITED", "CostTerm", "Quantities", "Tracked", "cost_terms", "predicted", "tracked_groups"]
+
+Array = NDArray[np.float64]
+Limits = tuple[tuple[float, float], ...]
+
+UNLIMITED = 1e6
+"""Magnitude beyond which a number without any other limit is a mistake: far above every SI value of a finger, and far
+below what overflows when squared in single precision (1e19)."""
+_REACH = 10.0
+"""Greatest distance of a position setpoint from the base, in finger lengths [1]: a setpoint out of reach is allowed
+(the cost then points the finger at it), one in millimeters (1000 lengths) is not."""
+_TURNS = 10.0
+"""Greatest angle setpoint from that of the base, in turns [1]: a finger curls up a few times at most, and an angle in
+degrees is beyond."""
+
+
+class Quantities(Protocol):
+    """What terms are computed from: expressions of a controller's model, or of a plant."""
+
+    @property
+    def tip(self) -> Any:
+        """World position of the tip (2) [m]."""
+
+    @property
+    def bending(self) -> Any:
+        """Bending angle of each element of the controller's model [rad]."""
+
+    @property
+    def bending_rate(self) -> Any:
+        """Rate of these [rad/s]."""
+
+    @property
+    def contact_force(self) -> Any:
+        """Normal force at each tracked contact [N]."""
+
+    @property
+    def input(self) -> Any:
+        """Tip moment [N m] or tensions [N] (nu)."""
+
+    @property
+    def input_rate(self) -> Any:
+        """Change of the input per time (nu)."""
+
+    def sections(self, at: Sequence[float]) -> tuple[Any, Any]:
+        """World positions (2, K) [m] and angles (K) [rad] of the sections at positions along the finger [m]."""
+
+
+def _unlimited(_: Finger) -> Limits:
+    return ((-UNLIMITED, UNLIMITED),)
+
+
+def _near_base(finger: Finger) -> Limits:
+    reach = _REACH * finger.rod.length
+    x, y = ((base - reach, base + reach) for base in finger.base.position)
+    return x, y
+
+
+def _turned(finger: Finger) -> Limits:
+    most = 2.0 * math.pi * _TURNS
+    return ((finger.base.angle - most, finger.base.angle + most),)
+
+
+def _one(scene: ControlScene, model: Prediction) -> tuple[str, ...]:
+    return ("",)
+
+
+def _elements(scene: ControlScene, model: Prediction) -> tuple[str, ...]:
+    return tuple(str(k + 1) for k in range(len(model.system.finger_model.lengths)))
+
+
+def _shape_at(scene: ControlScene) -> tuple[float, ...]:
+    shape = scene.controller.cost.shape
+    return () if shape is None else shape.at
+
+
+def _rates(scene: ControlScene, model: Prediction) -> tuple[str, ...]:
+    return tuple(f"{n.split(' ')[0]}_rate [{n.split('[')[1][:-1]}/s]" for n in model.u_names)
+
+
+@dataclass(frozen=True)
+class CostTerm:
+    """Half the weighted squared distances of some entries from their setpoints.
+
+    Attributes
+    ----------
+    key : str
+        Its weight in ``controller.cost``; a ``Weight``, or for terms of the input a number.
+    entry : str
+        Name and unit of an entry. ``{place}`` stands for one of ``places``, ``{axis}`` for x and y of a point.
+    value : callable
+        (``Quantities``, scene) -> expression of all entries.
+    places : callable
+        (scene, prediction) -> what the entries belong to: numbers of elements, names of contacts.
+    reference : str
+        Its setpoint in ``reference``; empty: always zero.
+    limits : callable
+        Finger -> least and greatest setpoint of an entry, one pair for each axis.
+    of_state : bool
+        Whether it depends on the state alone, so that the end of the horizon has it too.
+    """
+
+    key: str
+    entry: str
+    value: Callable[[Quantities, ControlScene], Any]
+    places: Callable[[ControlScene, Prediction], Sequence[str]] = _one
+    reference: str = ""
+    limits: Callable[[Finger], Limits] = _unlimited
+    of_state: bool = True
+
+    @property
+    def label(self) -> str:
+        """What its entries have in common, in words."""
+        return re.split(r"_?\{| \[", self.entry)[0].replace("_", " ")
+
+    @property
+    def of_points(self) -> bool:
+        """Whether entries are x, y of points."""
+        return "{axis}" in self.entry
+
+    def names(self, scene: ControlScene, model: Prediction) -> tuple[str, ...]:
+        """Name and unit of each entry."""
+        axes = "xy" if self.of_points else " "
+        return tuple(self.entry.format(place=p, axis=a) for p in self.places(scene, model) for a in axes)
+
+    def ranges(self, scene: ControlScene, model: Prediction) -> Array:
+        """Least and greatest setpoint of each entry (size, 2)."""
+        pairs = self.limits(scene.finger)
+        return np.tile(np.array(pairs), (len(self.names(scene, model)) // len(pairs), 1))
+
+    def owns(self, name: str) -> bool:
+        """Whether an entry of a run or a package, by name and unit, is one of this term."""
+        pattern = re.escape(self.entry).replace(r"\{axis\}", "[xy]").replace(r"\{place\}", "[^ ]+")
+        return re.fullmatch(pattern, name) is not None
+
+    def weights(self, cost: Cost) -> tuple[float, float]:
+        """Running and terminal weight."""
+        weight = getattr(cost, self.key)
+        return (weight.running, weight.terminal) if isinstance(weight, Weight) else (weight, 0.0)
+
+
+TERMS = (
+    CostTerm("tip", "tip_{axis} [m]", lambda q, _: q.tip, reference="tip", limits=_near_base),
+    CostTerm("bending", "bending_{place} [rad]", lambda q, _: q.bending, _elements, "bending"),
+    CostTerm(
+        "shape",
+        "section_{place}_{axis} [m]",
+        lambda q, scene: ca.vec(q.sections(_shape_at(scene))[0]),
+        lambda scene, _: [str(k + 1) for k in range(len(_shape_at(scene)))],
+        reference="shape",
+        limits=_near_base,
+    ),
+    CostTerm(
+        "tip_angle",
+        "tip_angle [rad]",
+        lambda q, scene: q.sections((scene.finger.rod.length,))[1],
+        reference="tip_angle",
+        limits=_turned,
+    ),
+    CostTerm(
+        "contact_force",
+        "contact_force_{place} [N]",
+        lambda q, _: q.contact_force,
+        lambda scene, _: scene.tracked_contacts,
+        reference="contact_force",
+    ),
+    CostTerm("speed", "bending_rate_{place} [rad/s]", lambda q, _: q.bending_rate, _elements),
+    CostTerm("effort", "{place}", lambda q, _: q.input, lambda _, model: model.u_names, "input", of_state=False),
+    CostTerm("input_rate", "{place}", lambda q, _: q.input_rate, _rates, of_state=False),
+)
+"""All terms, in the order of a controller's outputs: those of the state first, since the end of the horizon has the
+first ``nt`` outputs; the input's rate last, since the supervisor raises the last ``nu`` weights."""
+
+
+def cost_terms(cost: Cost) -> tuple[CostTerm, ...]:
+    """Terms that have a weight; one of an explicit 0 for the input is left out, since it would only cost time."""
+    return tuple(term for term in TERMS if getattr(cost, term.key))
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """Columns of what a controller tracks that belong to one term; of points, x and y alternate."""
+
+    label: str
+    unit: str
+    columns: tuple[int, ...]
+    of_points: bool
+
+
+def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
+    """What follows setpoints among a controller's outputs (name and unit each); terms of the input are left out."""
+    found = []
+    for term in TERMS:
+        columns = tuple(k for k, name in enumerate(names) if term.of_state and term.reference and term.owns(name))
+        if columns:
+            unit = term.entry.split("[")[1][:-1]
+            found.append(Tracked(term.label, unit, columns, term.of_points))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class _Predicted:
+    """Quantities of a controller's model."""
+
+    model: Prediction
+    input_rate: ca.SX | None
+
+    @property
+    def _given(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        return self.model.x, self.model.u, self.model.p
+
+    @property
+    def tip(self) -> ca.SX:
+        return self.model.tip(*self._given)
+
+    @property
+    def bending(self) -> ca.SX:
+        return self.model.bending(*self._given)
+
+    @property
+    def bending_rate(self) -> ca.SX:
+        return self.model.bending_rate(*self._given)
+
+    @property
+    def contact_force(self) -> ca.SX:
+        tracked = [self.model.contact_names.index(name) for name in self.model.scene.tracked_contacts]
+        return self.model.contact_force(*self._given)[tracked]
+
+    @property
+    def input(self) -> ca.SX:
+        return self.model.u
+
+    def sections(self, at: Sequence[float]) -> tuple[ca.SX, ca.SX]:
+        r, angle = self.model.sections(tuple(at))(*self._given)
+        return r, angle
+
+
+def predicted(model: Prediction, input_rate: ca.SX | None) -> Quantities:
+    """Quantities of a controller's model; ``input_rate`` where the state knows the input before."""
+    return _Predicted(model, input_rate)

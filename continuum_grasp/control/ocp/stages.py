@@ -1,0 +1,233 @@
+"""The optimal control problem of a scene as functions of a stage of its horizon."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.control.ocp.bounds import HARD, state_bounds
+from continuum_grasp.control.ocp.cost_terms import cost_terms, predicted
+from continuum_grasp.control.ocp.transcription import cost_function, step_function, terminal_function
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.controller import Horizon
+
+__all__ = ["Stages", "stages_of"]
+
+Array = NDArray[np.float64]
+
+_TARGET = 1.5
+"""Product of substep and fastest rate [1]: RK4 is stable up to 2.6 to 2.8, and the rate is that of sampled shapes
+only."""
+_EXPLICIT_UP_TO = 4
+"""Explicit substeps per stage [1] up to which RK4 is used: an implicit step evaluates the slope as often as one RK4
+step, but is of order 2 instead of 4 and damps what it does not resolve."""
+_IMPLICIT_STEP = 0.010
+"""Longest implicit step [s]: ten per period of a mode of 10 Hz, four times the first one of a 60 cm rod."""
+
+
+@dataclass(frozen=True)
+class Stages:
+    """An optimal control problem on a grid of equal stages, over which the input is constant.
+
+    minimize  sum_k h/2 sum_i W_i (y_i(x_k, u_k) - r_ki)^2  +  1/2 sum_i T_i (y_i(x_N) - r_Ni)^2  +  penalties
+    subject to  x_0 given,  x_{k+1} = F(x_k, u_k, p),  u_min <= u_k <= u_max,  c_min <= c(x_k, u_k, p) <= c_max.
+
+    The rows of c are soft constraints, so that every QP is feasible: a violation s costs ``linear s + quadratic s^2 /
+    2`` per node. Hard constraints have a ``linear`` so large that they are satisfied wherever they can be. The first
+    ``ns`` rows are of the state alone and apply at the nodes 1 to N, the others at 0 to N - 1.
+
+    Attributes
+    ----------
+    step : casadi.Function
+        (x, u, p, h) -> xn (nx), A (nx, nx), B (nx, nu): one step of length h by ``method`` and its derivatives, by the
+        variational equations; a straight-line function. ``substeps`` of them make F.
+    cost : casadi.Function
+        (x, u, p, r, W) -> l, g (nz), H (nz, nz), c (nc), C (nc, nz): cost of a stage with its gradient and
+        Gauss-Newton Hessian with respect to z = [x, u], and the rows with their Jacobian.
+    terminal : casadi.Function
+        (x, p, r, T) -> l, g (nx), H (nx, nx), c (ns), C (ns, nx): the same at the last node.
+    outputs : casadi.Function
+        (x, u, p) -> y (nr): what the cost tracks.
+    dynamics : casadi.Function
+        (x, u, p) -> xd (nd): time derivative of the continuous states, the first ``nd``.
+    rows : casadi.Function
+        (x, u, p) -> c (nc).
+    stages, substeps : int
+        N, and steps per stage.
+    method : str
+        Name in ``CONTROL_METHODS``.
+    stage : float
+        Length of a stage h [s].
+    nd, ns, nt : int
+        Continuous states; rows of the state alone; outputs of the state alone, which the last node has too.
+    x_names, u_names, p_names, r_names, c_names : tuple of str
+        Name and unit of each entry; rows are relative to their bounds.
+    u_min, u_max, c_min, c_max, linear, quadratic, weights, terminal_weights, p_nominal : ndarray
+        Nominal values, which may be changed at run time; +-1e30 is no bound.
+
+    Examples
+    --------
+    >>> from continuum_grasp.control.ocp.stages import stages_of
+    >>> from continuum_grasp.scene.load import load
+    >>> stages = stages_of(load("configs/mpc/steady_tip.yaml"))
+    >>> stages.nx, stages.nu, stages.r_names[:2]
+    (8, 2, ('tip_x [m]', 'tip_y [m]'))
+    """
+
+    step: ca.Function
+    cost: ca.Function
+    terminal: ca.Function
+    outputs: ca.Function
+    dynamics: ca.Function
+    rows: ca.Function
+    stages: int
+    stage: float
+    substeps: int
+    method: str
+    nd: int
+    ns: int
+    nt: int
+    x_names: tuple[str, ...]
+    u_names: tuple[str, ...]
+    p_names: tuple[str, ...]
+    r_names: tuple[str, ...]
+    c_names: tuple[str, ...]
+    u_min: Array
+    u_max: Array
+    c_min: Array
+    c_max: Array
+    linear: Array
+    quadratic: Array
+    weights: Array
+    terminal_weights: Array
+    p_nominal: Array
+
+    def __repr__(self) -> str:
+        return (
+            f"Stages({self.stages} of {self.stage:g} s, {self.substeps} {self.method} steps each: {self.nx} states, "
+            f"{self.nu} inputs, {self.np} parameters, {self.nr} setpoints, {self.nc} rows)"
+        )
+
+    @property
+    def nx(self) -> int:
+        """Number of states."""
+        return len(self.x_names)
+
+    @property
+    def nu(self) -> int:
+        """Number of inputs."""
+        return len(self.u_names)
+
+    @property
+    def np(self) -> int:
+        """Number of parameters."""
+        return len(self.p_names)
+
+    @property
+    def nr(self) -> int:
+        """Number of setpoints of a node."""
+        return len(self.r_names)
+
+    @property
+    def nc(self) -> int:
+        """Number of rows of a node."""
+        return len(self.c_names)
+
+
+def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stages:
+    """Transcribe the problem of a scene into functions of a stage.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene.
+    prediction : Prediction, optional
+        Its model, if it exists already.
+
+    Returns
+    -------
+    Stages
+
+    Raises
+    ------
+    InputError
+        If the pieces do not fit together.
+    """
+    model = Prediction(scene) if prediction is None else prediction
+    horizon, limits = scene.controller.horizon, scene.controller.input
+    remembers = limits.rate_max is not None or bool(scene.controller.cost.input_rate)
+    held = ca.SX.sym("held", model.nu if remembers else 0)
+    x, u, p = ca.vertcat(model.x, held), model.u, model.p
+
+    def function(name: str, output: str, value: ca.SX) -> ca.Function:
+        return ca.Function(name, [x, u, p], [ca.densify(ca.cse([value])[0])], ["x", "u", "p"], [output])
+
+    change = (u - held) / horizon.stage if remembers else None
+    cost, quantities = scene.controller.cost, predicted(model, change)
+    terms = cost_terms(cost)
+    names = [term.names(scene, model) for term in terms]
+    weights = [np.tile(term.weights(cost), (len(own), 1)) for term, own in zip(terms, names, strict=True)]
+    of_state = sum(len(own) for term, own in zip(terms, names, strict=True) if term.of_state)
+    outputs = function("outputs", "y", ca.vertcat(*[term.value(quantities, scene) for term in terms]))
+    bounded = state_bounds(scene.controller.bounds, scene.curvature_limit, model)
+    ns = len(bounded.names)
+    if limits.rate_max is not None and change is not None:
+        bounded.add([f"{n.split(' ')[0]}_rate" for n in model.u_names], change / limits.rate_max, -1.0, 1.0, HARD)
+    rows = function("rows", "c", bounded.column)
+    dynamics = function("dynamics", "xd", model.dynamics(model.x, u, p))
+    u_min, u_max = _input_limits(scene)
+    method, substeps = _integration(horizon, model, u_min, u_max)
+    return Stages(
+        step=step_function(dynamics, x.numel(), method),
+        cost=cost_function(outputs, rows, horizon.stage),
+        terminal=terminal_function(outputs, rows, of_state, ns),
+        outputs=outputs,
+        dynamics=dynamics,
+        rows=rows,
+        stages=horizon.stages,
+        stage=horizon.stage,
+        substeps=substeps,
+        method=method,
+        nd=model.nx,
+        ns=ns,
+        nt=of_state,
+        x_names=(*model.x_names, *[f"held_{n}" for n in model.u_names if remembers]),
+        u_names=model.u_names,
+        p_names=model.p_names,
+        r_names=tuple(name for own in names for name in own),
+        c_names=tuple(bounded.names),
+        u_min=u_min,
+        u_max=u_max,
+        c_min=np.array(bounded.least),
+        c_max=np.array(bounded.most),
+        linear=np.array([penalty.linear for penalty in bounded.penalties]),
+        quadratic=np.array([penalty.quadratic for penalty in bounded.penalties]),
+        weights=np.vstack(weights)[:, 0],
+        terminal_weights=np.vstack(weights)[:, 1],
+        p_nominal=np.array(model.p_nominal),
+    )
+
+
+def _integration(horizon: Horizon, model: Prediction, u_min: Array, u_max: Array) -> tuple[str, int]:
+    """Choose method and steps per stage; from the stiffness where the scene has ``auto``."""
+    if horizon.method == "sdirk2":
+        return "sdirk2", horizon.substeps or math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+    if horizon.substeps is not None:
+        return "rk4", horizon.substeps
+    wanted = max(1, math.ceil(horizon.stage * model.fastest_rate(u_min, u_max) / _TARGET))
+    if horizon.method == "rk4" or wanted <= _EXPLICIT_UP_TO:
+        return "rk4", wanted
+    return "sdirk2", math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+
+
+def _input_limits(scene: ControlScene) -> tuple[Array, Array]:
+    tendons = scene.finger.tendons
+    if tendons is not None:
+        return np.full(2, tendons.min_tension), np.full(2, tendons.max_tension)
+    most = scene.controller.input.moment_max or 0.0
+    return np.array([-most]), np.array([most])

@@ -1,0 +1,204 @@
+"""What a controller tracks: weights of its cost, and setpoints that are constant, sampled in time, or a circle.
+
+A new cost term has its weight in ``Cost`` and its setpoint in ``Reference``, under the same name; see
+``control/ocp/cost_terms.py``.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from continuum_grasp.scene.value import Length, NonNegative, Positive, Real, Value, Vector2
+
+__all__ = [
+    "CircleReference",
+    "Cost",
+    "ForceWeight",
+    "Reference",
+    "Row",
+    "RowSamples",
+    "Rows",
+    "ShapeWeight",
+    "Weight",
+]
+
+
+def _running(value: Any) -> Any:
+    """Take a bare number as the running weight."""
+    return {"running": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+class Weight(Value):
+    """Weight of an error: the cost is half the squared error times this."""
+
+    running: NonNegative = 0.0
+    """Per second, and per unit of the error squared."""
+    terminal: NonNegative = 0.0
+    """Once, at the end of the horizon, per unit of the error squared."""
+
+
+Weighted = Annotated[Weight, BeforeValidator(_running, json_schema_input_type=float | Weight)]
+
+
+class ShapeWeight(Weight):
+    """Positions along the finger that track setpoints."""
+
+    at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
+    """Positions along the finger [m]."""
+
+
+class ForceWeight(Weight):
+    """Contacts whose normal forces track setpoints."""
+
+    of: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] | None = None
+    """Names of the contacts: finger.1 and so on at ``contacts``, finger.tip; None: all of these."""
+
+
+ForcesWeighted = Annotated[ForceWeight, BeforeValidator(_running, json_schema_input_type=float | ForceWeight)]
+
+
+class Cost(Value):
+    """Weights of half the squared errors; a term without a weight takes no computing time."""
+
+    tip: Weighted | None = None
+    """World position of the tip [1/m2]."""
+    bending: Weighted | None = None
+    """Bending angle of each element [1/rad2]."""
+    shape: ShapeWeight | None = None
+    """World positions along the finger [1/m2]."""
+    tip_angle: Weighted | None = None
+    """Orientation of the tip [1/rad2]."""
+    speed: Weighted | None = None
+    """Bending rate of each element, towards zero [s2/rad2]."""
+    contact_force: ForcesWeighted | None = None
+    """Normal force at each place where the finger may touch the object [1/N2]."""
+    effort: NonNegative | None = None
+    """Input away from ``reference.input`` [1/N2, or 1/(N m)2 of the tip moment]."""
+    input_rate: NonNegative | None = None
+    """Change of the input per time, towards zero [s2/N2, or s2/(N m)2]."""
+
+    @model_validator(mode="after")
+    def _tracks_something(self) -> Cost:
+        *others, last = [name for name in Cost.model_fields if name in Reference.model_fields]
+        names = f"{', '.join(others)} or {last}"
+        tracked = [weight for name in (*others, last) if (weight := getattr(self, name)) is not None]
+        if not tracked:
+            raise ValueError(f"a controller needs something to track: {names}")
+        if not any(w.running or w.terminal for w in tracked):
+            raise ValueError(f"give {names} a weight greater than 0: nothing is tracked")
+        if not self.effort and not self.input_rate:
+            raise ValueError("give effort or input_rate a weight greater than 0: without either inputs are not unique")
+        return self
+
+
+Row = Annotated[tuple[Real, ...], Field(strict=False, min_length=1)]
+
+
+class RowSamples(Value):
+    """Rows of numbers over time."""
+
+    times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2)]
+    """Instants, increasing [s]; before the first and after the last the row is held."""
+    values: Annotated[tuple[Row, ...], Field(strict=False, min_length=2)]
+    """One row per instant."""
+    interpolation: Literal["smooth", "linear", "hold"] = "smooth"
+    """smooth: monotone piecewise quintic; linear: straight lines; hold: each row until the next instant."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> RowSamples:
+        if any(b - a < 1e-9 for a, b in zip(self.times, self.times[1:], strict=False)):
+            raise ValueError(f"times must increase by 1e-9 s at least, got {list(self.times)}")
+        if len(self.values) != len(self.times):
+            raise ValueError(f"values must be as many as times ({len(self.times)}), got {len(self.values)}")
+        if len({len(row) for row in self.values}) > 1:
+            raise ValueError("all rows of values must have the same number of entries")
+        return self
+
+    @property
+    def width(self) -> int:
+        """Entries of a row."""
+        return len(self.values[0])
+
+
+class CircleReference(Value):
+    """A circle traversed at constant speed."""
+
+    center: Vector2
+    """World position of the center [m]."""
+    radius: Positive
+    """[m]"""
+    frequency: Real
+    """Turns per second, counter-clockwise [Hz]."""
+    phase: Real = 0.0
+    """Angle at time zero, from world +X [rad]."""
+    start: Real = 0.0
+    """Instant until which the setpoint waits at its first position [s]."""
+
+
+Rows = Row | RowSamples
+"""Numbers, constant or over time."""
+
+
+def _row(value: Any) -> Any:
+    """Take a bare number as a row of one entry."""
+    return (value,) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+Angle = Annotated[Row, BeforeValidator(_row, json_schema_input_type=float | Row)]
+
+
+class Reference(Value):
+    """Setpoints of what the cost tracks."""
+
+    tip: Vector2 | RowSamples | CircleReference | None = None
+    """World position of the tip [m]."""
+    bending: Rows | None = None
+    """Bending angle of each element of the controller's model [rad]; zero where not given."""
+    shape: Rows | None = None
+    """World positions x, y [m] of the sections of ``cost.shape.at``, one after the other."""
+    tip_angle: Angle | RowSamples | None = None
+    """World angle of the tip's section, whose tangent is (-sin, cos) of it [rad]; samples have rows of one entry."""
+    contact_force: Rows | None = None
+    """Normal force at each place where the finger may touch the object, from base to tip [N]."""
+    input: Rows | None = None
+    """Input that costs no effort: tip moment [N m] or tensions [N]; tensions: least tension where not given."""
+
+    @model_validator(mode="after")
+    def _planar(self) -> Reference:
+        if isinstance(self.tip, RowSamples) and self.tip.width != 2:
+            raise ValueError(f"tip: expected rows of x, y, got {self.tip.width} entries")
+        return self
+
+    def check(self, cost: Cost, key: str) -> None:
+        """Check that each tracked quantity has its setpoint, and each setpoint a weight.
+
+        Parameters
+        ----------
+        cost : Cost
+            The weights.
+        key : str
+            Where they are in the scene, for messages.
+
+        Raises
+        ------
+        ValueError
+            If one is missing, or the setpoints of ``shape`` are not as many as its sections have coordinates.
+        """
+        for name in Reference.model_fields:
+            if name not in Cost.model_fields or name in _ZERO_BY_DEFAULT:
+                continue
+            if getattr(cost, name) is not None and getattr(self, name) is None:
+                raise ValueError(f"reference.{name} is needed: {key}.{name} tracks it")
+            if getattr(cost, name) is None and getattr(self, name) is not None:
+                raise ValueError(f"nothing tracks reference.{name}: give {key}.{name} a weight")
+        if cost.shape is not None and self.shape is not None:
+            width = self.shape.width if isinstance(self.shape, RowSamples) else len(self.shape)
+            if width != 2 * len(cost.shape.at):
+                raise ValueError(f"reference.shape needs x, y of {len(cost.shape.at)} sections, got {width} numbers")
+
+
+_ZERO_BY_DEFAULT = frozenset({"bending"})
+"""Quantities whose setpoint is zero where none is given: the straight finger is a setpoint, the world's origin is
+none."""

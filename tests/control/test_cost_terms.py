@@ -1,0 +1,111 @@
+"""Cost terms: each entry where the table says it is, and the orientation of the tip against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from continuum_grasp.closed_loop.run import run_closed_loop
+from continuum_grasp.control.estimation.noise import ranges_of
+from continuum_grasp.control.ocp.cost_terms import TERMS, tracked_groups
+from continuum_grasp.control.ocp.stages import stages_of
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.errors import InputError
+from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.reals import real_of
+from tests.control_cases import ROD, hand_scene, rod_scene, swing_scene
+
+ANGLE = 0.8
+"""Setpoint of the tip's orientation [rad]."""
+TRACKED = {
+    "horizon": {"stages": 15, "stage": 0.01},
+    "cost": {"tip_angle": {"running": 50.0, "terminal": 5.0}, "speed": 0.05, "input_rate": 2.0},
+    "input": {"moment_max": 0.3, "rate_max": 3.0},
+}
+TURNED = {"controller": TRACKED, "reference": {"tip_angle": ANGLE}}
+
+
+def test_state_terms_come_first_and_the_rate_of_the_input_last():
+    """The last node has the first outputs, and the supervisor raises the last weights."""
+    of_state = [term.of_state for term in TERMS]
+    assert of_state == sorted(of_state, reverse=True)
+    assert TERMS[-1].key == "input_rate"
+
+
+def test_names_find_their_terms():
+    names = ["tip_x [m]", "tip_y [m]", "bending_1 [rad]", "tip_angle [rad]", "contact_force_finger.1 [N]"]
+    names += ["bending_rate_1 [rad/s]", "tension_1 [N]", "tension_1_rate [N/s]"]
+    found = {group.label: (group.unit, group.columns, group.of_points) for group in tracked_groups(names)}
+    assert found == {
+        "tip": ("m", (0, 1), True),
+        "bending": ("rad", (2,), False),
+        "tip angle": ("rad", (3,), False),
+        "contact force": ("N", (4,), False),
+    }
+
+
+def test_the_orientation_is_that_of_the_backbones_end():
+    """The tangent is (-sin, cos) of it, here by the last micrometer of the backbone."""
+    model = Prediction(hand_scene())
+    stages = stages_of(hand_scene(controller={"cost": {"tip_angle": 1.0, "effort": 0.1}}, reference={"tip_angle": 0.0}))
+    x = np.array(model.at_rest([4.0, -2.0], [10.0, 2.0]))
+    short, end = np.array(model.sections((0.18 - 1e-6, 0.18))(x, [10.0, 2.0], model.p_nominal)[0]).T
+    tangent = (end - short) / 1e-6
+    (angle,) = np.array(stages.outputs(x, [10.0, 2.0], stages.p_nominal))[:1, 0]
+    assert (-math.sin(angle), math.cos(angle)) == pytest.approx(tuple(tangent), abs=1e-5)
+
+
+def test_its_gradient_is_that_of_finite_differences():
+    stages = stages_of(swing_scene(**TURNED))
+    x, u, r = np.array([0.4, 0.3, 0.5, -0.2, 0.05]), np.array([0.1]), np.zeros(stages.nr)
+    cost = lambda z: float(stages.cost(z[:-1], z[-1:], stages.p_nominal, r, stages.weights)[0])  # noqa: E731
+    z, gradient = np.append(x, u), stages.cost(x, u, stages.p_nominal, r, stages.weights)[1]
+    difference = [(cost(z + d) - cost(z - d)) / 2e-6 for d in 1e-6 * np.eye(z.size)]
+    assert np.array(gradient).ravel() == pytest.approx(difference, rel=1e-6, abs=1e-7)
+
+
+def test_the_tip_turns_to_its_setpoint_and_stays():
+    """Arcs in a plane without gravity: the angle is tip moment times length per EI, whatever the elements."""
+    run = run_closed_loop(swing_scene(**TURNED, duration=2.0))
+    (tracking,) = run.metrics().tracking
+    assert (tracking.name, tracking.unit) == ("tip angle", "rad")
+    assert run.tracked[-1, 0] == pytest.approx(ANGLE, abs=2e-3)
+    assert run.u[-1, 0] == pytest.approx(ANGLE * ROD.rod.bending_stiffness / ROD.rod.length, rel=5e-3)
+
+
+def test_degrees_are_out_of_its_range_and_turns_are_not():
+    scene = swing_scene(**TURNED)
+    model = Prediction(scene)
+    least, most = ranges_of(scene, model, stages_of(scene, model), None).r[0]
+    assert least < -6.0 * math.pi
+    assert 6.0 * math.pi < most < 90.0
+
+
+def test_the_exported_reference_has_it_with_its_unit():
+    loop = Loop.of(swing_scene(**TURNED), real_of("double"), ("estimator", "mpc"))
+    (field,) = [field for field in loop.reference.fields if field.name == "tip_angle"]
+    assert field.unit == "rad"
+    assert [f.unit for f in loop.settings.fields if f.name == "weight_tip_angle"] == ["1/rad2"]
+
+
+@pytest.mark.parametrize(
+    ("cost", "reference", "message"),
+    [
+        ({"tip_angle": 1.0, "effort": 1.0}, {}, "reference.tip_angle is needed"),
+        ({"tip": 1.0, "effort": 1.0}, {"tip": (0.0, 0.5), "tip_angle": 0.1}, "nothing tracks reference.tip_angle"),
+    ],
+)
+def test_weight_and_setpoint_need_each_other(cost, reference, message):
+    with pytest.raises(InputError, match=message):
+        rod_scene(controller={"cost": cost, "input": {"moment_max": 0.3}}, reference=reference)
+
+
+def test_it_is_no_function_of_the_input():
+    """It applies at the end of the horizon too, which has no input."""
+    stages = stages_of(swing_scene(**TURNED))
+    x, u, p = (ca.SX.sym(name, size) for name, size in (("x", stages.nx), ("u", stages.nu), ("p", stages.np)))
+    assert not ca.depends_on(stages.outputs(x, u, p)[0], u)
+    assert stages.terminal_weights[0] == 5.0
