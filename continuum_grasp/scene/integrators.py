@@ -29,7 +29,7 @@ class Integrator:
     differentiates : bool
         Offered as ``horizon.method``; its file has ``differentiated_step``.
     symplectic : bool
-        Whether it keeps the phase space's area, and so the energy of a conservative motion within a bound.
+        Whether it preserves the symplectic form, and so the energy of a conservative motion within a bound.
     double_only : bool
         Whether its iterations end at a tolerance that single precision does not reach.
     failure : str
@@ -60,7 +60,7 @@ INTEGRATORS = {
         double_only=True,
         failure="Newton's method did not converge within a step",
     ),
-    "ros2": Integrator("implicit in elasticity and damping of the finger alone", 2, 2, simulates=False),
+    "ros2": Integrator("implicit in the finger's own elasticity and damping alone", 2, 2, simulates=False),
     "sdirk2": Integrator("diagonally implicit, L-stable", 2, 4, simulates=False, differentiates=True),
 }
 SIMULATION_METHODS = tuple(name for name, method in INTEGRATORS.items() if method.simulates)

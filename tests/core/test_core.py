@@ -229,6 +229,7 @@ def test_every_method_is_documented():
     page = (Path(__file__).parents[2] / "docs" / "accuracy.md").read_text(encoding="utf-8")
     for name, method in INTEGRATORS.items():
         assert f"| `{name}` | {method.order} | {'any' if method.stable is None else method.stable}" in page
+        assert f"| {method.text} |" in page
 
 
 @pytest.mark.parametrize("method", ["rk4", "rodas"])

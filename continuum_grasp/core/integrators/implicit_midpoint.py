@@ -59,7 +59,8 @@ def _middle(model: Any) -> ca.Function:
     momentum, change, mass = _momenta(model)(m, u, p, rate)
     missing = m - x - 0.5 * h * rate
     missing[n : 2 * n] = ca.solve(mass, momentum - start - 0.5 * h * change, "qr")
-    # The Jacobian without the change of the mass matrix over half a step: half of the compiled code, an iteration more.
+    # The Jacobian without the change of the mass matrix over half a step: the exact one has three times the C (of two
+    # arcs 201 instead of 70 kB) and took 17 instead of 12 us a step.
     slope = ca.MX.eye(x.numel()) - 0.5 * h * model.linearization(m, u, w, p)[0]
     unit = 1.0 + ca.fabs(x)
     scaled = ca.densify(ca.repmat(1.0 / unit, 1, x.numel()) * slope * ca.repmat(unit.T, x.numel(), 1))
