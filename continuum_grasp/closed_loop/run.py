@@ -45,7 +45,7 @@ class Controls(Protocol):
         """Time from one command to the next [s]."""
 
     def step(self, measurement: Array, reference: Array, *, p: Array | None = None) -> Any:
-        """The command for a measurement (ny) and set-points (N + 1, nr)."""
+        """The command for a measurement (ny) and setpoints (N + 1, nr)."""
 
     def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
         """Begin anew, from a state (nx) and an input (nu)."""

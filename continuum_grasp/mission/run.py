@@ -21,7 +21,7 @@ from continuum_grasp.mission.verdict import judge
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene
 
-__all__ = ["Crew", "run_mission"]
+__all__ = ["MissionRunner", "run_mission"]
 
 Progress = Callable[[float], None]
 
@@ -34,7 +34,7 @@ def run_mission(
     variation: Variation | None = None,
     progress: Progress | None = None,
 ) -> MissionRun:
-    """Optimise a grasp, and carry it out in closed loop.
+    """Optimize a grasp, and carry it out in closed loop.
 
     Parameters
     ----------
@@ -62,10 +62,10 @@ def run_mission(
     Interrupted
         On Ctrl-C; ``result`` is the mission until then.
     """
-    return Crew(assign(scene_of(scene, MissionScene), grasp)).run(variation, progress)
+    return MissionRunner(assign(scene_of(scene, MissionScene), grasp)).run(variation, progress)
 
 
-class Crew:
+class MissionRunner:
     """Controller and plant of a mission, made once for any number of runs.
 
     Parameters

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from os import PathLike
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
 from continuum_grasp.results.result import File, Result, Stored
-from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import damping_matrix
 from continuum_grasp.simulation.statics import Equilibrium, equilibrium
@@ -69,30 +67,8 @@ class Modes(Result):
         return self.equilibrium.warnings
 
 
-def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = None, points: int = 61) -> Modes:
-    """Modes of a finger about its equilibrium.
-
-    Parameters
-    ----------
-    scene : Scene or path-like
-        The scene, or its YAML file.
-    about : Equilibrium, optional
-        Equilibrium to linearize about; found where not given.
-    points : int
-        Number of points of the shapes.
-
-    Returns
-    -------
-    Modes
-        As many as there are bending coordinates. Under following loads or tendon friction the stiffness is not
-        symmetric; modes that flutter then come as two of one frequency, and ``stable`` is false.
-
-    Raises
-    ------
-    SolverError
-        If no equilibrium is found.
-    """
-    scene = scene_of(scene)
+def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
+    """Find the modes of a scene without ``fidelity.tolerance``; see `continuum_grasp.modes`."""
     found = equilibrium(scene) if about is None else about
     model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
     core = Core(model, compiled=False)

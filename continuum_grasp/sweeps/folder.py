@@ -25,7 +25,7 @@ PLAN = "sweep.json"
 TABLE = "table.jsonl"
 _LOCK = ".lock"
 _FLUSH_SECONDS = 2.0
-"""Between two requests that the disk store the table [s]: so much work may a power cut cost."""
+"""Time between two writes to the disk [s]: what a loss of power can cost."""
 _ABOUT = ("name", "created", "versions", "columns", "units", "pictures")
 """Entries of the stored plan that do not decide what is computed."""
 

@@ -99,7 +99,7 @@ def test_the_plant_moves_as_the_simulator_says():
     assert tried.x[: len(x)] == pytest.approx(x, rel=1e-8, abs=1e-8)
 
 
-def test_the_plant_differs_as_it_is_told():
+def test_the_plant_differs_as_stated():
     plant = {"stiffness": 1.1, "damping": 1.3, "tip_mass": 0.001, "tendon_friction": 0.05, "time_constant": 0.03}
     finger = plant_scene(make(plant=plant)).finger
     assert finger.rod.stiffness == pytest.approx(1.1 * 6.11e-3)
@@ -169,7 +169,7 @@ def test_a_drive_of_first_order_bends_the_finger_as_its_tensions_do():
         {"plant": {"drive_order": 1}, "finger": FINGER.model_copy(update={"tendons": None}), "controller": None},
     ],
 )
-def test_a_drive_of_first_order_needs_a_lag_and_a_tip_that_may_be_thrown(changes):
+def test_a_drive_of_first_order_needs_a_lag_and_a_continuous_moment(changes):
     if changes.get("controller", True) is None:
         changes = {**changes, "controller": {**CONTROLLER, "input": {"moment_max": 0.3}}}
     with pytest.raises(InputError):
@@ -211,7 +211,7 @@ def test_without_an_estimator_the_state_is_measured(family):
     assert tried.measure() == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-def test_a_motion_that_is_lost_is_told():
+def test_a_motion_that_is_lost_is_reported():
     tried = Plant(make(plant={"fidelity": ARCS}, loads=(ForceLoad(at=0.18, force=(1e12, 0.0)),)))
     with pytest.raises(NumericalError, match="not finite"):
         tried.advance((1.0, 1.0))
@@ -332,7 +332,7 @@ def test_what_ends_at_an_event_is_foreseen_to_go_on():
 # -- whole loops ------------------------------------------------------------------------------------------------------
 
 
-def test_the_tip_goes_where_it_is_told():
+def test_the_tip_follows_its_setpoints():
     found = run()
     assert (found.ended, len(found.u)) == ("finished", 40)
     assert set(found.status) == {"solved"}
@@ -430,10 +430,10 @@ def test_an_interrupted_run_keeps_what_it_has(tmp_path):
 
     with pytest.raises(Interrupted) as caught:
         run_closed_loop(make(estimator=ESTIMATOR), progress=stop)
-    kept = caught.value.result
-    assert (kept.ended, len(kept.u)) == ("stopped", 10)
-    assert np.array_equal(kept.u, run().u[:10])
-    kept.save(tmp_path)
+    partial = caught.value.result
+    assert (partial.ended, len(partial.u)) == ("stopped", 10)
+    assert np.array_equal(partial.u, run().u[:10])
+    partial.save(tmp_path)
     assert (tmp_path / "result.npz").is_file()
 
 
@@ -441,9 +441,9 @@ def test_a_lost_motion_keeps_what_it_has():
     blow = VectorSamples(times=(0.1, 0.11), values=((0.0, 0.0), (1e9, 0.0)))
     with pytest.raises(NumericalError, match="not finite") as caught:
         run_closed_loop(make(estimator=ESTIMATOR, loads=(ForceLoad(at=0.18, force=blow),)))
-    kept = caught.value.result
-    assert 9 <= len(kept.u) <= 14
-    assert np.all(np.isfinite(kept.x))
+    partial = caught.value.result
+    assert 9 <= len(partial.u) <= 14
+    assert np.all(np.isfinite(partial.x))
 
 
 def test_other_controllers_have_other_scenes():
@@ -456,7 +456,7 @@ def test_other_controllers_have_other_scenes():
 
 
 def lines(ax):
-    """Data of the labelled lines by their labels."""
+    """Data of the labeled lines by their labels."""
     return {line.get_label(): np.array(line.get_data()).T for line in ax.get_lines()}
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.ocp.implicit import implicit_step
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 
@@ -111,8 +112,8 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
         The scene, with an estimator.
     model : Prediction
         Its prediction model.
-    method : {"rk4", "implicit"}
-        Integrator; that of the stages.
+    method : str
+        Integrator, by name in ``CONTROL_METHODS``; that of the stages.
 
     Returns
     -------
@@ -137,7 +138,7 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     def function(name: str, inputs: list[ca.SX], labels: list[str], **found: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [ca.densify(e) for e in ca.cse(list(found.values()))], labels, list(found))
 
-    zn, f, g = (_implicit_step if method == "implicit" else _step)(z, u, p, h, rate, model.nx)
+    zn, f, g = (_step if method == "rk4" else partial(_implicit_step, method))(z, u, p, h, rate, model.nx)
     given, labels = [z, u, p, h], ["z", "u", "p", "h"]
     return Estimation(
         step=function("estimator_step", given, labels, zn=zn, F=f, G=g),
@@ -172,13 +173,15 @@ def _step(z: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX, rate: ca.SX, nx: int) -> tuple
     return ca.vertcat(ends[0][0], d), whole, half_way
 
 
-def _implicit_step(z: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX, rate: ca.SX, nx: int) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _implicit_step(
+    method: str, z: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX, rate: ca.SX, nx: int
+) -> tuple[ca.SX, ca.SX, ca.SX]:
     """The same by an L-stable method."""
     x, d = z[:nx], z[nx:]
     slope = ca.Function("slope", [z, u, p], ca.cse([rate, ca.jacobian(rate, x), ca.jacobian(rate, d)]))
     below = ca.horzcat(ca.SX(d.numel(), nx), ca.SX.eye(d.numel()))
-    following, *whole = implicit_step(slope, x, (u, p), h, d)
-    half_way = implicit_step(slope, x, (u, p), 0.5 * h, d)[1:]
+    following, *whole = differentiated_step(method, slope, x, (u, p), h, d)
+    half_way = differentiated_step(method, slope, x, (u, p), 0.5 * h, d)[1:]
     ends = [ca.vertcat(ca.horzcat(*part), below) for part in (whole, half_way)]
     return ca.vertcat(following, d), ends[0], ends[1]
 

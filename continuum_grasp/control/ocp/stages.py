@@ -59,8 +59,8 @@ class Stages:
         (x, u, p) -> c (nc).
     stages, substeps : int
         N, and steps per stage.
-    method : {"rk4", "implicit"}
-        The Runge-Kutta method of order 4, or an L-stable one of order 2.
+    method : str
+        Name in ``CONTROL_METHODS``.
     stage : float
         Length of a stage h [s].
     nd, ns, nt : int
@@ -211,14 +211,14 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
 
 def _integration(horizon: Horizon, model: Prediction, u_min: Array, u_max: Array) -> tuple[str, int]:
     """Choose method and steps per stage; from the stiffness where the scene has ``auto``."""
-    if horizon.method == "implicit":
-        return "implicit", horizon.substeps or math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+    if horizon.method == "sdirk2":
+        return "sdirk2", horizon.substeps or math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
     if horizon.substeps is not None:
         return "rk4", horizon.substeps
     wanted = max(1, math.ceil(horizon.stage * model.fastest_rate(u_min, u_max) / _TARGET))
     if horizon.method == "rk4" or wanted <= _EXPLICIT_UP_TO:
         return "rk4", wanted
-    return "implicit", math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+    return "sdirk2", math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
 
 
 def _input_limits(scene: ControlScene) -> tuple[Array, Array]:

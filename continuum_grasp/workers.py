@@ -1,4 +1,4 @@
-"""Who does the work: processes on this machine, or any executor."""
+"""Worker pools: processes on this machine, or any executor."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -16,78 +17,92 @@ from typing import Any, Protocol
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.interrupt import ignored_by_children
 
-__all__ = ["Crew", "ExecutorCrew", "LocalCrew", "checked_count", "cores"]
+__all__ = ["ExecutorPool", "ProcessPool", "WorkerPool", "checked_count", "cores"]
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 
-class Crew(Protocol):
-    """Takes chunks of work."""
+class WorkerPool(Protocol):
+    """Takes tasks."""
 
     @property
     def workers(self) -> int:
-        """How many there are."""
+        """Number of workers."""
 
     @property
     def most(self) -> int:
-        """How many chunks to give out at a time."""
+        """Greatest number of tasks to have submitted at a time."""
 
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Give out a chunk; there are less than ``most`` of them out."""
+        """Submit a task; fewer than ``most`` are pending."""
 
     def lost(self, future: Future[Any]) -> bool:
-        """Whether a chunk failed since its worker died, and another may be tried.
+        """Whether a task failed because its worker died, and another may be tried.
 
         Raises
         ------
         SolverError
-            There are no workers to go on with.
+            There are no workers left.
         """
 
     def close(self, at_once: bool) -> None:
-        """Send everybody home, at once or when they are done."""
+        """Shut the workers down, at once or when they are done."""
 
 
 @dataclass
-class _Seat:
+class _Worker:
     pool: ProcessPoolExecutor
     started: Future[Any]
     busy: Future[Any]
 
 
-class LocalCrew:
-    """One pool of one process per worker: a scene that takes its process with it takes nothing else along.
+class ProcessPool:
+    """Processes on this machine, one executor each: a task that ends its process ends no other task.
 
-    Each worker has one chunk at a time and one thread for linear algebra, ignores Ctrl-C, and ends when this process
+    Each worker has one task at a time and one thread for linear algebra, ignores Ctrl-C, and ends when this process
     does, however that ends.
 
     Parameters
     ----------
     count : int
         Number of processes.
+    start : callable, optional
+        Called in each new process with ``arguments``, before its first task.
     """
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, start: Callable[..., None] | None = None, *arguments: Any) -> None:
         self.workers = self.most = count
         self._context = multiprocessing.get_context("spawn")
         self._watched, self._alive = self._context.Pipe(duplex=False)
-        self._seats: list[_Seat | None] = [None] * count
+        self._started: list[_Worker | None] = [None] * count
+        self._prepared = (self._watched, start, arguments)
 
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Give a chunk to an idle worker; one that died is replaced."""
-        k = next(k for k, seat in enumerate(self._seats) if seat is None or seat.busy.done())
-        seat = self._seats[k]
+        """Submit a task to an idle worker; one that died is replaced."""
+        k = next(k for k, worker in enumerate(self._started) if worker is None or worker.busy.done())
+        worker = self._started[k]
         try:
-            if seat is not None:
-                seat.busy = seat.pool.submit(work, *arguments)
-                return seat.busy
+            if worker is not None:
+                worker.busy = worker.pool.submit(work, *arguments)
+                return worker.busy
         except BrokenExecutor:  # its process died
             pass
         with _one_thread(), ignored_by_children():
-            pool = ProcessPoolExecutor(1, self._context, _prepare, (self._watched,))
-            started = pool.submit(_here)
-        self._seats[k] = seat = _Seat(pool, started, pool.submit(work, *arguments))
-        return seat.busy
+            pool = ProcessPoolExecutor(1, self._context, _prepare, self._prepared)
+            started = pool.submit(_confirm_start)
+        self._started[k] = worker = _Worker(pool, started, pool.submit(work, *arguments))
+        return worker.busy
+
+    def as_completed(self, work: Callable[..., Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Future[Any]]]:
+        """Number and future of each task, in the order in which they end."""
+        pending: dict[Future[Any], int] = {}
+        left = deque(enumerate(tasks))
+        while left or pending:
+            while left and len(pending) < self.most:
+                k, task = left.popleft()
+                pending[self.submit(work, task)] = k
+            for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                yield pending.pop(future), future
 
     def lost(self, future: Future[Any]) -> bool:
         """Whether the worker's process ended.
@@ -99,8 +114,8 @@ class LocalCrew:
         """
         if not isinstance(future.exception(), BrokenExecutor):
             return False
-        seat = next(seat for seat in self._seats if seat is not None and seat.busy is future)
-        if seat.started.exception() is not None:
+        worker = next(worker for worker in self._started if worker is not None and worker.busy is future)
+        if worker.started.exception() is not None:
             raise SolverError(
                 "worker processes cannot be started",
                 status="not_started",
@@ -112,21 +127,21 @@ class LocalCrew:
         """End the processes: when they are idle, or at once."""
         if at_once:
             self._alive.close()
-        for seat in self._seats:
-            if seat is not None:
-                seat.pool.shutdown(wait=True, cancel_futures=True)
+        for worker in self._started:
+            if worker is not None:
+                worker.pool.shutdown(wait=True, cancel_futures=True)
         self._alive.close()
         self._watched.close()
 
 
-class ExecutorCrew:
+class ExecutorPool:
     """Any `concurrent.futures.Executor`, which stays its owner's.
 
     Parameters
     ----------
     executor : concurrent.futures.Executor
     workers : callable
-        Gives how many there are; asked again and again, since clusters grow and shrink.
+        Returns their number; asked again and again, since clusters grow and shrink.
     """
 
     def __init__(self, executor: Executor, workers: Callable[[], int]) -> None:
@@ -135,16 +150,16 @@ class ExecutorCrew:
 
     @property
     def workers(self) -> int:
-        """How many there are now."""
+        """Number of workers now."""
         return max(1, self._count())
 
     @property
     def most(self) -> int:
-        """Two chunks for each, so that nobody waits for the next."""
+        """Two tasks for each, so that none waits for the next."""
         return 2 * self.workers
 
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Give out a chunk.
+        """Submit a task.
 
         Raises
         ------
@@ -160,7 +175,7 @@ class ExecutorCrew:
         return future
 
     def lost(self, future: Future[Any]) -> bool:
-        """Whether a cluster gave a chunk up because workers died of it.
+        """Whether a cluster gave a task up because workers died of it.
 
         Raises
         ------
@@ -173,7 +188,7 @@ class ExecutorCrew:
         return type(error).__name__ == "KilledWorker"
 
     def close(self, at_once: bool) -> None:
-        """Take back what has not begun."""
+        """Cancel tasks that have not begun."""
         for future in list(self._out):
             future.cancel()
 
@@ -202,14 +217,16 @@ def _stopped(error: BaseException) -> SolverError:
     return SolverError(
         f"the executor takes no more work: {error}",
         status="stopped",
-        advice="What was computed is in the table; the same call with a new executor goes on from there.",
+        advice="What was computed is in the table; the same call with a new executor resumes from there.",
     )
 
 
-def _prepare(watched: Connection) -> None:
+def _prepare(watched: Connection, start: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:
     """In a new worker: leave Ctrl-C to the parent, and end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, args=(watched,), daemon=True).start()
+    if start is not None:
+        start(*arguments)
 
 
 def _end_with_parent(watched: Connection) -> None:
@@ -218,13 +235,13 @@ def _end_with_parent(watched: Connection) -> None:
     os._exit(1)
 
 
-def _here() -> None:
-    """A worker that does this is there."""
+def _confirm_start() -> None:
+    """Run as the first task, so that a process which ends before any task is distinguished."""
 
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """What is started here computes with one thread, unless the user said otherwise."""
+    """Processes started here compute with one thread, unless the environment states another number."""
     own = [name for name in _THREADS if name not in os.environ]
     os.environ.update(dict.fromkeys(own, "1"))
     try:

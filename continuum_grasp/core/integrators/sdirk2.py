@@ -1,4 +1,4 @@
-"""An L-stable step for stiff models: two implicit stages, each by two Newton iterations, with its derivatives."""
+"""An L-stable step of order 2 for stiff models: two diagonally implicit stages, each by two Newton iterations."""
 
 from __future__ import annotations
 
@@ -6,49 +6,30 @@ import math
 
 import casadi as ca
 
-__all__ = ["implicit_step"]
+__all__ = ["differentiated_step"]
 
 _GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 """Diagonal coefficient [1] that makes two diagonally implicit stages L-stable and of order 2; R. Alexander, SIAM J.
 Numer. Anal. 14 (1977) 1006, doi:10.1137/0714068."""
 
 
-def implicit_step(
-    slope: ca.Function, x: ca.SX, others: tuple[ca.SX, ...], h: ca.SX, held: ca.SX | None = None
+def differentiated_step(
+    slope: ca.Function, x: ca.SX, others: tuple[ca.SX, ...], h: ca.SX, held: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Write one step and its derivatives as expressions without loops, branches or pivoting.
+    """Write the step with its derivatives, exact up to the last Newton correction; see the package.
 
     Each stage takes two Newton iterations, a number that does not depend on data, so that the code is straight-line and
     its time is constant. A contact of 20 kN/m that closes within a step of 10 ms leaves the stage equations unsolved;
     such models need shorter steps.
-
-    Parameters
-    ----------
-    slope : casadi.Function
-        (x, *others) -> rate (n), its Jacobian with respect to the first n entries of x (n, n), and that with respect to
-        m further quantities (n, m).
-    x : casadi.SX
-        State (n).
-    others : tuple of casadi.SX
-        Further arguments, constant over the step.
-    h : casadi.SX
-        Step [s].
-    held : casadi.SX, optional
-        Constant entries of the first argument after the state.
-
-    Returns
-    -------
-    xn, by_x, by_u : casadi.SX
-        Next state (n), and its derivatives (n, n) and (n, m); these are exact up to the last Newton correction.
     """
-    n, tail = x.numel(), ca.SX(0, 1) if held is None else held
+    n = x.numel()
     step, ahead = _GAMMA * h, (1.0 - _GAMMA) * h
     start, by_x, by_u = x, ca.SX.eye(n), ca.SX(n, slope.size2_out(2))
     rates: list[tuple[ca.SX, ca.SX, ca.SX]] = []
     for _ in range(2):
-        f, f_x, _ = slope(ca.vertcat(start, tail), *others)
+        f, f_x, _ = slope(ca.vertcat(start, held), *others)
         k = _solve(ca.SX.eye(n) - step * f_x, f)
-        f, f_x, f_u = slope(ca.vertcat(start + step * k, tail), *others)
+        f, f_x, f_u = slope(ca.vertcat(start + step * k, held), *others)
         columns = ca.horzcat(f - k, ca.mtimes(f_x, by_x), ca.mtimes(f_x, by_u) + f_u)
         solved = _solve(ca.SX.eye(n) - step * f_x, columns)
         k, k_x, k_u = k + solved[:, 0], solved[:, 1 : n + 1], solved[:, n + 1 :]
