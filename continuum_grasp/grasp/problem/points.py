@@ -22,6 +22,7 @@ Array = NDArray[Any]
 Values = dict[str, Any]
 
 BACKBONE_POINTS = 201
+"""Points of a stored backbone: 0.5 % of the length apart, for pictures; the certificate integrates its own."""
 PRESSED = 1e-2
 """Least normal force of a contact to start with, as a part of the weight."""
 

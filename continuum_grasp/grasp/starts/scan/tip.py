@@ -21,9 +21,9 @@ __all__ = ["bent_by_tip", "moved_tip", "tip_only", "with_tip"]
 Array = NDArray[Any]
 
 _TIP_REACH, _TIP_GRID = 8.0, 33
+"""Greatest end curvature [1/L] and size of the grid of clothoids whose tips may touch: 0.5 1/L apart."""
 _ARCS_REACH, _ARCS_GRID = 13.0, 53
-"""Greatest end curvature [1/L] and size of the grid of curves whose tips may touch, of clothoids and of two arcs: 0.5
-1/L apart; an arc has half of the length for the same bend."""
+"""The same of two arcs, each of which has a part of the length for its bend."""
 _BESIDE_CONE = 0.15
 """Angle outside the friction cone up to which a start is used [rad]: half a spacing of the directions of `elastica`."""
 _BESIDE = 0.01
