@@ -14,10 +14,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from continuum_grasp.accuracy.measure import errors_of
 
 from benchmarks.paper.errors import paper_errors
 from benchmarks.report import Report, Table
+from continuum_grasp.accuracy.assess import errors_of
 from continuum_grasp.accuracy.choice import Choice
 from continuum_grasp.accuracy.motion import Motion, pace, reference_motion, rms
 from continuum_grasp.accuracy.timing import evaluation_ns

@@ -29,6 +29,7 @@ from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.closed_loop.schedule import Phase
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.errors import NumericalError
 
@@ -133,7 +134,10 @@ def run_of(bench: Bench, loop: str, wrong: Wrong, seed: int) -> tuple[ControlRun
     """A closed loop, and whether the plant's motion was lost in it."""
     scene, control = bench.scene, bench.control
     plant = bench.plant(wrong, seed)
-    points, again = setpoints(scene, control.stages, control.prediction), REPEATED.get(loop, math.inf)
+    points, again = (
+        setpoints(Outputs.of(scene.controller.cost, control.prediction), scene.reference),
+        REPEATED.get(loop, math.inf),
+    )
     duration = DURATION.get(loop, OTHERS) + DRIFTING * (wrong.fault == "drift")
     phase = Phase(loop, lambda t: points.rows(t if math.isinf(again) else np.mod(t, again)), duration)
     driven = _Clocked(control, plant) if wrong.clock else control

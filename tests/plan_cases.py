@@ -40,7 +40,7 @@ def two_arcs(**changes) -> PlanScene:
     return small(**(keys | {"duration": 0.15, "intervals": 30} | changes))
 
 
-def linearised(scene: PlanScene) -> tuple[np.ndarray, np.ndarray]:
+def linearized(scene: PlanScene) -> tuple[np.ndarray, np.ndarray]:
     """A and B of the straight finger at rest, by central differences."""
     model = Motion(scene).prediction
     p, n = np.array(model.p_nominal), model.nx

@@ -16,6 +16,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.families import default_family
+from continuum_grasp.scene.integrators import INTEGRATORS
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
@@ -142,7 +143,9 @@ def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
             finest = run.tip(max(4 * substeps, _SUBSTEPS[min(k + 6, len(_SUBSTEPS) - 1)]))
         error = float(np.linalg.norm(tip - finest, axis=1).max()) / model.finger.rod.length
         if error <= tolerance:
-            return Pace(round(substeps / run.step), 4.0 * evaluation_ns(model), error, finest)
+            return Pace(
+                round(substeps / run.step), INTEGRATORS["rk4"].evaluations * evaluation_ns(model), error, finest
+            )
     raise NumericalError(f"more than {_SUBSTEPS[-1]} sub-steps of {run.step:g} s are needed")
 
 

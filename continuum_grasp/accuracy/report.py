@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from continuum_grasp import interrupt
 from continuum_grasp.accuracy.motion import Motion, reference_motion
@@ -16,6 +16,8 @@ from continuum_grasp.accuracy.rows import NOTES, ReportRows, columns_of
 from continuum_grasp.accuracy.tables import Table
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.errors import InputError
+from continuum_grasp.results.record import begin_run
+from continuum_grasp.results.result import File, Result
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Scene
 
@@ -28,11 +30,11 @@ FRONTS = (
 )
 """Costs and errors that are set against each other."""
 COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
-"""Numbers of elements: about 1.5 apart, which shows the order of convergence."""
+"""Numbers of elements: each about 4/3 or 3/2 of the one before, which is even on the logarithmic axis of cost."""
 
 
 @dataclass(frozen=True)
-class AccuracyReport:
+class AccuracyReport(Result):
     """What every choice of a scene costs, and how wrong it is.
 
     Attributes
@@ -44,6 +46,13 @@ class AccuracyReport:
     tables : tuple of Table
         ``choices`` first.
     """
+
+    kind: ClassVar[str] = "accuracy"
+    texts: ClassVar[tuple[File, ...]] = (
+        File("accuracy.md", "accuracy.report:AccuracyReport.markdown"),
+        File("accuracy.json", "accuracy.report:AccuracyReport.tables_json"),
+    )
+    pictures: ClassVar[tuple[File, ...]] = (File("accuracy.png", "plotting.accuracy:plot_accuracy"),)
 
     scene: Scene
     truth: Truth
@@ -93,22 +102,26 @@ class AccuracyReport:
             head += ["Load cases omitted: " + "; ".join(self.truth.omitted) + ".", ""]
         return "\n".join([*head, *self._fronts(), *(table.markdown() for table in self.tables)])
 
-    def save(self, folder: str | PathLike[str]) -> list[Path]:
-        """Write ``accuracy.md``, ``accuracy.json`` and ``accuracy.png`` into a folder."""
-        from continuum_grasp.plotting import plot_accuracy, save_picture
-        from continuum_grasp.results import begin_run, replacing
+    def tables_json(self) -> str:
+        """All tables as JSON."""
+        return json.dumps([table.as_dict() for table in self.tables], indent=1, allow_nan=False)
 
-        target = begin_run(folder, "accuracy")
-        texts = {
-            "accuracy.md": self.markdown(),
-            "accuracy.json": json.dumps([table.as_dict() for table in self.tables], indent=1, allow_nan=False),
-        }
-        files = []
-        for name, text in texts.items():
-            with replacing(target / name) as temporary:
-                temporary.write_text(text)
-            files.append(target / name)
-        return [*files, save_picture(plot_accuracy(self), target / "accuracy.png")]
+    def save(self, folder: str | PathLike[str]) -> Path:
+        """Write ``accuracy.md`` and ``accuracy.json`` into a run folder, each whole or not at all.
+
+        Returns
+        -------
+        pathlib.Path
+            The folder.
+
+        Raises
+        ------
+        OSError
+            The files cannot be written.
+        """
+        target = begin_run(folder, self.kind)
+        self._write(self.texts, target)
+        return target
 
 
 @interrupt.listening()

@@ -16,6 +16,7 @@ from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.core import Core
 from continuum_grasp.errors import ContinuumGraspError, NumericalError
 from continuum_grasp.scene.families import PAPER_FAMILY
+from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
 from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["NOTES", "ReportRows", "columns_of"]
@@ -36,7 +37,11 @@ COLUMNS = (
 _LONGEST = 10_000
 """Instructions of the forward dynamics up to which a model is compiled and timed; compiling larger ones would take
 most of the report's time."""
-_STEPS = (("rk4", 1), ("rk4", 2), ("rk4", 4), ("rk4", 8), ("implicit", 1), ("implicit", 2), ("implicit", 4))
+_STEPS = tuple(
+    (name, count)
+    for name in SIMULATION_METHODS
+    for count in ((1, 2, 4) if INTEGRATORS[name].stable is None else (1, 2, 4, 8))
+)
 """Methods and steps between two instants."""
 _FINEST = 64
 """Steps between two instants of the motion that others are compared with: eight times the most of `_STEPS`, which rk4
@@ -48,7 +53,7 @@ _EQUAL = 1e-4
 NOTES = {
     "choices": "Greatest errors over the static load cases, and of the natural frequencies about them; r.m.s. error of "
     f"the tip in motion; real-time factor with Runge-Kutta steps whose own error is {_EQUAL:g} of the length.",
-    "integrators": "Greatest error of the tip by the steps alone; as called from Python; the implicit method is RODAS.",
+    "integrators": "Greatest error of the tip by the steps alone; as called from Python.",
     "terms": "Greatest error of the accelerations by truncated terms and nodes, per their greatest entry, over "
     "states in the declared range.",
     "precision": "As in the table of terms, by rounding alone.",

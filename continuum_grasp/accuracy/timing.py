@@ -10,6 +10,7 @@ import numpy as np
 
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.integrators import INTEGRATORS
 
 __all__ = ["evaluation_error", "evaluation_ns"]
 
@@ -39,7 +40,7 @@ def evaluation_ns(model: FingerModel, precision: str = "double") -> float:
         began = clock()
         core.rollout(start, _STEPS, 1e-9)
         times.append(clock() - began)
-    return float(1e9 * np.median(times) / (4 * _STEPS))
+    return float(1e9 * np.median(times) / (INTEGRATORS["rk4"].evaluations * _STEPS))
 
 
 def evaluation_error(dynamics: Callable[..., Any], model: FingerModel) -> float:

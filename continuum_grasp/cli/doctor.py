@@ -24,7 +24,7 @@ def doctor(as_json: Json = False) -> None:
     output.pairs(facts)
     output.result(**facts)
     if facts["ipopt"] != "found":
-        output.warn(["IPOPT is not in this CasADi: grasps cannot be optimised; install casadi from PyPI"])
+        output.warn(["IPOPT is not in this CasADi: grasps cannot be optimized; install casadi from PyPI"])
         raise typer.Exit(1)
 
 

@@ -9,24 +9,25 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, NamedTuple
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.closed_loop.programme import Programme
+from continuum_grasp.closed_loop.shooting import ShootingProblem
 from continuum_grasp.control.command import Estimate, Plan
 from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.status import Status
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
+from continuum_grasp.nlp import Budget, Settings, new_solver
 from continuum_grasp.scene.control import ControlScene
 
 __all__ = ["Converged"]
 
 Array = NDArray[np.float64]
 
-_TOLERANCE = 1e-8
+_SETTINGS = Settings(tolerance=1e-8, max_iterations=200, tuning={"ipopt": {"mu_strategy": "adaptive"}})
+"""A period that takes more iterations counts as a failure."""
 
 
 class _Times(NamedTuple):
@@ -72,18 +73,7 @@ class Converged(Remade):
         self.prediction = Prediction(scene)
         self.stages = stages_of(scene, self.prediction)
         self.period = scene.controller.step
-        self._programme = Programme(self.stages)
-        options: dict[str, Any] = {
-            "print_time": False,
-            "error_on_fail": False,
-            "no_nlp_grad": True,
-            "calc_lam_p": False,
-            "grad_f": self._programme.gradient,
-            "jac_g": self._programme.jacobian,
-            "hess_lag": self._programme.hessian,
-            "ipopt": {"print_level": 0, "sb": "yes", "tol": _TOLERANCE, "max_iter": 200, "mu_strategy": "adaptive"},
-        }
-        self._solver = ca.nlpsol("converged", "ipopt", self._programme.problem, options)
+        self._problem, self._solver = ShootingProblem(self.stages), new_solver(_SETTINGS)
         self._held = np.array([])
         self._last: tuple[Array, Array] | None = None
         self.failures = 0
@@ -113,7 +103,7 @@ class Converged(Remade):
         measurement : (nx,) array_like
             State of the prediction.
         reference : (N + 1, nr) array_like
-            Set-points of the nodes.
+            Setpoints of the nodes.
         p : (np,) array_like, optional
             Parameters; nominal where not given.
 
@@ -129,19 +119,21 @@ class Converged(Remade):
         x0 = np.concatenate([state, held[: s.nx - s.nd]])
         parameters = s.p_nominal if p is None else np.asarray(p, dtype=float)
         x, u = self._guess(x0, held)
-        found = self._programme.solve(self._solver, x, u, x0, parameters, np.asarray(reference, dtype=float))
-        self._last = found.x, found.u
-        self._held = np.clip(found.u[0], s.u_min, s.u_max)
-        self.failures += not found.success
+        start = self._problem.start(x, u, x0, parameters, np.asarray(reference, dtype=float))
+        found = self._solver.solve(self._problem.nlp, start, Budget())
+        x, u, violation = self._problem.split(found.x)
+        self._last = x, u
+        self._held = np.clip(u[0], s.u_min, s.u_max)
+        self.failures += not found.converged
         self.times.append(perf_counter() - began)
         return _Command(
             u=self._held,
-            status=Status.SOLVED if found.success else Status.ITERATION_LIMIT,
-            plan=Plan(found.x, found.u),
+            status=Status.SOLVED if found.converged else Status.ITERATION_LIMIT,
+            plan=Plan(*self._last),
             estimate=Estimate(state, parameters, None),
             time=_Times(self.times[-1]),
             iterations=found.iterations,
-            violation=found.violation,
+            violation=violation,
         )
 
     def _guess(self, x0: Array, held: Array) -> tuple[Array, Array]:

@@ -41,6 +41,7 @@ class _PlantQuantities:
     """What cost terms are computed from: expressions of a plant, and its inputs (K, nu) over time."""
 
     plant: PlantModel
+    length: float
     edges: Array
     input: Array
     input_rate: Array
@@ -132,11 +133,12 @@ class Readings:
 
     def tracked(self, x: Array, u: Array, w: Array, held: Array) -> Array:
         """Outputs (K, nr) in the order of the setpoints; ``held`` (K, nu) are the inputs before."""
-        terms = cost_terms(self._scene.controller.cost)
-        plant = _PlantQuantities(self._plant, self._edges, u, (u - held) / self._stages.stage)
-        of_state = ca.vertcat(*[term.value(plant, self._scene) for term in terms if term.of_state])
+        cost = self._scene.controller.cost
+        terms = cost_terms(cost)
+        plant = _PlantQuantities(self._plant, self._length, self._edges, u, (u - held) / self._stages.stage)
+        of_state = ca.vertcat(*[term.value(plant, cost) for term in terms if term.of_state])
         columns = [self._map(self._plant.function("tracked", y=of_state), x, u, w)]
-        return np.hstack([*columns, *[term.value(plant, self._scene) for term in terms if not term.of_state]])
+        return np.hstack([*columns, *[term.value(plant, cost) for term in terms if not term.of_state]])
 
     # -- what is bounded ----------------------------------------------------------------------------------------------
 
@@ -151,12 +153,12 @@ class Readings:
         if most is not None:
             change = np.abs(u - held).max(axis=1) / period
             found.append(Bound("input rate", f"{unit}/s", change - most, most))
-        if bounds.curvature is not None and math.isfinite(scene.curvature_limit):
-            most = scene.curvature_limit
+        most = bounds.curvature_limit(scene.finger)
+        if math.isfinite(most):
             kappa = self._map(self._plant.function("kappa", k=self._plant.curvature), x, u, w)
             found.append(Bound("curvature", "1/m", np.abs(kappa).max(axis=1) - most, most))
         if bounds.speed is not None:
-            rates = _PlantQuantities(self._plant, self._edges, u, u).bending_rate
+            rates = _PlantQuantities(self._plant, self._length, self._edges, u, u).bending_rate
             function = self._plant.function("speed", r=rates)
             most = bounds.speed
             found.append(Bound("speed", "rad/s", np.abs(self._map(function, x, u, w)).max(axis=1) - most, most))

@@ -16,12 +16,13 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.record import Record
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.schedule import Phase, Schedule
+from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Function, setpoints
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene.load import scene_of
 
 __all__ = ["Controls", "run_closed_loop"]
 
@@ -44,7 +45,7 @@ class Controls(Protocol):
         """Time from one command to the next [s]."""
 
     def step(self, measurement: Array, reference: Array, *, p: Array | None = None) -> Any:
-        """The command for a measurement (ny) and set-points (N + 1, nr)."""
+        """The command for a measurement (ny) and setpoints (N + 1, nr)."""
 
     def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
         """Begin anew, from a state (nx) and an input (nu)."""
@@ -92,13 +93,13 @@ def run_closed_loop(
     Interrupted
         On Ctrl-C; ``result`` is the run until then.
     """
-    scene = _control_scene(scene)
+    scene = scene_of(scene, ControlScene)
     began = perf_counter()
     control = _controller(scene) if controller is None else controller
     stages, model = control.stages, control.prediction
     tried = Plant(scene, model, control.period) if plant is None else plant
     if schedule is None:
-        schedule = [Phase("run", setpoints(scene, stages, model, functions).rows)]
+        schedule = [Phase("run", setpoints(Outputs.of(scene.controller.cost, model), scene.reference, functions).rows)]
     plan = Schedule(schedule)
     duration = min(plan.duration, scene.duration or np.inf)
     if not np.isfinite(duration):
@@ -139,13 +140,6 @@ def _loop(
     except NumericalError as error:
         return error
     return None
-
-
-def _control_scene(given: ControlScene | str | PathLike[str]) -> ControlScene:
-    scene = given if isinstance(given, ControlScene) else load(given)  # type: ignore[arg-type]
-    if not isinstance(scene, ControlScene):
-        raise InputError(f"expected a closed loop (finger, controller, ...), got a {type(scene).__name__}")
-    return scene
 
 
 def _controller(scene: ControlScene) -> Controls:

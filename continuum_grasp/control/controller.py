@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.arguments import control_scene, numbers, shown, slices, vector
+from continuum_grasp.control.arguments import numbers, shown, slices, vector
 from continuum_grasp.control.command import Command, Layout
 from continuum_grasp.control.compiled.library import Compiled
 from continuum_grasp.control.compiled.settings import controller_fields, delay_periods
 from continuum_grasp.control.compiled.source import Field, controller_source
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.first_state import first_state, rest_input
+from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
 from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
@@ -28,6 +29,7 @@ from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.load import scene_of
 
 __all__ = ["Controller"]
 
@@ -39,6 +41,7 @@ _CHUNK = 128
 """Periods for which setpoints are evaluated at once [1]: enough that numpy's overhead per call does not show, and
 little to hold (30 stages of 6 setpoints: 190 kB)."""
 _LATE, _APPLIED = 1, 2
+"""Flags of ``cg_controller_step``."""
 _NUMBERS = (
     *("anomalies", "iterations", "violation", "residual", "cost"),
     *("health", "sensor", "entry", "reason", "rung", "mismatch", "activity"),
@@ -119,7 +122,7 @@ class Controller(Remade):
         precision: str = "double",
         deadline: float | None = None,
     ) -> None:
-        self.scene = control_scene(scene)
+        self.scene = scene_of(scene, ControlScene)
         self._arguments = (
             (self.scene,),
             {"precision": precision, "deadline": deadline},
@@ -343,7 +346,7 @@ class Controller(Remade):
 
     @cached_property
     def _reference(self) -> Setpoints:
-        return setpoints(self.scene, self.stages, self.prediction)
+        return setpoints(Outputs.of(self.scene.controller.cost, self.prediction), self.scene.reference)
 
     def _scheduled(self) -> Array:
         chunk, at = divmod(self._step, _CHUNK)

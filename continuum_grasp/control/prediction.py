@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -11,9 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import System
 from continuum_grasp.model.remade import Remade
-from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import MomentLoad
+from continuum_grasp.scene.simulate import Fidelity
+from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.spectrum import sample_shapes
 
 __all__ = ["Prediction"]
@@ -25,13 +28,39 @@ _PRESSED = 10.0
 the damping of a contact, which sets the fastest rate, grows with it."""
 
 
+class ModelScene(Protocol):
+    """The part of a scene that a model is built from: that of a controller or of a plan."""
+
+    @property
+    def finger(self) -> Finger: ...
+    @property
+    def gravity(self) -> tuple[float, float]: ...
+    @property
+    def contacts(self) -> tuple[float, ...]: ...
+    @property
+    def fidelity(self) -> Fidelity: ...
+    @property
+    def parameters(self) -> tuple[str, ...]: ...
+    @property
+    def surroundings(self) -> Surroundings | None:
+        """Object and supports, if there is an object."""
+
+    @property
+    def lag(self) -> float | None:
+        """Time constant of the drive [s]; None: the input acts at once."""
+
+    @property
+    def disturbances(self) -> frozenset[str]:
+        """Names of the disturbances that are parameters: ``tip_force``, ``tip_moment``, ``object_position``."""
+
+
 class Prediction(Remade):
     """The model of a controller.
 
     Parameters
     ----------
-    scene : ControlScene
-        The scene.
+    scene : ModelScene
+        A scene of a controller or of a plan.
 
     Attributes
     ----------
@@ -55,14 +84,13 @@ class Prediction(Remade):
         If the family needs a continuous tip moment, and the drive has no lag.
     """
 
-    def __init__(self, scene: ControlScene) -> None:
+    def __init__(self, scene: ModelScene) -> None:
         self.scene = scene
         finger, fidelity = scene.finger, scene.fidelity
-        estimated = scene.estimator.disturbances if scene.estimator is not None else None
-        self._couple = estimated is not None and estimated.tip_moment is not None
-        tip_force = bool(scene.contacts) or (estimated is not None and estimated.tip_force is not None)
-        moved = estimated is not None and estimated.object_position is not None
-        self._own_lag = scene.controller.input.time_constant if finger.tendons is None else None
+        self._couple = "tip_moment" in scene.disturbances
+        tip_force = bool(scene.contacts) or "tip_force" in scene.disturbances
+        moved = "object_position" in scene.disturbances
+        self._own_lag = scene.lag if finger.tendons is None else None
         family = fidelity.family or self._default_family()
         matches_tip = FAMILIES[family].matches_tip
         if matches_tip and scene.lag is None:
@@ -73,7 +101,7 @@ class Prediction(Remade):
             )
         self.system = System(
             finger,
-            surroundings=scene if scene.object is not None else None,
+            surroundings=scene.surroundings,
             object_parameters=("object_x", "object_y") if moved else (),
             contacts=scene.contacts,
             gravity=scene.gravity,
@@ -108,6 +136,7 @@ class Prediction(Remade):
         """Acting tip moment, its rate and acceleration, where the lag is not in the system."""
         time = self._own_lag or 1.0
         moment, rate = self.x[-2], self.x[-1]
+        # A critically damped lag, as of tendons: its moment has a continuous rate, which a matched tip needs.
         return moment, rate, (self.u - moment) / time**2 - 2.0 * rate / time
 
     @cached_property

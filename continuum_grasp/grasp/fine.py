@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.result import Change, GraspResult
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.found import start_from
+from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.problem.ipopt import Attempt, GraspSolverRun, solver_for
+from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.found import start_from
 from continuum_grasp.grasp.starts.starts import Start, make_starts
 from continuum_grasp.model.surfaces.surface import Feature
+from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["Search", "Tried", "branch_of"]
@@ -100,7 +100,7 @@ class Search:
         """The verified attempt with the least objective; one that converged, where that costs next to nothing."""
         least = min((t.attempt.objective for t in self.good), default=0.0)
         near = least + NEAR * max(1.0, abs(least))
-        converged = [t for t in self.good if t.attempt.converged and t.attempt.objective <= near]
+        converged = [t for t in self.good if t.attempt.optimal and t.attempt.objective <= near]
         return min(converged or self.good, key=lambda t: round(t.attempt.objective, 9), default=None)
 
     def run(self) -> None:

@@ -52,7 +52,7 @@ def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:
         against all fingers' bases together; bases that are free do not move.
     """
     attempt, problem = found.attempt, found.solver.problem
-    slope = np.asarray(found.solver.slope(attempt.x, attempt.numbers, attempt.multipliers)).ravel()
+    slope = np.asarray(found.solver.slope(attempt.x, attempt.numbers, attempt.multipliers.constraints)).ravel()
     units = 1.0 / tension_weight(scene) if scene.objective == "least_tension" else 1.0
 
     def values(changed: GraspScene) -> Array:

@@ -9,14 +9,15 @@ from typing import Any
 
 from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, Interrupted, SolverError
-from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.fine import ELEMENTS, asked_tolerance, resolve_elements, with_elements, with_fine
-from continuum_grasp.grasp.problem.ipopt import Attempt
+from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
+from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.load import scene_of
 
 __all__ = ["optimize_grasp"]
 
@@ -61,8 +62,7 @@ def optimize_grasp(
     >>> grasp.status.value, round(grasp.tension, 1), len(grasp.contacts)
     ('optimal', 42.3, 3)
     """
-    if not isinstance(scene, GraspScene):
-        scene = _load(scene)
+    scene = scene_of(scene, GraspScene)
     budget = Budget.of(scene.solver)
     tolerance = asked_tolerance(scene)
     if tolerance is None:
@@ -83,17 +83,6 @@ def optimize_grasp(
             result=result,
         )
     return result
-
-
-def _load(path: str | os.PathLike[str]) -> GraspScene:
-    from continuum_grasp.scene.load import load
-
-    if not isinstance(path, (str, os.PathLike)):
-        raise InputError(f"expected a GraspScene or the path of its YAML file, got {path!r:.80}")
-    scene = load(os.fspath(path))
-    if not isinstance(scene, GraspScene):
-        raise InputError("expected a grasp scene (it has an object)", file=os.fspath(path))
-    return scene
 
 
 def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> GraspResult:
@@ -153,7 +142,7 @@ class _Verdict:
         status, message = Status.OPTIMAL, words
         if self.search.best is None:
             status, message = Status.FEASIBLE, f"{words}, the least there is; nothing was found for the objective"
-        elif not best.attempt.converged:
+        elif not best.attempt.optimal:
             status, message = Status.FEASIBLE, f"{words}; the solver stopped early ({best.attempt.outcome})"
         if self.budget.cut:
             status = Status.FEASIBLE
@@ -166,7 +155,7 @@ class _Verdict:
             message,
             best.arrays,
             best.certificate,
-            sensitivity=sensitivities(self.scene, best) if best.attempt.converged else (),
+            sensitivity=sensitivities(self.scene, best) if best.attempt.optimal else (),
             advice=self._support_note(),
             statistics=self._statistics(best.attempt),
         )
@@ -188,7 +177,7 @@ class _Verdict:
             return self._failed(Status.TIMED_OUT, message, closest, (), advice)
         if self.budget.cut:
             message, advice = f"{self._cut()} without a verified grasp", "Raise solver.max_total_iterations."
-        elif closest is not None and closest.attempt.converged:
+        elif closest is not None and closest.attempt.optimal:
             names = ", ".join(check.name for check in closest.certificate.failed)
             message = f"the solver converged, but the independent check rejects: {names}"
             advice = "Raise fidelity.elements or fidelity.accuracy."

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import CompileError, find_compiler
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, signal
-from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.simulation.signals import Signals
@@ -52,8 +49,8 @@ class Motion:
         self._model, self._signals, self._slope, self._t = model, signals, slope, t
         self._nx = model.nx
         self._core = Core(model, compiled=False)
-        step = step_function(_variational(model, slope.shape[1]), "rk4")
-        self._run = Rollouts(step, _compiled(rollout_source(step)), True)
+        functions = SimpleNamespace(forward_dynamics=_variational(model, slope.shape[1]))
+        self._run = Rollouts.of(step_function(functions, "rk4"))
         self._settled: tuple[Array, float] | None = None
 
     def _settle(self, start: Array, p: Array) -> None:
@@ -170,14 +167,3 @@ def _variational(model: FingerModel, count: int) -> ca.Function:
     outputs = ca.cse([ca.densify(ca.vertcat(rate, ca.vec(slope)))])
     inputs = [ca.vertcat(x, ca.vec(moved)), u, w, ca.vertcat(p, ca.vec(turned))]
     return ca.Function("variational", inputs, outputs, ["x", "u", "w", "p"], ["xd"])
-
-
-def _compiled(source: str) -> ctypes.CDLL | None:
-    """The source as a library, where there is a compiler; the virtual machine gives the same numbers."""
-    compiler = find_compiler()
-    if compiler is None:
-        return None
-    try:
-        return ctypes.CDLL(str(library_for(source, compiler)))
-    except (CompileError, OSError):
-        return None

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.ocp.bounds import ABSENT
+from continuum_grasp.nlp import Block
+from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.grid import Grid
 from continuum_grasp.planning.motion import Motion
-from continuum_grasp.planning.programme import OBJECTIVE, Block, Programme
 from continuum_grasp.planning.term import Term, derived
 
 __all__ = ["StateBounds"]
@@ -20,9 +21,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _PARTS = 4
-"""Places per interval at which zones are kept clear, the last one at the node."""
+"""Places per interval at which the finger stays out of zones [1], the last one at the node."""
 _OUTSIDE_WHEN_RELAXED = 100.0
-"""Price of a share by which a hard bound is left, where only the distance from the goal is sought."""
+"""Penalty per share by which a hard bound is violated, where only the distance from the goal is minimized
+[units of the squared distance]: large, so that bounds give way last."""
 
 
 @dataclass(frozen=True)
@@ -43,35 +45,36 @@ class StateBounds:
 
     Parameters
     ----------
-    programme : Programme
+    assembly : Assembly
         Gets the rows.
     motion : Motion
     grid : Grid
     relaxed : bool
-        Whether hard bounds get a price.
+        Whether hard bounds get a penalty.
     """
 
-    def __init__(self, programme: Programme, motion: Motion, grid: Grid, relaxed: bool) -> None:
-        self._programme, self._motion, self._grid = programme, motion, grid
+    def __init__(self, assembly: Assembly, motion: Motion, grid: Grid, relaxed: bool) -> None:
+        self._assembly, self._motion, self._grid = assembly, motion, grid
         self._bounds: dict[str, _Bound] = {}
-        stages = motion.stages
-        lower = np.where(stages.c_min > -ABSENT, stages.c_min, -np.inf)
-        upper = np.where(stages.c_max < ABSENT, stages.c_max, np.inf)
+        bounded = motion.bounded
+        least, most = np.array(bounded.least), np.array(bounded.most)
+        lower = np.where(least > -ABSENT, least, -np.inf)
+        upper = np.where(most < ABSENT, most, np.inf)
         zones = tuple(motion.scene.bounds.keep_out)
-        for name, entries in _groups(stages.c_names[: stages.ns], zones).items():
+        for name, entries in _groups(bounded.names, zones).items():
             key, unit, size = f"bounds.{name}", "of its limit", 1.0
             if name in zones:
                 key, unit, size = f"bounds.keep_out.{name}", "m", motion.length
             bound = self._bounds[name] = self._bound(entries, _PARTS if name in zones else 1)
             scale = np.full(len(entries), size)
             count = grid.intervals * bound.parts
-            rows = programme.require(name, key, unit, count, scale, lower[entries], upper[entries])
-            programme.add(bound.term, bound.columns, rows, bound.data)
+            rows = assembly.rows(name, key, unit, count, scale, lower[entries], upper[entries])
+            assembly.add(bound.term, bound.columns, rows, bound.data)
             share = motion.first_duration / count / motion.scales.objective
             if relaxed:
                 self._soften(rows, np.full(len(entries), _OUTSIDE_WHEN_RELAXED), np.zeros(len(entries)))
             elif not motion.hard[entries].any():
-                self._soften(rows, share * stages.linear[entries], share * stages.quadratic[entries])
+                self._soften(rows, share * bounded.linear[entries], share * bounded.quadratic[entries])
 
     def _bound(self, entries: list[int], parts: int) -> _Bound:
         """Rows at equal parts of every interval."""
@@ -80,7 +83,7 @@ class StateBounds:
         at = ca.SX.sym("at")
         s, _, _, numbers = motion.symbols
         model_x, _, _, p, _ = motion.physical
-        rows = motion.stages.rows(model_x, ca.DM.zeros(motion.nu), p)[entries]
+        rows = motion.rows(model_x, ca.DM.zeros(motion.nu), p)[entries]
         state = self._between(before, after, time, at) if parts > 1 else after
         value = ca.substitute(rows, s, state)
         z, d = ca.vertcat(before, after, time), ca.vertcat(numbers, at)
@@ -108,18 +111,18 @@ class StateBounds:
         return ca.vertcat(*values)
 
     def _soften(self, rows: Indices, linear: Array, quadratic: Array) -> None:
-        """Slacks of rows, and their price."""
+        """Slacks of rows, and their penalty."""
         z = ca.SX.sym("slack", rows.shape[1])
-        price = ca.dot(ca.DM(linear), z) + 0.5 * ca.dot(ca.DM(quadratic), z * z)
+        penalty = ca.dot(ca.DM(linear), z) + 0.5 * ca.dot(ca.DM(quadratic), z * z)
         squared = ca.DM(np.sqrt(quadratic)) * z
-        term = derived("price", z, ca.SX(0, 1), price, exact=self._motion.exact, squared=squared)
+        term = derived("penalty", z, ca.SX(0, 1), penalty, exact=self._motion.exact, squared=squared)
         for sign in (1.0, -1.0):
-            slack = self._programme.variables(len(rows), rows.shape[1], 0.0)
-            self._programme.add_linear(rows, slack, sign)
-            self._programme.add(term, slack, [OBJECTIVE], [])
+            slack = self._assembly.variables(len(rows), rows.shape[1], 0.0)
+            self._assembly.add_linear(rows, slack, sign)
+            self._assembly.add(term, slack, [OBJECTIVE], [])
 
     def values(self, w: Array, g: Array, block: Block) -> Array:
-        """What a block of the programme bounds (count, size), without slacks."""
+        """What a block of constraints bounds (count, size), without slacks."""
         bound = self._bounds.get(block.name)
         if bound is None:
             return np.asarray(g[block.rows])
@@ -128,10 +131,10 @@ class StateBounds:
     def tighten(self, margins: Array) -> None:
         """Move the bounds inwards by amounts (N, ns)."""
         for name, bound in self._bounds.items():
-            self._programme.margins[name] = np.repeat(margins[:, bound.entries], bound.parts, axis=0)
+            self._assembly.margins[name] = np.repeat(margins[:, bound.entries], bound.parts, axis=0)
 
 
-def _groups(names: tuple[str, ...], zones: tuple[str, ...]) -> dict[str, list[int]]:
+def _groups(names: list[str], zones: tuple[str, ...]) -> dict[str, list[int]]:
     """Entries of each bound: curvature, speed, and zones by name."""
     found: dict[str, list[int]] = {}
     for k, name in enumerate(names):

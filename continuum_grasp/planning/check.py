@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, Signal
-from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import NumericalError
 
 __all__ = ["Deviation", "Player"]
@@ -68,8 +65,8 @@ class Player:
     def __init__(self, model: Prediction, rate: float) -> None:
         self._model, self._rate = model, rate
 
-    def play(self, x0: Array, t: Array, u: Array, p: Array, *, linear: bool, kept: int = 1) -> Array:
-        """States at ``kept`` equal parts of every interval.
+    def play(self, x0: Array, t: Array, u: Array, p: Array, *, linear: bool, parts: int = 1) -> Array:
+        """States at ``parts`` equal parts of every interval.
 
         Parameters
         ----------
@@ -78,16 +75,16 @@ class Player:
             Nodes [s], equally spaced.
         u : (N + 1, nu) ndarray
             Inputs at the nodes.
-        p : (2 N kept + 1, np) ndarray or (1, np)
+        p : (2 N parts + 1, np) ndarray or (1, np)
             Parameters at half parts, or constant.
         linear : bool
             Whether the input is linear between the nodes; it is held where not.
-        kept : int
+        parts : int
             Parts of an interval.
 
         Returns
         -------
-        (N * kept + 1, nx) ndarray
+        (N * parts + 1, nx) ndarray
 
         Raises
         ------
@@ -95,14 +92,14 @@ class Player:
             If a state is not finite; ``result`` holds the states before.
         """
         intervals, length = len(t) - 1, float(t[1] - t[0])
-        method, substeps = self._method(length / kept)
-        run = self._rollout(method, intervals * kept * substeps)
-        h = length / kept
+        method, substeps = self._method(length / parts)
+        run = self._rollout(method, intervals * parts * substeps)
+        h = length / parts
         states = [x0[None]]
         for k in range(intervals):
-            at = np.linspace(0.0, 1.0, 2 * substeps * kept + 1)[:, None]
+            at = np.linspace(0.0, 1.0, 2 * substeps * parts + 1)[:, None]
             rows = u[k] + (u[k + 1] - u[k]) * at if linear else np.tile(u[k], (len(at), 1))
-            begin, end = (np.array([2 * kept * j]) for j in (k, k + 1))
+            begin, end = (np.array([2 * parts * j]) for j in (k, k + 1))
             numbers = np.tile(p[0], (len(at), 1))
             if len(p) > 1:
                 instants = begin + (end - begin) * at.ravel()
@@ -110,7 +107,7 @@ class Player:
                     numbers[:, j] = np.interp(instants, np.arange(len(p)), column)
             found, count = run(
                 np.ascontiguousarray(states[-1][-1:]),
-                kept,
+                parts,
                 substeps,
                 h / substeps,
                 Signal(np.ascontiguousarray(rows)[None], rows.shape[1], 0),
@@ -118,7 +115,7 @@ class Player:
                 np.zeros(0),
             )
             states.append(found[0, 1 : count[0] + 1])
-            if count[0] < kept:
+            if count[0] < parts:
                 time = float(t[k] + count[0] * h)
                 message = f"the simulated state is not finite after t = {time:g} s"
                 raise NumericalError(message, time=time, result=np.concatenate(states))
@@ -128,7 +125,7 @@ class Player:
         wanted = max(2, math.ceil(self._rate * step / _RADIUS))
         if wanted <= _EXPLICIT_UP_TO:
             return "rk4", wanted
-        return "implicit", max(4, math.ceil(step / _IMPLICIT_STEP))
+        return "rodas", max(4, math.ceil(step / _IMPLICIT_STEP))
 
     def _rollout(self, method: str, steps: int) -> Rollouts:
         """Parameters take the place of forces: they may vary over time."""
@@ -137,11 +134,9 @@ class Player:
         inputs, names = [model.x, model.u, model.p, none], ["x", "u", "w", "p"]
         rate = model.dynamics(model.x, model.u, model.p)
         dynamics = ca.Function("forward_dynamics", inputs, [rate], names, ["xd"])
-        linearization = None
-        if method == "implicit":
-            slopes = [ca.jacobian(rate, model.x), ca.jacobian(rate, model.u)]
-            linearization = ca.Function("linearization", inputs, [ca.densify(m) for m in slopes], names, ["A", "B"])
-        step = step_function(dynamics, method, linearization)
-        compiler = find_compiler() if 4 * dynamics.n_instructions() * steps > _COMPILE_FROM else None
-        library = None if compiler is None else ctypes.CDLL(str(library_for(rollout_source(step), compiler)))
-        return Rollouts(step, library, True)
+        functions = SimpleNamespace(forward_dynamics=dynamics)
+        if method == "rodas":
+            slopes = [ca.densify(ca.jacobian(rate, v)) for v in (model.x, model.u)]
+            functions.linearization = ca.Function("linearization", inputs, slopes, names, ["A", "B"])
+        step = step_function(functions, method)
+        return Rollouts.of(step, 4 * dynamics.n_instructions() * steps > _COMPILE_FROM)

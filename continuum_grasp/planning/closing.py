@@ -55,21 +55,14 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Hint | None
     middle = sorted(of_finger.values())
     backbone, base, pose = data[f"{name}.backbone"], data[f"{name}.base"], data["object.pose"]
     aim = RowAim(value=(*(force for _, force in middle), tip), weight=scene.goal.grasp_weight)
-    own = {key: getattr(scene, key) for key in PlanScene.model_fields}
-    own |= {
-        "grasp": None,
-        "finger": scene.finger.model_copy(
-            update={"base": BasePose(position=(float(base[0]), float(base[1])), angle=float(base[2]))}
-        ),
-        "object": scene.object.model_copy(
-            update={"position": (float(pose[0]), float(pose[1])), "angle": float(pose[2])}
-        )
-        if scene.object is not None
-        else None,
-        "contacts": tuple(at for at, _ in middle),
-        "goal": scene.goal.model_copy(update={"contact_force": aim}),
-    }
-    found = PlanScene(**own)
+    touched = scene.object
+    found = scene.replaced(
+        grasp=None,
+        finger=scene.finger.replaced(base=BasePose(position=(float(base[0]), float(base[1])), angle=float(base[2]))),
+        object=touched and touched.replaced(position=(float(pose[0]), float(pose[1])), angle=float(pose[2])),
+        contacts=tuple(at for at, _ in middle),
+        goal=scene.goal.replaced(contact_force=aim),
+    )
     tensions = np.clip(data[f"{name}.tensions"], *found.input_limits)
     return found, Hint(_bends(found, backbone), tensions)
 
@@ -89,7 +82,7 @@ def _numbers(scene: PlanScene, given: Any) -> Mapping[str, Any]:
         return {}
     result = optimize_grasp(scene.grasp, raise_on_failure=False) if given is None else given
     if given is None and result.statistics["interrupted"]:
-        raise Interrupted("interrupted while the grasp was optimised")
+        raise Interrupted("interrupted while the grasp was optimized")
     if not result.solved:
         raise SolverError("no grasp to close to", status=str(result.status), advice=result.advice, result=result)
     arrays: Mapping[str, Any] = result.arrays
@@ -99,8 +92,7 @@ def _numbers(scene: PlanScene, given: Any) -> Mapping[str, Any]:
 def _bends(scene: PlanScene, backbone: Array) -> Array:
     """Bending angles of the plan's elements in the grasp [rad]."""
     from continuum_grasp.control.prediction import Prediction
-    from continuum_grasp.planning.control import control_scene
 
-    lengths = Prediction(control_scene(scene)).system.finger_model.lengths
+    lengths = Prediction(scene).system.finger_model.lengths
     edges = np.concatenate([[0.0], np.cumsum(lengths)])
     return np.diff(np.interp(edges, backbone[:, 0], np.unwrap(backbone[:, 3])))

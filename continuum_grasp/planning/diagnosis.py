@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.planning.ipopt import Attempt
+from continuum_grasp.nlp import Attempt, Violation
 from continuum_grasp.planning.problem import PlanProblem
 
 __all__ = ["Diagnosis", "diagnose"]
@@ -15,7 +15,7 @@ __all__ = ["Diagnosis", "diagnose"]
 Array = NDArray[np.float64]
 
 _MET = 1e-5
-"""Error of a goal, in units of the programme, that counts as none."""
+"""Error of a goal, in units of the problem, that counts as none."""
 _COUNTS = 0.2
 """Share of the strongest limit from which on another one is named too."""
 _WEAK = 1e-6
@@ -44,16 +44,16 @@ class Diagnosis:
 
 def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis:
     """What stops a plan, from the solution of its relaxed problem."""
-    missed, worst = _missed(problem, attempt.w)
+    missed, worst = _missed(problem, attempt.x)
     outside = _outside(problem, attempt)
     strengths = _strengths(problem, attempt)
     most = max(strengths.values(), default=0.0)
     named = [name for name, value in sorted(strengths.items(), key=lambda item: -item[1]) if value > _COUNTS * most]
     stops = most > _WEAK * max(worst, 1.0)
-    nearest = _nearest(problem, attempt.w)
+    nearest = _nearest(problem, attempt.x)
     if not missed and not outside:
         return Diagnosis(True, (), "", "")
-    what = f"goal out of reach: {nearest}" if missed else "a bound of the state cannot be kept"
+    what = f"goal out of reach: {nearest}" if missed else "a bound of the state cannot be satisfied"
     if not missed:
         advice = "the motion begins outside the bound, or is driven out of it: move the bound or the initial state"
     elif stops:
@@ -77,11 +77,11 @@ _TEXTS = {
     "curvature": ("the curvature limit stops it", "allow more curvature (bounds.curvature, fidelity.bending_range)"),
     "speed": ("the speed limit stops it", "raise bounds.speed"),
 }
-"""What is said of a limit, and what to try."""
+"""What the message says of a limit, and what to try."""
 
 
 def _missed(problem: PlanProblem, w: Array) -> tuple[list[str], float]:
-    """Goals that are missed, with their amounts, and the largest error in units of the programme."""
+    """Goals that are missed, with their amounts, and the largest error in units of the problem."""
     motion = problem.motion
     z = np.concatenate([w[problem.grid.s[-1]], w[problem.inputs[-1]]])
     numbers = motion.numbers([motion.scene.duration_range[1]]).ravel()
@@ -95,40 +95,39 @@ def _missed(problem: PlanProblem, w: Array) -> tuple[list[str], float]:
             k, off = int(error.argmax()), error * part.scale
             amount = float(np.hypot(*off.reshape(-1, 2).T).max()) if part.unit == "m" else float(off[k])
             unit = part.unit if part.unit != "state" else part.names[k]
-            found.append(f"{part.name}: off by {amount:.3g} {unit} ({part.key})")
+            found.append(str(Violation(part.name, k, amount, unit, part.key, float(error[k]))))
     return found, worst
 
 
 def _outside(problem: PlanProblem, attempt: Attempt) -> list[str]:
     """State bounds that are left, with their amounts."""
     found = []
-    for block in problem.programme.blocks:
+    for block in problem.assembly.blocks:
         if not block.key.startswith("bounds."):
             continue
-        value = problem.bounds.values(attempt.w, attempt.g, block)
-        excess = np.maximum(np.maximum(block.lower - value, value - block.upper), 0.0) * block.scale
-        if excess.max(initial=0.0) > _MET * block.scale.max():
-            found.append(f"{block.name}: off by {excess.max():.3g} {block.unit} ({block.key})")
+        worst = block.violation(problem.bounds.values(attempt.x, attempt.g, block))
+        if worst.scaled > _MET:
+            found.append(str(worst))
     return found
 
 
 def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
-    """Gain in units of the programme per relative widening of each limit."""
-    programme, motion = problem.programme, problem.motion
-    bounds, lam = programme.bounds, attempt.multipliers
-    free = np.array(programme.low) < np.array(programme.high)
+    """Gain in units of the problem per relative widening of each limit."""
+    assembly, motion = problem.assembly, problem.motion
+    high, lam = np.array(assembly.high), attempt.multipliers
+    free = np.array(assembly.low) < high
 
     def of_columns(columns: NDArray[np.int64]) -> float:
         chosen = np.unique(columns)
         chosen = chosen[free[chosen]]
-        reach = np.where(np.isfinite(bounds["ubx"][chosen]), np.abs(bounds["ubx"][chosen]), 0.0)
+        reach = np.where(np.isfinite(high[chosen]), np.abs(high[chosen]), 0.0)
         return float((np.abs(lam.bounds[chosen]) * reach).sum())
 
     time = problem.grid.time[0, 0]
     found = {"input": of_columns(problem.inputs)}
     rates = [of_columns(problem.grid.v)] if motion.linear else []
-    share = attempt.w[time] * _rate_share(problem)
-    for block in programme.blocks:
+    share = attempt.x[time] * _rate_share(problem)
+    for block in assembly.blocks:
         force = np.abs(lam.constraints[block.rows])
         if block.name.startswith("input rate"):
             rates.append(float((force * share).sum()))
@@ -136,7 +135,7 @@ def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
             limit = np.where(np.isfinite(block.upper), np.abs(block.upper), 1.0)
             found[block.name] = float((force * limit).sum())
     found["input rate"] = sum(rates)
-    found["duration"] = max(0.0, -_time_slope(problem, attempt) * attempt.w[time])
+    found["duration"] = max(0.0, -_time_slope(problem, attempt) * attempt.x[time])
     return found
 
 
@@ -148,11 +147,11 @@ def _rate_share(problem: PlanProblem) -> Array:
 
 def _time_slope(problem: PlanProblem, attempt: Attempt) -> float:
     """Derivative of the Lagrangian by the duration, where that is at its longest."""
-    programme, time = problem.programme, problem.grid.time[0, 0]
-    if attempt.w[time] < programme.high[time] * (1 - 1e-6):
+    assembly, time = problem.assembly, problem.grid.time[0, 0]
+    if attempt.x[time] < assembly.high[time] * (1 - 1e-6):
         return 0.0
-    gradient = programme.functions["grad_f"](attempt.w, [])[1]
-    jacobian = programme.functions["jac_g"](attempt.w, [])[1]
+    gradient = assembly.nlp.functions["grad_f"](attempt.x, [])[1]
+    jacobian = assembly.nlp.functions["jac_g"](attempt.x, [])[1]
     return float(gradient[time]) + float(jacobian[:, int(time)].T @ attempt.multipliers.constraints)
 
 

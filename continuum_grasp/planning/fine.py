@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.planning.check import Deviation, Player
-from continuum_grasp.planning.control import control_scene, parameters_over_time
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.initial import first_state_of_plan
+from continuum_grasp.planning.loads import parameters_over_time
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.result import Plan
 from continuum_grasp.scene.plan import PlanScene
@@ -42,18 +42,18 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
     times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.load_varies else [0.0]
     p = parameters_over_time(scene, model, times)
     t = np.linspace(0.0, path.duration, intervals + 1)
-    return Player(model, rate).play(x0, t, path.u, p, linear=scene.input.form == "linear", kept=parts)
+    return Player(model, rate).play(x0, t, path.u, p, linear=scene.input.form == "linear", parts=parts)
 
 
 def excess_over_intervals(motion: Motion, states: Array) -> Array:
     """Largest amounts (N, ns) by which the state's bounds are left in each interval, as shares of their scales."""
-    stages, model = motion.stages, motion.prediction
+    bounded, model = motion.bounded, motion.prediction
     count = len(states)
     fixed = (np.zeros(model.nu), parameters_over_time(motion.scene, model, [0.0])[0])
-    every = stages.rows.map(count)(states.T, *(np.tile(v, (count, 1)).T for v in fixed))
-    rows = np.array(every).T[:, : stages.ns]
-    excess = np.maximum(np.maximum(stages.c_min[: stages.ns] - rows, rows - stages.c_max[: stages.ns]), 0.0)
-    inner = excess[1:].reshape((count - 1) // PARTS, PARTS, stages.ns)
+    every = motion.rows.map(count)(states.T, *(np.tile(v, (count, 1)).T for v in fixed))
+    rows = np.array(every).T
+    excess = np.maximum(np.maximum(np.array(bounded.least) - rows, rows - np.array(bounded.most)), 0.0)
+    inner = excess[1:].reshape((count - 1) // PARTS, PARTS, rows.shape[1])
     return np.asarray(inner.max(axis=1))
 
 
@@ -76,8 +76,8 @@ def checked(plan: Plan, motion: Motion) -> Plan:
         warnings.append(f"between the nodes {text}: take more intervals")
     finer = None
     if scene.check.finer is not None:
-        finer, told = _on_finer(scene, plan, path)
-        warnings += told
+        finer, found_there = _on_finer(scene, plan, path)
+        warnings += found_there
     return replace(plan, deviation=found, finer=finer, warnings=tuple(warnings))
 
 
@@ -96,7 +96,7 @@ def _outside(motion: Motion, excess: Array) -> str:
     hard = excess[:, motion.hard]
     if not hard.size or hard.max() <= _OUTSIDE:
         return ""
-    name = np.array(motion.stages.c_names[: motion.stages.ns])[motion.hard][int(hard.max(axis=0).argmax())]
+    name = np.array(motion.bounded.names)[motion.hard][int(hard.max(axis=0).argmax())]
     return f"{name} is left by {100 * hard.max():.2g} % of its scale"
 
 
@@ -105,8 +105,9 @@ def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | Non
     if scene.check.finer is None:
         return None, []
     law = scene.check.contact_law or scene.contact_law
+    # Not validated again: this law may have dry friction, which plans themselves cannot have.
     fine = scene.model_copy(update={"fidelity": scene.check.finer, "contact_law": law})
-    model = Prediction(control_scene(fine))
+    model = Prediction(fine)
     name = f"{len(model.system.finger_model.lengths)} elements ({model.system.finger_model.family})"
     try:
         states = simulated(fine, model, path, first_state_of_plan(fine, model)[0], 1)

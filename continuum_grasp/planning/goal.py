@@ -32,7 +32,7 @@ class GoalPart:
     target, scale : ndarray
         What is to be reached, and the physical amount of one unit of error.
     weight : float or None
-        Price of half the squared error [1/unit2]; None: exact.
+        Weight of half the squared error [1/unit2]; None: exact.
     value : casadi.SX
         What is compared with the target, as an expression of the motion's symbols.
     """
@@ -60,14 +60,14 @@ class GoalPart:
         z, d, error = self._error(motion)
         return derived("goal", z, d, error, exact=motion.exact)
 
-    def price(self, motion: Motion, relaxed: bool) -> Term:
+    def cost(self, motion: Motion, relaxed: bool) -> Term:
         """(z, d) -> what the error costs."""
         z, d, error = self._error(motion)
         if relaxed:
             scaled = error * np.sqrt(_STILL_WHEN_RELAXED if self.name in ("still", "held") else 1.0)
         else:
             scaled = error * ca.DM(self.scale * np.sqrt((self.weight or 0.0) / motion.scales.objective))
-        return derived("goal_price", z, d, 0.5 * ca.dot(scaled, scaled), exact=motion.exact, squared=scaled)
+        return derived("goal_cost", z, d, 0.5 * ca.dot(scaled, scaled), exact=motion.exact, squared=scaled)
 
 
 def goal_parts(motion: Motion) -> list[GoalPart]:

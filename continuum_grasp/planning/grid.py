@@ -1,4 +1,4 @@
-"""How the motion is kept on the grid: multiple shooting or collocation."""
+"""How the motion holds on the grid: multiple shooting or collocation."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.motion import Motion
-from continuum_grasp.planning.programme import OBJECTIVE, Programme
 from continuum_grasp.planning.shooting import shooting_interval
 
 __all__ = ["Grid", "add_collocation", "add_shooting", "default_substeps"]
@@ -65,40 +65,40 @@ def default_substeps(motion: Motion) -> int:
     return max(1, math.ceil(longest / scene.intervals * rate / _TARGET))
 
 
-def add_shooting(programme: Programme, motion: Motion, grid: Grid, substeps: int, price: float) -> None:
-    """The end of each interval is the next node; the running objective is weighted by ``price``."""
+def add_shooting(assembly: Assembly, motion: Motion, grid: Grid, substeps: int, weight: float) -> None:
+    """The end of each interval is the next node; the running objective is weighted by ``weight``."""
     intervals = grid.intervals
     term = shooting_interval(motion.flow, motion.ns, intervals, substeps)
-    rows = _defects(programme, motion, intervals)
+    rows = _defects(assembly, motion, intervals)
     into = np.hstack([rows, np.full((intervals, 1), OBJECTIVE)])
     instants = np.arange(intervals)[:, None] + np.linspace(0.0, 1.0, 2 * substeps + 1)
     data = _numbers(motion, instants / intervals)
-    programme.add(term, grid.reads(grid.s[:-1]), into, data, np.append(np.ones(motion.ns), price))
-    programme.add_linear(rows, grid.s[1:], -1.0)
+    assembly.add(term, grid.reads(grid.s[:-1]), into, data, np.append(np.ones(motion.ns), weight))
+    assembly.add_linear(rows, grid.s[1:], -1.0)
 
 
-def add_collocation(programme: Programme, motion: Motion, grid: Grid, price: float) -> None:
+def add_collocation(assembly: Assembly, motion: Motion, grid: Grid, weight: float) -> None:
     """Polynomials whose rates are those of the motion at the collocation points."""
     intervals, degree = grid.intervals, motion.scene.solver.degree
     points = ca.collocation_points(degree, motion.scene.solver.points)
-    rates, ends, weights = (np.array(m) for m in ca.collocation_coeff(points))
+    rates, ends, quadrature = (np.array(m) for m in ca.collocation_coeff(points))
     data = _numbers(motion, (np.arange(intervals)[:, None] + np.array(points)) / intervals)
     h = 1.0 / intervals
     for j in range(degree):
-        rows = _defects(programme, motion, intervals, f"motion at point {j + 1}")
+        rows = _defects(assembly, motion, intervals, f"motion at point {j + 1}")
         into = np.hstack([rows, np.full((intervals, 1), OBJECTIVE)])
-        factors = np.append(np.full(motion.ns, -h), price * h * weights.ravel()[j])
-        programme.add(motion.flow, grid.reads(grid.inner[:, j]), into, data[:, j], factors)
+        factors = np.append(np.full(motion.ns, -h), weight * h * quadrature.ravel()[j])
+        assembly.add(motion.flow, grid.reads(grid.inner[:, j]), into, data[:, j], factors)
         for i in range(degree + 1):
-            programme.add_linear(rows, grid.s[:-1] if i == 0 else grid.inner[:, i - 1], rates[i, j])
-    rows = _defects(programme, motion, intervals)
+            assembly.add_linear(rows, grid.s[:-1] if i == 0 else grid.inner[:, i - 1], rates[i, j])
+    rows = _defects(assembly, motion, intervals)
     for i, end in enumerate(ends.ravel()):
-        programme.add_linear(rows, grid.s[:-1] if i == 0 else grid.inner[:, i - 1], end)
-    programme.add_linear(rows, grid.s[1:], -1.0)
+        assembly.add_linear(rows, grid.s[:-1] if i == 0 else grid.inner[:, i - 1], end)
+    assembly.add_linear(rows, grid.s[1:], -1.0)
 
 
-def _defects(programme: Programme, motion: Motion, intervals: int, name: str = "motion") -> Indices:
-    return programme.require(name, "intervals", "state", intervals, motion.s_scale)
+def _defects(assembly: Assembly, motion: Motion, intervals: int, name: str = "motion") -> Indices:
+    return assembly.rows(name, "intervals", "state", intervals, motion.s_scale)
 
 
 def _numbers(motion: Motion, shares: Array) -> Array:

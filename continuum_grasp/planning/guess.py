@@ -16,10 +16,11 @@ __all__ = ["Hint", "Path", "Posture", "detours", "final_posture", "smooth_path"]
 Array = NDArray[np.float64]
 
 _ITERATIONS = 60
+"""Most steps of the least squares for the final posture [1]; the plan's solver closes what they leave."""
 _BALANCE = 0.1
 """Weight of balance against that of the goal in the final posture."""
 _DETOURS = (0.0, 0.5, -0.5, 1.0, -1.0)
-"""Amplitudes of the paths, in half bending ranges, bent to one side or the other on the way."""
+"""Amplitudes of the paths, in half bending ranges, bent to one side or the other in between."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ def _least_squares(residual: ca.Function, y: Array, low: Array, high: Array) -> 
 
 
 def smooth_path(motion: Motion, x0: Array, first: Posture, last: Posture, side: float) -> Path:
-    """Postures that go smoothly from the first to the last, bent to a side on the way."""
+    """Postures that go smoothly from the first to the last, bent to a side in between."""
     model, n = motion.prediction, len(first.q)
     time = motion.first_duration
     tau = np.linspace(0.0, 1.0, motion.scene.intervals + 1)[:, None]

@@ -9,11 +9,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.control.ocp.bounds import HARD, state_bounds
+from continuum_grasp.control.ocp.cost_terms import Outputs, cost_terms
 from continuum_grasp.control.ocp.setpoints import setpoints
-from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.planning.control import control_scene, parameters_over_time
 from continuum_grasp.planning.library import compiled
+from continuum_grasp.planning.loads import parameters_over_time
 from continuum_grasp.planning.term import Term, derived
 from continuum_grasp.scene.plan import PlanScene
 
@@ -21,15 +22,13 @@ __all__ = ["Motion"]
 
 Array = NDArray[np.float64]
 
-_HARD_FROM = 1e4
-"""Linear price from which on a row of ``Stages`` counts as hard."""
 _COMPILE_FROM = 150_000
 """Instructions of the second derivatives at all intervals from which on compiling them pays."""
 
 
 @dataclass(frozen=True)
 class _Scales:
-    """What one unit of the programme amounts to."""
+    """What one unit of the problem amounts to."""
 
     x: Array
     u: Array
@@ -52,8 +51,10 @@ class Motion:
     ----------
     prediction : Prediction
         The model.
-    stages : Stages
-        Its bounds and, for ``tracking``, what is tracked.
+    tracked : Outputs or None
+        What is tracked; changes of the input are not among these, since their rows depend on the duration.
+    bounded : BoundedRows
+        Bounds of the state.
     linear : bool
         Whether the input is part of the state.
     nx, nu, ns, nv : int
@@ -63,13 +64,16 @@ class Motion:
 
     def __init__(self, scene: PlanScene) -> None:
         self.scene = scene
-        control = control_scene(scene)
-        self.prediction = Prediction(control)
-        self.stages = stages_of(control, self.prediction)
+        self.prediction = model = Prediction(scene)
+        self.tracked = None
+        if scene.cost is not None:
+            terms = tuple(term for term in cost_terms(scene.cost) if term.key != "input_rate")
+            self.tracked = Outputs(scene.cost, model, terms)
+        self.bounded = state_bounds(scene.bounds, scene.bounds.curvature_limit(scene.finger), model)
         self.linear = scene.input.form == "linear"
         self.nx, self.nu = self.prediction.nx, self.prediction.nu
         self.ns, self.nv = self.nx + (self.nu if self.linear else 0), self.nu
-        self._setpoints = setpoints(control, self.stages, self.prediction)
+        self._setpoints = None if self.tracked is None else setpoints(self.tracked, scene.reference)
         self.scales = self._scales()
 
     # -- units --------------------------------------------------------------------------------------------------------
@@ -116,8 +120,8 @@ class Motion:
 
     @cached_property
     def hard(self) -> NDArray[np.bool_]:
-        """Which of the state's bounds (ns) have no price."""
-        return np.asarray(self.stages.linear[: self.stages.ns] >= _HARD_FROM)
+        """Which of the state's bounds (ns) are hard."""
+        return np.asarray(self.bounded.linear >= HARD.linear)
 
     @property
     def units(self) -> Array:
@@ -138,10 +142,11 @@ class Motion:
     # -- numbers that the functions read ------------------------------------------------------------------------------
 
     def numbers(self, times: ArrayLike) -> Array:
-        """Parameters and set-points (len(times), nd) at instants [s]."""
+        """Parameters and setpoints (len(times), nd) at instants [s]."""
         instants = np.atleast_1d(np.asarray(times, dtype=float))
         p = parameters_over_time(self.scene, self.prediction, instants)
-        return np.hstack([p, self._setpoints.rows(instants), np.tile(self.units, (len(instants), 1))])
+        r = np.zeros((len(instants), 0)) if self._setpoints is None else self._setpoints.rows(instants)
+        return np.hstack([p, r, np.tile(self.units, (len(instants), 1))])
 
     @property
     def length(self) -> float:
@@ -152,26 +157,45 @@ class Motion:
 
     @cached_property
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """Scaled s, v and T, and the numbers d: parameters, set-points, units (so that the code serves all units)."""
-        size = self.prediction.np + self.stages.nr + self.nx + self.nu + 2
+        """Scaled s, v and T, and the numbers d: parameters, setpoints, units (so that the code serves all units)."""
+        size = self.prediction.np + self.nr + self.nx + self.nu + 2
         return ca.SX.sym("s", self.ns), ca.SX.sym("v", self.nv), ca.SX.sym("T"), ca.SX.sym("d", size)
+
+    @property
+    def nr(self) -> int:
+        """Number of setpoints."""
+        return 0 if self.tracked is None else len(self.tracked.names)
+
+    @cached_property
+    def outputs(self) -> ca.Function:
+        """(x, u, p) -> what is tracked."""
+        return self._function("outputs", ca.SX(0, 1) if self.tracked is None else self.tracked.value())
+
+    @cached_property
+    def rows(self) -> ca.Function:
+        """(x, u, p) -> what the bounds of the state bound, relative to their scales."""
+        return self._function("rows", self.bounded.column)
+
+    def _function(self, name: str, value: ca.SX) -> ca.Function:
+        given = [self.prediction.x, self.prediction.u, self.prediction.p]
+        return ca.Function(name, given, [ca.densify(ca.cse([value])[0])])
 
     @cached_property
     def _units(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """What one unit of x, u, time and objective amounts to, as read from the numbers."""
-        start = self.prediction.np + self.stages.nr
+        start = self.prediction.np + self.nr
         cuts = np.cumsum([start, self.nx, self.nu, 1, 1]).tolist()
         of_x, of_u, of_time, of_objective = ca.vertsplit(self.symbols[3], [0, *cuts])[1:]
         return of_x, of_u, of_time, of_objective
 
     @cached_property
     def physical(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
-        """x, u, T, p and set-points r as expressions of the symbols."""
+        """x, u, T, p and setpoints r as expressions of the symbols."""
         s, v, duration, d = self.symbols
         of_x, of_u, of_time, _ = self._units
         u = s[self.nx :] if self.linear else v
         split = self.prediction.np
-        return s[: self.nx] * of_x, u * of_u, of_time * duration, d[:split], d[split : split + self.stages.nr]
+        return s[: self.nx] * of_x, u * of_u, of_time * duration, d[:split], d[split : split + self.nr]
 
     @cached_property
     def flow(self) -> Term:
@@ -183,9 +207,9 @@ class Motion:
         if self.linear:
             rate = ca.vertcat(rate, v / of_time)
         errors = self._errors()
-        price = time * ca.dot(errors, errors) / 2 / of_objective
+        running = time * ca.dot(errors, errors) / 2 / of_objective
         squared = ca.sqrt(time / of_objective) * errors
-        z, out = ca.vertcat(s, v, duration), ca.vertcat(time * rate, price)
+        z, out = ca.vertcat(s, v, duration), ca.vertcat(time * rate, running)
         term = derived("flow", z, d, out, exact=self.exact, squared=squared)
         work = term.hessian.n_instructions() * self.scene.intervals
         return compiled(term) if work > _COMPILE_FROM else term
@@ -200,11 +224,11 @@ class Motion:
             return ca.SX(np.sqrt(2.0) * (u - ca.DM(self.scene.initial_input)))
         if objective == "least_input_rate" and self.linear:
             return ca.SX(np.sqrt(2.0) * rate)
-        if objective == "tracking":
-            weighted: ca.SX = ca.DM(np.sqrt(self.stages.weights)) * (self.stages.outputs(x, u, p) - r)
-            price = self.scene.cost.input_rate if self.scene.cost is not None else None
-            if price and self.linear:
-                return ca.vertcat(weighted, np.sqrt(price) * rate)
+        if self.tracked is not None:
+            weighted: ca.SX = ca.DM(np.sqrt(self.tracked.weights[:, 0])) * (self.outputs(x, u, p) - r)
+            rate_weight = self.scene.cost.input_rate if self.scene.cost is not None else None
+            if rate_weight and self.linear:
+                return ca.vertcat(weighted, np.sqrt(rate_weight) * rate)
             return weighted
         return ca.SX(0, 1)
 
@@ -213,9 +237,9 @@ class Motion:
         s, _, _, d = self.symbols
         return derived(name, s, d, expression, exact=self.exact, squared=squared)
 
-    # -- between the programme and the world --------------------------------------------------------------------------
+    # -- between the problem and the world --------------------------------------------------------------------------
 
     def scaled_state(self, x: ArrayLike, u: ArrayLike) -> Array:
-        """States (..., ns) of the programme."""
+        """States (..., ns) of the problem."""
         parts = [np.asarray(x) / self.scales.x]
         return np.concatenate([*parts, np.asarray(u) / self.scales.u] if self.linear else parts, axis=-1)

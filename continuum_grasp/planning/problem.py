@@ -1,4 +1,4 @@
-"""The programme of a plan: motion, limits, goal, objective."""
+"""The problem of a plan: motion, limits, goal, objective."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.control.ocp.cost_terms import Outputs
+from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.bounds import StateBounds
 from continuum_grasp.planning.goal import goal_parts
 from continuum_grasp.planning.grid import Grid, add_collocation, add_shooting, default_substeps
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
-from continuum_grasp.planning.programme import OBJECTIVE, Programme
 from continuum_grasp.planning.term import derived
 
 __all__ = ["PlanProblem"]
@@ -34,16 +35,16 @@ class PlanProblem:
     x0 : (nx,) ndarray
         State at the beginning.
     relaxed : bool
-        Whether the distance from the goal is minimised in place of the objective, and hard bounds have a price.
+        Whether the distance from the goal is minimized in place of the objective, and hard bounds have a penalty.
 
     Attributes
     ----------
-    programme : Programme
+    assembly : Assembly
     grid : Grid
     before : (1, nu) ndarray of int
         Columns of the input before the motion begins.
     inputs : (N + 1, nu) ndarray of int
-        Columns of the inputs at the nodes; the last one is kept after the end.
+        Columns of the inputs at the nodes; the last one is held after the end.
     goal : list of GoalPart
     bounds : StateBounds
     substeps : int
@@ -52,18 +53,18 @@ class PlanProblem:
 
     def __init__(self, motion: Motion, x0: Array, *, relaxed: bool = False) -> None:
         self.motion, self.relaxed = motion, relaxed
-        self.programme = Programme()
+        self.assembly = Assembly(semidefinite=not motion.exact)
         self.goal = goal_parts(motion)
         self._add_unknowns(x0)
-        price = _EFFORT_WHEN_RELAXED if relaxed else 1.0
+        weight = _EFFORT_WHEN_RELAXED if relaxed else 1.0
         scene = motion.scene
         self.substeps = 0
         if scene.method == "collocation":
-            add_collocation(self.programme, motion, self.grid, price)
+            add_collocation(self.assembly, motion, self.grid, weight)
         else:
             self.substeps = scene.solver.substeps or default_substeps(motion)
-            add_shooting(self.programme, motion, self.grid, self.substeps, price)
-        self.bounds = StateBounds(self.programme, motion, self.grid, relaxed)
+            add_shooting(self.assembly, motion, self.grid, self.substeps, weight)
+        self.bounds = StateBounds(self.assembly, motion, self.grid, relaxed)
         self._add_rate_limit()
         self._add_goal()
         self._add_objective()
@@ -71,30 +72,30 @@ class PlanProblem:
     # -- unknowns -----------------------------------------------------------------------------------------------------
 
     def _add_unknowns(self, x0: Array) -> None:
-        motion, programme = self.motion, self.programme
+        motion, assembly = self.motion, self.assembly
         scene, intervals = motion.scene, motion.scene.intervals
         first = np.array(scene.initial_input)
         least_time, most_time = (t / motion.scales.time for t in scene.duration_range)
-        time = programme.variables(1, 1, least_time, most_time)
+        time = assembly.variables(1, 1, least_time, most_time)
         low, high = np.full(motion.ns, -np.inf), np.full(motion.ns, np.inf)
         limits = [np.full(motion.nu, bound) / motion.scales.u for bound in scene.input_limits]
         if motion.linear:
             low[motion.nx :], high[motion.nx :] = limits
             most = np.inf if scene.input.rate_max is None else scene.input.rate_max
             limits = [-most / motion.scales.rate, most / motion.scales.rate]
-        s = programme.variables(intervals + 1, motion.ns, low, high)
-        v = programme.variables(intervals, motion.nv, limits[0], limits[1])
+        s = assembly.variables(intervals + 1, motion.ns, low, high)
+        v = assembly.variables(intervals, motion.nv, limits[0], limits[1])
         degree = scene.solver.degree if scene.method == "collocation" else 0
-        inner = programme.variables(intervals * degree, motion.ns).reshape(intervals, degree, motion.ns)
-        programme.fix(s[0], motion.scaled_state(x0, first))
+        inner = assembly.variables(intervals * degree, motion.ns).reshape(intervals, degree, motion.ns)
+        assembly.fix(s[0], motion.scaled_state(x0, first))
         self.grid = Grid(time, s, v, inner)
         if motion.linear:
             self.before, self.inputs = s[:1, motion.nx :], s[:, motion.nx :]
             return
-        self.before = programme.variables(1, motion.nu)
-        programme.fix(self.before, first / motion.scales.u)
+        self.before = assembly.variables(1, motion.nu)
+        assembly.fix(self.before, first / motion.scales.u)
         changes = scene.goal.end == "held" or scene.goal.input is not None
-        self.inputs = np.vstack([v, programme.variables(1, motion.nu, limits[0], limits[1]) if changes else v[-1:]])
+        self.inputs = np.vstack([v, assembly.variables(1, motion.nu, limits[0], limits[1]) if changes else v[-1:]])
 
     @property
     def _changes(self) -> tuple[Indices, Indices]:
@@ -108,7 +109,7 @@ class PlanProblem:
     def start(self, path: Path) -> Array:
         """Unknowns that stand for a path."""
         motion, grid = self.motion, self.grid
-        w = np.zeros(self.programme.size)
+        w = np.zeros(self.assembly.size)
         w[grid.time] = path.duration / motion.scales.time
         s = motion.scaled_state(path.x, path.u)
         w[grid.s] = s
@@ -142,10 +143,10 @@ class PlanProblem:
         share = most * motion.scales.time / self.grid.intervals / motion.scales.u
         unit = "N m" if motion.nu == 1 else "N"
         for name, sign in (("input rate, up", 1.0), ("input rate, down", -1.0)):
-            rows = self.programme.require(name, "input.rate_max", unit, len(now), motion.scales.u, -np.inf)
-            self.programme.add_linear(rows, now, sign)
-            self.programme.add_linear(rows, before, -sign)
-            self.programme.add_linear(rows, np.broadcast_to(self.grid.time, rows.shape), -share)
+            rows = self.assembly.rows(name, "input.rate_max", unit, len(now), motion.scales.u, -np.inf)
+            self.assembly.add_linear(rows, now, sign)
+            self.assembly.add_linear(rows, before, -sign)
+            self.assembly.add_linear(rows, np.broadcast_to(self.grid.time, rows.shape), -share)
 
     # -- goal and objective -------------------------------------------------------------------------------------------
 
@@ -155,10 +156,10 @@ class PlanProblem:
         for part in self.goal:
             if self.relaxed or part.weight is not None:
                 if part.weight is None or not self.relaxed:
-                    self.programme.add(part.price(self.motion, self.relaxed), end, [OBJECTIVE], data)
+                    self.assembly.add(part.cost(self.motion, self.relaxed), end, [OBJECTIVE], data)
                 continue
-            rows = self.programme.require(part.name, part.key, part.unit, 1, part.scale)
-            self.programme.add(part.rows(self.motion), end, rows, data)
+            rows = self.assembly.rows(part.name, part.key, part.unit, 1, part.scale)
+            self.assembly.add(part.rows(self.motion), end, rows, data)
 
     def _add_objective(self) -> None:
         motion, scene = self.motion, self.motion.scene
@@ -166,31 +167,31 @@ class PlanProblem:
             self._add_changes(lambda change, time: _EFFORT_WHEN_RELAXED / self.grid.intervals * ca.dot(change, change))
             return
         if scene.objective == "least_time":
-            self.programme.add_linear(OBJECTIVE, self.grid.time, 1.0)
+            self.assembly.add_linear(OBJECTIVE, self.grid.time, 1.0)
             self._add_changes(lambda change, time: scene.smoothing * ca.dot(change, change))
-        price = scene.cost.input_rate if scene.cost is not None else 2.0
-        if scene.objective in ("least_input_rate", "tracking") and price and not motion.linear:
+        rate_weight = scene.cost.input_rate if scene.cost is not None else 2.0
+        if scene.objective in ("least_input_rate", "tracking") and rate_weight and not motion.linear:
             scale = ca.DM(motion.scales.u)
-            factor = 0.5 * price * self.grid.intervals / motion.scales.objective
+            factor = 0.5 * rate_weight * self.grid.intervals / motion.scales.objective
             self._add_changes(lambda change, time: factor * ca.dot(change * scale, change * scale) / time)
-        if scene.objective == "tracking":
-            self._add_terminal()
+        if motion.tracked is not None:
+            self._add_terminal(motion.tracked)
 
-    def _add_changes(self, price: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
-        """A price of the input's changes, in units of its range, and of the duration [s]."""
+    def _add_changes(self, cost: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
+        """A cost of the input's changes, in units of its range, and of the duration [s]."""
         motion = self.motion
         now, before, time = ca.SX.sym("now", motion.nu), ca.SX.sym("before", motion.nu), ca.SX.sym("T")
         z = ca.vertcat(now, before, time)
-        term = derived("change", z, ca.SX(0, 1), price(now - before, motion.scales.time * time))
+        term = derived("change", z, ca.SX(0, 1), cost(now - before, motion.scales.time * time))
         columns = np.hstack([*self._changes, np.repeat(self.grid.time, len(self._changes[0]), axis=0)])
-        self.programme.add(term, columns, [OBJECTIVE], [])
+        self.assembly.add(term, columns, [OBJECTIVE], [])
 
-    def _add_terminal(self) -> None:
+    def _add_terminal(self, tracked: Outputs) -> None:
         """Half the weighted squared errors of what is tracked at the end."""
-        motion, stages = self.motion, self.motion.stages
+        motion = self.motion
         x, _, _, p, r = motion.physical
-        errors = (stages.outputs(x, ca.DM.zeros(motion.nu), p) - r)[: stages.nt]
-        weighted = ca.DM(np.sqrt(stages.terminal_weights[: stages.nt])) * errors
+        errors = (motion.outputs(x, ca.DM.zeros(motion.nu), p) - r)[: tracked.of_state]
+        weighted = ca.DM(np.sqrt(tracked.weights[: tracked.of_state, 1])) * errors
         term = motion.of_state("terminal", 0.5 * ca.dot(weighted, weighted), squared=weighted)
         data = motion.numbers([motion.scene.duration_range[1]])
-        self.programme.add(term, self.grid.s[-1:], [OBJECTIVE], data)
+        self.assembly.add(term, self.grid.s[-1:], [OBJECTIVE], data)

@@ -9,26 +9,27 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.grasp.budget import Budget
+from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, new_solver
 from continuum_grasp.planning.diagnosis import Diagnosis, diagnose
 from continuum_grasp.planning.fine import simulated
 from continuum_grasp.planning.guess import Hint, Path, Posture, detours, final_posture, smooth_path
 from continuum_grasp.planning.initial import first_state_of_plan
-from continuum_grasp.planning.ipopt import Attempt, Multipliers, ProgrammeSolver
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.result import Plan
-from continuum_grasp.planning.tighten import kept_between_nodes
-from continuum_grasp.scene.plan import PlanScene
+from continuum_grasp.planning.tighten import satisfied_between_nodes
+from continuum_grasp.scene.plan import PlanScene, PlanSolver
 
-__all__ = ["KEPT", "Search"]
+__all__ = ["FEASIBLE", "Search"]
 
 Array = NDArray[np.float64]
 
-KEPT = 1e-6
-"""Violation in units of the programme below which constraints count as kept."""
+FEASIBLE = 1e-6
+"""Violation below which constraints count as satisfied [units of the problem]: 100 times the solver's tolerance."""
 _STARTS_WITH_ZONES = 5
+"""The direct path, and two to either side [1], so that both ways past a zone are tried."""
 _BARRIERS = (1e-3, 1e-4, 1e-2)
 """First barrier parameters from a simulated motion with contact, whose forces change steeply."""
 
@@ -72,8 +73,8 @@ class Search:
         self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
         self.problem = PlanProblem(self.motion, self.x0)
         self.budget = Budget.of(scene.solver)
-        self._solver = ProgrammeSolver(self.problem.programme, scene.solver, self.budget)
-        self._near: tuple[PlanProblem, ProgrammeSolver] | None = None
+        self._solver = new_solver(_settings(scene.solver))
+        self._near: PlanProblem | None = None
 
     def run(self) -> None:
         """Try all starts.
@@ -89,8 +90,9 @@ class Search:
         if self.best is None:
             self._try_paths()
         if self.best is not None and self.best.converged and not self.over:
-            self.best, self.tightened = kept_between_nodes(self.problem, self._solver, self.best)
-            self.interrupted |= self._solver.watch.interrupted
+            self.best, self.tightened = satisfied_between_nodes(
+                self.problem, self.best, self._solved, lambda: self.over
+            )
 
     def _try_motion(self) -> None:
         """Start from what the finger does under an input that grows smoothly: it keeps off the object, or presses."""
@@ -137,10 +139,10 @@ class Search:
             if name in known:
                 x[:, k] = states[:, known.index(name)]
         path = Path(x, earlier.inputs_at(t), float(np.clip(earlier.duration, least, most)))
-        state, programme = earlier.solver_state, self.problem.programme
+        state, assembly = earlier.solver_state, self.problem.assembly
         if not np.array_equal(state.get("units", []), self.motion.units):
             return self.problem.start(path), None
-        if len(state["w"]) != programme.size or len(state["constraints"]) != programme.count:
+        if len(state["w"]) != assembly.size or len(state["constraints"]) != assembly.count:
             return self.problem.start(path), None
         return state["w"], Multipliers(state["bounds"], state["constraints"])
 
@@ -151,28 +153,35 @@ class Search:
 
     def _try(self, name: str, w: Array, multipliers: Multipliers | None = None, barrier: float | None = None) -> bool:
         """Solve from a start; whether that gave a plan."""
-        attempt = self._solver.run(w, multipliers, barrier)
+        attempt = self._solved(self.problem, w, multipliers, barrier)
         self.attempts.append((name, attempt))
-        self.interrupted |= self._solver.watch.interrupted
-        kept = attempt.violation < KEPT
-        if kept and (self.best is None or _rank(attempt) < _rank(self.best)):
+        feasible = attempt.violation < FEASIBLE
+        if feasible and (self.best is None or _rank(attempt) < _rank(self.best)):
             self.best = attempt
-        return kept
+        return feasible
+
+    def _solved(
+        self, problem: PlanProblem, w: Array, multipliers: Multipliers | None = None, barrier: float | None = None
+    ) -> Attempt:
+        """Run the solver; Ctrl-C leaves the last iterate."""
+        assembly = problem.assembly
+        with interrupt.held(quietly=True) as pressed:
+            attempt = self._solver.solve(assembly.nlp, assembly.start(w, multipliers, barrier), self.budget)
+        self.interrupted |= pressed()
+        return attempt
 
     def _approach(self, name: str, path: Path) -> None:
         """How near the goal can be reached; if it can, the search goes on from there."""
         if self._near is None:
-            problem = PlanProblem(self.motion, self.x0, relaxed=True)
-            self._near = problem, ProgrammeSolver(problem.programme, self.scene.solver, self.budget)
-        problem, solver = self._near
-        attempt = solver.run(problem.start(path))
-        self.interrupted |= solver.watch.interrupted
-        if not attempt.violation < KEPT:
+            self._near = PlanProblem(self.motion, self.x0, relaxed=True)
+        problem = self._near
+        attempt = self._solved(problem, problem.start(path))
+        if not attempt.violation < FEASIBLE:
             return
         self.relaxed.append((name, attempt))
         found = diagnose(problem, attempt)
         if found.met and not self.over:
-            self._try(f"{name}, from the goal", self.problem.start(problem.path(attempt.w)))
+            self._try(f"{name}, from the goal", self.problem.start(problem.path(attempt.x)))
         elif attempt.objective <= min(a.objective for _, a in self.relaxed):
             self.diagnosis = found
 
@@ -181,8 +190,19 @@ class Search:
         """What comes nearest to the goal, and its problem; the last attempt where that was not sought."""
         if self._near is None or not self.relaxed:
             return self.problem, self.attempts[-1][1]
-        return self._near[0], min((a for _, a in self.relaxed), key=lambda a: a.objective)
+        return self._near, min((a for _, a in self.relaxed), key=lambda a: a.objective)
 
 
 def _rank(attempt: Attempt) -> tuple[bool, float]:
     return not attempt.converged, attempt.objective
+
+
+def _settings(options: PlanSolver) -> Settings:
+    """What plans ask of a solver.
+
+    IPOPT: the adaptive barrier, since plans start far from their solution; no bound is relaxed, since the limits of a
+    plan are reported as satisfied.
+    """
+    ipopt = {"acceptable_iter": 20, "bound_relax_factor": 0.0, "mu_strategy": "adaptive"}
+    tolerance = options.tolerance
+    return Settings(options.method, tolerance, min(1e-8, tolerance), options.max_iterations, {"ipopt": ipopt})

@@ -5,22 +5,20 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
-from continuum_grasp.errors import InputError, Interrupted, SolverError
+from continuum_grasp.errors import Interrupted, SolverError
+from continuum_grasp.nlp import Attempt
 from continuum_grasp.planning.closing import closing
-from continuum_grasp.planning.files import load_plan
 from continuum_grasp.planning.fine import checked
-from continuum_grasp.planning.ipopt import Attempt
 from continuum_grasp.planning.outcome import constraints_of, objective_of
 from continuum_grasp.planning.result import Plan, PlanStatus
-from continuum_grasp.planning.search import KEPT, Search
-from continuum_grasp.scene.load import load
+from continuum_grasp.planning.search import FEASIBLE, Search
+from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.plan import PlanScene
 
 if TYPE_CHECKING:
@@ -41,7 +39,7 @@ def plan(
 ) -> Plan:
     """Plan a motion as a whole.
 
-    The motion is transcribed by multiple shooting (Runge-Kutta steps) or collocation into one nonlinear programme,
+    The motion is transcribed by multiple shooting (Runge-Kutta steps) or collocation into one nonlinear problem,
     which IPOPT solves from smooth paths to a posture that meets the goal (J. T. Betts, Practical Methods for Optimal
     Control and Estimation Using Nonlinear Programming, SIAM 2010, doi:10.1137/1.9780898718577). The inputs found are
     then played to a finely integrated model.
@@ -71,8 +69,8 @@ def plan(
         Ctrl-C; ``result`` is the best plan so far, or the last iterate.
     """
     began = time.perf_counter()
-    asked, near = closing(_scene(scene), grasp)
-    earlier = load_plan(warm) if isinstance(warm, (str, os.PathLike)) else warm
+    asked, near = closing(scene_of(scene, PlanScene), grasp)
+    earlier = Plan.load(warm) if isinstance(warm, (str, os.PathLike)) else warm
     search = Search(asked, earlier, near)
     built = time.perf_counter()
     try:
@@ -98,17 +96,6 @@ def plan(
     return result
 
 
-def _scene(given: PlanScene | str | os.PathLike[str]) -> PlanScene:
-    if isinstance(given, PlanScene):
-        return given
-    if not isinstance(given, (str, os.PathLike)):
-        raise InputError(f"expected a PlanScene or the path of its file, got {given!r:.80}")
-    loaded = load(Path(given))
-    if not isinstance(loaded, PlanScene):
-        raise InputError(f"expected a plan (finger, goal, ...), got a {type(loaded).__name__}", file=os.fspath(given))
-    return loaded
-
-
 def _result(search: Search) -> Plan:
     """The best plan, or what comes nearest."""
     problem, attempt, scene = search.problem, search.best, search.scene
@@ -121,11 +108,11 @@ def _result(search: Search) -> Plan:
             problem, attempt = search.nearest
     elif not attempt.converged:
         status = PlanStatus.FEASIBLE
-        message = f"all constraints are kept, but {_stopped(search, attempt)} before the optimum was reached"
+        message = f"all constraints are satisfied, but {_stopped(search, attempt)} before the optimum was reached"
     elif search.budget.cut:
         status = PlanStatus.FEASIBLE
-        message = f"all constraints are kept at the nodes, but {_cut(search)} before the search was complete"
-    path = problem.path(attempt.w)
+        message = f"all constraints are satisfied at the nodes, but {_cut(search)} before the search was complete"
+    path = problem.path(attempt.x)
     lead = "" if violated else _lead(scene, path.u, path.duration)
     warnings = [lead] if lead else []
     if search.interrupted:
@@ -145,7 +132,7 @@ def _result(search: Search) -> Plan:
         warnings=tuple(warnings),
         statistics=_statistics(search),
         solver_state={
-            "w": attempt.w,
+            "w": attempt.x,
             "bounds": attempt.multipliers.bounds,
             "constraints": attempt.multipliers.constraints,
             "units": search.motion.units,
@@ -177,7 +164,7 @@ def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
     if found is not None and not found.met and not search.budget.stopped:
         return PlanStatus.INFEASIBLE, found.message, found.advice, found.violated
     last = search.attempts[-1][1]
-    broken = [c for c in constraints_of(search.problem, last).values() if c.excess > KEPT]
+    broken = [c for c in constraints_of(search.problem, last).values() if c.excess > FEASIBLE]
     violated = tuple(str(c) for c in sorted(broken, key=lambda c: -c.excess))
     advice = "give the solver more iterations, more intervals, another initial duration, or a warm start"
     if search.scene.object is not None:
@@ -189,12 +176,12 @@ def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
 
 
 def _statistics(search: Search) -> dict[str, Any]:
-    programme = search.problem.programme
+    assembly = search.problem.assembly
     tried = [*search.attempts, *((f"{name}, distance from the goal", a) for name, a in search.relaxed)]
     return {
         "starts": [f"{name}: {a.outcome} after {a.iterations} iterations, {a.seconds:.2f} s" for name, a in tried],
-        "unknowns": programme.size,
-        "constraints": programme.count,
+        "unknowns": assembly.size,
+        "constraints": assembly.count,
         "substeps": search.problem.substeps,
         "tightened": search.tightened,
         "cut_short": search.budget.cut,

@@ -174,13 +174,14 @@ class ControlScene(Surroundings):
     @property
     def tracked_contacts(self) -> tuple[str, ...]:
         """Names of the contacts whose normal force is tracked."""
-        weight = self.controller.cost.contact_force
-        return () if weight is None else weight.of or self.contact_names
+        return self.controller.cost.tracked_contacts(self.contact_names)
 
     @property
-    def curvature_limit(self) -> float:
-        """Greatest curvature of the bounds, apart from the bending range of the model [1/m]."""
-        asked = self.controller.bounds.curvature
-        if asked is None:
-            return math.inf
-        return self.finger.curvature_limit if asked == "finger" else asked
+    def surroundings(self) -> Surroundings | None:
+        """Object and supports, if there is an object."""
+        return None if self.object is None else self
+
+    @property
+    def disturbances(self) -> frozenset[str]:
+        """Names of the disturbances that are estimated."""
+        return frozenset() if self.estimator is None else self.estimator.disturbances.names

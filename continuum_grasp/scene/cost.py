@@ -92,6 +92,10 @@ class Cost(Value):
             raise ValueError("give effort or input_rate a weight greater than 0: without either inputs are not unique")
         return self
 
+    def tracked_contacts(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Names of the contacts whose normal force is tracked, among those there are."""
+        return () if self.contact_force is None else self.contact_force.of or names
+
 
 Row = Annotated[tuple[Real, ...], Field(strict=False, min_length=1)]
 

@@ -53,6 +53,11 @@ class Disturbed(Value):
     bending_stiffness: Positive | None = None
     """Bending stiffness, relative [1 / s^0.5]; must be one of the scene's ``parameters``."""
 
+    @property
+    def names(self) -> frozenset[str]:
+        """Those that are estimated."""
+        return frozenset(name for name in type(self).model_fields if getattr(self, name) is not None)
+
 
 class Estimator(Value):
     """An extended Kalman filter with disturbance states."""

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.objects import Freedom
 from continuum_grasp.scene.simulate import Fidelity
+from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.supports import Switch
 from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2
 
@@ -180,7 +181,7 @@ class Disturbances(Value):
     their position, so that a taut tendon keeps its length and its tension reacts."""
 
 
-class GraspSolver(Value):
+class GraspSolver(SolverOptions):
     """Options of the search."""
 
     seeds: Annotated[int, Field(ge=1, le=1000)] = 8
@@ -193,9 +194,6 @@ class GraspSolver(Value):
     max_total_iterations: Annotated[int, Field(ge=1, le=10_000_000)] = 40_000
     """Iterations of the whole search, diagnosis included, 0.4 to 3 ms each: counted work, so that the verdict does not
     depend on how fast or busy the machine is. Shipped scenes take up to 5,000, random infeasible ones up to 15,000."""
-    time_limit: Positive = 3600.0
-    """Emergency stop of the whole search by the clock [s]; a search that it stops says so: its status is ``timed_out``,
-    or ``feasible`` where there was a grasp by then."""
     tolerance: Annotated[float, Field(ge=1e-15, le=1e-4)] = 1e-9
     """Relative tolerance of the solver, on optimality and constraints."""
     penetration_tolerance: Annotated[float, Field(ge=1e-12, le=1e-4)] = 1e-6

@@ -1,4 +1,4 @@
-"""A motion to be planned as a whole: from where, to what, at what price and within which limits."""
+"""A motion to be planned as a whole: from where, to what, at what cost and within which limits."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.surroundings import ContactLaw, Surroundings
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Value, Vector2
 
@@ -39,7 +40,7 @@ def _exact(value: Any) -> Any:
 
 class _Aim(Value):
     weight: Positive | None = None
-    """Price of half the squared error, per unit squared; None: reached exactly."""
+    """Weight of half the squared error, per unit squared; None: reached exactly."""
 
 
 class RowAim(_Aim):
@@ -90,7 +91,7 @@ class Goal(Value):
     input: Aim | None = None
     """Last input: tip moment [N m] or tensions [N]."""
     grasp_weight: Positive = 1e4
-    """Price of half the squared error of the contact forces of ``grasp`` [1/N2]."""
+    """Weight of half the squared error of the contact forces of ``grasp`` [1/N2]."""
 
 
 class DurationRange(Value):
@@ -118,13 +119,13 @@ class PlanInput(InputLimits):
 
 
 class PlanHalfPlaneZone(HalfPlaneZone):
-    """All behind a line; hard where no price is given."""
+    """All behind a line; hard by default."""
 
     penalty: Penalty | Literal["hard"] = "hard"
 
 
 class PlanDiscZone(DiscZone):
-    """A disc; hard where no price is given."""
+    """A disc; hard by default."""
 
     penalty: Penalty | Literal["hard"] = "hard"
 
@@ -133,7 +134,7 @@ _PlanZone = Annotated[PlanHalfPlaneZone | PlanDiscZone, Field(discriminator="typ
 
 
 class PlanBounds(Bounds):
-    """What must not be left at the nodes of the grid; prices of soft bounds are per share and second."""
+    """What must not be left at the nodes of the grid; penalties of soft bounds are per share and second."""
 
     keep_out: dict[str, _PlanZone] = Field(default_factory=dict)  # type: ignore[assignment]
     """Zones by name."""
@@ -141,8 +142,8 @@ class PlanBounds(Bounds):
     """Of curvature and speed."""
 
 
-class PlanSolver(Value):
-    """IPOPT, and what it is given."""
+class PlanSolver(SolverOptions):
+    """The solver, and what it is given."""
 
     hessian: Literal["exact", "gauss_newton"] = "exact"
     """gauss_newton: without the curvature of the motion and of the bounds."""
@@ -152,9 +153,6 @@ class PlanSolver(Value):
     max_total_iterations: Annotated[int, Field(ge=1, le=10_000_000)] = 3000
     """Of all starts together, 10 to 60 ms each: counted work, so that the verdict does not depend on how fast or busy
     the machine is. Shipped plans take up to 400."""
-    time_limit: Positive = 3600.0
-    """Emergency stop of all starts together by the clock [s]; the status is then ``timed_out``, or ``feasible`` with a
-    plan."""
     starts: Annotated[int, Field(ge=1, le=9)] | None = None
     """Paths from which the search begins, the direct one first; None: one, or five where there are zones. The best
     plan counts."""
@@ -164,6 +162,12 @@ class PlanSolver(Value):
     """Collocation points."""
     degree: Annotated[int, Field(ge=2, le=9)] = 3
     """Number of collocation points per interval."""
+
+    @model_validator(mode="after")
+    def _hessian_is_convex(self) -> PlanSolver:
+        if self.method == "sqp" and self.hessian == "exact":
+            raise ValueError("method: sqp needs hessian: gauss_newton, since its QPs have to be convex")
+        return self
 
 
 class FineCheck(Value):
@@ -192,7 +196,7 @@ class PlanScene(Surroundings):
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Model parameters that stay arguments of the model."""
     grasp: GraspScene | None = None
-    """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimised first:
+    """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimized first:
     contacts, contact forces to be reached, the finger's base and the object's pose are then those of the grasp."""
     initial: Initial = Initial(pose="rest")
     input: PlanInput = PlanInput()
@@ -206,9 +210,9 @@ class PlanScene(Surroundings):
     cost: Cost | None = None
     """Weights of ``tracking``."""
     reference: Reference = Reference()
-    """Set-points of ``tracking`` over time."""
+    """Setpoints of ``tracking`` over time."""
     smoothing: NonNegative = 1e-3
-    """Price of input changes beside ``least_time``, whose inputs would not be unique: the plan is this share of the
+    """Weight of input changes beside ``least_time``, whose inputs would not be unique: the plan is this share of the
     duration, or less, longer for smooth inputs."""
     duration: Positive | DurationRange
     """[s]"""
@@ -310,6 +314,22 @@ class PlanScene(Surroundings):
             return tendons.min_tension, tendons.max_tension
         most = self.input.moment_max or 0.0
         return -most, most
+
+    @property
+    def lag(self) -> float | None:
+        """Time constant of the drive [s]; None: the input acts at once."""
+        tendons = self.finger.tendons
+        return self.input.time_constant if tendons is None else tendons.time_constant
+
+    @property
+    def surroundings(self) -> Surroundings | None:
+        """Object and supports, if there is an object."""
+        return None if self.object is None else self
+
+    @property
+    def disturbances(self) -> frozenset[str]:
+        """A known force at the tip is a parameter of the model; with ``contacts``, the tip is one of these."""
+        return frozenset({"tip_force"} if self.loads and not self.contacts else ())
 
     @property
     def initial_input(self) -> tuple[float, ...]:

@@ -17,10 +17,11 @@ Array = NDArray[np.float64]
 TARGET_RADIUS = 1.0
 """Product of step and spectral radius that the explicit method is given; it is stable up to 2.7."""
 _POSES = 12
+"""Random shapes at which the spectral radius is taken, beside the start and the straight finger [1]."""
 
 
 def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float:
-    """Largest absolute eigenvalue of the linearised motion over some shapes [1/s].
+    """Largest absolute eigenvalue of the linearized motion over some shapes [1/s].
 
     Parameters
     ----------

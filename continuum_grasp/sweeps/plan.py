@@ -53,11 +53,11 @@ class Plan:
 
     def __init__(self, sweep: Sweep, variation: Variation) -> None:
         self.sweep, self.variation = sweep, variation
-        things: list[Axis | Random | Tie] = [*variation.axes, *variation.draws, *variation.ties]
-        self.keys: tuple[str, ...] = tuple(thing.key for thing in things)
-        self.paths: tuple[KeyPath, ...] = tuple(thing.path for thing in things)
+        varied: list[Axis | Random | Tie] = [*variation.axes, *variation.draws, *variation.ties]
+        self.keys: tuple[str, ...] = tuple(one.key for one in varied)
+        self.paths: tuple[KeyPath, ...] = tuple(one.path for one in varied)
         self.columns = sweep.columns
-        self.units = {**QUANTITIES, **{thing.key: thing.unit for thing in things}}
+        self.units = {**QUANTITIES, **{one.key: one.unit for one in varied}}
         self._counts = [len(axis.values) for axis in variation.axes]
         self._sources = [self.keys.index(tie.source) for tie in variation.ties]
         self._drawn: tuple[int, NDArray[np.float64]] | None = None

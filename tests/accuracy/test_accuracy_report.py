@@ -86,8 +86,10 @@ def test_the_reference_knows_its_error(release):
 
 
 def test_it_is_saved_whole(report, tmp_path):
-    files = report.save(tmp_path)
-    assert sorted(file.name for file in files) == ["accuracy.json", "accuracy.md", "accuracy.png"]
+    report.save(tmp_path)
+    report.plot(tmp_path)
+    found = sorted(file.name for file in tmp_path.iterdir())
+    assert found == [".run.json", "accuracy.json", "accuracy.md", "accuracy.png"]
     saved = json.loads((tmp_path / "accuracy.json").read_text())
     assert [table["title"] for table in saved] == [table.title for table in report.tables]
     text = (tmp_path / "accuracy.md").read_text()

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
-from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene import (
@@ -40,7 +40,7 @@ def points(cost, functions=None, **reference):
         reference=Reference(**reference),
     )
     model = Prediction(scene)
-    return setpoints(scene, stages_of(scene, model), model, functions)
+    return setpoints(Outputs.of(scene.controller.cost, model), scene.reference, functions)
 
 
 def test_a_circle_waits_and_then_turns_at_constant_speed():

@@ -10,7 +10,7 @@ import pytest
 from grasp_scenes import UPRIGHT, make_scene
 
 from continuum_grasp.grasp import Status, optimize_grasp
-from continuum_grasp.grasp.budget import Budget
+from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp_options import GraspSolver
 from continuum_grasp.sweeps.lines import decode
 from continuum_grasp.sweeps.plan import Point
@@ -73,7 +73,7 @@ def test_a_budget_that_is_too_small_is_no_verdict_and_repeats():
 
 def jump_after(monkeypatch, run):
     """Let the emergency stop come with the so-many-th run of the solver."""
-    from continuum_grasp.grasp.problem.ipopt import GraspSolverRun
+    from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
 
     count, whole = [0], GraspSolverRun.run
 

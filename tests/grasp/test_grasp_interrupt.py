@@ -15,13 +15,14 @@ from continuum_grasp.grasp import optimize_grasp
 
 PRESS = """
     import os, signal, sys
-    from continuum_grasp.grasp.problem import ipopt
+    from continuum_grasp.grasp.problem import solver_run
+    from continuum_grasp.nlp import solver
 
     def press(run, iteration):
         "Ctrl-C inside the solver, at an iteration of a run (both from 1)."
-        count, whole = [0, 0], ipopt.GraspSolverRun.run
+        count, whole = [0, 0], solver_run.GraspSolverRun.run
 
-        class Pressing(ipopt._Stop):
+        class Pressing(solver._Stop):
             def eval(self, arguments):
                 count[1] += 1
                 if count == [run, iteration]:
@@ -32,8 +33,8 @@ PRESS = """
             count[:] = count[0] + 1, 0
             return whole(self, *arguments, **options)
 
-        ipopt.GraspSolverRun.run = counted
-        ipopt._Stop = Pressing
+        solver_run.GraspSolverRun.run = counted
+        solver._Stop = Pressing
 """
 
 
@@ -107,11 +108,11 @@ def test_ctrl_c_from_outside():
     code = """
         from continuum_grasp.grasp import optimize_grasp, search
         from continuum_grasp.scene.load import load
-        run = ipopt.GraspSolverRun.run
+        run = solver_run.GraspSolverRun.run
         def reported(self, *arguments, **options):
             print("start", flush=True)
             return run(self, *arguments, **options)
-        ipopt.GraspSolverRun.run = reported
+        solver_run.GraspSolverRun.run = reported
         search.branch_of = id
         result = optimize_grasp(load(sys.argv[1], ["solver.seeds=1000", "solver.max_total_iterations=1000000"]))
         print(result.status.value, result.statistics["interrupted"])

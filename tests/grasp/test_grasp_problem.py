@@ -12,7 +12,6 @@ from grasp_scenes import CONFIGS, PALM, UPRIGHT, WEIGHTLESS, make_scene
 from numpy.testing import assert_allclose
 
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.grasp.budget import Budget
 from continuum_grasp.grasp.fine import with_elements
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.quality.resistance import resistance
@@ -21,6 +20,7 @@ from continuum_grasp.grasp.starts.found import start_from
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.superellipse import smooth_support
+from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import (
     Circle,
     Disturbances,

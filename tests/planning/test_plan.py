@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError, Interrupted, SolverError
-from continuum_grasp.planning import PlanStatus, load_plan, plan
+from continuum_grasp.planning import Plan, PlanStatus, plan
 from continuum_grasp.planning.fine import excess_over_intervals, simulated
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
@@ -65,21 +65,14 @@ def test_derivatives_are_those_of_automatic_differentiation(kind, method):
     zone = {"keep_out": {"post": {"type": "disc", "center": (-0.05, 0.28), "radius": 0.01}}}
     bounds = KINDS[kind].get("bounds", {}) | zone
     scene = two_arcs(**(KINDS[kind] | {"method": method, "intervals": 4, "bounds": bounds}))
-    programme = Search(scene).problem.programme
-    nlp, lam = programme.nlp, ca.MX.sym("lam", programme.count)
-    lagrangian = 0.7 * nlp["f"] + ca.dot(lam, nlp["g"])
-    truth = ca.Function(
-        "truth",
-        [nlp["x"], lam],
-        [
-            ca.gradient(nlp["f"], nlp["x"]),
-            ca.jacobian(nlp["g"], nlp["x"]),
-            ca.triu(ca.hessian(lagrangian, nlp["x"])[0]),
-        ],
-    )
+    assembly = Search(scene).problem.assembly
+    nlp, lam = assembly.nlp, ca.MX.sym("lam", assembly.count)
+    lagrangian = 0.7 * nlp.f + ca.dot(lam, nlp.g)
+    slopes = [ca.gradient(nlp.f, nlp.x), ca.jacobian(nlp.g, nlp.x), ca.triu(ca.hessian(lagrangian, nlp.x)[0])]
+    truth = ca.Function("truth", [nlp.x, lam], slopes)
     rng = np.random.default_rng(0)
-    w, force = rng.uniform(0.1, 0.9, programme.size), rng.normal(size=programme.count)
-    own = programme.functions
+    w, force = rng.uniform(0.1, 0.9, assembly.size), rng.normal(size=assembly.count)
+    own = nlp.functions
     found = [own["grad_f"](w, [])[1], own["jac_g"](w, [])[1], own["hess_lag"](w, [], 0.7, force)]
     for value, expected in zip(found, truth(w, force), strict=True):
         expected = np.array(expected)
@@ -91,18 +84,18 @@ def test_conditions_of_optimality_hold(kind):
     """Karush, Kuhn and Tucker, with gradients of CasADi rather than the assembled ones."""
     search = Search(two_arcs(**KINDS[kind]))
     search.run()
-    programme, best = search.problem.programme, search.best
+    assembly, best = search.problem.assembly, search.best
     assert best.converged
-    nlp, bounds = programme.nlp, programme.bounds
-    slopes = ca.Function("s", [nlp["x"]], [ca.gradient(nlp["f"], nlp["x"]), ca.jacobian(nlp["g"], nlp["x"])])
-    gradient, jacobian = (np.array(v) for v in slopes(best.w))
-    free = bounds["lbx"] < bounds["ubx"]
+    nlp, bounds = assembly.nlp, assembly.start(best.x)
+    slopes = ca.Function("s", [nlp.x], [ca.gradient(nlp.f, nlp.x), ca.jacobian(nlp.g, nlp.x)])
+    gradient, jacobian = (np.array(v) for v in slopes(best.x))
+    free = bounds.low < bounds.high
     lam_x, lam_g = best.multipliers.bounds, best.multipliers.constraints
     stationary = gradient.ravel() + jacobian.T @ lam_g + lam_x
     assert np.abs(stationary[free]).max() < 1e-5 * max(1.0, np.abs(gradient).max())
     for value, low, high, lam in (
-        (best.w[free], bounds["lbx"][free], bounds["ubx"][free], lam_x[free]),
-        (best.g, bounds["lbg"], bounds["ubg"], lam_g),
+        (best.x[free], bounds.low[free], bounds.high[free], lam_x[free]),
+        (best.g, bounds.lower, bounds.upper, lam_g),
     ):
         assert np.all(value >= low - 1e-7)
         assert np.all(value <= high + 1e-7)
@@ -138,7 +131,7 @@ def test_gauss_newton_finds_the_same_plan(kind):
         (two_arcs, {"keep_out": {"post": {"type": "disc", "center": (-0.02, 0.295), "radius": 0.004}}}),
     ],
 )
-def test_bounds_are_kept_between_the_nodes_of_a_fine_simulation(make, bounds):
+def test_bounds_hold_between_the_nodes_of_a_fine_simulation(make, bounds):
     excess = []
     for asked in (bounds, {}):
         scene = make(bounds={"curvature": None, **asked}, solver={"starts": 2})
@@ -171,12 +164,12 @@ def test_least_time_of_held_inputs_reports_by_how_much_they_lead_the_drive():
     interval = held.duration / held.scene.intervals
     assert 0.5 * interval < ramps.duration - held.duration < 1.05 * interval
     assert "up to one interval longer" in held.message
-    (told,) = held.warnings
+    (warning,) = held.warnings
     assert (
         f"at the end): a drive that keeps input.rate_max = 1 N m/s needs up to one interval ({1e3 * interval:.3g} ms)"
-        in told
+        in warning
     )
-    assert "input.form: linear" in told
+    assert "input.form: linear" in warning
     assert (ramps.message, ramps.warnings) == ("solved", ())
 
 
@@ -203,7 +196,7 @@ def test_simulation_of_the_inputs_is_the_plan():
     scene = tendons(input=form, goal={"bending": (0.9,)}, intervals=15, solver={"substeps": 20})
     found = plan(scene)
     tensions = tuple(cg.Samples(times=tuple(found.t), values=tuple(c), interpolation="linear") for c in found.u.T)
-    told = cg.Scene(
+    played = cg.Scene(
         schema_version=1,
         finger=HAND,
         gravity=scene.gravity,
@@ -212,7 +205,7 @@ def test_simulation_of_the_inputs_is_the_plan():
         initial=cg.Initial(pose="rest"),
         time=cg.Timing(duration=scene.duration, step=scene.duration / 1500, method="reference"),
     )
-    moved = cg.simulate(told)
+    moved = cg.simulate(played)
     assert moved.tip[::100] == pytest.approx(found.tip, abs=2e-6)
     assert found.deviation.tip < 1e-6
 
@@ -269,7 +262,7 @@ def test_goals_out_of_reach_are_named_with_what_stops_them(changes, texts):
     assert nearest.constraints["motion"].excess < 1e-6
 
 
-def test_failure_is_told_by_the_status_where_that_is_wanted():
+def test_failure_is_reported_by_the_status_if_that_is_wanted():
     found = plan(two_arcs(duration=0.02), raise_on_failure=False)
     assert found.status is PlanStatus.INFEASIBLE
     assert not found.solved
@@ -283,7 +276,7 @@ def test_failure_is_told_by_the_status_where_that_is_wanted():
         ({"time_limit": 1e-6}, PlanStatus.TIMED_OUT, "solver.time_limit"),
     ],
 )
-def test_solver_that_is_stopped_is_told(solver, status, text):
+def test_solver_that_is_stopped_says_so(solver, status, text):
     found = plan(two_arcs(solver=solver), raise_on_failure=False)
     assert found.status is status
     assert text in found.message
@@ -338,7 +331,7 @@ def test_wrong_scenes_are_refused(changes, text):
 def test_saved_plan_comes_back_and_starts_the_next_one(tmp_path):
     found = plan(two_arcs())
     found.save(tmp_path)
-    back = load_plan(tmp_path)
+    back = Plan.load(tmp_path)
     for name in ("t", "x", "u", "tip", "bending"):
         assert getattr(back, name) == pytest.approx(getattr(found, name))
     assert (back.status, back.scene, back.deviation) == (found.status, found.scene, found.deviation)
@@ -384,12 +377,12 @@ def test_command(tmp_path):
     )
     done = CliRunner().invoke(app, [str(file), "--out", str(tmp_path / "run"), "--json", "--no-pictures"])
     assert done.exit_code == 0
-    told = json.loads(done.stdout)
-    assert told["status"] == "optimal"
-    assert load_plan(tmp_path / "run").objective == pytest.approx(told["objective"])
+    printed = json.loads(done.stdout)
+    assert printed["status"] == "optimal"
+    assert Plan.load(tmp_path / "run").objective == pytest.approx(printed["objective"])
     failed = CliRunner().invoke(app, [str(file), "--out", str(tmp_path / "no"), "--set", "duration=0.005"])
     assert isinstance(failed.exception, SolverError)
-    assert load_plan(tmp_path / "no").status is PlanStatus.INFEASIBLE
+    assert Plan.load(tmp_path / "no").status is PlanStatus.INFEASIBLE
 
 
 # -- contact -----------------------------------------------------------------------------------------------------------
@@ -398,9 +391,9 @@ def test_command(tmp_path):
 def test_plan_presses_on_an_object():
     """A single arc that lies against a disc with a force that is asked for: the moment carries it."""
     law = {"stiffness": 500.0, "friction": 0.0, "dissipation": 0.5, "rounding": 5e-4}
-    thing = {"shape": "circle", "diameter": 0.06, "mass": 0.1, "position": (-0.13, 0.24)}
+    obstacle = {"shape": "circle", "diameter": 0.06, "mass": 0.1, "position": (-0.13, 0.24)}
     scene = small(
-        object=thing,
+        object=obstacle,
         contact_law=law,
         fidelity=cg.Fidelity(family="clothoid", elements=1),
         goal={"contact_force": {"value": (0.3,), "weight": 1e3}, "end": "held"},
@@ -415,6 +408,6 @@ def test_plan_presses_on_an_object():
 
 
 def test_friction_with_a_state_is_refused():
-    thing = {"shape": "circle", "diameter": 0.06, "mass": 0.1, "position": (-0.13, 0.24)}
+    obstacle = {"shape": "circle", "diameter": 0.06, "mass": 0.1, "position": (-0.13, 0.24)}
     with pytest.raises(InputError, match="slip_speed"):
-        small(object=thing, contact_law={"stiffness": 500.0, "friction": 0.5})
+        small(object=obstacle, contact_law={"stiffness": 500.0, "friction": 0.5})

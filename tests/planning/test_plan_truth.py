@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plan_cases import held, linearised, small, two_arcs
+from plan_cases import held, linearized, small, two_arcs
 from scipy.optimize import brentq
 
 from continuum_grasp.planning import plan
@@ -28,7 +28,7 @@ def test_least_effort_of_small_bends_is_that_of_the_linear_finger(arcs, method):
         goal={"bending": goal}, gravity=(0.0, 0.0), method=method, intervals=40, solver={"degree": 5}
     )
     found = plan(scene)
-    a, b = linearised(scene)
+    a, b = linearized(scene)
     u = least_effort_of_linear(a, b, scene.duration / 40, 40, np.array([*goal, *[0.0] * arcs]))
     assert found.u[:-1, 0] == pytest.approx(u, rel=1e-3, abs=1e-3 * np.abs(u).max())
     assert found.objective == pytest.approx(u @ u * scene.duration / 40, rel=1e-4)
@@ -44,7 +44,7 @@ def least_time_of_oscillator(frequency, reach, goal):
 @pytest.mark.parametrize("share", [0.3, 0.8, 1.5])
 def test_least_time_of_one_mode_is_that_of_the_bang_bang_oscillator(share):
     """An undamped mode from rest to rest; ``share``: deflection per that of the steady greatest moment."""
-    a, b = linearised(small(damping=0.0))
+    a, b = linearized(small(damping=0.0))
     frequency, most = np.sqrt(-a[1, 0]), 1e-3
     reach = -b[1, 0] * most / a[1, 0]
     scene = small(
@@ -54,7 +54,7 @@ def test_least_time_of_one_mode_is_that_of_the_bang_bang_oscillator(share):
         input={"moment_max": most},
         duration={"least": 0.1 / frequency, "most": 6.0 / frequency},
         intervals=60,
-        smoothing=1e-6,
+        smooobstacle=1e-6,
     )
     found = plan(scene)
     assert found.objective == pytest.approx(least_time_of_oscillator(frequency, reach, share * reach), rel=1e-3)
@@ -62,7 +62,7 @@ def test_least_time_of_one_mode_is_that_of_the_bang_bang_oscillator(share):
 
 
 def test_least_time_of_a_damped_mode_is_that_of_two_arcs_by_matrix_exponential():
-    a, b = linearised(small(damping=3e-4))
+    a, b = linearized(small(damping=3e-4))
     most, goal = 1e-3, -0.7 * b[1, 0] * 1e-3 / a[1, 0]
 
     def end(first, last):
@@ -82,7 +82,7 @@ def test_least_time_of_a_damped_mode_is_that_of_two_arcs_by_matrix_exponential()
         input={"moment_max": most},
         duration={"least": 0.01, "most": 0.3},
         intervals=60,
-        smoothing=1e-6,
+        smooobstacle=1e-6,
     )
     assert plan(scene).objective == pytest.approx(first + last_of(first), rel=1e-3)
 
@@ -101,7 +101,7 @@ def test_held_posture_is_that_of_the_moment_over_stiffness():
 
 
 def test_tracking_follows_a_reference_that_the_finger_can_run():
-    """The inputs of a plan reproduce its bending, whatever the price of the input, if that is small."""
+    """The inputs of a plan reproduce its bending, whatever the weight of the input, if that is small."""
     made = plan(small(objective="least_effort", intervals=30))
     rows = tuple((float(v),) for v in made.bending[:, 0])
     scene = small(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.core.call import real_array
 from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.nlp import NLP, Budget, Settings, Start, new_solver
 
 __all__ = ["Smoothed", "moving_horizon"]
 
@@ -138,20 +138,13 @@ def _least_squares(x: ca.MX, errors: ca.MX, gaps: ca.MX, guess: Array) -> tuple[
         ["x", "p", "lam_f", "lam_g"],
         ["triu_hess_gamma_x_x"],
     )
-    problem: dict[str, Any] = {"x": x, "f": 0.5 * ca.sumsqr(errors), "g": gaps}
-    options: dict[str, Any] = {
-        "ipopt.print_level": 0,
-        "print_time": False,
-        "ipopt.sb": "yes",
-        "hess_lag": hessian,
-        "ipopt.tol": 1e-8,
-    }
-    solver = ca.nlpsol("moving_horizon", "ipopt", problem, options)
-    found = solver(x0=guess, lbg=0.0, ubg=0.0)
-    if not solver.stats()["success"]:
+    problem = NLP("moving_horizon", x, 0.5 * ca.sumsqr(errors), gaps, p, {"hess_lag": hessian}, semidefinite=True)
+    free, none = np.full(len(guess), np.inf), np.zeros(gaps.numel())
+    found = new_solver(Settings(tolerance=1e-8)).solve(problem, Start(guess, -free, free, none, none), Budget())
+    if not found.converged:
         raise SolverError(
             "moving horizon estimation",
-            status=str(solver.stats()["return_status"]),
+            status=found.outcome,
             advice="the record may have outliers (NaN leaves them out), or noise that is far too small",
         )
-    return np.array(found["x"]).ravel(), float(found["f"])
+    return found.x, found.objective

@@ -46,6 +46,16 @@ class BoundedRows:
         self.penalties += [penalty] * len(names)
 
     @property
+    def linear(self) -> Array:
+        """Linear penalty of each row."""
+        return np.array([penalty.linear for penalty in self.penalties])
+
+    @property
+    def quadratic(self) -> Array:
+        """Quadratic penalty of each row."""
+        return np.array([penalty.quadratic for penalty in self.penalties])
+
+    @property
     def column(self) -> ca.SX:
         return ca.vertcat(*self.values) if self.values else ca.SX(0, 1)
 

@@ -17,11 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.cost import Cost, Weight
 from continuum_grasp.scene.finger import Finger
 
-__all__ = ["TERMS", "UNLIMITED", "CostTerm", "Quantities", "Tracked", "cost_terms", "predicted", "tracked_groups"]
+__all__ = ["TERMS", "UNLIMITED", "CostTerm", "Outputs", "Quantities", "Tracked", "cost_terms", "tracked_groups"]
 
 Array = NDArray[np.float64]
 Limits = tuple[tuple[float, float], ...]
@@ -39,6 +38,10 @@ degrees is beyond."""
 
 class Quantities(Protocol):
     """What terms are computed from: expressions of a controller's model, or of a plant."""
+
+    @property
+    def length(self) -> float:
+        """Length of the finger [m]."""
 
     @property
     def tip(self) -> Any:
@@ -83,20 +86,19 @@ def _turned(finger: Finger) -> Limits:
     return ((finger.base.angle - most, finger.base.angle + most),)
 
 
-def _one(scene: ControlScene, model: Prediction) -> tuple[str, ...]:
+def _one(cost: Cost, model: Prediction) -> tuple[str, ...]:
     return ("",)
 
 
-def _elements(scene: ControlScene, model: Prediction) -> tuple[str, ...]:
+def _elements(cost: Cost, model: Prediction) -> tuple[str, ...]:
     return tuple(str(k + 1) for k in range(len(model.system.finger_model.lengths)))
 
 
-def _shape_at(scene: ControlScene) -> tuple[float, ...]:
-    shape = scene.controller.cost.shape
-    return () if shape is None else shape.at
+def _shape_at(cost: Cost) -> tuple[float, ...]:
+    return () if cost.shape is None else cost.shape.at
 
 
-def _rates(scene: ControlScene, model: Prediction) -> tuple[str, ...]:
+def _rates(cost: Cost, model: Prediction) -> tuple[str, ...]:
     return tuple(f"{n.split(' ')[0]}_rate [{n.split('[')[1][:-1]}/s]" for n in model.u_names)
 
 
@@ -111,9 +113,9 @@ class CostTerm:
     entry : str
         Name and unit of an entry. ``{place}`` stands for one of ``places``, ``{axis}`` for x and y of a point.
     value : callable
-        (``Quantities``, scene) -> expression of all entries.
+        (``Quantities``, cost) -> expression of all entries.
     places : callable
-        (scene, prediction) -> what the entries belong to: numbers of elements, names of contacts.
+        (cost, model) -> what the entries belong to: numbers of elements, names of contacts.
     reference : str
         Its setpoint in ``reference``; empty: always zero.
     limits : callable
@@ -124,8 +126,8 @@ class CostTerm:
 
     key: str
     entry: str
-    value: Callable[[Quantities, ControlScene], Any]
-    places: Callable[[ControlScene, Prediction], Sequence[str]] = _one
+    value: Callable[[Quantities, Cost], Any]
+    places: Callable[[Cost, Prediction], Sequence[str]] = _one
     reference: str = ""
     limits: Callable[[Finger], Limits] = _unlimited
     of_state: bool = True
@@ -140,15 +142,15 @@ class CostTerm:
         """Whether entries are x, y of points."""
         return "{axis}" in self.entry
 
-    def names(self, scene: ControlScene, model: Prediction) -> tuple[str, ...]:
+    def names(self, cost: Cost, model: Prediction) -> tuple[str, ...]:
         """Name and unit of each entry."""
         axes = "xy" if self.of_points else " "
-        return tuple(self.entry.format(place=p, axis=a) for p in self.places(scene, model) for a in axes)
+        return tuple(self.entry.format(place=p, axis=a) for p in self.places(cost, model) for a in axes)
 
-    def ranges(self, scene: ControlScene, model: Prediction) -> Array:
+    def ranges(self, cost: Cost, model: Prediction) -> Array:
         """Least and greatest setpoint of each entry (size, 2)."""
-        pairs = self.limits(scene.finger)
-        return np.tile(np.array(pairs), (len(self.names(scene, model)) // len(pairs), 1))
+        pairs = self.limits(model.scene.finger)
+        return np.tile(np.array(pairs), (len(self.names(cost, model)) // len(pairs), 1))
 
     def owns(self, name: str) -> bool:
         """Whether an entry of a run or a package, by name and unit, is one of this term."""
@@ -167,15 +169,15 @@ TERMS = (
     CostTerm(
         "shape",
         "section_{place}_{axis} [m]",
-        lambda q, scene: ca.vec(q.sections(_shape_at(scene))[0]),
-        lambda scene, _: [str(k + 1) for k in range(len(_shape_at(scene)))],
+        lambda q, cost: ca.vec(q.sections(_shape_at(cost))[0]),
+        lambda cost, _: [str(k + 1) for k in range(len(_shape_at(cost)))],
         reference="shape",
         limits=_near_base,
     ),
     CostTerm(
         "tip_angle",
         "tip_angle [rad]",
-        lambda q, scene: q.sections((scene.finger.rod.length,))[1],
+        lambda q, _: q.sections((q.length,))[1],
         reference="tip_angle",
         limits=_turned,
     ),
@@ -183,7 +185,7 @@ TERMS = (
         "contact_force",
         "contact_force_{place} [N]",
         lambda q, _: q.contact_force,
-        lambda scene, _: scene.tracked_contacts,
+        lambda cost, model: cost.tracked_contacts(model.contact_names),
         reference="contact_force",
     ),
     CostTerm("speed", "bending_rate_{place} [rad/s]", lambda q, _: q.bending_rate, _elements),
@@ -224,8 +226,13 @@ def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
 class _Predicted:
     """Quantities of a controller's model."""
 
+    cost: Cost
     model: Prediction
     input_rate: ca.SX | None
+
+    @property
+    def length(self) -> float:
+        return self.model.scene.finger.rod.length
 
     @property
     def _given(self) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -245,7 +252,9 @@ class _Predicted:
 
     @property
     def contact_force(self) -> ca.SX:
-        tracked = [self.model.contact_names.index(name) for name in self.model.scene.tracked_contacts]
+        tracked = [
+            self.model.contact_names.index(name) for name in self.cost.tracked_contacts(self.model.contact_names)
+        ]
         return self.model.contact_force(*self._given)[tracked]
 
     @property
@@ -257,6 +266,44 @@ class _Predicted:
         return r, angle
 
 
-def predicted(model: Prediction, input_rate: ca.SX | None) -> Quantities:
-    """Quantities of a controller's model; ``input_rate`` where the state knows the input before."""
-    return _Predicted(model, input_rate)
+@dataclass(frozen=True)
+class Outputs:
+    """What the terms of a cost track of a model, in the order of a controller's setpoints.
+
+    Attributes
+    ----------
+    cost : Cost
+    model : Prediction
+    terms : tuple of CostTerm
+    """
+
+    cost: Cost
+    model: Prediction
+    terms: tuple[CostTerm, ...]
+
+    @staticmethod
+    def of(cost: Cost, model: Prediction) -> Outputs:
+        """All terms that have a weight."""
+        return Outputs(cost, model, cost_terms(cost))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name and unit of each entry."""
+        return tuple(name for term in self.terms for name in term.names(self.cost, self.model))
+
+    @property
+    def of_state(self) -> int:
+        """Number of entries that depend on the state alone, which are the first."""
+        return sum(len(term.names(self.cost, self.model)) for term in self.terms if term.of_state)
+
+    @property
+    def weights(self) -> Array:
+        """Running and terminal weight of each entry (size, 2)."""
+        each = [np.tile(t.weights(self.cost), (len(t.names(self.cost, self.model)), 1)) for t in self.terms]
+        return np.vstack([np.zeros((0, 2)), *each])
+
+    def value(self, input_rate: ca.SX | None = None) -> ca.SX:
+        """Expression of all entries; ``input_rate`` where the state knows the input before."""
+        quantities = _Predicted(self.cost, self.model, input_rate)
+        value: ca.SX = ca.vertcat(*[term.value(quantities, self.cost) for term in self.terms])
+        return value

@@ -10,12 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.arguments import numbers, shown
-from continuum_grasp.control.ocp.cost_terms import TERMS, cost_terms
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.ocp.cost_terms import TERMS, Outputs
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.cost import CircleReference, RowSamples
+from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
 from continuum_grasp.scene.loads import Samples
 from continuum_grasp.simulation.signals import interpolate
 
@@ -54,22 +51,15 @@ class Setpoints:
         return np.hstack([_rows(given, width, instants) for width, given in self._blocks])
 
 
-def setpoints(
-    scene: ControlScene,
-    stages: Stages,
-    prediction: Prediction,
-    functions: Mapping[str, Function] | None = None,
-) -> Setpoints:
-    """Collect the setpoints of a scene.
+def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Function] | None = None) -> Setpoints:
+    """Collect the setpoints of what is tracked.
 
     Parameters
     ----------
-    scene : ControlScene
-        The scene with its ``reference``; what that does not have is zero, tensions are the least.
-    stages : Stages
-        The controller's problem.
-    prediction : Prediction
-        Its model.
+    outputs : Outputs
+        What is tracked.
+    reference : Reference
+        Setpoints; what it does not have is zero, tensions are the least.
     functions : mapping of str to callable, optional
         Functions of time [s] that replace members of ``reference``, each returning all entries of one row.
 
@@ -84,35 +74,34 @@ def setpoints(
 
     Examples
     --------
-    >>> from continuum_grasp.control.ocp.setpoints import setpoints
-    >>> from continuum_grasp.control.ocp.stages import stages_of
+    >>> from continuum_grasp.control.ocp.cost_terms import Outputs
     >>> from continuum_grasp.control.prediction import Prediction
     >>> from continuum_grasp.scene.load import load
     >>> scene = load("configs/mpc/steady_tip.yaml")
-    >>> model = Prediction(scene)
-    >>> rows = setpoints(scene, stages_of(scene, model), model, {"tip": lambda t: (-0.05, 0.15 + 0.01 * t)}).rows([0.0,
-    1.0]) >>> rows[:, :2].round(3).tolist() [[-0.05, 0.15], [-0.05, 0.16]]
+    >>> outputs = Outputs.of(scene.controller.cost, Prediction(scene))
+    >>> raised = {"tip": lambda t: (-0.05, 0.15 + 0.01 * t)}
+    >>> rows = setpoints(outputs, scene.reference, raised).rows([0.0, 1.0])
+    >>> rows[:, :2].round(3).tolist()
+    [[-0.05, 0.15], [-0.05, 0.16]]
     """
-    given: dict[str, _Given | None] = {name: getattr(scene.reference, name) for name in SETPOINTS}
-    if given["input"] is None and scene.finger.tendons is not None:
-        given["input"] = (scene.finger.tendons.min_tension,) * 2
-    terms = cost_terms(scene.controller.cost)
+    given: dict[str, _Given | None] = {name: getattr(reference, name) for name in SETPOINTS}
+    tendons = outputs.model.scene.finger.tendons
+    if given["input"] is None and tendons is not None:
+        given["input"] = (tendons.min_tension,) * 2
     for name, function in (functions or {}).items():
         if name not in SETPOINTS:
             raise InputError(f"expected one of {', '.join(SETPOINTS)}, got {name!r}", key="functions")
-        if name not in [term.reference for term in terms]:
+        if name not in [term.reference for term in outputs.terms]:
             raise InputError(
                 f"nothing tracks it: give controller.cost.{SETPOINTS[name]} a weight", key=f"functions.{name}"
             )
         given[name] = function
     blocks: list[tuple[int, _Given | None]] = []
-    for term in terms:
-        value, width = given.get(term.reference), len(term.names(scene, prediction))
+    for term in outputs.terms:
+        value, width = given.get(term.reference), len(term.names(outputs.cost, outputs.model))
         _check_width(term.reference, value, width)
         blocks.append((width, value))
-    if sum(width for width, _ in blocks) != stages.nr:
-        raise InputError(f"setpoints of {sum(width for width, _ in blocks)} entries do not fit {stages.r_names}")
-    return Setpoints(stages.r_names, blocks)
+    return Setpoints(outputs.names, blocks)
 
 
 def _check_width(name: str, given: _Given | None, width: int) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.ocp.bounds import HARD, state_bounds
-from continuum_grasp.control.ocp.cost_terms import cost_terms, predicted
+from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.transcription import cost_function, step_function, terminal_function
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
@@ -59,8 +59,8 @@ class Stages:
         (x, u, p) -> c (nc).
     stages, substeps : int
         N, and steps per stage.
-    method : {"rk4", "implicit"}
-        The Runge-Kutta method of order 4, or an L-stable one of order 2.
+    method : str
+        Name in ``CONTROL_METHODS``.
     stage : float
         Length of a stage h [s].
     nd, ns, nt : int
@@ -69,14 +69,6 @@ class Stages:
         Name and unit of each entry; rows are relative to their bounds.
     u_min, u_max, c_min, c_max, linear, quadratic, weights, terminal_weights, p_nominal : ndarray
         Nominal values, which may be changed at run time; +-1e30 is no bound.
-
-    Examples
-    --------
-    >>> from continuum_grasp.control.ocp.stages import stages_of
-    >>> from continuum_grasp.scene.load import load
-    >>> stages = stages_of(load("configs/mpc/steady_tip.yaml"))
-    >>> stages.nx, stages.nu, stages.r_names[:2]
-    (8, 2, ('tip_x [m]', 'tip_y [m]'))
     """
 
     step: ca.Function
@@ -157,6 +149,14 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     ------
     InputError
         If the pieces do not fit together.
+
+    Examples
+    --------
+    >>> from continuum_grasp.control.ocp.stages import stages_of
+    >>> from continuum_grasp.scene.load import load
+    >>> stages = stages_of(load("configs/mpc/steady_tip.yaml"))
+    >>> stages.nx, stages.nu, stages.r_names[:2]
+    (8, 2, ('tip_x [m]', 'tip_y [m]'))
     """
     model = Prediction(scene) if prediction is None else prediction
     horizon, limits = scene.controller.horizon, scene.controller.input
@@ -168,13 +168,9 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
         return ca.Function(name, [x, u, p], [ca.densify(ca.cse([value])[0])], ["x", "u", "p"], [output])
 
     change = (u - held) / horizon.stage if remembers else None
-    cost, quantities = scene.controller.cost, predicted(model, change)
-    terms = cost_terms(cost)
-    names = [term.names(scene, model) for term in terms]
-    weights = [np.tile(term.weights(cost), (len(own), 1)) for term, own in zip(terms, names, strict=True)]
-    of_state = sum(len(own) for term, own in zip(terms, names, strict=True) if term.of_state)
-    outputs = function("outputs", "y", ca.vertcat(*[term.value(quantities, scene) for term in terms]))
-    bounded = state_bounds(scene.controller.bounds, scene.curvature_limit, model)
+    tracked, bounds = Outputs.of(scene.controller.cost, model), scene.controller.bounds
+    outputs = function("outputs", "y", tracked.value(change))
+    bounded = state_bounds(bounds, bounds.curvature_limit(scene.finger), model)
     ns = len(bounded.names)
     if limits.rate_max is not None and change is not None:
         bounded.add([f"{n.split(' ')[0]}_rate" for n in model.u_names], change / limits.rate_max, -1.0, 1.0, HARD)
@@ -185,7 +181,7 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     return Stages(
         step=step_function(dynamics, x.numel(), method),
         cost=cost_function(outputs, rows, horizon.stage),
-        terminal=terminal_function(outputs, rows, of_state, ns),
+        terminal=terminal_function(outputs, rows, tracked.of_state, ns),
         outputs=outputs,
         dynamics=dynamics,
         rows=rows,
@@ -195,34 +191,34 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
         method=method,
         nd=model.nx,
         ns=ns,
-        nt=of_state,
+        nt=tracked.of_state,
         x_names=(*model.x_names, *[f"held_{n}" for n in model.u_names if remembers]),
         u_names=model.u_names,
         p_names=model.p_names,
-        r_names=tuple(name for own in names for name in own),
+        r_names=tracked.names,
         c_names=tuple(bounded.names),
         u_min=u_min,
         u_max=u_max,
         c_min=np.array(bounded.least),
         c_max=np.array(bounded.most),
-        linear=np.array([penalty.linear for penalty in bounded.penalties]),
-        quadratic=np.array([penalty.quadratic for penalty in bounded.penalties]),
-        weights=np.vstack(weights)[:, 0],
-        terminal_weights=np.vstack(weights)[:, 1],
+        linear=bounded.linear,
+        quadratic=bounded.quadratic,
+        weights=tracked.weights[:, 0],
+        terminal_weights=tracked.weights[:, 1],
         p_nominal=np.array(model.p_nominal),
     )
 
 
 def _integration(horizon: Horizon, model: Prediction, u_min: Array, u_max: Array) -> tuple[str, int]:
     """Choose method and steps per stage; from the stiffness where the scene has ``auto``."""
-    if horizon.method == "implicit":
-        return "implicit", horizon.substeps or math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+    if horizon.method == "sdirk2":
+        return "sdirk2", horizon.substeps or math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
     if horizon.substeps is not None:
         return "rk4", horizon.substeps
     wanted = max(1, math.ceil(horizon.stage * model.fastest_rate(u_min, u_max) / _TARGET))
     if horizon.method == "rk4" or wanted <= _EXPLICIT_UP_TO:
         return "rk4", wanted
-    return "implicit", math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+    return "sdirk2", math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
 
 
 def _input_limits(scene: ControlScene) -> tuple[Array, Array]:

@@ -16,6 +16,7 @@ from continuum_grasp.control.compiled.source import Field as Member
 from continuum_grasp.control.estimation.model import Estimation, estimation_of
 from continuum_grasp.control.estimation.noise import Ranges, ranges_of
 from continuum_grasp.control.first_state import first_state, rest_input
+from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.control.ocp.stages import Stages, stages_of
 from continuum_grasp.control.prediction import Prediction
@@ -175,7 +176,9 @@ class Loop:
     @cached_property
     def wanted(self) -> Array:
         """Setpoints (nr) with which the scene begins."""
-        found: Array = setpoints(self.scene, self.stages, self.prediction).rows(0.0)[0]
+        found: Array = setpoints(Outputs.of(self.scene.controller.cost, self.prediction), self.scene.reference).rows(
+            0.0
+        )[0]
         return found
 
     @cached_property

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.loop import Loop
@@ -116,7 +117,7 @@ def _settings(loop: Loop, episode: int, k: int) -> Array:
 
 def _target(loop: Loop, rng: np.random.Generator) -> Array:
     """Setpoints of the scene at some instant."""
-    rows = setpoints(loop.scene, loop.stages, loop.prediction)
+    rows = setpoints(Outputs.of(loop.scene.controller.cost, loop.prediction), loop.scene.reference)
     found: Array = rows.rows(rng.uniform(0.0, loop.scene.duration or 1.0))[0]
     return found
 

@@ -10,7 +10,7 @@ heights; the certificate reports by how much.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -71,6 +71,17 @@ class Certificate:
     def failed(self) -> tuple[Check, ...]:
         """The checks that did not pass."""
         return tuple(check for check in self.checks if not check.passed)
+
+    def data(self) -> dict[str, Any]:
+        """The certificate as plain data."""
+        error = self.model_error
+        return {
+            "passed": self.passed,
+            "checks": [{**asdict(check), "passed": check.passed} for check in self.checks],
+            "friction_margin": self.friction_margin,
+            "model_error": {**asdict(error), "found": error.found, "small": error.small, "limit": error.limit},
+            "stability": asdict(self.stability),
+        }
 
     @property
     def friction_margin(self) -> float:

@@ -37,8 +37,8 @@ class ModelError:
     Attributes
     ----------
     displacements : dict of str to float
-        How far the fine rods are from the grasp's shape [m], at the contacts by name and at the tips as
-        ``<finger>.tip``; those of a finger are missing where no equilibrium of its fine rod was found near the
+        How far the exact rods are from the grasp's shape [m], at the contacts by name and at the tips as
+        ``<finger>.tip``; those of a finger are missing where no equilibrium of its exact rod was found near the
         grasp.
     length : float
         Of the shortest finger [m].
@@ -46,7 +46,7 @@ class ModelError:
         Greatest difference between the bending moment of a finger's shape and that of the forces beyond each
         section, as a part of the greatest moment.
     lost : tuple of str
-        Fingers whose fine rods have no equilibrium near the grasp.
+        Fingers whose exact rods have no equilibrium near the grasp.
     """
 
     displacements: dict[str, float]
@@ -56,7 +56,7 @@ class ModelError:
 
     @property
     def found(self) -> bool:
-        """Whether every fine rod has an equilibrium near the grasp."""
+        """Whether every exact rod has an equilibrium near the grasp."""
         return bool(self.displacements) and not self.lost
 
     @property
@@ -77,13 +77,13 @@ class ModelError:
     def __str__(self) -> str:
         if not self.found:
             of = f" of {', '.join(self.lost)}" if self.lost else ""
-            return f"a fine rod{of} under these forces has no equilibrium near this shape"
+            return f"the exact rod{of} under these forces has no equilibrium near this shape"
         parts = [f"{1e3 * off:.2g} mm at {name}" for name, off in self.displacements.items()]
-        return f"a fine rod under these forces differs by {' and '.join(parts)}"
+        return f"the exact rod under these forces differs by {' and '.join(parts)}"
 
 
 def model_error(grasp: RecomputedGrasp) -> ModelError:
-    """Compare the fingers of a grasp with the equilibria of fine rods under their forces.
+    """Compare the fingers of a grasp with the equilibria of exact rods under their forces.
 
     Parameters
     ----------

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.problem.ipopt import Attempt
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
+from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.confirm import least_amount
 from continuum_grasp.grasp.search import Search, branch_of
 from continuum_grasp.grasp.starts.starts import Start
+from continuum_grasp.nlp import Status
 from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["Repair", "Repairs"]
@@ -130,7 +131,7 @@ class Repairs:
         )
         if not np.isfinite(attempt.x).all():
             return
-        if attempt.outcome == "User_Requested_Stop":
+        if attempt.status is Status.STOPPED:
             self._open.setdefault(name, []).append(attempt)
         if attempt.violations:
             return

@@ -1,0 +1,111 @@
+"""Solvers of nonlinear problems against each other on the shipped plans and grasps.
+
+Run ``python -m benchmarks.bench_solvers`` in the root of the repository. Each scene is solved by every solver from the
+same starts; plans also by IPOPT with the Hessian that the other solver needs, so that nothing but the solver differs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any
+
+from benchmarks.report import Report, Table
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.nlp import NLP, Attempt, Budget, Solver, Start
+from continuum_grasp.planning import plan
+from continuum_grasp.scene.load import load
+
+CONFIGS = Path(__file__).parents[1] / "configs"
+PLANS = ("tip_to_point", "past_a_post")
+GRASPS = ("mug", "pinch", "wrap", "mug_arcs", "mug_robust", "box_edge", "table_peg", "preshaped")
+GAUSS_NEWTON = "solver.hessian=gauss_newton"
+KINDS = {
+    "plan": {
+        "ipopt, exact Hessian": [],
+        "ipopt, Gauss-Newton": [GAUSS_NEWTON],
+        "sqp, Gauss-Newton": ["solver.method=sqp", GAUSS_NEWTON],
+    },
+    "grasp": {"ipopt, exact Hessian": [], "sqp, BFGS": ["solver.method=sqp"]},
+}
+"""Overrides of the scene, by the label of its row."""
+CAP = 2000
+"""Iterations of all starts together, so that a solver that does not converge ends too."""
+COLUMNS = [
+    "scene",
+    "solver",
+    "status",
+    "objective",
+    "starts",
+    "converged",
+    "iterations (best)",
+    "iterations",
+    "solver [s of CPU]",
+    "total [s of CPU]",
+]
+NOTE = (
+    "The objective is that of the best start, in units of the problem for grasps; solver is the time of all its runs, "
+    "models and derivatives built before; total includes building, starts and verification. One run each; time of the "
+    "processor."
+)
+
+
+def of_plan(scene: Any) -> list[Any]:
+    """The row of a plan."""
+    found = plan(scene, raise_on_failure=False)
+    starts = [text.split() for text in found.statistics["starts"]]
+    done = sum("Solve_Succeeded" in words for words in starts)
+    iterations = sum(int(words[words.index("iterations,") - 1]) for words in starts)
+    return [str(found.status), found.objective, len(starts), done, found.iterations, iterations]
+
+
+def of_grasp(scene: Any) -> list[Any]:
+    """The row of a grasp."""
+    found = optimize_grasp(scene, raise_on_failure=False)
+    tried, statistics = found.statistics["attempts"], found.statistics
+    done = [a["objective"] for a in tried if a["outcome"] == "Solve_Succeeded" and a["greatest_violation"] == 0.0]
+    iterations, best = sum(a["iterations"] for a in tried), min(done, default=None)
+    return [str(found.status), best, len(tried), len(done), statistics["iterations"], iterations]
+
+
+def timed() -> list[float]:
+    """Have all solver runs add their time [s of CPU] to the entry that is returned."""
+    spent, whole = [0.0], Solver.solve
+
+    def solve(self: Solver, problem: NLP, start: Start, until: Budget) -> Attempt:
+        self.prepare(problem)
+        began = time.process_time()
+        try:
+            return whole(self, problem, start, until)
+        finally:
+            spent[0] += time.process_time() - began
+
+    Solver.solve = solve  # type: ignore[method-assign]
+    return spent
+
+
+def main() -> None:
+    """Solve every scene by every solver and write the report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="scenes with this in their name")
+    only, report, spent = parser.parse_args().only, Report("solvers", 0), timed()
+    for kind, names, row_of in (("plan", PLANS, of_plan), ("grasp", GRASPS, of_grasp)):
+        rows = []
+        for name in names:
+            if only not in f"{kind}/{name}":
+                continue
+            for label, overrides in KINDS[kind].items():
+                scene = load(CONFIGS / kind / f"{name}.yaml", [*overrides, f"solver.max_total_iterations={CAP}"])
+                began, spent[0] = time.process_time(), 0.0
+                rows.append([name, label, *row_of(scene), spent[0], time.process_time() - began])
+                print(*rows[-1], flush=True)
+        report.tables.append(Table(f"Shipped scenes: {kind}", COLUMNS, rows, NOTE))
+    if only:
+        report.missing.append(f"all scenes without {only!r}")
+    for file in report.write():
+        print(file)
+
+
+if __name__ == "__main__":
+    main()

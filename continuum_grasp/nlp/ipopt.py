@@ -1,0 +1,47 @@
+"""IPOPT, an interior-point method with a filter line search.
+
+A. Waechter, L. T. Biegler, Math. Program. 106 (2006), doi:10.1007/s10107-004-0559-y.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from continuum_grasp.nlp.problem import NLP
+from continuum_grasp.nlp.solver import Solver
+
+__all__ = ["Method"]
+
+_PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
+_NEAR = 1e-4
+"""Barrier parameter, and distance from bounds, of a start next to a solution [units of the problem]: IPOPT's defaults,
+0.1 and 0.01, would leave it for the middle of the feasible set."""
+_CLOSE = 1e-6
+"""Distance from bounds of a start that is worth staying near [units of the problem]."""
+
+
+class Method(Solver):
+    """Options of IPOPT; ``tuning`` may set any of them, and ``near_push`` in place of 1e-4."""
+
+    plugin = "ipopt"
+
+    def options(self, problem: NLP, near: bool, barrier: float | None) -> dict[str, Any]:
+        """See `Solver`."""
+        settings, tuning = self.settings, dict(self.settings.tuning.get("ipopt", {}))
+        push = tuning.pop("near_push", _NEAR)
+        own = {
+            "print_level": 0,
+            "sb": "yes",  # no banner
+            "tol": settings.tolerance,
+            "constr_viol_tol": settings.constraint_tolerance,
+            "acceptable_tol": 100.0 * settings.tolerance,
+            "max_iter": settings.max_iterations,
+            **tuning,
+        }
+        if near:
+            own |= {"warm_start_init_point": "yes", "mu_strategy": "monotone", "mu_init": _NEAR}
+            own |= {f"warm_start_{name}": push for name in _PUSHES}
+        elif barrier is not None:
+            own |= {"mu_strategy": "monotone", "mu_init": barrier}
+            own |= dict.fromkeys(_PUSHES[:4], _CLOSE)
+        return {**{f"ipopt.{name}": value for name, value in own.items()}, **problem.functions}

@@ -1,0 +1,193 @@
+"""Solvers of nonlinear problems by name: what all share, and the seam for a new one.
+
+A solver is a file of this package whose name is the value of the YAML key ``solver.method``. It holds a class
+``Method``, a `Solver` that names its CasADi plugin and gives that plugin's options.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any, ClassVar, cast
+
+import casadi as ca
+import numpy as np
+
+from continuum_grasp import interrupt
+from continuum_grasp.nlp.attempt import Attempt, Multipliers, Start, Status
+from continuum_grasp.nlp.budget import Budget
+from continuum_grasp.nlp.problem import NLP
+from continuum_grasp.scene.solver import Method
+
+__all__ = ["Settings", "Solver", "new_solver"]
+
+_STATUS = {
+    "Solve_Succeeded": Status.SOLVED,
+    "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
+    "Infeasible_Problem_Detected": Status.INFEASIBLE,
+    "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
+    "User_Requested_Stop": Status.STOPPED,
+}
+"""CasADi's solvers share these names."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is asked of a solver.
+
+    Attributes
+    ----------
+    method : str
+        Its name.
+    tolerance : float
+        On the scaled conditions of optimality.
+    constraint_tolerance : float
+        On violations, in units of the problem; 1e-4 is IPOPT's default.
+    max_iterations : int
+        Of one run.
+    tuning : mapping
+        Options of single solvers, by their names there: those of other solvers are left out.
+    """
+
+    method: Method = "ipopt"
+    tolerance: float = 1e-8
+    constraint_tolerance: float = 1e-4
+    max_iterations: int = 3000
+    tuning: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+
+class Solver(ABC):
+    """Solves problems from starts; what it builds for a problem, it keeps.
+
+    Parameters
+    ----------
+    settings : Settings
+    """
+
+    plugin: ClassVar[str]
+    """Name of CasADi's plugin."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self._built: dict[tuple[NLP, bool, float | None], tuple[ca.Function, _Stop]] = {}
+
+    @abstractmethod
+    def options(self, problem: NLP, near: bool, barrier: float | None) -> dict[str, Any]:
+        """Options of the plugin, derivatives of the problem included.
+
+        Parameters
+        ----------
+        problem : NLP
+        near : bool
+            Whether starts come with multipliers and are next to a solution.
+        barrier : float or None
+            See `Start`.
+        """
+
+    def prepare(self, problem: NLP) -> None:
+        """Build what starts with and without multipliers need, which otherwise counts as time of the first run."""
+        for near in (False, True):
+            self._function(problem, near, None)
+
+    def solve(self, problem: NLP, start: Start, until: Budget) -> Attempt:
+        """Solve from a start until it is solved or the budget ends.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            Ctrl-C was pressed meanwhile; a block ``interrupt.held(quietly=True)`` around it gets the last iterate
+            instead.
+        """
+        began = time.perf_counter()
+        function, stop = self._function(problem, start.multipliers is not None, start.barrier)
+        stop.until, stop.calls = until, 0
+        given = {}
+        if start.multipliers is not None:
+            given = {"lam_x0": start.multipliers.bounds, "lam_g0": start.multipliers.constraints}
+        bounds = {"lbx": start.low, "ubx": start.high, "lbg": start.lower, "ubg": start.upper}
+        with interrupt.held():  # an exception within the callback would be lost in C++
+            found = function(x0=np.clip(start.x, start.low, start.high), p=start.p, **bounds, **given)
+        stats = self.statistics(function)
+        x, g, bound_forces, forces = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
+        outcome = str(stats["return_status"])
+        return Attempt(
+            _STATUS.get(outcome, Status.FAILED),
+            outcome,
+            x,
+            g,
+            float(found["f"]),
+            Multipliers(bound_forces, forces),
+            int(stats.get("iter_count", stop.calls - 1)),
+            time.perf_counter() - began,
+            start.violation(x, g),
+        )
+
+    def statistics(self, function: ca.Function) -> dict[str, Any]:
+        """What the solver reports of its last run: ``return_status``, ``iter_count``."""
+        return dict(function.stats())
+
+    def _function(self, problem: NLP, near: bool, barrier: float | None) -> tuple[ca.Function, _Stop]:
+        key = problem, near, barrier
+        if key not in self._built:
+            stop = _Stop(problem)
+            common: dict[str, Any] = {
+                "print_time": False,
+                "error_on_fail": False,
+                "show_eval_warnings": False,
+                # Assembled derivatives have no derivatives of their own, which these two would need.
+                "no_nlp_grad": True,
+                "calc_lam_p": False,
+                "iteration_callback": stop,
+            }
+            expressions = {"x": problem.x, "p": problem.p, "f": problem.f, "g": problem.g}
+            options = common | self.options(problem, near, barrier)
+            self._built[key] = ca.nlpsol(problem.name, self.plugin, expressions, options), stop
+        return self._built[key]
+
+
+def new_solver(settings: Settings) -> Solver:
+    """The solver of a name.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import numpy as np
+    >>> x = ca.SX.sym("x", 2)
+    >>> start = Start(np.array([0.0, -1.0]), *np.array([[-9.0, -9.0], [9.0, 9.0]]), *np.zeros((2, 1)))
+    >>> found = new_solver(Settings()).solve(NLP("circle", x, x[0] + x[1], ca.dot(x, x) - 2), start, Budget())
+    >>> found.status, found.x.round(6)
+    (<Status.SOLVED: 'solved'>, array([-1., -1.]))
+    """
+    module = import_module(f"continuum_grasp.nlp.{settings.method}")
+    return cast("Solver", module.Method(settings))
+
+
+class _Stop(ca.Callback):
+    """Counts iterations; stops the solver at the end of the budget or on Ctrl-C, which an exception cannot."""
+
+    def __init__(self, problem: NLP) -> None:
+        ca.Callback.__init__(self)
+        n, m, p = (int(part.numel()) for part in (problem.x, problem.g, problem.p))
+        self._sizes = {"x": n, "lam_x": n, "g": m, "lam_g": m, "f": 1, "lam_p": p}
+        self.until, self.calls = Budget(), 0
+        self.construct("stop", {})
+
+    def get_n_in(self) -> int:
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_name_in(self, i: int) -> str:
+        return str(ca.nlpsol_out(i))
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
+
+    def eval(self, _: Any) -> list[int]:
+        self.calls += 1
+        self.until.left -= 1
+        return [int(interrupt.pressed() or self.until.over)]

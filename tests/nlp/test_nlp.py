@@ -1,0 +1,203 @@
+"""Every solver on problems with known solutions; budget, deadline and Ctrl-C stop each of them.
+
+Problems and solutions: W. Hock, K. Schittkowski, Test Examples for Nonlinear Programming Codes, Springer 1981,
+doi:10.1007/978-3-642-48320-2, by their numbers there.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+from typing import get_args
+
+import casadi as ca
+import numpy as np
+import pytest
+from grasp_scenes import UPRIGHT, make_scene
+from numpy.testing import assert_allclose
+from plan_cases import two_arcs
+
+from continuum_grasp.errors import ContinuumGraspError
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.nlp import NLP, Attempt, Budget, Constraints, Settings, Start, Status, new_solver
+from continuum_grasp.nlp.solver import _Stop
+from continuum_grasp.planning import plan
+from continuum_grasp.scene.grasp_options import GraspSolver
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.plan import PlanSolver
+from continuum_grasp.scene.solver import Method
+
+METHODS = get_args(Method)
+INF = np.inf
+
+
+def problem_21():
+    x = ca.SX.sym("x", 2)
+    start = Start(np.array([-1.0, -1.0]), *np.array([[2.0, -50.0], [50.0, 50.0]]), *np.array([[10.0], [INF]]))
+    return NLP("hs21", x, 0.01 * x[0] ** 2 + x[1] ** 2 - 100.0, 10.0 * x[0] - x[1]), start, [2.0, 0.0]
+
+
+def problem_35():
+    x = ca.MX.sym("x", 3)
+    f = (
+        9
+        - 8 * x[0]
+        - 6 * x[1]
+        - 4 * x[2]
+        + 2 * x[0] ** 2
+        + 2 * x[1] ** 2
+        + x[2] ** 2
+        + 2 * x[0] * x[1]
+        + 2 * x[0] * x[2]
+    )
+    start = Start(np.full(3, 0.5), np.zeros(3), np.full(3, INF), np.array([-INF]), np.array([3.0]))
+    return NLP("hs35", x, f, x[0] + x[1] + 2 * x[2]), start, [4 / 3, 7 / 9, 4 / 9]
+
+
+def problem_71():
+    x = ca.SX.sym("x", 4)
+    g = ca.vertcat(x[0] * x[1] * x[2] * x[3], ca.sumsqr(x))
+    start = Start(
+        np.array([1.0, 5.0, 5.0, 1.0]), np.ones(4), np.full(4, 5.0), np.array([25.0, 40.0]), np.array([INF, 40.0])
+    )
+    return NLP("hs71", x, x[0] * x[3] * ca.sum1(x[:3]) + x[2], g), start, [1.0, 4.7429994, 3.8211503, 1.3794082]
+
+
+def problem_6():
+    """Rosenbrock's valley as a constraint, with Gauss-Newton derivatives by hand and a parameter, which is 10 there."""
+    x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
+    lam_f, lam_g = ca.SX.sym("lam_f"), ca.SX.sym("lam_g")
+    hessian = ca.triu(ca.diagcat(2 * lam_f, 0))
+    names = ["x", "p", "lam_f", "lam_g"]
+    given = ca.Function("nlp_hess_l", [x, p, lam_f, lam_g], [hessian], names, ["triu_hess_gamma_x_x"])
+    start = Start(np.array([-1.2, 1.0]), np.full(2, -INF), np.full(2, INF), np.zeros(1), np.zeros(1), np.array([10.0]))
+    nlp = NLP("hs6", x, (1 - x[0]) ** 2, p * (x[1] - x[0] ** 2), p, {"hess_lag": given}, semidefinite=True)
+    return nlp, start, [1.0, 1.0]
+
+
+PROBLEMS = {make.__name__: make for make in (problem_6, problem_21, problem_35, problem_71)}
+
+
+def solved(method, problem, start, budget=None, **settings) -> Attempt:
+    settings = {"tolerance": 1e-8, "constraint_tolerance": 1e-8, "max_iterations": 200} | settings
+    return new_solver(Settings(method, **settings)).solve(problem, start, budget or Budget())
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("method", METHODS)
+def test_solutions_are_the_published_ones(method, name):
+    problem, start, expected = PROBLEMS[name]()
+    found = solved(method, problem, start)
+    assert found.status is Status.SOLVED
+    assert_allclose(found.x, expected, atol=1e-5)
+    assert found.violation < 1e-7
+    slopes = ca.Function(
+        "s", [problem.x, problem.p], [ca.gradient(problem.f, problem.x), ca.jacobian(problem.g, problem.x)]
+    )
+    gradient, jacobian = (np.array(v) for v in slopes(found.x, start.p))
+    stationary = gradient.ravel() + jacobian.T @ found.multipliers.constraints + found.multipliers.bounds
+    assert_allclose(stationary, 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("method", METHODS)
+def test_a_solution_with_its_multipliers_is_found_again_in_fewer_iterations(method, name):
+    problem, start, expected = PROBLEMS[name]()
+    first = solved(method, problem, start)
+    again = solved(method, problem, replace(start, x=first.x, multipliers=first.multipliers))
+    assert again.status is Status.SOLVED
+    assert_allclose(again.x, expected, atol=1e-5)
+    assert again.iterations < max(first.iterations, 4)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_problem_without_a_solution_is_not_solved(method):
+    problem, start, _ = problem_71()
+    found = solved(method, problem, replace(start, lower=np.array([25.0, 200.0]), upper=np.array([INF, 200.0])))
+    assert not found.converged
+    assert found.status is not Status.STOPPED
+    assert found.violation > 10.0
+    if method == "ipopt":
+        assert found.status is Status.INFEASIBLE
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_iterations_of_one_run_and_of_all_runs_end_it(method):
+    problem, start, _ = problem_71()
+    assert solved(method, problem, start, max_iterations=2).status is Status.ITERATION_LIMIT
+    budget = Budget(left=10)
+    with budget.share(2) as part:
+        found = solved(method, problem, start, part)
+    assert (found.status, found.iterations) == (Status.STOPPED, 2)
+    assert (budget.left, budget.over, budget.cut) == (8, False, "")
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_deadline_ends_it(method):
+    problem, start, _ = problem_71()
+    budget = Budget(until=-1.0)
+    found = solved(method, problem, start, budget)
+    assert found.status is Status.STOPPED
+    assert found.iterations == 0
+    assert budget.cut == "clock"
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_ctrl_c_ends_it_after_the_iteration(method, monkeypatch):
+    problem, start, _ = problem_71()
+    count, whole = [0], _Stop.eval
+
+    def pressing(self, arguments):
+        count[0] += 1
+        if count[0] == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+        return whole(self, arguments)
+
+    monkeypatch.setattr(_Stop, "eval", pressing)
+    with pytest.raises(KeyboardInterrupt):
+        solved(method, problem, start)
+    assert count[0] == 3
+
+
+def test_another_solver_finds_the_same_plan():
+    """Both with the Hessian of Gauss and Newton."""
+    one, two = (plan(two_arcs(solver={"hessian": "gauss_newton", "method": method})) for method in ("ipopt", "sqp"))
+    assert two.status == one.status == "optimal"
+    assert two.objective == pytest.approx(one.objective, rel=1e-6)
+    assert two.x == pytest.approx(one.x, abs=1e-3 * np.abs(one.x).max())
+
+
+def test_another_solver_finds_the_same_grasp():
+    scenes = (make_scene("arc", UPRIGHT, solver=GraspSolver(seeds=1, method=method)) for method in ("ipopt", "sqp"))
+    one, two = (optimize_grasp(scene) for scene in scenes)
+    assert two.status == one.status == "optimal"
+    assert two.certificate.passed
+    assert two.tension == pytest.approx(one.tension, rel=1e-6)
+
+
+def test_plans_with_an_indefinite_hessian_are_not_for_sqp():
+    with pytest.raises(ValueError, match="needs hessian: gauss_newton"):
+        PlanSolver(method="sqp")
+
+
+def test_violations_are_named_with_their_amounts():
+    constraints = Constraints()
+    constraints.rows("gap", "contacts.tip", "m", 2, [0.5, 0.1])
+    constraints.rows("force", "contacts.force", "N", 3, 2.0, 0.0, 4.0)
+    lower, upper = constraints.bounds({"force": np.full((3, 1), 0.5)})
+    assert_allclose(lower, [0, 0, 0, 0, 0.5, 0.5, 0.5])
+    assert_allclose(upper, [0, 0, 0, 0, 3.5, 3.5, 3.5])
+    g = np.array([0.0, 0.01, -0.002, 0.0, -1.0, 2.0, 4.5])
+    gap, force = (block.violation(g[block.rows]) for block in constraints.blocks)
+    assert (str(gap), gap.index) == ("gap: off by 0.001 m (contacts.tip)", 1)
+    assert (force.amount, force.scaled, force.index) == (2.0, 1.0, 0)
+    g[5] = np.nan
+    assert constraints.blocks[1].violation(g[constraints.blocks[1].rows]).scaled == INF
+
+
+def test_an_unknown_solver_is_refused_with_the_names_of_those_there_are():
+    configs = Path(__file__).parents[2] / "configs"
+    with pytest.raises(ContinuumGraspError, match="ipopt"):
+        load(configs / "grasp" / "mug.yaml", ["solver.method=simplex"])
