@@ -105,7 +105,7 @@ def test_a_tolerance_chooses_it_and_is_satisfied():
     assert chosen.best.shape <= 1e-3
 
 
-def test_a_controller_reaches_its_setpoint(tmp_path):
+def test_a_controller_reaches_the_target(tmp_path):
     scene = rod_scene(
         finger=FINGER,
         gravity=(0.0, 0.0),
