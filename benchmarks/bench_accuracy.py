@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.paper.errors import paper_errors
 from benchmarks.report import Report, Table
+from continuum_grasp.accuracy.assess import errors_of
 from continuum_grasp.accuracy.choice import Choice
-from continuum_grasp.accuracy.measure import errors_of
 from continuum_grasp.accuracy.motion import Motion, pace, reference_motion, rms
 from continuum_grasp.accuracy.timing import evaluation_ns
 from continuum_grasp.accuracy.truth import find_truth
@@ -173,6 +174,15 @@ def orders(report: Report, vibrating: Case, pushed: Case) -> None:
     report.tables.append(Table("Order of convergence", columns, rows))
 
 
+def of_the_paper(release: Scene) -> Table:
+    """The paper's equations in a release, as printed and corrected."""
+    arcs = release.fidelity.model_copy(update={"family": "arc", "elements": 2})
+    found = paper_errors(release.model_copy(update={"fidelity": arcs}), find_truth(release))
+    rows = [[name, one.tip, one.shape, *one.frequencies] for name, one in found.items()]
+    note = "doi:10.1155/2014/308283, as printed and corrected; see docs/errata.md. At rest, and about it."
+    return Table("The paper's equations", ["model", "tip / L", "shape / L", "frequency 1", "frequency 2"], rows, note)
+
+
 def main() -> None:
     """Measure and write the report."""
     argparse.ArgumentParser(description=__doc__).parse_args()
@@ -192,6 +202,7 @@ def main() -> None:
     title = "Motion over 1 s, r.m.s. error of the tip [mm]"
     note = f"Against 12 free clothoids, whose estimated errors are: {notes}."
     report.tables.append(table(title, {name: case.swing for name, case in swings.items()}, note))
+    report.tables.append(of_the_paper(moving()["release, 20 g"]))
     cheapest(report, vibrating, still)
     orders(report, vibrating, still["tip force 2"])
     for file in report.write():

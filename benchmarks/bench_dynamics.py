@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.baselines import paper_appendix, paper_closed_forms, peers
-from benchmarks.baselines.two_arcs import TwoArcs
+from benchmarks.baselines import peers
 from benchmarks.c_loop import STATES, CLoop, time_c_loop
 from benchmarks.harness import Timing, count_instructions, race
 from benchmarks.machine import one_core
+from benchmarks.paper.dynamics import RacedFinger, by_appendix, by_closed_forms
 from benchmarks.report import Report, Table
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import BasePose, Damping, Finger, PointMass, Rod, Tendons
@@ -50,9 +50,9 @@ def bare_model() -> FingerModel:
     return FingerModel(bare, elements=2, family="arc", gravity=(0.0, 0.0), tip_force=False)
 
 
-def paper_finger() -> TwoArcs:
+def paper_finger() -> RacedFinger:
     """The same finger for the baselines."""
-    return TwoArcs(
+    return RacedFinger(
         mass_per_length=LINEAR_DENSITY,
         bending_stiffness=STIFFNESS,
         tip_mass=TIP_MASS,
@@ -78,10 +78,10 @@ def against_the_paper(report: Report, rng: np.random.Generator) -> None:
     model, paper = full_model(), paper_finger()
     functions = {
         OURS: model.forward_dynamics,
-        "closed forms, Lagrange": paper_closed_forms.forward_dynamics(paper, bias="lagrange"),
-        "closed forms, Christoffel": paper_closed_forms.forward_dynamics(paper, bias="christoffel"),
-        "energy by quadrature, Lagrange": paper_closed_forms.forward_dynamics(paper, bias="quadrature"),
-        "appendix, corrected": paper_appendix.forward_dynamics(paper),
+        "closed forms, Lagrange": by_closed_forms(paper, bias="lagrange"),
+        "closed forms, Christoffel": by_closed_forms(paper, bias="christoffel"),
+        "energy by quadrature, Lagrange": by_closed_forms(paper, bias="quadrature"),
+        "appendix, corrected": by_appendix(paper),
     }
     given = random_arguments(model, rng)
     extra = {}

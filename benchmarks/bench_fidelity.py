@@ -14,9 +14,9 @@ import numpy as np
 
 from benchmarks.random_scenes import random_scene
 from benchmarks.report import Report, Table
+from continuum_grasp.accuracy.assess import assess
 from continuum_grasp.accuracy.choice import COUNTS, choices
 from continuum_grasp.accuracy.choose import Chosen, allowed_accuracies, allowed_families, choose_fidelity
-from continuum_grasp.accuracy.measure import measure
 from continuum_grasp.errors import SolverError
 from continuum_grasp.rod.elastica import solve_elastica
 from continuum_grasp.simulation import equilibrium
@@ -26,7 +26,7 @@ PLACES = 173
 
 
 def again(chosen: Chosen) -> float:
-    """Error of the pose at time zero per length, by the public way and at other places."""
+    """Error of the equilibrium at time zero per length, by the public way and at other places."""
     scene = chosen.scene
     rod = solve_elastica(scene)
     found = equilibrium(scene, guess=_guess(chosen))
@@ -36,14 +36,14 @@ def again(chosen: Chosen) -> float:
 
 def _guess(chosen: Chosen) -> np.ndarray:
     """Coordinates of the exact rod, so that both are on one branch."""
-    lengths, rod = chosen.best.choice.lengths, chosen.truth.poses[0].rod
+    lengths, rod = chosen.best.choice.lengths, chosen.truth.cases[0].rod
     edges = np.minimum(np.concatenate([[0.0], np.cumsum(lengths)]), np.nextafter(sum(lengths), 0.0))
     model = chosen.best.choice.model
     return np.diff(rod.angle(edges)) if model.family == "arc" else rod.curvature(edges)[: model.n]
 
 
 def cheaper(chosen: Chosen) -> str:
-    """A choice on the list that costs less and keeps the tolerance; empty where there is none.
+    """A choice on the list that costs less and meets the tolerance; empty where there is none.
 
     More terms are not tried where those that are left out cannot be what is wrong.
     """
@@ -62,7 +62,7 @@ def cheaper(chosen: Chosen) -> str:
                 if choice.instructions == before:
                     continue
                 before = choice.instructions
-                found = measure(choice, chosen.truth, stop_at=3.0 * max(tolerance, accuracy))
+                found = assess(choice, chosen.truth, stop_at=3.0 * max(tolerance, accuracy))
                 if found.cost < 0.999 * best.cost and found.within(tolerance, scene.fidelity.frequencies):
                     return str(choice)
                 if found.shape > 3.0 * max(tolerance, accuracy):
@@ -100,7 +100,7 @@ def main() -> None:
             ]
         )
     met, dominated = (100.0 * counts[name] / max(counts["chosen"], 1) for name in ("met", "dominated"))
-    report.claim("scenes that keep their tolerance, per cent", met, ">=", 99.0)
+    report.claim("scenes that meet their tolerance, per cent", met, ">=", 99.0)
     report.claim("scenes for which nothing cheaper would do, per cent", 100.0 - dominated, ">=", 90.0)
     columns = ["scene", "tolerance", "family", "elements", "accuracy", "instructions", "error / L", "frequency"]
     columns += ["choosing [s]", "cheaper"]

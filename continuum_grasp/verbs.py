@@ -1,4 +1,4 @@
-"""What a user asks of a scene: its tolerance, if it has one, becomes a model before a room is entered."""
+"""Motion, equilibrium and modes as a user calls them: a tolerance becomes a model first, a path a scene."""
 
 from __future__ import annotations
 
@@ -17,17 +17,53 @@ from continuum_grasp.simulation import Equilibrium, Modes, Trajectory
 
 __all__ = ["equilibrium", "modes", "simulate"]
 
-Given = Scene | str | PathLike[str]
 
+def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], None] | None = None) -> Trajectory:
+    """Simulate the motion of a finger, and of the object that it touches.
 
-def simulate(scene: Given, *, progress: Callable[[float], None] | None = None) -> Trajectory:
+    Parameters
+    ----------
+    scene : Scene or path-like
+        The scene, with ``time``, or its YAML file. With ``fidelity.tolerance`` the cheapest model that satisfies it is
+        found first.
+    progress : callable, optional
+        Called with the completed share of the motion, 0 to 1.
+
+    Returns
+    -------
+    Trajectory
+        T instants ``t`` (T,) [s], states ``x`` (T, nx), inputs ``u`` (T, nu), forces ``w`` (T, nw), tip positions
+        ``tip`` (T, 2) [m] and energies ``kinetic`` and ``potential`` (T,) [J]; SI units, world frame. ``x_names``,
+        ``u_names`` and ``w_names`` have the unit of each entry, ``time_error`` estimates what the steps in time leave,
+        ``warnings`` names elements beyond their bending range or strain limit, and overlaps with the object between
+        stations.
+
+    Raises
+    ------
+    InputError
+        If the scene has no time, or a state that does not fit.
+    NumericalError
+        If the motion does not stay finite, or is too stiff for the requested method; ``result`` is the trajectory
+        until then.
+    SolverError
+        If an initial equilibrium is not found.
+    Interrupted
+        On Ctrl-C; ``result`` is the trajectory until then.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
+    >>> motion.t.shape, motion.tip.shape, motion.x_names[0]
+    ((51,), (51, 2), 'kappa_0 [1/m]')
+    """
     resolved, note = _resolved(scene)
     trajectory = simulation.simulate(resolved, progress=progress)
     return replace(trajectory, statistics={**trajectory.statistics, "fidelity": note}) if note else trajectory
 
 
 def equilibrium(
-    scene: Given,
+    scene: Scene | str | PathLike[str],
     *,
     extra_loads: Sequence[Load] = (),
     guess: ArrayLike | None = None,
@@ -35,23 +71,92 @@ def equilibrium(
     side: int = 1,
     model: FingerModel | None = None,
 ) -> Equilibrium:
+    """Find the equilibrium of a finger under its loads at time zero, also beyond buckling.
+
+    Pseudo-transient continuation (damped motion in the metric of the mass matrix that turns into Newton's method as it
+    converges) leads from the guess to an equilibrium. If that one is unstable, as the straight finger is under more
+    than its buckling load, the search leaves it along its weakest direction and finds the stable one beside it.
+
+    Parameters
+    ----------
+    scene : Scene or path-like
+        The scene, or its YAML file. With ``fidelity.tolerance`` the cheapest model that satisfies it is found first.
+    extra_loads : sequence of ForceLoad or MomentLoad
+        Constant loads besides the scene's.
+    guess : (n,) array_like, optional
+        Bending coordinates to start from, angles [rad] or nodal curvatures [1/m]; the unloaded shape where not given.
+    stable : bool
+        Whether to leave an unstable equilibrium. Where there is no stable one beside it (flutter under a following
+        load), the result has ``stable=False``.
+    side : {1, -1}
+        Side to which an unstable equilibrium is left: the sign of the largest component of its weakest direction.
+    model : FingerModel, optional
+        Model to use, which must have the scene's loads.
+
+    Returns
+    -------
+    Equilibrium
+        Bending coordinates ``q`` (n,), ``tip`` (2,) [m] in the world, ``stable``, ``margin`` [rad2/s2], ``residual``.
+
+    Raises
+    ------
+    InputError
+        If guess, side or model do not fit, or if the scene has an object.
+    SolverError
+        If no equilibrium is reached, or only one that is bent far beyond the declared range.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> found = cg.equilibrium("configs/simulate/hanging.yaml")
+    >>> found.stable, found.tip.shape, found.backbone(points=20).shape
+    (True, (2,), (20, 2))
+    """
     resolved = scene_of(scene) if model is not None else _resolved(scene)[0]
     return simulation.equilibrium(resolved, extra_loads=extra_loads, guess=guess, stable=stable, side=side, model=model)
 
 
-def modes(scene: Given, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
+def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = None, points: int = 61) -> Modes:
+    """Find the natural frequencies and mode shapes of a finger about its equilibrium.
+
+    Parameters
+    ----------
+    scene : Scene or path-like
+        The scene, or its YAML file. With ``fidelity.tolerance`` the cheapest model that satisfies it is found first.
+    about : Equilibrium, optional
+        Equilibrium to linearize about; found where not given.
+    points : int
+        Number of points of the shapes.
+
+    Returns
+    -------
+    Modes
+        ``frequencies_hz`` (m,) [Hz], ``damping_ratios`` (m,) [1], ``shapes`` (m, points, 2) [1] and the equilibrium's
+        ``backbone`` (points, 2) [m]; as many as there are bending coordinates. Under following loads or tendon friction
+        the stiffness is not symmetric; modes that flutter then come as two of one frequency, and ``stable`` is false.
+
+    Raises
+    ------
+    InputError
+        If the scene has an object.
+    SolverError
+        If no equilibrium is found.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> found = cg.modes("configs/simulate/hanging.yaml")
+    >>> found.shapes.shape == (len(found.frequencies_hz), 61, 2)
+    True
+    """
     resolved = scene_of(scene) if about is not None else _resolved(scene, vibrates=True)[0]
     return simulation.modes(resolved, about=about, points=points)
 
 
-def _resolved(scene: Given, *, vibrates: bool = False) -> tuple[Scene, str]:
-    given = scene_of(scene)
-    if given.fidelity.tolerance is None:
-        return given, ""
+def _resolved(given: Scene | str | PathLike[str], *, vibrates: bool = False) -> tuple[Scene, str]:
+    scene = scene_of(given)
+    if scene.fidelity.tolerance is None:
+        return scene, ""
     from continuum_grasp.accuracy.resolve import resolve_fidelity
 
-    return resolve_fidelity(given, vibrates=vibrates)
-
-
-for _verb in (simulate, equilibrium, modes):
-    _verb.__doc__ = getattr(simulation, _verb.__name__).__doc__
+    return resolve_fidelity(scene, vibrates=vibrates)

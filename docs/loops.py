@@ -12,9 +12,9 @@ import continuum_grasp as cg
 from continuum_grasp.closed_loop.compare import compared
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
-from continuum_grasp.plotting.control.control import plot_control_path, plot_inputs
+from continuum_grasp.plotting.control import plot_control_path, plot_inputs
 from continuum_grasp.plotting.drawing.axes import new_figure, quiet
-from continuum_grasp.plotting.drawing.pictures import save_picture
+from continuum_grasp.results import save_picture
 
 FOLDER = Path("configs/mpc")
 DRAWN = ("tip_steps", "keep_out", "nitinol_moment")

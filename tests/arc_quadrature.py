@@ -31,7 +31,7 @@ def entries(theta: np.ndarray, lengths=(0.3, 0.3)) -> dict[str, np.ndarray]:
     """Entries per mass per length, and per weight per length, at pairs of angles (2, n).
 
     M11 ... M22; V11 ... V23 (factors of rate1^2, rate1 rate2, rate2^2); GY1, GY2 (gravity along -Y), GX1, GX2 (along
-    +X); Jacobians of contact Jc, tip Jt and mass centres Jg (first arc), Jh (second), each with row and column.
+    +X); Jacobians of contact Jc, tip Jt and mass centers Jg (first arc), Jh (second), each with row and column.
     """
     u, w, integrals = _rule()
     (l1, l2), (t1, t2) = lengths, np.asarray(theta, dtype=float)[..., None]

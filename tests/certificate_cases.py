@@ -83,6 +83,14 @@ def ends_of(family, q, lengths, tip):
     return list(pairwise(nodes))
 
 
+def shapes_of(family, lengths):
+    """Curvature of each arc, or at both ends of each clothoid, per coordinate and, where it is none, the tip's."""
+    if family == "arc":
+        return np.diag(1.0 / lengths)[:, None]
+    nodes = np.eye(len(lengths) + 1)
+    return np.stack([nodes[:-1], nodes[1:]], axis=1)
+
+
 def finger_arrays(scene, name, q=None, lengths=None, tip=0.0, tensions=(0.0, 0.0), base=None):
     """Stored arrays of one finger; straight and of equal elements unless something else is given."""
     setup = next(s for s in scene.setups if s.name == name)
@@ -96,6 +104,7 @@ def finger_arrays(scene, name, q=None, lengths=None, tip=0.0, tensions=(0.0, 0.0
     return {
         f"{name}.family": setup.family,
         f"{name}.q": q,
+        f"{name}.curvature_shapes": shapes_of(setup.family, lengths),
         f"{name}.lengths": lengths,
         f"{name}.tip_curvature": float(ends[-1][1]),
         f"{name}.tensions": np.asarray(tensions, dtype=float),

@@ -1,4 +1,4 @@
-"""Fingers for the tests of model and core: each as a model of the package and as its high-precision twin."""
+"""Fingers for the tests of model and core: each as a model of the package and as its high-precision reference."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LENGTHS = {1: (0.6,), 2: (0.25, 0.35), 3: (0.1, 0.2, 0.3), 5: (0.05, 0.2, 0.1, 0
 EXACT = {"arc": None, "clothoid": 1e-13, "matched_clothoid": 1e-13}
 """Accuracy to ask for where rounding is all that may be left."""
 NODES = 24
-"""Of the twin per element: 30 digits at bends of 2 pi."""
+"""Of the reference per element: 30 digits at bends of 2 pi."""
 PATTERNS = ((1.0, -0.7, 0.4, -1.0, 0.8, 0.6), (1.0, 1.0, 1.0, 1.0, 1.0, 1.0))
 
 ROD = RodValue(length=0.6, linear_density=0.8, bending_stiffness=0.5, rotary_inertia=3e-4)
@@ -59,8 +59,8 @@ class Case:
         keywords = {"gravity": self.gravity, "loads": self.loads, "contacts": self.contacts}
         return FingerModel(self.finger, family=family, elements=lengths, **keywords, **{**self.options, **options})
 
-    def twin(self, model: FingerModel) -> TruthFinger:
-        """Its twin."""
+    def reference(self, model: FingerModel) -> TruthFinger:
+        """The same for the reference implementation."""
         finger, rod = self.finger, self.finger.rod
         return TruthFinger(
             lengths=model.lengths,
@@ -163,9 +163,9 @@ def model_values(model: FingerModel, at: State) -> dict[str, np.ndarray]:
 
 
 def true_values(case: Case, model: FingerModel, at: State) -> dict[str, np.ndarray]:
-    """What the twin says, rounded from 50 digits; and the condition number of the mass matrix."""
+    """What the reference says, rounded from 50 digits; and the condition number of the mass matrix."""
     moment, *rates = case.drive(model, at.u)
-    finger = case.twin(model)
+    finger = case.reference(model)
     tip = matched_tip(finger, moment, *rates)
     rod = Rod(finger, at.q, at.qd, tip, NODES)
     forces, moments = case.forces(model, rod, at.w)
@@ -195,7 +195,7 @@ def errors(case: Case, model: FingerModel, at: State) -> dict[str, float]:
 
 def jacobian_rate_error(case: Case, model: FingerModel, at: State) -> float:
     """Relative error of the Jacobian's rate at constant input."""
-    finger = case.twin(model)
+    finger = case.reference(model)
     rod = Rod(finger, at.q, at.qd, (matched_tip(finger, case.drive(model, at.u)[0])[0], 0, 0), NODES)
     values = [evaluate(model.jacobian_rate, at.q, at.qd, at.u, s, model.p_nominal) for s in SECTIONS]
     return relative_error(values, np.array([to_numpy(rod.jacobian_rate(s)) for s in SECTIONS]))

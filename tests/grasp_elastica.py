@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from grasp_hand_made import hats
 from scipy.integrate import solve_bvp, solve_ivp
 
 
@@ -160,6 +161,7 @@ def stored(hand, state, names, nodes=61):
         arrays |= {
             f"{name}.family": "clothoid",
             f"{name}.q": curvature,
+            f"{name}.curvature_shapes": hats(nodes - 1),
             f"{name}.lengths": np.full(nodes - 1, hand.length / (nodes - 1)),
             f"{name}.tip_curvature": curvature[-1],
             f"{name}.tensions": np.array([max(difference, 0.0), max(-difference, 0.0)]),

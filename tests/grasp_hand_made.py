@@ -40,6 +40,12 @@ def make_scene(**changes):
     return GraspScene(**values)
 
 
+def hats(count):
+    """Curvature at both ends of each element per nodal curvature."""
+    nodes = np.eye(count + 1)
+    return np.stack([nodes[:-1], nodes[1:]], axis=1)
+
+
 def straight_finger(base, tensions=(0.0, 0.0), curvatures=(0.0, 0.0, 0.0), lengths=None):
     """Arrays of one finger with curvatures at its nodes."""
     curvatures = np.asarray(curvatures, dtype=float)
@@ -47,6 +53,7 @@ def straight_finger(base, tensions=(0.0, 0.0), curvatures=(0.0, 0.0, 0.0), lengt
     return {
         "family": "clothoid",
         "q": curvatures,
+        "curvature_shapes": hats(count),
         "lengths": np.full(count, LENGTH / count) if lengths is None else np.asarray(lengths),
         "tip_curvature": curvatures[-1],
         "tensions": np.asarray(tensions, dtype=float),

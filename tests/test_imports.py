@@ -9,23 +9,24 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "continuum_grasp"
 FILES = sorted(PACKAGE.rglob("*.py"))
-COMMON = {"errors", "_lazy", "interrupt", ""}
+COMMON = {"errors", "_lazy", "interrupt", "workers", ""}
 """What all may import; the empty name is the package itself."""
 ALLOWED = {
     "errors": set(),
     "_lazy": set(),
     "interrupt": set(),
+    "workers": set(),
     "scene": {"scene"},
     "rod": {"rod", "scene"},
     "model": {"model", "scene"},
     "core": {"core", "model", "scene", "results"},
     "nlp": {"nlp", "core", "model", "scene"},
-    "simulation": {"simulation", "core", "model", "scene", "results", "plotting"},
-    "accuracy": {"accuracy", "rod", "simulation", "core", "model", "scene", "results", "plotting"},
+    "simulation": {"simulation", "core", "model", "scene", "results"},
+    "accuracy": {"accuracy", "rod", "simulation", "core", "model", "scene", "results"},
     "verbs": {"accuracy", "simulation", "model", "scene"},
     "grasp": {"grasp", "nlp", "rod", "core", "model", "scene", "results", "plotting"},
     "control": {"control", "nlp", "simulation", "core", "model", "scene"},
-    "planning": {"planning", "nlp", "grasp", "control", "simulation", "core", "model", "scene", "results", "plotting"},
+    "planning": {"planning", "nlp", "grasp", "control", "simulation", "core", "model", "scene", "results"},
     "closed_loop": {
         "closed_loop",
         "nlp",
@@ -36,7 +37,6 @@ ALLOWED = {
         "model",
         "scene",
         "results",
-        "plotting",
     },
     "mission": {
         "mission",
@@ -48,7 +48,6 @@ ALLOWED = {
         "model",
         "scene",
         "results",
-        "plotting",
     },
     "identification": {
         "identification",
@@ -59,12 +58,11 @@ ALLOWED = {
         "model",
         "scene",
         "results",
-        "plotting",
     },
     "export": {"export", "control", "accuracy", "simulation", "core", "model", "scene", "results"},
-    "sweeps": {"sweeps", "grasp", "scene", "results", "plotting"},
-    "results": {"results", "scene"},
-    "plotting": {"plotting", "results", "scene"},
+    "sweeps": {"sweeps", "grasp", "scene", "results"},
+    "results": {"results"},
+    "plotting": {"plotting", "scene"},
 }
 """Modules by who imports them; ``cli`` and the package itself may import everything."""
 DRAWING = {"matplotlib", "typer", "rich"}
@@ -92,8 +90,6 @@ OUTSIDE = {
     "plotting": {"casadi", "typer", "rich", "yaml"},
 }
 """Packages that a module does without."""
-LATE = {"results", "plotting"}
-"""Modules that those before them import where they save and draw, not when they are loaded."""
 
 
 def module_of(file: Path) -> str:
@@ -157,14 +153,14 @@ def test_a_module_does_without(importer):
     assert not wrong
 
 
-@pytest.mark.parametrize("importer", ["core", "simulation", "grasp", "accuracy", "identification"])
-def test_saving_and_drawing_are_imported_when_needed(importer):
+@pytest.mark.parametrize("importer", sorted({*ALLOWED} - {"plotting"}))
+def test_drawing_is_imported_when_needed(importer):
     wrong = [
         f"{file.relative_to(PACKAGE)}:{line}: {module}"
         for file in FILES
         if module_of(file) == importer
         for module, line, at_load in imports(file)
-        if at_load and inside(module) in LATE
+        if at_load and inside(module) == "plotting"
     ]
     assert not wrong
 

@@ -132,7 +132,7 @@ def describe_rod(scene: Scene, truth: Truth) -> dict[str, Any]:
     if scene.initial.pose == "straight":
         bend = np.zeros(_PLACES)
     else:
-        held = truth.poses[-1 if scene.initial.held_by else 0].rod
+        held = truth.cases[-1 if scene.initial.held_by else 0].rod
         bend = held.angle(np.linspace(0.0, rod.length, _PLACES)) - finger.base.angle
     return {
         "length": rod.length,

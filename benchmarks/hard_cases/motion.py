@@ -28,7 +28,7 @@ from continuum_grasp.simulation import modes, simulate
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.trajectory import Trajectory
 
-METHODS = ("auto", "rk4", "implicit", "reference", "float")
+METHODS = ("auto", "rk4", "rodas", "reference", "float")
 Array = NDArray[np.float64]
 Make = Callable[[str], Scene]
 Measure = Callable[[Trajectory], float]

@@ -154,7 +154,7 @@ def terms(arcs: TwoArcs, theta: ca.SX, rate: ca.SX, reading: Reading = "correcte
 def right_hand_side(
     arcs: TwoArcs, theta: ca.SX, rate: ca.SX, at_contact: ca.SX, at_tip: ca.SX, reading: Reading = "corrected"
 ) -> tuple[ca.SX, ca.SX]:
-    """Mass matrix, and the generalised force of inertia, gravity and the forces on contact and tip [N, base axes]."""
+    """Mass matrix, and the generalized force of inertia, gravity and the forces on contact and tip [N, base axes]."""
     made = _Appendix(arcs, theta, rate, reading)
     mass, bias, gravity = made.rod()
     force = -bias - gravity

@@ -88,8 +88,8 @@ def terms(arcs: TwoArcs, theta: ca.SX, rate: ca.SX, slips: AsPrinted = _RIGHT, *
     bent = Bent(arcs, symbol, slips)
     jc, jt = bent.contact_jacobian, bent.tip_jacobian
     mass = rod_mass_matrix(bent)
-    weighed = [(arcs.mass_per_length * arcs.lengths[0], bent.centre1_jacobian)]
-    weighed.append((arcs.mass_per_length * arcs.lengths[1], bent.centre2_jacobian))
+    weighed = [(arcs.mass_per_length * arcs.lengths[0], bent.center1_jacobian)]
+    weighed.append((arcs.mass_per_length * arcs.lengths[1], bent.center2_jacobian))
     for point, jacobian in ((arcs.contact_mass, jc), (arcs.tip_mass, jt)):
         if not is_zero(point):
             mass += point * (jacobian.T @ jacobian)

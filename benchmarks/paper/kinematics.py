@@ -75,21 +75,21 @@ class Bent:
         return self.contact + self.rotation @ self.along_arc(1)
 
     @property
-    def centre1(self) -> ca.SX:
-        """Mass centre of the first arc, equation (10)."""
+    def center1(self) -> ca.SX:
+        """Mass center of the first arc, equation (10)."""
         t1, c1, s1, _, _, _ = self.trigonometry
         return self.arcs.lengths[0] / t1**2 * ca.vertcat(s1 - t1, 1 - c1)
 
     @property
-    def relative_centre2(self) -> ca.SX:
-        """Mass centre of the second arc from the contact in the axes there, right-hand side of equation (11)."""
+    def relative_center2(self) -> ca.SX:
+        """Mass center of the second arc from the contact in the axes there, right-hand side of equation (11)."""
         _, _, _, t2, c2, s2 = self.trigonometry
         return self.arcs.lengths[1] / t2**2 * ca.vertcat(s2 - t2, 1 - c2)
 
     @property
-    def centre2(self) -> ca.SX:
-        """Mass centre of the second arc, equation (12)."""
-        return self.contact + self.rotation @ self.relative_centre2
+    def center2(self) -> ca.SX:
+        """Mass center of the second arc, equation (12)."""
+        return self.contact + self.rotation @ self.relative_center2
 
     def second_velocity(self, s: Scalar, rate: ca.SX) -> ca.SX:
         """Velocity at s [m] from the base on the second arc, equations (14)-(17)."""
@@ -104,21 +104,21 @@ class Bent:
         slope0, slope1 = self.along_arc_slope(0), self.along_arc_slope(1)
         return (self.rotation_slope @ self.along_arc(1) + slope0) * rate[0] + self.rotation @ slope1 * rate[1]
 
-    def _centre_slope(self, which: int, cosine: float) -> ca.SX:
-        """Derivative of an arc's mass centre with respect to its angle; ``cosine``: the factor of cos in y."""
+    def _center_slope(self, which: int, cosine: float) -> ca.SX:
+        """Derivative of an arc's mass center with respect to its angle; ``cosine``: the factor of cos in y."""
         t, length = self.theta[which], self.arcs.lengths[which]
         c, s = ca.cos(t), ca.sin(t)
         return length / t**3 * ca.vertcat(t * c + t - 2 * s, t * s + cosine * c - 2)
 
-    def centre1_velocity(self, rate: ca.SX) -> ca.SX:
-        """Velocity of the first mass centre, equation (19)."""
-        slope = self._centre_slope(0, self.slips.factor("(19) cosine"))
+    def center1_velocity(self, rate: ca.SX) -> ca.SX:
+        """Velocity of the first mass center, equation (19)."""
+        slope = self._center_slope(0, self.slips.factor("(19) cosine"))
         return slope if "(19) rate" in self.slips else slope * rate[0]
 
-    def centre2_velocity(self, rate: ca.SX) -> ca.SX:
-        """Velocity of the second mass centre, equation (20)."""
-        turning = self.rotation_slope @ self.relative_centre2 + self.along_arc_slope(0)
-        return turning * rate[0] + self.rotation @ self._centre_slope(1, self.slips.factor("(20) cosine")) * rate[1]
+    def center2_velocity(self, rate: ca.SX) -> ca.SX:
+        """Velocity of the second mass center, equation (20)."""
+        turning = self.rotation_slope @ self.relative_center2 + self.along_arc_slope(0)
+        return turning * rate[0] + self.rotation @ self._center_slope(1, self.slips.factor("(20) cosine")) * rate[1]
 
     @property
     def contact_jacobian(self) -> ca.SX:
@@ -142,15 +142,15 @@ class Bent:
         return ca.vertcat(ca.horzcat(j11, j12), ca.horzcat(j21, j22))
 
     @property
-    def centre1_jacobian(self) -> ca.SX:
+    def center1_jacobian(self) -> ca.SX:
         """J_G1, equation (25)."""
-        column = self._centre_slope(0, self.slips.factor("(25) cosine"))
+        column = self._center_slope(0, self.slips.factor("(25) cosine"))
         if "(25) column" in self.slips:
             return ca.vertcat(column.T, ca.SX(1, 2))
         return ca.horzcat(column, ca.SX(2, 1))
 
     @property
-    def centre2_jacobian(self) -> ca.SX:
+    def center2_jacobian(self) -> ca.SX:
         """J_G2, equation (26)."""
         t1, c1, s1, t2, c2, s2 = self.trigonometry
         l1, l2 = self.arcs.lengths

@@ -38,7 +38,7 @@ class PaperModel(FingerModel):
     """The two-arc model of doi:10.1155/2014/308283 as the paper writes it.
 
     The same coordinates, inputs and functions as ``FingerModel(..., family="arc", elements=2)``; mass matrix, velocity
-    products, gravity and the generalised forces at contact and tip are the paper's. Elasticity (32), friction (39),
+    products, gravity and the generalized forces at contact and tip are the paper's. Elasticity (32), friction (39),
     (43) and actuation (42) are right in the paper and the same in both; positions and the potential energy are the
     exact ones, whatever the variant.
 
@@ -108,14 +108,14 @@ class _PaperEquations(Equations):
     @cached_property
     def base(self) -> Rotation:
         """From the axes of the base to the world's."""
-        angle = self._made.finger.base.angle
+        angle = self._structure.finger.base.angle
         return Rotation(*(0.0 if abs(v) < 1e-15 else v for v in (math.cos(angle), math.sin(angle))))
 
     @cached_property
     def arcs(self) -> TwoArcs:
         """The finger as the paper describes it."""
         masses: list[Scalar] = [0.0, 0.0]
-        for name, place in self._made.masses():
+        for name, place in self._structure.masses():
             masses[place.link] = masses[place.link] + self._par[name]
         gx, gy = self._par.vector("gravity")
         weight = self.base.transposed().apply(Vec(gx, gy))
@@ -138,7 +138,7 @@ class _PaperEquations(Equations):
     @cached_property
     def point_forces(self) -> tuple[ca.SX, ca.SX]:
         """Forces of ``w`` on contact and tip [N, base axes]."""
-        made, back = self._made, self.base.transposed()
+        made, back = self._structure, self.base.transposed()
         starts = [(k, 2 * k) for k in range(len(made.contacts))]
         if made.tip_force:
             starts.append((1, 2 * len(made.contacts)))
@@ -167,7 +167,7 @@ class _PaperEquations(Equations):
 
     @cached_property
     def external_force(self) -> list[Scalar]:
-        """Generalised forces of ``w``, (41)."""
+        """Generalized forces of ``w``, (41)."""
         at_contact, at_tip = self.point_forces
         force = self.terms.contact_jacobian.T @ at_contact + self.terms.tip_jacobian.T @ at_tip
         return [force[i] for i in (0, 1)]

@@ -40,7 +40,7 @@ def _factor(where: str, printed: int, corrected: int) -> Slip:
     return Slip(f"factor {printed} of {where}", f"{corrected:+}", factors)
 
 
-_METRES = "the numbers in SI units, although the dimensions do not agree"
+_AS_NUMBERS = "the numbers in SI units, although the dimensions do not agree"
 
 SLIPS: dict[str, Slip] = {
     "(16) s": Slip("angle s theta2 / L2", "(s - L1) theta2 / L2"),
@@ -48,13 +48,13 @@ SLIPS: dict[str, Slip] = {
     "(19) rate": Slip("no rate of theta1", "all times the rate of theta1"),
     "(20) cosine": _factor("C2 in the second row", -2, 2),
     "(24) names": Slip("the two off-diagonal entries under each other's names", "the other way round"),
-    "(24) plus": Slip("J_t21: product of its two terms", "their sum", read=_METRES),
-    "(24) J12 bracket": Slip("J_t12: L2/theta2^2 before the first term only", "before both", read=_METRES),
-    "(24) J22 bracket": Slip("J_t22: L2/theta2^2 before the first term only", "before both", read=_METRES),
+    "(24) plus": Slip("J_t21: product of its two terms", "their sum", read=_AS_NUMBERS),
+    "(24) J12 bracket": Slip("J_t12: L2/theta2^2 before the first term only", "before both", read=_AS_NUMBERS),
+    "(24) J22 bracket": Slip("J_t22: L2/theta2^2 before the first term only", "before both", read=_AS_NUMBERS),
     "(25) column": Slip("x and y in a row", "x and y in the first column"),
     "(25) cosine": _factor("C1 in y", -2, 2),
     "(26) names": Slip("the two off-diagonal entries under each other's names", "the other way round"),
-    "(26) plus": Slip("J_G21: product of its two terms", "their sum", read=_METRES),
+    "(26) plus": Slip("J_G21: product of its two terms", "their sum", read=_AS_NUMBERS),
     "(26) cosine": _factor("C2 in J_G12", -2, 2),
     "(26) J22 end": Slip("J_G22 ends after its first term", "+ (theta2 S2 + 2 C2 - 2) C1 follows"),
     "(36) axes": Slip(

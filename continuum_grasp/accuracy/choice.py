@@ -10,22 +10,25 @@ from functools import cached_property
 from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.layout import element_lengths
+from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.finger import PiecewiseCurvature
-from continuum_grasp.scene.simulate import Family, Fidelity, Scene
+from continuum_grasp.scene.simulate import Fidelity, Scene
 
-__all__ = ["ACCURACIES", "COUNTS", "Choice", "choices"]
+__all__ = ["ACCURACIES", "COUNTS", "Choice", "choices", "open_families"]
 
-FAMILIES: tuple[Family, ...] = ("matched_clothoid", "clothoid", "arc")
 COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
-"""Numbers of elements that are tried."""
+"""Numbers of elements that are tried: each of the few, then in steps of a quarter or so, which bound what is
+overpaid."""
 ACCURACIES = (1e-2, 2e-3, 1e-4, 1e-6, 1e-9, 1e-13)
-"""Accuracies of evaluation that are tried, coarse first; each stands for Horner terms and quadrature nodes."""
+"""Accuracies of evaluation [1] that are tried, coarse first; each stands for Horner terms and quadrature nodes."""
 _RANGES = (0.3, 0.6, 1.0, 1.5, 2.1, 3.15, 4.5, 6.3)
 """Declared bending ranges [rad]; those for which the nodes of clothoids are tabulated."""
 _MARGIN = 1.1
+"""Declared bending range per reach of the exact rod [1]: a coarse model may bend a little further."""
 _MOST_ELEMENTS = 64
+"""Elements beyond which no model is tried where contacts ask for more than `COUNTS` has."""
 _SHORTEST = 0.02
-"""Shortest element that is made for a load's sake, per length."""
+"""Shortest element that ends at a load, per length: shorter ones are stiff and make explicit steps small."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,7 @@ class Choice:
     Attributes
     ----------
     scene : Scene
-    family : {"arc", "clothoid", "matched_clothoid"}
+    family : str
     lengths : tuple of float
         Element lengths [m].
     aligned : bool
@@ -47,7 +50,7 @@ class Choice:
     """
 
     scene: Scene
-    family: Family
+    family: str
     lengths: tuple[float, ...]
     aligned: bool
     accuracy: float | None
@@ -60,7 +63,7 @@ class Choice:
 
     @property
     def fidelity(self) -> Fidelity:
-        """The choice as a scene says it."""
+        """The choice as the ``fidelity`` of a scene."""
         return Fidelity(
             family=self.family, elements=self.lengths, accuracy=self.accuracy, bending_range=self.bending_range
         )
@@ -85,8 +88,14 @@ class Choice:
         return f"{self.elements} {self.family}{even}{terms}, range {self.bending_range:g} rad"
 
 
+def open_families(scene: Scene) -> tuple[str, ...]:
+    """Families that a scene can have, fine first."""
+    matched = FingerModel(scene.model_copy(update={"fidelity": Fidelity()})).structure.matched
+    return tuple(name for name in reversed(FAMILIES) if matched or not FAMILIES[name].matches_tip)
+
+
 def choices(
-    scene: Scene, truth: Truth, family: Family, accuracy: float | None, *, counts: Sequence[int] = COUNTS
+    scene: Scene, truth: Truth, family: str, accuracy: float | None, *, counts: Sequence[int] = COUNTS
 ) -> Iterator[Choice]:
     """All numbers and placements of elements of one family, few elements first.
 
@@ -95,7 +104,7 @@ def choices(
     scene : Scene
     truth : Truth
         Of that scene: how far elements bend.
-    family : {"arc", "clothoid", "matched_clothoid"}
+    family : str
     accuracy : float or None
         Relative accuracy of the evaluation; None: the family's own.
     counts : sequence of int
@@ -132,11 +141,11 @@ def _marks(scene: Scene) -> tuple[float, ...]:
     places += [mass.at for mass in finger.masses if mass.mass > 0.0]
     if isinstance(finger.rest_curvature, PiecewiseCurvature):
         places += finger.rest_curvature.breaks
-    kept = list(scene.contacts)
+    found = list(scene.contacts)
     for at in sorted(places):
-        if all(abs(at - other) >= _SHORTEST * length for other in (0.0, *kept, length)):
-            kept.append(at)
-    return tuple(sorted(kept))
+        if all(abs(at - other) >= _SHORTEST * length for other in (0.0, *found, length)):
+            found.append(at)
+    return tuple(sorted(found))
 
 
 def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> float | None:

@@ -1,4 +1,4 @@
-"""From a tolerance to the cheapest model that keeps it."""
+"""From a tolerance to the cheapest model that meets it."""
 
 from __future__ import annotations
 
@@ -10,41 +10,44 @@ from time import perf_counter
 import numpy as np
 
 from continuum_grasp import interrupt
-from continuum_grasp.accuracy.choice import ACCURACIES, COUNTS, FAMILIES, Choice, choices
-from continuum_grasp.accuracy.measure import Measured, measure
+from continuum_grasp.accuracy.assess import Assessment, assess
+from continuum_grasp.accuracy.choice import ACCURACIES, COUNTS, Choice, choices, open_families
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.simulate import Family, Fidelity, Scene
+from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["Chosen", "allowed_accuracies", "allowed_families", "choose_fidelity"]
 
 _PROBE = 1e-6
-"""Accuracy of evaluation with which it is seen whether a number of elements can do."""
-
+"""Relative accuracy of evaluation that tells whether a number of elements can meet the tolerance: its own error is
+below that of any number of elements on the list."""
 _TERMS_SHARE = 4.0
-"""Accuracy of evaluation per tolerance up to which choices are listed where the scene moves."""
+"""Accuracy of evaluation per tolerance [1] up to which choices are listed where the scene moves: about the tolerance
+itself, see ``allowed_accuracies``."""
+_PRUNE = 0.6
+"""Prune factor: choices with fewer elements than this share of what the order of convergence predicts are skipped.
+With few elements the order is not yet reached, so the prediction itself would skip choices that do."""
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """The cheapest choice that keeps a tolerance.
+    """The cheapest choice that meets a tolerance.
 
     Attributes
     ----------
-    best : Measured
+    best : Assessment
     tolerance : float
-    tried : tuple of Measured
-        All that was measured, in the order in which it was.
+    tried : tuple of Assessment
+        Everything that was measured, in order.
     truth : Truth
     seconds : float
         Time that choosing took.
     """
 
-    best: Measured
+    best: Assessment
     tolerance: float
-    tried: tuple[Measured, ...]
+    tried: tuple[Assessment, ...]
     truth: Truth
     seconds: float
 
@@ -67,10 +70,10 @@ class Chosen:
 
 @interrupt.listening()
 def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None = None) -> Chosen:
-    """Find the cheapest family, elements and terms with which a scene keeps a tolerance.
+    """Find the cheapest family, elements and terms with which a scene meets a tolerance.
 
-    Every choice is measured in the scene's own static poses and, where the scene moves, by its natural frequencies,
-    against the exact elastic rod. What ``fidelity`` fixes stays as it is. Costs are counted instructions, per
+    Every choice is measured against the exact elastic rod in the scene's own static load cases and, where the scene
+    moves, by its natural frequencies. What ``fidelity`` fixes stays as it is. Costs are counted instructions, per
     evaluation, or, where the scene moves, per second of explicit simulation, whose step the stiffest mode limits.
 
     Parameters
@@ -87,10 +90,26 @@ def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None 
     Raises
     ------
     InputError
-        If there is no tolerance or none that makes sense, or the scene says its initial state in coordinates of a model
-        yet to be chosen.
+        If there is no tolerance or none that makes sense, or the scene gives its initial state in coordinates of a
+        model yet to be chosen.
     SolverError
-        If the exact rod is not found, or no choice keeps the tolerance; ``result`` is the best that was found.
+        If the exact rod is not found, or no choice meets the tolerance; ``result`` is the best that was found.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> scene = cg.Scene(
+    ...     schema_version=1,
+    ...     finger={
+    ...         "rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.006},
+    ...         "base": {"angle": -1.5708},  # along +x
+    ...     },
+    ...     gravity=(0.0, -9.81),
+    ... )
+    >>> chosen = cg.choose_fidelity(scene, 0.01)  # 1 % of the length
+    >>> chosen.best.shape <= 0.01
+    True
+    >>> model = cg.FingerModel(chosen.scene)
     """
     began = perf_counter()
     scene = scene_of(scene)
@@ -101,7 +120,7 @@ def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None 
         raise InputError(f"expected a number above 0 and up to 0.5, got {asked!r}", key="tolerance")
     if scene.initial.q is not None:
         raise InputError(
-            "initial.q says bends of a given model, which a tolerance has yet to choose: give fidelity.family and "
+            "initial.q is in coordinates of a model, which the tolerance has yet to choose: give fidelity.family and "
             "elements, or a pose",
             key="fidelity.tolerance",
         )
@@ -109,26 +128,26 @@ def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None 
     search = _Search(scene, truth, asked)
     for family in allowed_families(scene):
         search.through(family)
-    if search.best is None:  # the most elements are measured before that is said, also where they were passed over
+    if search.best is None:
+        # Pruning by order of convergence may have skipped the most elements: no failure is reported without them.
         for family in allowed_families(scene):
             search.through(family, only_most=True)
     if search.best is None:
-        raise _none_keeps(scene, asked, search.tried)
+        raise _none_meets(scene, asked, search.tried)
     return Chosen(search.best, asked, tuple(search.tried), truth, perf_counter() - began)
 
 
-def allowed_families(scene: Scene) -> tuple[Family, ...]:
+def allowed_families(scene: Scene) -> tuple[str, ...]:
     """Families that a scene can have."""
     if scene.fidelity.family is not None:
         return (scene.fidelity.family,)
-    bare = scene.model_copy(update={"fidelity": Fidelity()})
-    return FAMILIES if FingerModel(bare).family == "matched_clothoid" else FAMILIES[1:]
+    return open_families(scene)
 
 
 def allowed_accuracies(scene: Scene, tolerance: float) -> tuple[float, ...]:
     """Accuracies of evaluation that a scene can have, coarse first.
 
-    Poses and frequencies do not see the velocity products, so that where the scene moves the evaluation has to be about
+    Equilibria and frequencies do not see the velocity products, so where the scene moves the evaluation has to be about
     as accurate as the tolerance by itself.
     """
     if scene.fidelity.accuracy is not None:
@@ -143,13 +162,14 @@ class _Search:
     def __init__(self, scene: Scene, truth: Truth, tolerance: float) -> None:
         self._scene, self._truth, self._tolerance = scene, truth, tolerance
         self._frequencies = scene.fidelity.frequencies
-        self.best: Measured | None = None
-        self.tried: list[Measured] = []
+        self.best: Assessment | None = None
+        self.tried: list[Assessment] = []
 
-    def through(self, family: Family, *, only_most: bool = False) -> None:
+    def through(self, family: str, *, only_most: bool = False) -> None:
         """Try the choices of a family, from few to many elements, until they cost more than the best.
 
-        Those that cannot do by the order of convergence are skipped, unless only the most elements are asked for.
+        Those that cannot meet the tolerance by the order of convergence are skipped, unless
+        only the most elements are asked for.
         """
         accuracies = allowed_accuracies(self._scene, self._tolerance)
         stiffness = {False: 0.0, True: 0.0}
@@ -159,7 +179,7 @@ class _Search:
         for coarse in choices(self._scene, self._truth, family, accuracies[0], counts=counts):
             if coarse.aligned in closed:
                 continue
-            if self._dearer(coarse, stiffness[coarse.aligned]):
+            if self._costs_more(coarse, stiffness[coarse.aligned]):
                 closed.add(coarse.aligned)
                 continue
             if hopeless[coarse.aligned] > coarse.elements:
@@ -171,12 +191,12 @@ class _Search:
             if probe.within(2.0 * self._tolerance, self._frequencies):
                 self._cheapest_terms(coarse, accuracies, probe.radius)
 
-    def _hopeless_below(self, probe: Measured) -> float:
-        """Number of elements that cannot do, with a margin, by the order with which the family converges."""
+    def _hopeless_below(self, probe: Assessment) -> float:
+        """Number of elements below which the family cannot meet the tolerance, by its order of convergence."""
         if not math.isfinite(probe.shape):
             return 0.0
-        order = 2 if probe.choice.family == "arc" else 4
-        return float(0.6 * probe.choice.elements * (probe.shape / self._tolerance) ** (1.0 / order))
+        order = probe.choice.model.structure.family.order
+        return float(_PRUNE * probe.choice.elements * (probe.shape / self._tolerance) ** (1.0 / order))
 
     def _cheapest_terms(self, coarse: Choice, accuracies: tuple[float, ...], radius: float) -> None:
         before = 0
@@ -184,7 +204,7 @@ class _Search:
             choice = coarse.with_accuracy(accuracy)
             if choice.instructions == before:
                 continue
-            if self._dearer(choice, 0.99 * radius):
+            if self._costs_more(choice, 0.99 * radius):
                 return
             before = choice.instructions
             measured = self._measured(choice)
@@ -193,24 +213,24 @@ class _Search:
                     self.best = measured
                 return
 
-    def _dearer(self, choice: Choice, radius: float) -> bool:
+    def _costs_more(self, choice: Choice, radius: float) -> bool:
         """Whether a choice costs more than the best, by a bound of its spectral radius."""
         rate = radius if self._scene.time is not None else 1.0
         return self.best is not None and choice.instructions * rate >= self.best.cost
 
-    def _measured(self, choice: Choice) -> Measured:
-        measured = measure(choice, self._truth, stop_at=2.0 * self._tolerance)
+    def _measured(self, choice: Choice) -> Assessment:
+        measured = assess(choice, self._truth, stop_at=2.0 * self._tolerance)
         self.tried.append(measured)
         return measured
 
 
-def _none_keeps(scene: Scene, tolerance: float, tried: list[Measured]) -> SolverError:
-    def worst(one: Measured) -> float:
+def _none_meets(scene: Scene, tolerance: float, tried: list[Assessment]) -> SolverError:
+    def worst(one: Assessment) -> float:
         return float(np.nanmax([one.shape, *one.frequencies[: scene.fidelity.frequencies]]))
 
     closest = min((one for one in tried if math.isfinite(one.shape)), key=worst, default=None)
     if closest is None:
-        violated = ["no choice has the equilibria of the exact rod within the bending ranges on the list"]
+        violated = ["no choice has the equilibria of the exact rod within the listed bending ranges"]
     else:
         moving = scene.time is not None and not math.isnan(closest.frequencies[0])
         frequency = f", first frequency {closest.frequencies[0]:.3g}" if moving else ""
@@ -218,7 +238,7 @@ def _none_keeps(scene: Scene, tolerance: float, tried: list[Measured]) -> Solver
     fixed = [name for name in ("family", "elements", "accuracy") if getattr(scene.fidelity, name) is not None]
     free = f", or leave fidelity.{' and '.join(fixed)} open" if fixed else ""
     return SolverError(
-        f"no choice of fidelity keeps the tolerance of {tolerance:g}",
+        f"no choice of fidelity meets the tolerance of {tolerance:g}",
         status="tolerance not reached",
         violated=violated,
         advice=f"raise fidelity.tolerance{free}",

@@ -8,14 +8,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from continuum_grasp import interrupt
 from continuum_grasp.accuracy.motion import Motion, reference_motion
-from continuum_grasp.accuracy.rows import NOTES, Measuring, columns_of
+from continuum_grasp.accuracy.rows import NOTES, ReportRows, columns_of
 from continuum_grasp.accuracy.tables import Table
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.errors import InputError
+from continuum_grasp.results.record import begin_run
+from continuum_grasp.results.result import File, Result
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Scene
 
@@ -28,10 +30,11 @@ FRONTS = (
 )
 """Costs and errors that are set against each other."""
 COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+"""Numbers of elements: each about 4/3 or 3/2 of the one before, which is even on the logarithmic axis of cost."""
 
 
 @dataclass(frozen=True)
-class AccuracyReport:
+class AccuracyReport(Result):
     """What every choice of a scene costs, and how wrong it is.
 
     Attributes
@@ -44,6 +47,13 @@ class AccuracyReport:
         ``choices`` first.
     """
 
+    kind: ClassVar[str] = "accuracy"
+    texts: ClassVar[tuple[File, ...]] = (
+        File("accuracy.md", "accuracy.report:AccuracyReport.markdown"),
+        File("accuracy.json", "accuracy.report:AccuracyReport.tables_json"),
+    )
+    pictures: ClassVar[tuple[File, ...]] = (File("accuracy.png", "plotting.accuracy:plot_accuracy"),)
+
     scene: Scene
     truth: Truth
     reference: Motion | None
@@ -55,18 +65,18 @@ class AccuracyReport:
         return self.tables[0]
 
     def front(self, cost: str = "evaluation [ns]", error: str = "tip / L") -> list[tuple[Any, ...]]:
-        """Rows of ``choices`` that no other beats in both cost and error, cheapest first."""
+        """Rows of ``choices`` that no other dominates in both cost and error (the Pareto front), cheapest first."""
         i, j = self.choices.columns.index(cost), self.choices.columns.index(error)
         sign = -1.0 if cost == "real-time factor" else 1.0
         known = [row for row in self.choices.rows if math.isfinite(_number(row[i])) and math.isfinite(_number(row[j]))]
-        kept: list[tuple[Any, ...]] = []
+        front: list[tuple[Any, ...]] = []
         for row in sorted(known, key=lambda row: (sign * row[i], row[j])):
-            if not kept or row[j] < kept[-1][j]:
-                kept.append(row)
-        return kept
+            if not front or row[j] < front[-1][j]:
+                front.append(row)
+        return front
 
     def _fronts(self) -> list[str]:
-        """Who is on which front, and who is on none."""
+        """Choices on each Pareto front, and those on none."""
         lines, seen = [], set()
         for cost, error in FRONTS:
             front = self.front(cost, error)
@@ -77,7 +87,7 @@ class AccuracyReport:
         rest = [name for row in self.choices.rows if (name := f"{row[1]} {row[0]}") not in seen]
         if not lines:
             return []
-        return ["Beaten by no other in cost and error:", "", *lines, f"- on none: {', '.join(rest) or 'no one'}", ""]
+        return ["Not dominated in cost and error:", "", *lines, f"- on none: {', '.join(rest) or 'none'}", ""]
 
     def markdown(self) -> str:
         """All tables as Markdown."""
@@ -88,26 +98,30 @@ class AccuracyReport:
                 f"Motions are compared with 12 free clothoids, good to {self.reference.error:.2g} of the length.",
                 "",
             ]
-        if self.truth.left_out:
-            head += ["Poses left out: " + "; ".join(self.truth.left_out) + ".", ""]
+        if self.truth.omitted:
+            head += ["Load cases omitted: " + "; ".join(self.truth.omitted) + ".", ""]
         return "\n".join([*head, *self._fronts(), *(table.markdown() for table in self.tables)])
 
-    def save(self, folder: str | PathLike[str]) -> list[Path]:
-        """Write ``accuracy.md``, ``accuracy.json`` and ``accuracy.png`` into a folder."""
-        from continuum_grasp.plotting import plot_accuracy, save_picture
-        from continuum_grasp.results import begin_run, replacing
+    def tables_json(self) -> str:
+        """All tables as JSON."""
+        return json.dumps([table.as_dict() for table in self.tables], indent=1, allow_nan=False)
 
-        target = begin_run(folder, "accuracy")
-        texts = {
-            "accuracy.md": self.markdown(),
-            "accuracy.json": json.dumps([table.as_dict() for table in self.tables], indent=1, allow_nan=False),
-        }
-        files = []
-        for name, text in texts.items():
-            with replacing(target / name) as temporary:
-                temporary.write_text(text)
-            files.append(target / name)
-        return [*files, save_picture(plot_accuracy(self), target / "accuracy.png")]
+    def save(self, folder: str | PathLike[str]) -> Path:
+        """Write ``accuracy.md`` and ``accuracy.json`` into a run folder, each whole or not at all.
+
+        Returns
+        -------
+        pathlib.Path
+            The folder.
+
+        Raises
+        ------
+        OSError
+            The files cannot be written.
+        """
+        target = begin_run(folder, self.kind)
+        self._write(self.texts, target)
+        return target
 
 
 @interrupt.listening()
@@ -122,7 +136,7 @@ def accuracy_report(
     Parameters
     ----------
     scene : Scene or path-like
-        The scene, or its YAML file; what its ``fidelity`` says does not matter, but for ``bending_range``.
+        The scene, or its YAML file; of its ``fidelity``, only ``bending_range`` matters.
     counts : sequence of int
         Numbers of elements.
     progress : callable, optional
@@ -135,18 +149,33 @@ def accuracy_report(
     Raises
     ------
     InputError
-        If the scene says its initial state in coordinates of one model.
+        If the scene gives its initial state in coordinates of one model.
     SolverError
         If the exact rod is not found.
     NumericalError
         If the reference motion stops.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> scene = cg.Scene(
+    ...     schema_version=1,
+    ...     finger={
+    ...         "rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.006},
+    ...         "base": {"angle": -1.5708},  # along +x
+    ...     },
+    ...     gravity=(0.0, -9.81),
+    ... )
+    >>> report = cg.accuracy_report(scene, counts=(1, 2))
+    >>> sorted({row[0] for row in report.choices.rows})
+    ['arc', 'clothoid', 'matched_clothoid']
     """
     given = scene_of(scene)
     if given.initial.q is not None:
-        raise InputError("initial.q says bends of one model: give a pose", key="initial.q")
+        raise InputError("initial.q is in coordinates of one model: give a pose", key="initial.q")
     given = given.model_copy(update={"fidelity": Fidelity(bending_range=given.fidelity.bending_range)})
     truth = find_truth(given)
-    measuring = Measuring(given, truth, reference_motion(given, truth) if given.time is not None else None)
+    measuring = ReportRows(given, truth, reference_motion(given, truth) if given.time is not None else None)
     jobs = list(measuring.jobs(counts))
     found: dict[str, list[tuple[Any, ...]]] = {}
     for k, (title, job) in enumerate(jobs):

@@ -20,13 +20,13 @@ __all__ = ["resolve_fidelity"]
 def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, str]:
     """The scene with what its tolerance asks for, and what was chosen and why.
 
-    What was chosen is kept in the user's cache folder, by the content of the scene and of this package.
+    The choice is stored in the user's cache folder, by the content of the scene and of this package.
 
     Parameters
     ----------
     scene : Scene
     vibrates : bool
-        Whether modes are asked for: the first two frequencies must keep the tolerance, whether the scene moves or not.
+        Whether modes are asked for: the first two frequencies must meet the tolerance, whether the scene moves or not.
 
     Returns
     -------
@@ -80,8 +80,8 @@ def _key(scene: Scene) -> str:
     """Hash of everything that the choice depends on."""
     package = Path(__file__).parents[1]
     digest = hashlib.sha256(f"{__version__} {ca.CasadiMeta.version()}\n".encode())
-    for folder in ("fidelity", "model", "simulation"):
-        for file in sorted((package / folder).glob("*.py")):
+    for folder in ("accuracy", "rod", "model", "simulation"):
+        for file in sorted((package / folder).rglob("*.py")):
             digest.update(file.read_bytes())
     digest.update(scene.model_copy(update={"name": None}).model_dump_json().encode())
     return digest.hexdigest()

@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.paper import VARIANTS, PaperModel
-from continuum_grasp.accuracy.choice import ACCURACIES, FAMILIES, Choice, choices
-from continuum_grasp.accuracy.measure import errors_of, measure
+from continuum_grasp.accuracy.assess import assess
+from continuum_grasp.accuracy.choice import ACCURACIES, Choice, choices, open_families
 from continuum_grasp.accuracy.motion import INSTANTS, Motion, Runs, pace, rms
 from continuum_grasp.accuracy.timing import evaluation_error, evaluation_ns
 from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.core import Core
-from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError
-from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.simulate import Fidelity, Scene
+from continuum_grasp.errors import ContinuumGraspError, NumericalError
+from continuum_grasp.scene.families import PAPER_FAMILY
+from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
+from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["NOTES", "Measuring", "columns_of"]
+__all__ = ["NOTES", "ReportRows", "columns_of"]
 
 COLUMNS = (
     "model",
@@ -35,22 +35,28 @@ COLUMNS = (
     "motion / L",
 )
 _LONGEST = 10_000
-"""Instructions of the forward dynamics up to which a model is compiled and timed."""
-_STEPS = (("rk4", 1), ("rk4", 2), ("rk4", 4), ("rk4", 8), ("implicit", 1), ("implicit", 2), ("implicit", 4))
+"""Instructions of the forward dynamics up to which a model is compiled and timed; compiling larger ones would take
+most of the report's time."""
+_STEPS = tuple(
+    (name, count)
+    for name in SIMULATION_METHODS
+    for count in ((1, 2, 4) if INTEGRATORS[name].stable is None else (1, 2, 4, 8))
+)
 """Methods and steps between two instants."""
 _FINEST = 64
+"""Steps between two instants of the motion that others are compared with: eight times the most of `_STEPS`, which rk4
+rewards with an error 4,096 times smaller."""
 _EQUAL = 1e-4
-"""Error of the time steps, per length, at which real-time factors are compared."""
+"""Error of the time steps, per length, at which real-time factors are compared: below the error of most models."""
 
 
 NOTES = {
-    "choices": "Greatest errors over the static poses, and of the natural frequencies about them; r.m.s. error of the "
-    f"tip in motion; real-time factor with Runge-Kutta steps whose own error is {_EQUAL:g} of the length.",
-    "integrators": "Greatest error of the tip by the steps alone; as called from Python; the implicit method is RODAS.",
-    "terms": "Greatest error of the accelerations by terms and nodes that are left out, per their greatest entry, over "
+    "choices": "Greatest errors over the static load cases, and of the natural frequencies about them; r.m.s. error of "
+    f"the tip in motion; real-time factor with Runge-Kutta steps whose own error is {_EQUAL:g} of the length.",
+    "integrators": "Greatest error of the tip by the steps alone; as called from Python.",
+    "terms": "Greatest error of the accelerations by truncated terms and nodes, per their greatest entry, over "
     "states in the declared range.",
     "precision": "As in the table of terms, by rounding alone.",
-    "paper": "The paper's equations, doi:10.1155/2014/308283, as printed and corrected; see docs/errata.md.",
 }
 
 
@@ -67,20 +73,19 @@ def columns_of(title: str) -> tuple[str, ...]:
 Job = Callable[[], "tuple[Any, ...] | None"]
 
 
-class Measuring:
+class ReportRows:
     """Rows of the tables, one by one."""
 
     def __init__(self, scene: Scene, truth: Truth, reference: Motion | None) -> None:
         self.scene, self.truth, self.reference = scene, truth, reference
-        bare = FingerModel(scene.model_copy(update={"fidelity": Fidelity()}))
-        self.families = FAMILIES if bare.family == "matched_clothoid" else FAMILIES[1:]
+        self.families = open_families(scene)
 
     def jobs(self, counts: Sequence[int]) -> Iterator[tuple[str, Job]]:
         """Title of the table and what gives its next row."""
         for family in reversed(self.families):
             for choice in choices(self.scene, self.truth, family, None, counts=counts):
                 yield "choices", lambda choice=choice: self._choice(choice)  # type: ignore[misc]
-        for family in ("arc", self.families[0]):
+        for family in (PAPER_FAMILY, self.families[0]):
             two = [c for c in choices(self.scene, self.truth, family, None) if c.elements >= 2]
             if not two:
                 continue
@@ -91,21 +96,12 @@ class Measuring:
             if self.reference is not None:
                 for method, substeps in _STEPS:
                     yield "integrators", lambda c=two[0], m=method, n=substeps: self._integrator(c, m, n)  # type: ignore[misc]
-        for variant in VARIANTS:
-            yield "paper", lambda v=variant: self._paper(v)  # type: ignore[misc]
 
     def _choice(self, choice: Choice) -> tuple[Any, ...]:
-        found = measure(choice, self.truth)
-        name = choice.family + (", aligned" if choice.aligned else "")
-        errors = (found.tip, found.shape, *found.frequencies)
-        return self._row(name, choice, choice.model, errors)
-
-    def _row(self, name: str, choice: Choice, model: FingerModel, errors: tuple[float, ...]) -> tuple[Any, ...]:
-        instructions = int(model.forward_dynamics.n_instructions())
+        found, model = assess(choice, self.truth), choice.model
         scene = self.scene.model_copy(update={"fidelity": choice.fidelity})
-        moving = self.reference is not None
         time, factor, motion = math.nan, math.nan, math.nan
-        if instructions <= _LONGEST:
+        if found.instructions <= _LONGEST:
             time = evaluation_ns(model)
             if self.reference is not None:
                 try:
@@ -113,8 +109,10 @@ class Measuring:
                     factor, motion = run.real_time_factor, rms(run.tip - self.reference.tip) / model.finger.rod.length
                 except ContinuumGraspError:  # no such start, or no motion that stays finite
                     motion = math.inf
-        tip, shape, first, second = errors if moving else (*errors[:2], math.nan, math.nan)
-        return (name, len(model.lengths), model.n, instructions, time, factor, tip, shape, first, second, motion)
+        frequencies = found.frequencies if self.reference is not None else (math.nan, math.nan)
+        name = choice.family + (", aligned" if choice.aligned else "")
+        costs = (found.instructions, time, factor)
+        return (name, len(model.lengths), model.n, *costs, found.tip, found.shape, *frequencies, motion)
 
     def _terms(self, choice: Choice, accuracy: float) -> tuple[Any, ...]:
         model, full = choice.with_accuracy(accuracy).model, choice.with_accuracy(1e-15).model
@@ -140,17 +138,3 @@ class Measuring:
         factor = INSTANTS * runs.step / runs.seconds(substeps, method)
         error = float(np.linalg.norm(off, axis=1).max()) / length
         return (f"{choice.elements} {choice.family}", method, round(substeps / runs.step), factor, error)
-
-    def _paper(self, variant: str) -> tuple[Any, ...] | None:
-        two = [c for c in choices(self.scene, self.truth, "arc", None) if c.elements == 2]
-        if not two:
-            return None
-        scene = self.scene.model_copy(update={"fidelity": two[0].fidelity})
-        across, held = variant == "appendix_printed", scene.model_copy(update={"loads": self.truth.loads})
-        try:
-            model = PaperModel(scene, variant, gravity_across=across)
-            static = PaperModel(held, variant, gravity_across=across)
-        except InputError:
-            return None
-        found = errors_of(static, self.truth, moves=self.scene.time is not None)
-        return self._row(variant, two[0], model, (found.tip, found.shape, *found.frequencies))

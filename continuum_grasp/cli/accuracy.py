@@ -23,18 +23,19 @@ def accuracy(
     quiet: Quiet = False,
 ) -> None:
     """Speed against error of every choice of model, and what a tolerance would choose."""
-    from continuum_grasp.cli.scenes import plain_scene
+    from continuum_grasp.scene.load import scene_of
+    from continuum_grasp.scene.simulate import Scene
 
     output = Output(as_json, quiet)
-    scene = plain_scene(config, changes)
+    scene = scene_of(config, Scene, changes or ())
     folder = run_folder(out, config, "accuracy")
 
     from continuum_grasp.accuracy.report import COUNTS, accuracy_report
 
     with output.busy("measuring") as report:
         found = accuracy_report(scene, counts=[count for count in COUNTS if count <= most], progress=report)
-    with output.saving(folder):
-        files = found.save(folder)
+    pictures = output.save(found, folder, pictures=True)
+    files = [*(folder / text.name for text in found.texts), *pictures]
     output.say(found.markdown())
     output.say(f"saved in {folder}: {', '.join(file.name for file in files)}")
     output.result(

@@ -13,7 +13,7 @@ from continuum_grasp.cli.output import Output
 
 __all__ = ["doctor"]
 
-_PACKAGES = ("casadi", "numpy", "matplotlib", "pydantic", "pyyaml", "typer", "rich")
+_PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "pydantic", "pyyaml", "typer", "rich")
 
 
 def doctor(as_json: Json = False) -> None:
@@ -24,7 +24,7 @@ def doctor(as_json: Json = False) -> None:
     output.pairs(facts)
     output.result(**facts)
     if facts["ipopt"] != "found":
-        output.warn(["IPOPT is not in this CasADi: grasps cannot be optimised; install casadi from PyPI"])
+        output.warn(["IPOPT is not in this CasADi: grasps cannot be optimized; install casadi from PyPI"])
         raise typer.Exit(1)
 
 

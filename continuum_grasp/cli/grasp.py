@@ -31,11 +31,12 @@ def grasp(
     verbose: Verbose = False,
 ) -> None:
     """Find how fingers hold an object, or why they cannot: verified, saved, drawn, reported."""
-    from continuum_grasp.cli.scenes import grasp_scene
+    from continuum_grasp.scene.grasp import GraspScene
+    from continuum_grasp.scene.load import scene_of
 
     output = Output(as_json, quiet, verbose)
     seeding = [] if seed is None else [f"solver.random_seed={seed}"]
-    scene = grasp_scene(config, [*(changes or ()), *seeding])
+    scene = scene_of(config, GraspScene, [*(changes or ()), *seeding])
     folder = run_folder(out, config, "grasp")
 
     from continuum_grasp.grasp import optimize_grasp
@@ -43,13 +44,10 @@ def grasp(
     with output.busy("searching"):
         result = optimize_grasp(scene, raise_on_failure=False, fine=fine)
     with output.saving(folder):  # the grasp is safe before what can be computed again
-        from continuum_grasp.grasp.report.files import save_pictures
-        from continuum_grasp.grasp.report.report import save_result
-
-        save_result(result, folder, quality=False)
+        result.save(folder, quality=False)
     with output.drawing(folder):
-        save_result(result, folder)
-        files = save_pictures(result, folder) if pictures else []
+        result.save(folder)
+        files = result.plot(folder) if pictures else []
 
     statistics: dict[str, Any] = dict(result.statistics)
     output.warn(result.warnings)

@@ -50,12 +50,7 @@ def identify(
             raise
         path = undotted(error.key)
         raise document.nearest(path).error(error.message, path) from None
-    with output.saving(folder):
-        fit.save(folder)
-    files: list[Path] = []
-    if pictures:
-        with output.drawing(folder):
-            files = fit.plot(folder)
+    files = output.save(fit, folder, pictures)
     _report(fit, folder, files, output)
 
 

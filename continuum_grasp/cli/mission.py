@@ -25,25 +25,12 @@ _SHOWN = 10
 
 def carry_out(scene: MissionScene, folder: Path, animation: str | None, pictures: bool, output: Output) -> None:
     """Carry a mission out once: saves it, prints the verdict, draws it; exit status 1 if the object was dropped."""
-    from continuum_grasp.errors import Interrupted, NumericalError
     from continuum_grasp.mission.run import run_mission
 
     grasp = _grasp(scene, output)
-    try:
-        with output.busy("carrying it out") as report:
-            run = run_mission(scene, grasp=grasp, progress=report)
-    except (Interrupted, NumericalError) as error:
-        if error.result is not None:
-            with output.saving(folder):
-                error.result.save(folder)
-            typer.echo(f"what was done until then is in {folder}", err=True)
-        raise
-    with output.saving(folder):
-        run.save(folder)
-    with output.drawing(folder):
-        files = run.plot(folder) if pictures else []
-        if animation:
-            files.append(run.animate(folder / f"animation.{animation}"))
+    with output.computing("carrying it out", folder) as report:
+        run = run_mission(scene, grasp=grasp, progress=report)
+    files = output.save_motion(run, folder, pictures, animation)
     _tell(run, folder, files, output)
     if not run.verdict.held:
         raise typer.Exit(DROPPED)
@@ -73,10 +60,10 @@ def try_out(scene: MissionScene, folder: Path, jobs: int | None, pictures: bool,
 def _grasp(scene: MissionScene, output: Output) -> GraspResult:
     from continuum_grasp.grasp import optimize_grasp
 
-    with output.busy("optimising the grasp"):
+    with output.busy("optimizing the grasp"):
         found = optimize_grasp(scene.grasp)
     if found.statistics["interrupted"]:
-        raise KeyboardInterrupt("interrupted while the grasp was optimised")
+        raise KeyboardInterrupt("interrupted while the grasp was optimized")
     return found
 
 
@@ -115,8 +102,8 @@ def _tell_outcomes(scene: MissionScene, outcomes: list[Outcome], folder: Path, p
     with output.saving(folder):
         files = [save_trials(outcomes, folder)]
     if pictures:
-        from continuum_grasp.plotting.drawing.pictures import save_picture
         from continuum_grasp.plotting.mission.trials import plot_trials
+        from continuum_grasp.results import save_picture
 
         with output.drawing(folder):
             files.append(save_picture(plot_trials(outcomes), folder / "trials.png"))

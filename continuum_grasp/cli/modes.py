@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
 from continuum_grasp.cli.output import Output, run_folder
 
 if TYPE_CHECKING:
-    from continuum_grasp.scene.simulate import Scene
-    from continuum_grasp.simulation import Modes
+    pass
 
 __all__ = ["modes"]
 
@@ -37,10 +37,12 @@ def modes(
 
     with output.busy("finding modes"):
         found = find(scene)
+    if note:
+        found = replace(found, statistics={"fidelity": note})
     output.warn(found.warnings)
     if not found.stable:
         output.warn(["the equilibrium is unstable"])
-    files = _save(found, scene, note, folder, output) if folder is not None else []
+    files = output.save(found, folder, pictures=True) if folder is not None else []
     output.table(
         ("mode", "frequency [Hz]", "damping ratio"),
         (
@@ -59,18 +61,3 @@ def modes(
         folder=None if out is None else str(out),
         files=[str(file) for file in files],
     )
-
-
-def _save(found: Modes, scene: Scene, note: str, folder: Path, output: Output) -> list[Path]:
-    from continuum_grasp.plotting import plot_modes, save_picture
-    from continuum_grasp.results import write_run
-
-    names = ("frequencies_hz", "damping_ratios", "backbone", "shapes")
-    meta: dict[str, Any] = {"kind": "modes", "config": scene.model_dump(mode="json")}
-    meta["status"] = "stable" if found.stable else "unstable"
-    if note:
-        meta["statistics"] = {"fidelity": note}
-    with output.saving(folder):
-        write_run(folder, {name: getattr(found, name) for name in names}, meta)
-    with output.drawing(folder):
-        return [save_picture(plot_modes(found), folder / "modes.png")]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from continuum_grasp.cli.mission import carry_out, try_out
-from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set, Verbose
+from continuum_grasp.cli.options import Animate, Config, Json, Out, Quiet, Set, Verbose
 from continuum_grasp.cli.output import Output, run_folder
 
 if TYPE_CHECKING:
@@ -29,10 +29,7 @@ def mpc(
     config: Config,
     out: Out = None,
     changes: Set = None,
-    animation: Annotated[
-        str | None,
-        typer.Option("--animate", metavar="gif|mp4", help="Write an animation too; mp4 needs ffmpeg."),
-    ] = None,
+    animation: Animate = None,
     compare: Annotated[
         bool,
         typer.Option("--compare", help="Run the same with the paper's two arcs, and with NMPC solved to convergence."),
@@ -61,12 +58,10 @@ def mpc(
     Exit status 1 if the supervisor tripped. A mission (its configuration has a grasp) takes an object from approach to
     release; exit status 1 if it is dropped.
     """
-    from continuum_grasp.errors import InputError, Interrupted, NumericalError
+    from continuum_grasp.errors import InputError
     from continuum_grasp.scene.mission import MissionScene
 
     output = Output(as_json, quiet, verbose)
-    if animation not in (None, "gif", "mp4"):
-        raise InputError(f"expected gif or mp4, got {animation!r}", key="--animate")
     scene = _scene(config, [*(changes or ()), *_settings(seed, trials)])
     folder = run_folder(out, config, "mpc")
     if isinstance(scene, MissionScene):
@@ -84,21 +79,9 @@ def mpc(
 
     from continuum_grasp.closed_loop.run import run_closed_loop
 
-    try:
-        with output.busy("controlling") as report:
-            run = run_closed_loop(scene, progress=report)
-    except (NumericalError, Interrupted) as error:
-        if error.result is not None:
-            with output.saving(folder):
-                error.result.save(folder)
-            typer.echo(f"what was computed until then is in {folder}", err=True)
-        raise
-    with output.saving(folder):
-        run.save(folder)
-    with output.drawing(folder):
-        files = run.plot(folder) if pictures else []
-        if animation:
-            files.append(run.animate(folder / f"animation.{animation}"))
+    with output.computing("controlling", folder) as report:
+        run = run_closed_loop(scene, progress=report)
+    files = output.save_motion(run, folder, pictures, animation)
     others = _others(scene, output) if compare else {}
     _report(run, others, folder, files, output)
     if run.tripped:
@@ -120,15 +103,14 @@ def _settings(seed: int | None, trials: str | None) -> list[str]:
 
 
 def _scene(config: Path, changes: Iterable[str]) -> ControlScene | MissionScene:
-    from continuum_grasp.cli.scenes import other_kind
     from continuum_grasp.errors import InputError
     from continuum_grasp.scene.control import ControlScene
-    from continuum_grasp.scene.load import load
+    from continuum_grasp.scene.load import load, other_kind
     from continuum_grasp.scene.mission import MissionScene
 
     scene = load(config, changes)
     if not isinstance(scene, (ControlScene, MissionScene)):
-        raise other_kind(config, "a closed loop (finger, controller, ...)", scene)
+        raise other_kind(config, ControlScene, scene)
     if isinstance(scene, ControlScene) and scene.duration is None:
         raise InputError("a closed loop needs a duration [s]", file=str(config), key="duration")
     return scene

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-__all__ = ["Config", "Json", "Out", "Quiet", "Set", "Verbose", "named_path", "out_option"]
+__all__ = ["Animate", "Config", "Json", "Out", "Quiet", "Set", "Verbose", "named_path", "out_option"]
 
 
 def named_path(text: str | Path) -> Path:
@@ -23,6 +23,19 @@ def named_path(text: str | Path) -> Path:
     return Path(text)
 
 
+def _format(text: str) -> str:
+    """The format of an animation.
+
+    Raises
+    ------
+    typer.BadParameter
+        There is none of that name.
+    """
+    if text not in ("gif", "mp4"):
+        raise typer.BadParameter(f"expected gif or mp4, got {text!r}")
+    return text
+
+
 def out_option(explained: str) -> Any:
     """``--out`` with its own explanation."""
     return typer.Option("--out", metavar="DIR", parser=named_path, help=explained)
@@ -34,6 +47,10 @@ Config = Annotated[
 Out = Annotated[
     Path | None,
     out_option("Folder of the run (default: runs/COMMAND/NAME-OF-CONFIG); an earlier run of the command is replaced."),
+]
+Animate = Annotated[
+    str | None,
+    typer.Option("--animate", metavar="gif|mp4", parser=_format, help="Write an animation too; mp4 needs ffmpeg."),
 ]
 Set = Annotated[
     list[str] | None,

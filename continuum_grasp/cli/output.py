@@ -11,12 +11,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.interrupt import held
+
+if TYPE_CHECKING:
+    from continuum_grasp.results import MotionResult, Result
 
 __all__ = ["Output", "run_folder"]
 
@@ -78,6 +81,38 @@ class Output:
             yield
         if pressed():
             raise KeyboardInterrupt(f"interrupted; the result is saved in {folder}")
+
+    @contextmanager
+    def computing(self, what: str, folder: Path) -> Iterator[Callable[[float], None]]:
+        """Be `busy`; where the work stops early, save what was computed and say where."""
+        try:
+            with self.busy(what) as report:
+                yield report
+        except (NumericalError, Interrupted) as error:
+            if error.result is not None:
+                with self.saving(folder):
+                    error.result.save(folder)
+                typer.echo(f"what was computed until then is in {folder}", err=True)
+            raise
+
+    def save(self, result: Result, folder: Path, pictures: bool) -> list[Path]:
+        """Save a result and draw its pictures where wanted; returns these."""
+        with self.saving(folder):
+            result.save(folder)
+        if not pictures:
+            return []
+        with self.drawing(folder):
+            return result.plot(folder)
+
+    def save_motion(
+        self, result: MotionResult, folder: Path, pictures: bool, animation: str | None, speed: float = 1.0
+    ) -> list[Path]:
+        """As `save`, with an animation where its format is given."""
+        files = self.save(result, folder, pictures)
+        if animation is None:
+            return files
+        with self.drawing(folder):
+            return [*files, result.animate(folder / f"animation.{animation}", speed=speed)]
 
     @contextmanager
     def drawing(self, folder: Path) -> Iterator[None]:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set, Verbose, named_path
+from continuum_grasp.cli.options import Animate, Config, Json, Out, Quiet, Set, Verbose, named_path
 from continuum_grasp.cli.output import Output, run_folder
 
 if TYPE_CHECKING:
     from continuum_grasp.planning import Plan
-    from continuum_grasp.scene.plan import PlanScene
 
 __all__ = ["plan"]
 
@@ -32,10 +30,7 @@ def plan(
             "--grasp", metavar="DIR", parser=named_path, help="Run folder of the grasp that is to be carried out."
         ),
     ] = None,
-    animation: Annotated[
-        str | None,
-        typer.Option("--animate", metavar="gif|mp4", help="Write an animation too; mp4 needs ffmpeg."),
-    ] = None,
+    animation: Animate = None,
     speed: Annotated[
         float, typer.Option("--speed", metavar="S", help="Seconds of motion per second of animation.")
     ] = 0.1,
@@ -45,49 +40,24 @@ def plan(
     verbose: Verbose = False,
 ) -> None:
     """Plan a whole motion to a goal: least time, least effort, smoothest input, tracking."""
-    from continuum_grasp.errors import InputError, Interrupted, SolverError
+    from continuum_grasp.errors import SolverError
+    from continuum_grasp.scene.load import scene_of
+    from continuum_grasp.scene.plan import PlanScene
 
     output = Output(as_json, quiet, verbose)
-    if animation not in (None, "gif", "mp4"):
-        raise InputError(f"expected gif or mp4, got {animation!r}", key="--animate")
-    scene = _scene(config, changes)
+    scene = scene_of(config, PlanScene, changes or ())
     folder = run_folder(out, config, "plan")
 
     from continuum_grasp.planning import plan as run
 
-    try:
-        with output.busy("planning"):
-            found = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
-    except Interrupted as error:
-        if error.result is not None:
-            with output.saving(folder):
-                error.result.save(folder)
-            typer.echo(f"what was found until then is in {folder}", err=True)
-        raise
-    with output.saving(folder):
-        found.save(folder)
-    files: list[Path] = []
-    with output.drawing(folder):
-        if pictures:
-            files += found.plot(folder)
-        if animation:
-            files.append(found.animate(folder / f"animation.{animation}", speed=speed))
+    with output.computing("planning", folder):
+        found = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
+    files = output.save_motion(found, folder, pictures, animation, speed)
     _report(found, folder, files, output)
     if not found.solved:
         raise SolverError(
             found.message, status=found.status.value, violated=found.violated, advice=found.advice, result=found
         )
-
-
-def _scene(config: Path, changes: Iterable[str] | None) -> PlanScene:
-    from continuum_grasp.cli.scenes import other_kind
-    from continuum_grasp.scene.load import load
-    from continuum_grasp.scene.plan import PlanScene
-
-    scene = load(config, changes or ())
-    if not isinstance(scene, PlanScene):
-        raise other_kind(config, "a plan (finger, goal, ...)", scene)
-    return scene
 
 
 def _report(plan: Plan, folder: Path, files: list[Path], output: Output) -> None:

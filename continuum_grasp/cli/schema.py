@@ -26,7 +26,7 @@ def schema(
     out: Annotated[Path | None, out_option("Write all schemas into this folder.")] = None,
 ) -> None:
     """JSON Schema of the configurations, for editors."""
-    from continuum_grasp.results import replacing
+    from continuum_grasp.results import write_text
     from continuum_grasp.scene.schema import KINDS, schema_text
 
     output = Output()
@@ -36,6 +36,4 @@ def schema(
         output.say(schema_text(kind).rstrip("\n"))
     elif out is not None:
         for name in KINDS:
-            with replacing(out / f"{name}.json") as temporary:
-                temporary.write_text(schema_text(name), encoding="utf-8")
-            output.say(str(out / f"{name}.json"))
+            output.say(str(write_text(schema_text(name), out / f"{name}.json")))

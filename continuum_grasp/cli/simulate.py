@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set, Verbose
+from continuum_grasp.cli.options import Animate, Config, Json, Out, Quiet, Set, Verbose
 from continuum_grasp.cli.output import Output, run_folder
 
 if TYPE_CHECKING:
@@ -22,10 +22,7 @@ def simulate(
     config: Config,
     out: Out = None,
     changes: Set = None,
-    animation: Annotated[
-        str | None,
-        typer.Option("--animate", metavar="gif|mp4", help="Write an animation too; mp4 needs ffmpeg."),
-    ] = None,
+    animation: Animate = None,
     pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")] = True,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -33,11 +30,9 @@ def simulate(
 ) -> None:
     """Move a finger in time: saves the motion, draws pictures."""
     from continuum_grasp.cli.scenes import simulation_scene
-    from continuum_grasp.errors import InputError, Interrupted, NumericalError
+    from continuum_grasp.errors import InputError
 
     output = Output(as_json, quiet, verbose)
-    if animation not in (None, "gif", "mp4"):
-        raise InputError(f"expected gif or mp4, got {animation!r}", key="--animate")
     scene, note = simulation_scene(config, changes, output)
     if scene.time is None:
         raise InputError("a simulation needs time: {duration: ..., step: ...}", file=str(config), key="time")
@@ -45,34 +40,12 @@ def simulate(
 
     from continuum_grasp.simulation import simulate as run
 
-    try:
-        with output.busy("simulating") as report:
-            trajectory = run(scene, progress=report)
-    except (NumericalError, Interrupted) as error:
-        if error.result is not None:
-            with output.saving(folder):
-                error.result.save(folder)
-            typer.echo(f"what was computed until then is in {folder}", err=True)
-        raise
+    with output.computing("simulating", folder) as report:
+        trajectory = run(scene, progress=report)
     if note:
         trajectory = replace(trajectory, statistics={**trajectory.statistics, "fidelity": note})
-    files = _save(trajectory, folder, animation, pictures, output)
+    files = output.save_motion(trajectory, folder, pictures, animation)
     _report(trajectory, folder, files, output)
-
-
-def _save(trajectory: Trajectory, folder: Path, animation: str | None, pictures: bool, output: Output) -> list[Path]:
-    with output.saving(folder):
-        trajectory.save(folder)
-    files: list[Path] = []
-    if pictures or animation:
-        from continuum_grasp.plotting import animate, save_simulation_pictures
-
-        with output.drawing(folder):
-            if pictures:
-                files += save_simulation_pictures(trajectory, folder)
-            if animation:
-                files.append(animate(trajectory, folder / f"animation.{animation}"))
-    return files
 
 
 def _report(trajectory: Trajectory, folder: Path, files: list[Path], output: Output) -> None:

@@ -89,7 +89,7 @@ def _stored(config: Path, folder: Path, changes: list[str]) -> SweepTable:
     from continuum_grasp.sweeps.read import plan_of
 
     table = replace(sweep_table(folder), pictures=plan_of(config, changes).pictures)
-    begin_run(folder, "sweep", kept=(PLAN, CSV))
+    begin_run(folder, "sweep", retained=(PLAN, CSV))
     return table
 
 

@@ -23,7 +23,7 @@ def validate(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Check configurations, any number of them, and whether a finger can be modelled so."""
+    """Check configurations, any number of them, and whether a finger can be modeled so."""
     from continuum_grasp.errors import InputError
     from continuum_grasp.scene.load import kind_of_scene
 

@@ -8,6 +8,7 @@ from continuum_grasp.closed_loop.converged import Converged
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.families import PAPER_FAMILY
 from continuum_grasp.scene.simulate import Fidelity
 
 __all__ = ["compared", "on_arcs", "with_state"]
@@ -15,7 +16,7 @@ __all__ = ["compared", "on_arcs", "with_state"]
 
 def on_arcs(scene: ControlScene) -> ControlScene:
     """The same scene with a controller that knows the paper's two arcs, or as many as there are contacts to part."""
-    fidelity = Fidelity(family="arc", elements=max(2, len(scene.contacts) + 1))
+    fidelity = Fidelity(family=PAPER_FAMILY, elements=max(2, len(scene.contacts) + 1))
     return scene.model_copy(update={"fidelity": fidelity})
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from dataclasses import dataclass
 
@@ -10,11 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.core.integrators import partly_implicit_step, step_function
+from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, Signal
-from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes
@@ -28,8 +24,9 @@ _EXPLICIT_UP_TO = 40
 _LONGEST = 1.25e-3
 """Longest step of either method [s]; on fingers of a hand it follows a step of the input to 1e-6."""
 _CONTACT_STEP = 1e-4
-"""Step of the partly implicit method, which resolves contacts [s]."""
+"""Step of ros2, which must resolve contacts [s]."""
 _SHAPES = 4
+"""Shapes at which the fastest rate is taken: each costs a linearization of the fine model on the virtual machine."""
 
 
 @dataclass(frozen=True)
@@ -63,33 +60,27 @@ def choose_method(model: PlantModel, period: float) -> Method:
         if np.all(np.isfinite(a)):
             radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
     if system.surroundings is not None:
-        return Method("partly_implicit", math.ceil(period / _CONTACT_STEP - 1e-9), radius)
+        return Method("ros2", math.ceil(period / _CONTACT_STEP - 1e-9), radius)
     wanted, least = math.ceil(radius * period / TARGET_RADIUS), math.ceil(period / _LONGEST - 1e-9)
     if wanted <= max(_EXPLICIT_UP_TO, least):
         return Method("rk4", max(wanted, least, 1), radius)
-    return Method("implicit", max(least, 1), radius)
+    return Method("rodas", max(least, 1), radius)
 
 
 class Integration(Remade):
-    """Integrates a plant over stretches of constant input.
+    """Integrates a plant over periods of constant input.
 
     Parameters
     ----------
     model : PlantModel
     method : str
-        ``rk4``, ``implicit``, or ``partly_implicit`` in the finger's own elasticity and damping.
+        Name in ``INTEGRATORS``.
     """
 
     def __init__(self, model: PlantModel, method: str) -> None:
         self._model = model
-        if method == "partly_implicit":
-            step = partly_implicit_step(model.dynamics, model.internal)
-        else:
-            step = step_function(model.dynamics, method, model.linearization if method == "implicit" else None)
-        compiler = find_compiler()
-        library = None if compiler is None else ctypes.CDLL(str(library_for(rollout_source(step), compiler)))
-        self._run = Rollouts(step, library, True)
-        self.compiled = library is not None
+        self._run = Rollouts.of(step_function(model, method))
+        self.compiled = self._run.compiled
 
     def advance(self, x: Array, u: Array, start: float, period: float, substeps: int) -> Array:
         """States (substeps + 1, nx) at equal instants of one period.
@@ -118,15 +109,15 @@ class Integration(Remade):
             w = Signal(np.ascontiguousarray(model.forces(instants))[None], model.nw, 0)
         inputs = Signal(np.ascontiguousarray(u, dtype=float)[None, None], 0, 0)
         begin = np.ascontiguousarray(x, dtype=float)[None]
-        states, kept = self._run(begin, substeps, 1, period / substeps, inputs, w, model.p)
-        if kept[0] < substeps:
-            time, last = start + kept[0] * period / substeps, states[0, kept[0]]
+        states, valid = self._run(begin, substeps, 1, period / substeps, inputs, w, model.p)
+        if valid[0] < substeps:
+            time, last = start + valid[0] * period / substeps, states[0, valid[0]]
             raise NumericalError(
                 f"the plant's state is not finite after t = {time:g} s (last finite state {last.tolist()}): its loads "
                 "or inputs bend it beyond what its model means; see plant.fidelity.bending_range and loads",
                 time=time,
                 state=last,
-                result=states[0, : kept[0] + 1],
+                result=states[0, : valid[0] + 1],
             )
         found: Array = states[0]
         return found

@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.closed_loop.readings import Bound
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
-
-if TYPE_CHECKING:
-    from continuum_grasp.closed_loop.result import ControlRun
 
 __all__ = ["Metrics", "Times", "Tracking", "Violation", "metrics_of"]
 
 Array = NDArray[np.float64]
 
 _FINAL = 0.1
-"""Last share of the run over which the final error is averaged."""
+"""Last share of the run over which the final error is averaged: noise averages out, and a step has settled."""
 
 
 @dataclass(frozen=True)
 class Tracking:
-    """Distance from the set-points: root of the mean square, greatest, and that of the mean over the last tenth."""
+    """Distance from the setpoints: root of the mean square, greatest, and that of the mean over the last tenth."""
 
     name: str
     unit: str
@@ -60,11 +59,11 @@ class Metrics:
     Attributes
     ----------
     tracking : tuple of Tracking
-        Per thing that is followed; distances of points are Euclidean, over all of them for sections.
+        Per quantity that is followed; distances of points are Euclidean, over all of them for sections.
     cost : float
         Sum over the run of the controller's own running cost, on the plant.
     effort_rms : float
-        Root of the mean square of the input's deviation from the set-point of effort, or from its least where there is
+        Root of the mean square of the input's deviation from the setpoint of effort, or from its least where there is
         none [N or N m].
     rate_rms : float
         Root of the mean square of the input's rate [N/s or N m/s].
@@ -119,30 +118,45 @@ class Metrics:
         }
 
 
-def metrics_of(run: ControlRun) -> Metrics:
-    """Numbers of a run."""
-    u, error = run.u, run.tracked - run.r
-    unit = run.u_names[0].split("[")[1][:-1]
-    names = [name.split(" ")[0] for name in run.r_names]
-    inputs = [names.index(name.split(" ")[0]) for name in run.u_names if name.split(" ")[0] in names]
-    away = error[:-1, inputs] if inputs else u - np.maximum(run.u_min, 0.0)
+def metrics_of(
+    *,
+    error: Array,
+    r_names: Sequence[str],
+    u: Array,
+    u_names: Sequence[str],
+    u_min: Array,
+    weights: Array,
+    period: float,
+    bounds: Sequence[Bound],
+    phase_names: Sequence[str],
+    phase_times: Array,
+    deadline: float,
+    status: Sequence[str],
+    anomalies: Sequence[Sequence[str]],
+    health: Sequence[str],
+    mismatch: Array,
+) -> Metrics:
+    """Compute the numbers of a run; ``error`` (K + 1, nr) is tracked less setpoints, the rest as in the run."""
+    names = [name.split(" ")[0] for name in r_names]
+    inputs = [names.index(name.split(" ")[0]) for name in u_names if name.split(" ")[0] in names]
+    away = error[:-1, inputs] if inputs else u - np.maximum(u_min, 0.0)
     held = np.vstack([u[:1], u[:-1]])
     return Metrics(
-        tracking=tuple(_tracking(group, error) for group in tracked_groups(run.r_names)),
-        cost=float(0.5 * run.period * np.sum(run.weights * error[:-1] ** 2)),
+        tracking=tuple(_tracking(group, error) for group in tracked_groups(r_names)),
+        cost=float(0.5 * period * np.sum(weights * error[:-1] ** 2)),
         effort_rms=_rms(np.linalg.norm(away, axis=1)),
-        rate_rms=_rms(np.linalg.norm(u - held, axis=1) / run.period),
-        input_unit=unit,
+        rate_rms=_rms(np.linalg.norm(u - held, axis=1) / period),
+        input_unit=u_names[0].split("[")[1][:-1],
         violations=tuple(
             Violation(b.name, b.unit, float(b.excess.max()), float(np.mean(b.excess > _tolerance(b.excess))))
-            for b in run.bounds
+            for b in bounds
         ),
-        times=tuple(_times(name, column) for name, column in zip(run.phase_names, run.phase_times.T, strict=False)),
-        late=int(np.sum(run.phase_times.sum(axis=1) > run.deadline)),
-        statuses=dict(Counter(run.status)),
-        anomalies=dict(Counter(word for words in run.anomalies for word in words)),
-        health=dict(Counter(run.health)),
-        mismatch=float(run.mismatch.max(initial=0.0)),
+        times=tuple(_times(name, column) for name, column in zip(phase_names, phase_times.T, strict=False)),
+        late=int(np.sum(phase_times.sum(axis=1) > deadline)),
+        statuses=dict(Counter(status)),
+        anomalies=dict(Counter(word for words in anomalies for word in words)),
+        health=dict(Counter(health)),
+        mismatch=float(mismatch.max(initial=0.0)),
     )
 
 

@@ -30,6 +30,8 @@ class Plant:
         Control period [s]; that of the scene where not given.
     model : PlantModel, optional
         Its equations, where they are not those of the scene's plant.
+    seed : int, optional
+        Of the measurement noise; ``plant.seed`` of the scene where not given.
 
     Attributes
     ----------
@@ -55,11 +57,12 @@ class Plant:
         prediction: Prediction | None = None,
         period: float | None = None,
         model: PlantModel | None = None,
+        seed: int | None = None,
     ) -> None:
         self.model = PlantModel(scene) if model is None else model
         self.period = scene.controller.step if period is None else period
         self.method = choose_method(self.model, self.period)
-        self.sensors = Sensors(scene, self.model, Prediction(scene) if prediction is None else prediction)
+        self.sensors = Sensors(scene, self.model, Prediction(scene) if prediction is None else prediction, seed)
         self._integration = Integration(self.model, self.method.name)
         self.x = self.model.start.copy()
         self.t = 0.0

@@ -14,6 +14,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model import System
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
@@ -49,7 +50,7 @@ class PlantModel(Remade):
         Numbers of states, inputs and forces.
     x_names, u_names, w_names : tuple of str
         Name and unit of each entry.
-    dynamics : casadi.Function
+    forward_dynamics : casadi.Function
         (x, u, w, p) -> xd.
     linearization : casadi.Function
         (x, u, w, p) -> A, B.
@@ -81,15 +82,16 @@ class PlantModel(Remade):
         self._lag = moment_lag if tendons is None else tendons.time_constant
         self._order = scene.plant.drive_order
         family = scene.plant.fidelity.family
-        if family == "matched_clothoid" and (self._lag is None or self._order == 1):
+        matches_tip = family is not None and FAMILIES[family].matches_tip
+        if matches_tip and (self._lag is None or self._order == 1):
             raise InputError(
-                "a matched tip is thrown by inputs that jump: give the drive a lag of second order, or take clothoid",
+                "matched_clothoid needs a continuous tip moment: give the drive a lag of second order, or use clothoid",
                 key="plant.fidelity.family",
             )
         if self._order == 1 and self._lag is None:
             raise InputError("a drive of first order needs plant.time_constant", key="plant.drive_order")
         own_lag = tendons is None and self._lag is not None
-        rates = family == "matched_clothoid" and own_lag
+        rates = matches_tip and own_lag
         self.system = System(
             self.scene if self._order == 2 else _without_lag(self.scene),
             family=family,
@@ -181,10 +183,12 @@ class PlantModel(Remade):
         return ca.vertcat(self.system.forward_dynamics(x, u, self._w, p), self._drive)
 
     @cached_property
-    def dynamics(self) -> ca.Function:
+    def forward_dynamics(self) -> ca.Function:
         """State derivative."""
         value = ca.cse([ca.densify(self._rate)])
-        return ca.Function("dynamics", [self._x, self._u, self._w, self._p], value, ["x", "u", "w", "p"], ["xd"])
+        return ca.Function(
+            "forward_dynamics", [self._x, self._u, self._w, self._p], value, ["x", "u", "w", "p"], ["xd"]
+        )
 
     @cached_property
     def linearization(self) -> ca.Function:
@@ -312,5 +316,4 @@ def _without_lag(scene: Scene) -> Scene:
     tendons = scene.finger.tendons
     if tendons is None:
         return scene
-    finger = scene.finger.model_copy(update={"tendons": tendons.model_copy(update={"time_constant": None})})
-    return scene.model_copy(update={"finger": finger})
+    return scene.replaced(finger=scene.finger.replaced(tendons=tendons.replaced(time_constant=None)))

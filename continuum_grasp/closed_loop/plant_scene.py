@@ -59,7 +59,7 @@ def _plant_finger(scene: ControlScene) -> Finger:
             bending_stiffness=rod.stiffness * plant.stiffness,
             rotary_inertia=rod.inertia_per_length,
         ),
-        "damping": damping.model_copy(update={"material": material * plant.damping, "per_arc": 0.0}),
+        "damping": damping.replaced(material=material * plant.damping, per_arc=0.0),
     }
     if plant.tip_mass > 0.0:
         changes["masses"] = (*finger.masses, PointMass(at=rod.length, mass=plant.tip_mass))
@@ -67,5 +67,5 @@ def _plant_finger(scene: ControlScene) -> Finger:
         raise InputError("is for a finger with tendons", key="plant.tendon_friction")
     if tendons is not None:
         own = {"friction": plant.tendon_friction, "time_constant": plant.time_constant}
-        changes["tendons"] = tendons.model_copy(update={k: v for k, v in own.items() if v is not None})
-    return finger.model_copy(update=changes)
+        changes["tendons"] = tendons.replaced(**{k: v for k, v in own.items() if v is not None})
+    return finger.replaced(**changes)

@@ -21,6 +21,9 @@ __all__ = ["Record"]
 
 Array = NDArray[np.float64]
 
+_CHECKED = 50
+"""Periods that are integrated again with steps half as long [1]; their cost does not grow with the run."""
+
 
 class Record:
     """Keeps every step."""
@@ -39,7 +42,7 @@ class Record:
         self.made_s = 0.0
 
     def add(self, measured: Array, reference: Array, p: Array | None, command: Any, state: Array) -> None:
-        """Keep one step: measurement, set-points and parameters at its begin, the command, the state at its end."""
+        """Keep one step: measurement, setpoints and parameters at its begin, the command, the state at its end."""
         self._parameters.append(self._stages.p_nominal if p is None else p)
         self._measured.append(measured)
         self._references.append(reference)
@@ -132,10 +135,6 @@ class Record:
         w = self._plant.model.forces(t[after])
         moved = readings.tip(finer, u[chosen], w) - readings.tip(x[after], u[chosen], w)
         return float(np.linalg.norm(moved, axis=1).max())
-
-
-_CHECKED = 50
-"""Periods that are integrated again with steps half as long."""
 
 
 def _stack(rows: list[Any], count: int) -> Array:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,86 +13,76 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.closed_loop.metrics import Metrics, metrics_of
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
+from continuum_grasp.results.result import File, MotionResult, Stored
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
 from continuum_grasp.simulation.contacts import ContactForces
 
 __all__ = ["ControlRun"]
 
 Array = NDArray[np.float64]
 
-_ARRAYS = (
-    "t",
-    "x",
-    "u",
-    "w",
-    "y",
-    "estimate",
-    "parameters",
-    "given_parameters",
-    "std",
-    "r",
-    "tracked",
-    "tip",
-    "plan_tip",
-    "iterations",
-    "violation",
-    "phase_times",
-    "mismatch",
-    "activity",
-)
-
 
 @dataclass(frozen=True)
-class ControlRun:
+class ControlRun(MotionResult):
     """A closed loop of K control periods; SI units, world frame.
 
     Attributes
     ----------
-    t : (K + 1,) ndarray
-        Instants at which commands were given, and the end [s].
-    x : (K + 1, nx) ndarray
-        States of the plant.
-    u : (K, nu) ndarray
-        Commands.
-    w : (K + 1, nw) ndarray
-        Forces on the plant that the controller does not know.
-    y : (K, ny) ndarray
-        Measurements as they arrived.
-    estimate, parameters : ndarray
-        Estimated state (K, nx) and parameters (K, np) of the controller's model.
-    given_parameters : (K, np) ndarray
-        Parameters as they were given to it.
-    std : ndarray
-        Standard deviations (K, nz) of what ``estimated_names`` says.
-    r, tracked : (K + 1, nr) ndarray
-        Set-points, and what they are for, on the plant.
-    tip : (K + 1, 2) ndarray
-        Tip of the plant [m].
-    plan_tip : (K, N + 1, 2) ndarray
-        Tip paths that were predicted [m].
     bounds : tuple of Bound
         Amount by which each bound was exceeded on the plant (K + 1).
     status : tuple of str
         Of each command.
-    iterations : (K,) ndarray
-    violation : (K,) ndarray
-        Greatest violation of a soft row in each plan.
     phase_names : tuple of str
-    phase_times : (K, phases) ndarray
-        Time that each phase of a step took [s].
     anomalies : tuple of tuple of str
         What was odd at each step.
     health : tuple of str
         Whether sensors, model and call rate agreed at each step: ok, mismatch, detuned, frozen or tripped.
     health_texts : tuple of str
         The same in words, with what is suspected and its likely cause; empty for ok.
-    mismatch, activity : (K,) ndarray
-        Means by which the supervisor judges; see ``Command``.
     events : tuple of (float, str)
         When each phase of the schedule began [s].
     ended : {"finished", "tripped", "stopped"}
         Tripped: it ran its time, but the supervisor sent the command to the safe input.
     """
+
+    kind: ClassVar[str] = "mpc"
+    stored: ClassVar[tuple[Stored, ...]] = (
+        Stored("t", "(T,)", "s", "instants at which commands were given, and the end"),
+        Stored("x", "(T, nx)", "", "states of the plant"),
+        Stored("u", "(K, nu)", "", "commands"),
+        Stored("w", "(T, nw)", "", "forces on the plant that the controller does not know"),
+        Stored("y", "(K, ny)", "", "measurements as they arrived"),
+        Stored("estimate", "(K, ne)", "", "estimated states of the controller's model"),
+        Stored("parameters", "(K, np)", "", "estimated parameters of the controller's model"),
+        Stored("given_parameters", "(K, np)", "", "parameters as they were given to it"),
+        Stored("std", "(K, nz)", "", "standard deviations of what ``estimated_names`` says"),
+        Stored("r", "(T, nr)", "", "setpoints"),
+        Stored("tracked", "(T, nr)", "", "what follows them, on the plant"),
+        Stored("tip", "(T, 2)", "m", "tip of the plant, world"),
+        Stored("plan_tip", "(K, N, 2)", "m", "predicted paths of the tip, world"),
+        Stored("iterations", "(K,)", "1", "iterations of the solver"),
+        Stored("violation", "(K,)", "1", "greatest violation of a soft constraint in each plan"),
+        Stored("phase_times", "(K, phases)", "s", "time that each phase of a step took"),
+        Stored("mismatch", "(K,)", "1", "mean squared normalized innovation, by which the supervisor judges"),
+        Stored("activity", "(K,)", "", "activity of the command, by which the supervisor judges"),
+        Stored("bounds", "(nb, T)", "", "amount by which each bound was exceeded on the plant", "excesses"),
+        Stored("status", "(K,)", "text", "status of each command"),
+        Stored("health", "(K,)", "text", "whether sensors, model and call rate agreed"),
+        *CONTACTS_STORED,
+        Stored("object_pose", "(T, nq)", "", "pose of an object that moves: x, y [m], angle [rad], height [m]"),
+    )
+    texts: ClassVar[tuple[File, ...]] = (File("report.txt", "closed_loop.result:ControlRun.report"),)
+    pictures: ClassVar[tuple[File, ...]] = (
+        File("path.png", "plotting.control.closed_loop:plot_control_path"),
+        File("inputs.png", "plotting.control.closed_loop:plot_inputs"),
+        File("tracking.png", "plotting.control.closed_loop:plot_tracking"),
+        File("error.png", "plotting.control.closed_loop:plot_tracking_error"),
+        File("bounds.png", "plotting.control.closed_loop:plot_bounds"),
+        File("times.png", "plotting.control.closed_loop:plot_controller_times"),
+        File("disturbances.png", "plotting.control.closed_loop:plot_disturbances", needs="disturbance_names"),
+    )
+    frames: ClassVar[str] = "plotting.control.control_frames:control_frames"
 
     scene: ControlScene
     readings: Readings = field(repr=False)
@@ -139,16 +128,6 @@ class ControlRun:
         return f"ControlRun({self.ended}: {self.t[-1]:g} s in {len(self.u)} periods, tip at {self.tip[-1].tolist()} m)"
 
     @property
-    def name(self) -> str | None:
-        """Name of the scene."""
-        return self.scene.name
-
-    @property
-    def length(self) -> float:
-        """Length of the finger [m]."""
-        return self.scene.finger.rod.length
-
-    @property
     def deadline(self) -> float:
         """Time after which a command counts as late [s]."""
         return self.scene.controller.deadline or self.period
@@ -165,7 +144,23 @@ class ControlRun:
 
     @cached_property
     def _metrics(self) -> Metrics:
-        return metrics_of(self)
+        return metrics_of(
+            error=self.tracked - self.r,
+            r_names=self.r_names,
+            u=self.u,
+            u_names=self.u_names,
+            u_min=self.u_min,
+            weights=self.weights,
+            period=self.period,
+            bounds=self.bounds,
+            phase_names=self.phase_names,
+            phase_times=self.phase_times,
+            deadline=self.deadline,
+            status=self.status,
+            anomalies=self.anomalies,
+            health=self.health,
+            mismatch=self.mismatch,
+        )
 
     def metrics(self) -> Metrics:
         """Tracking error, effort, violations, times and counts."""
@@ -178,7 +173,7 @@ class ControlRun:
 
     @cached_property
     def tip_reference(self) -> Array | None:
-        """Set-points of the tip (K + 1, 2) [m]; None where the cost does not track it."""
+        """Setpoints of the tip (K + 1, 2) [m]; None where the cost does not track it."""
         if "tip_x [m]" not in self.r_names:
             return None
         k = self.r_names.index("tip_x [m]")
@@ -236,8 +231,8 @@ class ControlRun:
         found = [f"{health} at {t:.3g} s: {text}" for health, (t, text) in worst.items()]
         odd = {word: n for word, n in self.metrics().statuses.items() if word not in _GOOD}
         if odd:
-            told = ", ".join(f"{n} {word}" for word, n in odd.items())
-            found.append(f"of {len(self.status)} commands, {told}")
+            counts = ", ".join(f"{n} {word}" for word, n in odd.items())
+            found.append(f"of {len(self.status)} commands, {counts}")
         use = self.readings.range_use(self.x, self._inputs, self.w)
         if use.max(initial=0.0) > 1.0:
             found.append(
@@ -256,56 +251,27 @@ class ControlRun:
         k = np.atleast_1d(np.asarray(indices, dtype=int))
         return self.readings.backbone(self.x[k], self._inputs[k], self.w[k], points)
 
-    def save(
-        self,
-        folder: str | Path,
-        *,
-        arrays: Mapping[str, ArrayLike] | None = None,
-        meta: Mapping[str, Any] | None = None,
-    ) -> Path:
-        """Write ``result.npz``, ``meta.json`` and ``report.txt`` into a folder, each whole or not at all.
+    @property
+    def excesses(self) -> Array:
+        """Amount by which each bound was exceeded (bounds, K + 1)."""
+        return np.array([bound.excess for bound in self.bounds])
 
-        Parameters
-        ----------
-        folder : path-like
-        arrays, meta : mapping, optional
-            More that is to stand in the two files.
-
-        Returns
-        -------
-        pathlib.Path
-            The folder.
-        """
-        from continuum_grasp.results import replacing, write_run
-
-        stored = {name: getattr(self, name) for name in _ARRAYS}
-        stored |= {"bounds": np.array([b.excess for b in self.bounds]), "status": np.array(self.status, dtype=str)}
-        stored["health"] = np.array(self.health, dtype=str)
-        if self.contacts is not None:
-            stored |= self.contacts.arrays()
-        if self.object_pose is not None:
-            stored["object_pose"] = self.object_pose
-        told = {
-            "kind": "mpc",
-            "config": self.scene.model_dump(mode="json"),
+    def details(self) -> dict[str, Any]:
+        """Metrics, events, and the names of all columns; ``status`` is how the run ended."""
+        keys = ("x", "u", "y", "r", "p", "estimated", "phase")
+        return {
             "status": self.ended,
             "seed": self.scene.plant.seed,
-            "warnings": list(self.warnings),
             "metrics": asdict(self.metrics()),
-            "statistics": dict(self.statistics),
             "events": [list(event) for event in self.events],
             "incidents": [list(incident) for incident in self.incidents],
             "anomalies": {str(k): list(words) for k, words in enumerate(self.anomalies) if words},
             "names": {
-                **{key: list(getattr(self, f"{key}_names")) for key in ("x", "u", "y", "r", "p", "estimated", "phase")},
+                **{key: list(getattr(self, f"{key}_names")) for key in keys},
                 "bounds": [f"{b.name} [{b.unit}]" for b in self.bounds],
                 "contacts": [] if self.contacts is None else list(self.contacts.names),
             },
         }
-        target = write_run(folder, {**stored, **(arrays or {})}, {**told, **(meta or {})})
-        with replacing(target / "report.txt") as temporary:
-            temporary.write_text(self.report(), encoding="utf-8")
-        return target
 
     def report(self) -> str:
         """The table as text."""
@@ -317,18 +283,6 @@ class ControlRun:
         pairs = found.pairs()
         wide = max(map(len, pairs))
         return "\n".join([*lines, "", *(f"{key:<{wide}}  {value}" for key, value in pairs.items())]) + "\n"
-
-    def plot(self, folder: str | Path) -> list[Path]:
-        """Draw tip path, inputs, tracking error, bounds and times into a folder."""
-        from continuum_grasp.plotting.control.control import save_control_pictures
-
-        return save_control_pictures(self, Path(folder))
-
-    def animate(self, path: str | Path, fps: int = 30) -> Path:
-        """Write an animation of the plant with the predicted tip paths, GIF or MP4 by the suffix."""
-        from continuum_grasp.plotting.control.frames import animate_control
-
-        return animate_control(self, Path(path), fps)
 
 
 _GOOD = frozenset(("solved", "iteration_limit", "row_violated"))

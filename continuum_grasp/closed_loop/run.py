@@ -22,7 +22,7 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene.load import scene_of
 
 __all__ = ["Controls", "run_closed_loop"]
 
@@ -45,7 +45,7 @@ class Controls(Protocol):
         """Time from one command to the next [s]."""
 
     def step(self, measurement: Array, reference: Array, *, p: Array | None = None) -> Any:
-        """The command for a measurement (ny) and set-points (N + 1, nr)."""
+        """The command for a measurement (ny) and setpoints (N + 1, nr)."""
 
     def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
         """Begin anew, from a state (nx) and an input (nu)."""
@@ -93,7 +93,7 @@ def run_closed_loop(
     Interrupted
         On Ctrl-C; ``result`` is the run until then.
     """
-    scene = _control_scene(scene)
+    scene = scene_of(scene, ControlScene)
     began = perf_counter()
     control = _controller(scene) if controller is None else controller
     stages, model = control.stages, control.prediction
@@ -140,13 +140,6 @@ def _loop(
     except NumericalError as error:
         return error
     return None
-
-
-def _control_scene(given: ControlScene | str | PathLike[str]) -> ControlScene:
-    scene = given if isinstance(given, ControlScene) else load(given)  # type: ignore[arg-type]
-    if not isinstance(scene, ControlScene):
-        raise InputError(f"expected a closed loop (finger, controller, ...), got a {type(scene).__name__}")
-    return scene
 
 
 def _controller(scene: ControlScene) -> Controls:

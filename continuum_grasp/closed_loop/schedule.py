@@ -28,13 +28,13 @@ class Moment:
 
 @dataclass(frozen=True)
 class Phase:
-    """A stretch of a closed loop with its own set-points.
+    """A part of a closed loop with its own setpoints.
 
     Attributes
     ----------
     name : str
     rows : callable
-        Set-points (T, nr) at instants (T,) since the phase began [s].
+        Setpoints (T, nr) at instants (T,) since the phase began [s].
     duration : float
         Longest time [s].
     until : callable, optional
@@ -114,7 +114,7 @@ class Schedule:
             self.phase.begin(controller, plant)
 
     def rows(self, t: Array) -> Array:
-        """Set-points (T, nr) as they are foreseen now at instants (T,) [s]."""
+        """Setpoints (T, nr) as they are foreseen now at instants (T,) [s]."""
         k, start = self.current, self.start
         found = self.phases[k].rows(t - start)
         while self.phases[k].until is None and k + 1 < len(self.phases):

@@ -1,10 +1,9 @@
-"""Arguments of controllers and estimators as scenes and arrays of the right size."""
+"""Arguments of controllers and estimators as arrays of the right size."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -12,26 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.checks import finite
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import load
 
-__all__ = ["control_scene", "numbers", "shown", "slices", "vector"]
+__all__ = ["numbers", "shown", "slices", "vector"]
 
 Array = NDArray[np.float64]
-
-
-def control_scene(given: ControlScene | str | PathLike[str]) -> ControlScene:
-    """Return the scene itself, or load it from a file.
-
-    Raises
-    ------
-    InputError
-        If it is not the scene of a controller.
-    """
-    scene = given if isinstance(given, ControlScene) else load(given)  # type: ignore[arg-type]
-    if not isinstance(scene, ControlScene):
-        raise InputError(f"expected a closed loop (finger, controller, ...), got a {type(scene).__name__}")
-    return scene
 
 
 def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Array:

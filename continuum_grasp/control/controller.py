@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.arguments import control_scene, numbers, shown, slices, vector
+from continuum_grasp.control.arguments import numbers, shown, slices, vector
 from continuum_grasp.control.command import Command, Layout
 from continuum_grasp.control.compiled.library import Compiled
 from continuum_grasp.control.compiled.settings import controller_fields, delay_periods
@@ -29,6 +29,7 @@ from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.load import scene_of
 
 __all__ = ["Controller"]
 
@@ -40,6 +41,7 @@ _CHUNK = 128
 """Periods for which setpoints are evaluated at once [1]: enough that numpy's overhead per call does not show, and
 little to hold (30 stages of 6 setpoints: 190 kB)."""
 _LATE, _APPLIED = 1, 2
+"""Flags of ``cg_controller_step``."""
 _NUMBERS = (
     *("anomalies", "iterations", "violation", "residual", "cost"),
     *("health", "sensor", "entry", "reason", "rung", "mismatch", "activity"),
@@ -120,7 +122,7 @@ class Controller(Remade):
         precision: str = "double",
         deadline: float | None = None,
     ) -> None:
-        self.scene = control_scene(scene)
+        self.scene = scene_of(scene, ControlScene)
         self._arguments = (
             (self.scene,),
             {"precision": precision, "deadline": deadline},

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.statics import equilibrium
+from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.simulation.statics import equilibrium_under
 
 __all__ = ["first_state", "rest_input"]
 
@@ -57,14 +58,21 @@ def _shape(scene: ControlScene, model: Prediction) -> Array:
     held = initial.pose == "equilibrium"
     if initial.pose == "straight" or not (held or scene.finger.rest_curvature != 0.0):
         return np.zeros(finger.n)
-    fidelity = scene.fidelity.model_copy(
-        update={"family": finger.family, "elements": finger.lengths, "accuracy": finger.structure.accuracy}
-    )
-    alone = Scene(
-        schema_version=1,
-        finger=scene.finger,
-        gravity=scene.gravity if held else (0.0, 0.0),
+    loads = initial.held_by if held else ()
+    alone = FingerModel(
+        scene.finger,
+        family=finger.family,
+        elements=finger.lengths,
+        accuracy=finger.structure.accuracy,
+        bending_range=scene.fidelity.bending_range,
         contacts=scene.contacts,
-        fidelity=fidelity,
+        gravity=scene.gravity if held else (0.0, 0.0),
+        loads=loads,
+        tip_force=bool(scene.contacts),
+        input_rates=False,
     )
-    return np.array(equilibrium(alone, extra_loads=initial.held_by if held else ()).q)
+    given = {"u": np.zeros(alone.nu), "w": np.zeros(alone.nw)}
+    for load, (vector, start) in zip(loads, alone.load_entries, strict=True):
+        value = np.atleast_1d(np.asarray(load.force if isinstance(load, ForceLoad) else load.moment, dtype=float))
+        given[vector][start : start + value.size] = value
+    return np.array(equilibrium_under(alone, given["u"], given["w"]).q)

@@ -5,22 +5,19 @@ from __future__ import annotations
 import gc
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.statistics import spread
 from continuum_grasp.control.status import Status
 from continuum_grasp.core.checks import positive
 from continuum_grasp.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from continuum_grasp.control.controller import Controller
 
 __all__ = ["PeriodicRun", "run_periodic"]
 
@@ -56,16 +53,9 @@ class PeriodicRun:
 
     def summary(self) -> dict[str, Any]:
         """Return counts, and median, 99th percentile and maximum of jitter and latency [s]."""
-        spread = {
-            name: {
-                "median": float(np.median(values)),
-                "p99": float(np.percentile(values, 99)),
-                "max": float(values.max()),
-            }
-            for name, values in (("jitter", self.jitter), ("latency", self.latency))
-        }
         counts = {"cycles": len(self.jitter), "overruns": self.overruns, "skipped": self.skipped}
-        return {"period": self.period, **counts, **spread, "status": self.status}
+        spreads = {"jitter": spread(self.jitter), "latency": spread(self.latency)}
+        return {"period": self.period, **counts, **spreads, "status": self.status}
 
 
 def run_periodic(

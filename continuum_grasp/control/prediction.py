@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import System
 from continuum_grasp.model.remade import Remade
+from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import MomentLoad
 from continuum_grasp.scene.simulate import Fidelity
@@ -91,9 +92,10 @@ class Prediction(Remade):
         moved = "object_position" in scene.disturbances
         self._own_lag = scene.lag if finger.tendons is None else None
         family = fidelity.family or self._default_family()
-        if family == "matched_clothoid" and scene.lag is None:
+        matches_tip = FAMILIES[family].matches_tip
+        if matches_tip and scene.lag is None:
             raise InputError(
-                "matched_clothoid needs a continuous tip moment: set controller.input.time_constant or "
+                f"{family} needs a continuous tip moment: set controller.input.time_constant or "
                 "finger.tendons.time_constant, or use clothoid or arc",
                 key="fidelity.family",
             )
@@ -110,7 +112,7 @@ class Prediction(Remade):
             parameters=scene.parameters,
             loads=[MomentLoad(at=finger.rod.length, moment=0.0)] if self._couple else [],
             tip_force=tip_force,
-            input_rates=(family == "matched_clothoid" and self._own_lag is not None) or None,
+            input_rates=(matches_tip and self._own_lag is not None) or None,
         )
         system = self.system
         own = ["tip_moment [N m]", "tip_moment_rate [N m/s]"] if self._own_lag is not None else []
@@ -125,7 +127,7 @@ class Prediction(Remade):
     def _default_family(self) -> str:
         tendons = self.scene.finger.tendons
         has_friction = tendons is not None and tendons.friction > 0.0
-        return "clothoid" if has_friction or self.scene.lag is None else "matched_clothoid"
+        return default_family(free_tip=has_friction or self.scene.lag is None)
 
     # -- what the system takes ----------------------------------------------------------------------------------------
 
@@ -134,6 +136,7 @@ class Prediction(Remade):
         """Acting tip moment, its rate and acceleration, where the lag is not in the system."""
         time = self._own_lag or 1.0
         moment, rate = self.x[-2], self.x[-1]
+        # A critically damped lag, as of tendons: its moment has a continuous rate, which a matched tip needs.
         return moment, rate, (self.u - moment) / time**2 - 2.0 * rate / time
 
     @cached_property

@@ -9,13 +9,18 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.status import Anomaly, Health, Status
 
-__all__ = ["Statistics"]
+__all__ = ["Statistics", "spread"]
 
 Array = NDArray[np.float64]
 
 _RETAINED = 1 << 16
 """Steps whose durations are retained [1]: 11 minutes at 100 Hz, 2 MB."""
 _PHASES = ("estimate", "prepare", "feedback", "step")
+
+
+def spread(values: Array) -> dict[str, float]:
+    """Compute median, 99th percentile and maximum."""
+    return {"median": float(np.median(values)), "p99": float(np.percentile(values, 99)), "max": float(values.max())}
 
 
 class Statistics:
@@ -75,14 +80,7 @@ class Statistics:
         recent = 1e-9 * self._times[: min(self.steps, _RETAINED)]
         if not len(recent):
             return {}
-        return {
-            name: {
-                "median": float(np.median(recent[:, k])),
-                "p99": float(np.percentile(recent[:, k], 99)),
-                "max": float(recent[:, k].max()),
-            }
-            for k, name in enumerate(_PHASES)
-        }
+        return {name: spread(recent[:, k]) for k, name in enumerate(_PHASES)}
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain values."""

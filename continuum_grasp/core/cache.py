@@ -1,4 +1,4 @@
-"""Compiled libraries, kept by the content that they were made of."""
+"""Compiled libraries, stored by the content that they were made of."""
 
 from __future__ import annotations
 
@@ -77,11 +77,11 @@ def library_for(source: str, compiler: Compiler) -> Path:
         compiler.build(code, built)
         built.chmod(0o700)
         note = {"key": key, "sha256": _hash(built), "compiler": compiler.version}
-        kept = Path(work) / "record.json"
-        kept.write_text(json.dumps(note))
-        kept.chmod(0o600)
+        written = Path(work) / "record.json"
+        written.write_text(json.dumps(note))
+        written.chmod(0o600)
         os.replace(built, library)
-        os.replace(kept, record)
+        os.replace(written, record)
     return library
 
 
@@ -107,7 +107,7 @@ def _build_folder(folder: Path) -> Iterator[Path]:
 
 
 def _is_left(build: Path) -> bool:
-    """Whether nobody works in a folder of a build any more."""
+    """Whether no process works in a folder of a build any more."""
     if time.time() - build.lstat().st_mtime > _LONGEST_BUILD:
         return True
     if fcntl is None:
@@ -131,14 +131,14 @@ def private_folder(kind: str = "compiled") -> Path:
 
 @cache
 def _temporary_folder(kind: str, why: str) -> Path:
-    warnings.warn(f"the {kind} cache is kept for this process only: {why}", RuntimeWarning, stacklevel=2)
+    warnings.warn(f"the {kind} cache is stored for this process only: {why}", RuntimeWarning, stacklevel=2)
     folder = tempfile.mkdtemp(prefix="continuum_grasp-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
 
 
 def _is_ours(path: Path) -> bool:
-    """Whether a file or folder is no link, belongs to this user, and nobody else can read or write it."""
+    """Whether a file or folder is no link, belongs to this user, and no other can read or write it."""
     state = path.lstat()
     mine = not hasattr(os, "getuid") or state.st_uid == os.getuid()
     return mine and not stat.S_ISLNK(state.st_mode) and (os.name == "nt" or not stat.S_IMODE(state.st_mode) & 0o077)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.finger_model import MATRICES
+from continuum_grasp.model.functions import MATRICES
 
 __all__ = ["Caller", "pointer", "pointers", "real_array", "shaped"]
 

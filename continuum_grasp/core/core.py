@@ -15,13 +15,14 @@ from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.call import Caller, pointers, real_array, shaped
 from continuum_grasp.core.checks import Sections, check_moment, finite, functions_of, positive, whole
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
-from continuum_grasp.core.integrators import METHODS, step_function
+from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.precision import SingleRange, check_solvable, precision_of
 from continuum_grasp.core.rollouts import Rollouts, row, signal
 from continuum_grasp.core.source import batch_source, entry, function_source, rollout_source, rollouts_source
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
+from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
 
 __all__ = ["Core", "compile"]
 
@@ -42,8 +43,8 @@ def compile(model: FingerModel | System, functions: Sequence[str] | None = None,
     model : FingerModel or System
         The model.
     functions : sequence of str, optional
-        Functions to compile now; the others are compiled when they are first called. The forward dynamics where
-        nothing is said.
+        Functions to compile now; the others are compiled when they are first called. The forward dynamics
+        where not given.
     precision : {"double", "float"}
         What the compiled code computes in; see ``Core``.
 
@@ -84,7 +85,7 @@ class Core(Remade):
     model : FingerModel or System
         The model.
     compiled : bool
-        False: run on the virtual machine all the same, which is sooner done for a few calls of a large model.
+        False: run on the virtual machine all the same, which is faster for a few calls of a large model.
     precision : {"double", "float"}
         What the compiled code computes in. ``float`` is single precision throughout, the states between the steps of a
         rollout included; arrays are of doubles all the same. It has about 7 digits, twice the lanes in batches and
@@ -208,13 +209,14 @@ class Core(Remade):
         Raises
         ------
         InputError
-            If the method is unknown.
+            If the method is unknown, or needs double precision.
         """
-        if not isinstance(method, str) or method not in METHODS:
-            raise InputError(f"unknown method {method!r}: expected one of {', '.join(METHODS)}")
+        if method not in SIMULATION_METHODS:
+            raise InputError(f"unknown method {method!r}: expected one of {', '.join(SIMULATION_METHODS)}")
+        if self.precision == "float" and INTEGRATORS[method].double_only:
+            raise InputError(f"method: the iterations of {method} need double precision")
         if method not in self._steps:
-            linearization = self.model.linearization if method == "implicit" else None
-            self._steps[method] = step_function(self.model.forward_dynamics, method, linearization)
+            self._steps[method] = step_function(self.model, method)
         return self._steps[method]
 
     def rollout(
@@ -247,8 +249,8 @@ class Core(Remade):
             Parameters; nominal where not given.
         substeps : int
             Steps of the method per step.
-        method : {"rk4", "implicit"}
-            Integration method.
+        method : str
+            Name in ``SIMULATION_METHODS`` of ``scene.integrators``.
 
         Returns
         -------
@@ -279,18 +281,18 @@ class Core(Remade):
             given = start, np.array([step / substeps]), inputs.rows, forces.rows, parameters
             SingleRange("rollout", ("x0", "step", "u", "w", "p")).check(given)
         run = self.prepare_rollout(method, single)
-        states, kept = run(start, steps, substeps, step / substeps, inputs, forces, parameters)
-        if np.any(kept < steps):
-            first = int(np.argmin(kept))
-            reached = states[first, : kept[first] + 1]
+        states, valid = run(start, steps, substeps, step / substeps, inputs, forces, parameters)
+        if np.any(valid < steps):
+            first = int(np.argmin(valid))
+            reached = states[first, : valid[first] + 1]
             which = (
-                "" if single else f" of {np.count_nonzero(kept < steps)} of {len(start)} rollouts, first of {first},"
+                "" if single else f" in {np.count_nonzero(valid < steps)} of {len(start)} rollouts, first in {first},"
             )
             raise NumericalError(
-                f"the state{which} is not finite after t = {kept[first] * step:g} s (last finite state "
+                f"{INTEGRATORS[method].failure}{which} after t = {valid[first] * step:g} s (last finite state "
                 f"{reached[-1].tolist()}): the step is too large for this scene, or the finger left the range of the "
-                "model; try a smaller step, more substeps or method='implicit'",
-                time=kept[first] * step,
+                "model; try a smaller step, more substeps or method='rodas'",
+                time=valid[first] * step,
                 state=reached[-1],
                 result=reached if single else states,
             )

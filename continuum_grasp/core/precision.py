@@ -83,7 +83,7 @@ def check_solvable(model: FingerModel) -> None:
     Raises
     ------
     InputError
-        If rounding times the condition of the mass matrix, with a diagonal of ones as the factorisation sees it,
+        If rounding times the condition of the mass matrix, with a diagonal of ones as the factorization sees it,
         exceeds one.
     """
     mass = np.array(model.mass_matrix(np.zeros(model.n), np.zeros(model.nu), model.p_nominal))

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.call import pointer, pointers, real_array
 from continuum_grasp.core.checks import finite
+from continuum_grasp.core.compiler import CompileError, find_compiler
+from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import InputError
 
 __all__ = ["Rollouts", "Signal", "row", "signal"]
@@ -19,7 +23,7 @@ __all__ = ["Rollouts", "Signal", "row", "signal"]
 Array = NDArray[np.float64]
 
 _CHUNK = 256
-"""Steps per call of the virtual machine."""
+"""Steps per call of the virtual machine, so that Ctrl-C and a state that is not finite end the run soon [1]."""
 
 
 @dataclass(frozen=True)
@@ -45,16 +49,31 @@ class Rollouts:
             self._code = getattr(library, f"{step.name()}_rollout{'' if single else 's'}")
             self._code.restype = ctypes.c_longlong if single else None
 
+    @classmethod
+    def of(cls, step: ca.Function, compiled: bool = True) -> Rollouts:
+        """Rollouts from one state, in C where there is a compiler; the virtual machine gives the same numbers."""
+        compiler = find_compiler() if compiled else None
+        library = None
+        if compiler is not None:
+            with suppress(CompileError, OSError):
+                library = ctypes.CDLL(str(library_for(rollout_source(step), compiler)))
+        return cls(step, library, True)
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the code is compiled."""
+        return self._code is not None
+
     def __call__(
         self, x0: Array, keep: int, sub: int, h: float, u: Signal, w: Signal, p: Array
     ) -> tuple[Array, NDArray[np.int64]]:
         states = np.full((len(x0), keep + 1, x0.shape[1]), np.nan)
-        kept = np.zeros(len(x0), dtype=np.int64)
+        valid = np.zeros(len(x0), dtype=np.int64)
         if self._code is None:
             for r, start in enumerate(x0):
                 own = u.rows[r % len(u.rows)], w.rows[r % len(w.rows)]
-                kept[r] = self._on_virtual_machine(states[r], start, keep, sub, h, *own, p)
-            return states, kept
+                valid[r] = self._on_virtual_machine(states[r], start, keep, sub, h, *own, p)
+            return states, valid
         whole, real = ctypes.c_longlong, ctypes.c_double
         work = np.empty(max(self._step.sz_w(), 1))
         integers = np.empty(max(self._step.sz_iw(), 1), dtype=np.int64)
@@ -62,13 +81,13 @@ class Rollouts:
         begin = (whole(keep), whole(sub), real(h), pointer(x0))
         if self._single:
             signals = (pointer(u.rows), whole(u.in_time), pointer(w.rows), whole(w.in_time))
-            kept[0] = self._code(*begin, *signals, *tail)
+            valid[0] = self._code(*begin, *signals, *tail)
         else:
             own_u = (pointer(u.rows), whole(u.in_time), whole(u.per_rollout))
             own_w = (pointer(w.rows), whole(w.in_time), whole(w.per_rollout))
-            kept_at = ctypes.c_void_p(kept.ctypes.data)
-            self._code(whole(len(x0)), *begin, *own_u, *own_w, *tail, kept_at)
-        return states, kept
+            valid_at = ctypes.c_void_p(valid.ctypes.data)
+            self._code(whole(len(x0)), *begin, *own_u, *own_w, *tail, valid_at)
+        return states, valid
 
     def levels(
         self,
@@ -91,7 +110,7 @@ class Rollouts:
         ratios : sequence of int
             Length of the steps of each level, per h; 1 for the first.
         every : int
-            Kept states of the first level from one that the others keep to the next.
+            Stored states of the first level from one that the others store to the next.
         keep, sub, h, u, w, p
             As for one rollout; rows of u and w are at half steps of h.
 
@@ -99,20 +118,20 @@ class Rollouts:
         -------
         list of ndarray
             States of each level.
-        kept : (levels,) ndarray
+        valid : (levels,) ndarray
             How many of them are finite, after the first.
         """
         whole, counts = ctypes.c_longlong, [keep if r == 1 else keep // every for r in ratios]
         states = [np.full((count + 1, x0.shape[1]), np.nan) for count in counts]
-        kept = np.zeros(len(states), dtype=np.int64)
+        valid = np.zeros(len(states), dtype=np.int64)
         if self._levels is None:
             for k, (r, count) in enumerate(zip(ratios, counts, strict=True)):
                 own = sub if r == 1 else sub * every // r
                 us, ws = (one.rows[0][:: r if one.in_time else 1] for one in (u, w))
                 states[k][0] = x0[k]
                 if count:
-                    kept[k] = self._on_virtual_machine(states[k], x0[k], count, own, h * r, us, ws, p)
-            return states, kept
+                    valid[k] = self._on_virtual_machine(states[k], x0[k], count, own, h * r, us, ws, p)
+            return states, valid
         work = np.empty(max(self._step.sz_w(), 1))
         integers = np.empty(max(self._step.sz_iw(), 1), dtype=np.int64)
         lengths, places = np.array(ratios, dtype=np.int64), pointers(states)
@@ -120,9 +139,9 @@ class Rollouts:
         signals = (pointer(u.rows), whole(u.in_time), pointer(w.rows), whole(w.in_time))
         tail = (pointer(p), ctypes.c_void_p(integers.ctypes.data), pointer(work), places)
         start = np.ascontiguousarray(x0)
-        kept_at = ctypes.c_void_p(kept.ctypes.data)
-        self._levels(*begin, ctypes.c_double(h), pointer(start), *signals, *tail, kept_at)
-        return states, kept
+        valid_at = ctypes.c_void_p(valid.ctypes.data)
+        self._levels(*begin, ctypes.c_double(h), pointer(start), *signals, *tail, valid_at)
+        return states, valid
 
     def _on_virtual_machine(
         self, states: Array, x0: Array, keep: int, sub: int, h: float, u: Array, w: Array, p: Array
@@ -169,7 +188,7 @@ def signal(name: str, value: ArrayLike | None, size: int, rows: int, count: int 
     Raises
     ------
     InputError
-        If the shape fits nothing, or two things, or if an entry is not finite.
+        If the shape fits no meaning, or two of them, or if an entry is not finite.
     """
     if value is None:
         return Signal(np.zeros((1, 1, size)), 0, 0)

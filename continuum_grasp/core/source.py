@@ -126,10 +126,10 @@ def rollout_source(step: ca.Function, real: str = "double") -> str:
     """C of ``NAME_rollout``: many steps in one call.
 
     ``step`` has inputs x, u and w at the start, the middle and the end of the step, p and h, and the next x as output.
-    Inputs are rows at half steps (a stride of zero repeats one row). Every ``sub``-th state is kept. The result is the
-    number of kept states after the first; fewer than asked for mean that the next one is not finite. The state stays
-    in ``real`` from step to step. ``NAME_levels`` does the same with steps of several lengths: ``ratio`` times h, the
-    longer ones kept at every ``every``-th instant only.
+    Inputs are rows at half steps (a stride of zero repeats one row). Every ``sub``-th state is stored. The result is
+    the number of stored states after the first; fewer than requested: the next one is not finite. The state stays in
+    ``real`` from step to step. ``NAME_levels`` does the same with steps of several lengths: ``ratio`` times h, the
+    longer ones stored at every ``every``-th instant only.
     """
     nx, nu, nw, n_p = (step.nnz_in(k) for k in (0, 1, 4, 7))
     code, before, inputs = _generated(step), "", _DOUBLE_INPUTS
@@ -164,11 +164,11 @@ long long {step.name()}_rollout(long long keep, long long sub, double h, const d
 }}
 void {step.name()}_levels(long long levels, const long long *ratio, long long every, long long keep, long long sub,
     double h, const double *x0, const double *u, long long us, const double *w, long long ws, const double *p,
-    long long *iw, double *work, double *const *X, long long *kept)
+    long long *iw, double *work, double *const *X, long long *valid)
 {{
   for (long long l = 0; l < levels; ++l) {{
     const long long r = ratio[l], e = r == 1 ? 1 : every;
-    kept[l] = {step.name()}_rollout(keep / e, sub * e / r, h * (double)r, x0 + l * {nx}, u, us * r, w, ws * r, p,
+    valid[l] = {step.name()}_rollout(keep / e, sub * e / r, h * (double)r, x0 + l * {nx}, u, us * r, w, ws * r, p,
         iw, work, X[l]);
   }}
 }}
@@ -178,7 +178,7 @@ void {step.name()}_levels(long long levels, const long long *ratio, long long ev
 def rollouts_source(step: ca.Function, real: str = "double") -> str:
     """C of ``NAME_rollouts``: many rollouts in one call, in vector lanes where the step is a straight-line function.
 
-    As ``rollout_source``, with a stride per rollout (``ur``, ``wr``) beside that per half step; ``kept`` receives the
+    As ``rollout_source``, with a stride per rollout (``ur``, ``wr``) beside that per half step; ``valid`` receives the
     result of each.
     """
     nx, nu, nw, n_p = (step.nnz_in(k) for k in (0, 1, 4, 7))
@@ -186,12 +186,12 @@ def rollouts_source(step: ca.Function, real: str = "double") -> str:
     head = f"""
 void {name}_rollouts(long long count, long long keep, long long sub, double h, const double *x0,
     const double *u, long long us, long long ur, const double *w, long long ws, long long wr, const double *p,
-    long long *iw, double *work, double *X, long long *kept)
+    long long *iw, double *work, double *X, long long *valid)
 {{"""
     if not step.is_a("SXFunction"):
         return f"""{rollout_source(step, real)}{head}
   for (long long r = 0; r < count; ++r)
-    kept[r] = {name}_rollout(keep, sub, h, x0 + r * {nx}, u + r * ur, us, w + r * wr, ws, p, iw, work,
+    valid[r] = {name}_rollout(keep, sub, h, x0 + r * {nx}, u + r * ur, us, w + r * wr, ws, p, iw, work,
         X + r * (keep + 1) * {nx});
 }}
 """
@@ -208,7 +208,7 @@ void {name}_rollouts(long long count, long long keep, long long sub, double h, c
     const long long m = count - b < CG_LANES ? count - b : CG_LANES;
     cg_gather(x0 + b * {nx}, {nx}, m, {nx}, x);
     cg_scatter(x, row, m, {nx}, X + b * row);
-    for (long long l = 0; l < m; ++l) kept[b + l] = keep;
+    for (long long l = 0; l < m; ++l) valid[b + l] = keep;
     for (long long k = 0, t = 0; k < keep; ++k) {{
       for (long long i = 0; i < sub; ++i, t += 2) {{
         for (int a = 0; a < 3; ++a) {{
@@ -221,7 +221,7 @@ void {name}_rollouts(long long count, long long keep, long long sub, double h, c
       cg_scatter(x, row, m, {nx}, X + b * row + (k + 1) * {nx});
       for (long long l = 0; l < m; ++l)
         for (int j = 0; j < {nx}; ++j)
-          if (kept[b + l] == keep && !(x[j][l] - x[j][l] == 0)) kept[b + l] = k;
+          if (valid[b + l] == keep && !(x[j][l] - x[j][l] == 0)) valid[b + l] = k;
     }}
   }}
 }}

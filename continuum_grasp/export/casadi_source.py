@@ -103,7 +103,7 @@ def export_casadi(
 
 
 def _function(model: FingerModel, name: str) -> ca.Function:
-    return step_function(model.forward_dynamics, "rk4") if name == STEP else getattr(model, name)
+    return step_function(model, "rk4") if name == STEP else getattr(model, name)
 
 
 def _renamed(function: ca.Function, name: str) -> ca.Function:

@@ -143,7 +143,7 @@ def write_package(folder: Path, files: Mapping[str, str]) -> None:
     InputError
         If a file of that name is there that no export wrote, or that was changed since; nothing is written then.
     """
-    from continuum_grasp.results import kind_of_run, replacing
+    from continuum_grasp.results import kind_of_run, write_text
 
     kind = kind_of_run(folder)
     if kind not in (None, "export-c"):
@@ -158,8 +158,7 @@ def write_package(folder: Path, files: Mapping[str, str]) -> None:
         if path.resolve().is_relative_to(folder.resolve()) and path.is_file() and _digest(path) == earlier[name]:
             path.unlink()
     for name, text in files.items():
-        with replacing(folder / name) as path:
-            path.write_text(text, encoding="utf-8", newline="\n")
+        write_text(text, folder / name)
 
 
 def _earlier(folder: Path) -> dict[str, str]:

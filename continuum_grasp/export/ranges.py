@@ -7,7 +7,6 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -105,14 +104,10 @@ def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:
 
 def _reach(model: FingerModel, parameters: Sequence[Field]) -> list[float]:
     """Greatest absolute value of each coordinate within the declared bending ranges."""
-    if model.family == "arc":
-        return list(model.ranges)
     lengths = [_greatest(parameters, f"element_lengths_{k + 1}", h) for k, h in enumerate(model.lengths)]
     if len(lengths) == 1:
         lengths = [_greatest(parameters, "element_lengths", lengths[0])]
-    per_element = [reach / h for reach, h in zip(model.ranges, lengths, strict=True)]
-    nodes = [per_element[0], *(min(pair) for pair in pairwise(per_element)), per_element[-1]]
-    return nodes[: model.n]
+    return model.structure.coordinate_limits(lengths)
 
 
 def _greatest(parameters: Sequence[Field], name: str, value: float) -> float:

@@ -17,7 +17,8 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.reals import Real
 from continuum_grasp.export.stability import MOST_SUBSTEPS
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, ModelOptions
+from continuum_grasp.model.stumpff import ROUNDING
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene
@@ -88,19 +89,26 @@ def source_of(given: Given, real: Real) -> Source:
 
 
 def _of_precision(model: FingerModel, real: Real) -> FingerModel:
-    """The same model; of arcs in single precision with series that are cut there, unless an accuracy was asked for."""
-    if real.name != "float" or model.family != "arc" or model.structure.accuracy is not None:
+    """The same model; one that is evaluated to rounding, in single precision with series that are cut at its own."""
+    if not _is_cut(model, real):
         return model
-    finger, keywords = model.structure.asked
-    return FingerModel(finger, **{**keywords, "accuracy": _CUT * real.epsilon})
+    finger, options = model.structure.asked
+    cut: ModelOptions = {**options, "accuracy": _CUT * real.epsilon}
+    return FingerModel(finger, **cut)
+
+
+def _is_cut(model: FingerModel, real: Real) -> bool:
+    made = model.structure
+    return real.name == "float" and made.accuracy is None and made.family.default_accuracy <= ROUNDING
 
 
 def _of_loop(scene: ControlScene, real: Real) -> Source:
     """The closed loop, and the model that its controller predicts with."""
-    fidelity = scene.fidelity
-    if real.name == "float" and fidelity.family == "arc" and fidelity.accuracy is None:
-        scene = scene.model_copy(update={"fidelity": fidelity.model_copy(update={"accuracy": _CUT * real.epsilon})})
     model = Prediction(scene).system.finger_model
+    if _is_cut(model, real):
+        fidelity = scene.fidelity.model_copy(update={"accuracy": _CUT * real.epsilon})
+        scene = scene.model_copy(update={"fidelity": fidelity})
+        model = Prediction(scene).system.finger_model
     return Source(model, *_names(scene), None, scene.model_dump(mode="json"), scene)
 
 

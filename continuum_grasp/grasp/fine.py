@@ -12,6 +12,7 @@ from continuum_grasp.grasp.result import Change, GraspResult
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.found import start_from
 from continuum_grasp.nlp import Budget
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger
 from continuum_grasp.scene.simulate import Fidelity
@@ -43,7 +44,7 @@ def with_elements(scene: GraspScene, per_segment: int, family: str | None = None
     ----------
     scene : GraspScene
     per_segment : int
-    family : {"arc", "clothoid", "matched_clothoid"}, optional
+    family : str, optional
         None: each finger keeps its own.
     """
 
@@ -182,6 +183,6 @@ def _words(scene: GraspScene) -> str:
 
 
 def _smooth(scene: GraspScene) -> str:
-    """A family of clothoids that all fingers can have."""
+    """The finest family that all fingers can have."""
     has_friction = any(f.tendons is not None and f.tendons.friction > 0.0 for f in scene.named_fingers.values())
-    return "clothoid" if has_friction else "matched_clothoid"
+    return default_family(free_tip=has_friction)

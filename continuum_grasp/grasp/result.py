@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.certificate import Certificate
+from continuum_grasp.model.family import family_class
+from continuum_grasp.results.result import File, Result, maker_of
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import GraspScene
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.sensitivity import Sensitivity
 
@@ -188,7 +189,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class GraspResult:
+class GraspResult(Result):
     """A grasp, or why there is none.
 
     Attributes
@@ -200,7 +201,9 @@ class GraspResult:
         One sentence on how it ended.
     arrays : dict of str to ndarray
         The numbers, as stored in a run folder. Per finger F: ``F.family``, ``F.q``, ``F.lengths``,
-        ``F.tip_curvature``, ``F.tensions``, ``F.base`` and ``F.backbone`` (see `FingerPosture`); ``object.pose``;
+        ``F.curvature_shapes`` (curvature at places spread evenly along each element per coordinate, see
+        `continuum_grasp.model.family.Family`), ``F.tip_curvature``, ``F.tensions``, ``F.base`` and ``F.backbone`` (see
+        `FingerPosture`); ``object.pose``;
         per contact: ``contact_names``, ``contact_positions``, ``contact_normals``, ``contact_forces`` (N, f, lift),
         ``contact_stations``, ``contact_parts`` (see `Contact`). Where there is no grasp: the point that comes
         closest, or empty.
@@ -218,7 +221,24 @@ class GraspResult:
         How the answer changes with friction, mass and pose; empty where the solver stopped early.
     fine : Change, optional
         What a fine model changes, where that was asked for.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> grasp = cg.optimize_grasp("configs/grasp/mug_arcs.yaml")
+    >>> [contact.name for contact in grasp.contacts]
+    ['finger.middle', 'finger.tip', 'palm']
+    >>> finger = grasp.fingers["finger"]
+    >>> [round(tension, 1) for tension in finger.tensions.tolist()], finger.backbone.shape
+    ([41.3, 1.0], (201, 4))
     """
+
+    kind: ClassVar[str] = "grasp"
+    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.report:result_yaml"),)
+    pictures: ClassVar[tuple[File, ...]] = (
+        File("grasp.png", "grasp.report.files:picture"),
+        File("report.html", "grasp.report.files:page"),
+    )
 
     scene: GraspScene
     status: Status
@@ -259,8 +279,9 @@ class GraspResult:
             return ()
         found, error = [], self.certificate.model_error
         if not error.small:
-            arcs = any(finger.family == "arc" for finger in self.fingers.values())
-            other = " or take fidelity.family: matched_clothoid" if arcs else ""
+            fine = default_family(free_tip=False)
+            coarse = any(family_class(f.family).order < family_class(fine).order for f in self.fingers.values())
+            other = f" or take fidelity.family: {fine}" if coarse else ""
             found.append(f"{error}: raise fidelity.elements{other}")
         if not self.certificate.stability.stable:
             found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
@@ -328,44 +349,43 @@ class GraspResult:
 
     def table(self) -> str:
         """The result as text: forces, verification, reasons."""
-        from continuum_grasp.grasp.report.report import result_text
+        text: str = maker_of("grasp.report.report:result_text")(self)
+        return text
 
-        return result_text(self)
+    def stored_arrays(self) -> dict[str, Array]:
+        """The numbers: which there are depends on the fingers."""
+        return dict(self.arrays)
+
+    def details(self, *, quality: bool = True) -> dict[str, Any]:
+        """Verification, indices of quality, and why there is no grasp."""
+        return {
+            "seed": self.scene.solver.random_seed,
+            "message": self.message,
+            "certificate": None if self.certificate is None else self.certificate.data(),
+            "quality": self.quality.data() if quality and self.solved else None,
+            "violated": list(self.violated),
+            "reasons": [asdict(reason) for reason in self.reasons],
+            "advice": self.advice,
+        }
 
     def save(self, folder: str | PathLike[str], *, quality: bool = True) -> Path:
-        """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, whole or not at all.
+        """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, each whole or not at all.
 
         Parameters
         ----------
         folder : path-like
+            Made where missing; a run in it is replaced.
         quality : bool, optional
-            Whether to compute and store the indices of quality.
+            Save the indices of quality too, which take some tenths of a second.
+
+        Returns
+        -------
+        pathlib.Path
+            The folder.
 
         Raises
         ------
         OSError
             The files cannot be written.
         """
-        from continuum_grasp.grasp.report.report import save_result
-
-        return save_result(self, folder, quality=quality)
-
-    def plot(self, target: Axes | str | PathLike[str] | None = None) -> Axes:
-        """Draw the grasp.
-
-        Parameters
-        ----------
-        target : Axes or path-like, optional
-            Axes to draw into, or the picture file to write; None: new axes.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-        """
-        from continuum_grasp.grasp.report.shown import resisted_forces
-        from continuum_grasp.plotting.grasp.grasp import plot_grasp, save_grasp_plot
-
-        resisted = resisted_forces(self)
-        if isinstance(target, (str, PathLike)):
-            return save_grasp_plot(self, target, resisted=resisted)
-        return plot_grasp(self, ax=target, resisted=resisted)
+        return self._save(folder, quality=quality)

@@ -17,6 +17,7 @@ from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.load import scene_of
 
 __all__ = ["optimize_grasp"]
 
@@ -61,8 +62,7 @@ def optimize_grasp(
     >>> grasp.status.value, round(grasp.tension, 1), len(grasp.contacts)
     ('optimal', 42.3, 3)
     """
-    if not isinstance(scene, GraspScene):
-        scene = _load(scene)
+    scene = scene_of(scene, GraspScene)
     budget = Budget.of(scene.solver)
     tolerance = asked_tolerance(scene)
     if tolerance is None:
@@ -83,17 +83,6 @@ def optimize_grasp(
             result=result,
         )
     return result
-
-
-def _load(path: str | os.PathLike[str]) -> GraspScene:
-    from continuum_grasp.scene.load import load
-
-    if not isinstance(path, (str, os.PathLike)):
-        raise InputError(f"expected a GraspScene or the path of its YAML file, got {path!r:.80}")
-    scene = load(os.fspath(path))
-    if not isinstance(scene, GraspScene):
-        raise InputError("expected a grasp scene (it has an object)", file=os.fspath(path))
-    return scene
 
 
 def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> GraspResult:

@@ -57,8 +57,8 @@ def _rod(rod: Rod, target: str, value: float) -> Rod:
         return Rod(**{**given, target: value})
     if target == "bending_stiffness":
         return Rod(**{**given, "youngs_modulus": value * rod.youngs_modulus / rod.stiffness})
-    kept = {"rotary_inertia": rod.inertia_per_length}  # the model keeps it while the linear density changes
-    return Rod(**{**given, **kept, "density": value * rod.density / rod.mass_per_length})
+    unchanged = {"rotary_inertia": rod.inertia_per_length}  # in the model it stays while the linear density changes
+    return Rod(**{**given, **unchanged, "density": value * rod.density / rod.mass_per_length})
 
 
 def _masses(finger: Finger, target: str, value: float) -> tuple[PointMass, ...]:

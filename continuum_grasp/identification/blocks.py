@@ -80,34 +80,15 @@ class Block:
         raise NotImplementedError
 
 
-class PosesBlock(Block):
-    """Shapes at rest."""
+class _RowsBlock(Block):
+    """Rows of measurements, each about an equilibrium of its own."""
 
-    def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
-        self.name = data.name
+    def __init__(self, scene: Scene, data: Poses | Frequencies, unknowns: Sequence[Unknown]) -> None:
+        self.name, self.entries = data.name, []
         self._count = data.rows
         self._rows = Rows(scene, unknowns, data.conditions, data.rows, data.name)
-        places = [(one.quantity, one.at) for one in data.measured]
-        self._observe = observation(self._rows.model, places)
         self._shapes = Shapes(self._rows, data.rows)
-        fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
-        self.entries = []
-        for row in range(data.rows):
-            for one in data.measured:
-                where = "tip" if one.at is None else f"{one.at:g} m"
-                turned = one.quantity in ("angle", "bend")
-                group = "angles of poses" if turned else "positions of poses"
-                self.entries.append(
-                    Entry(
-                        f"{one.quantity} at {where}, row {row + 1}",
-                        group if one.sigma is None else f"{data.name}: {one.quantity} at {where}",
-                        "rad" if turned else "m",
-                        float(np.asarray(one.values)[row]),
-                        bool(fitted[row]),
-                        one.sigma,
-                        float(row + 1),
-                    )
-                )
+        self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         """As of ``Block``."""
@@ -119,24 +100,48 @@ class PosesBlock(Block):
         return self._shapes.warnings(self._rows, self._count, values)
 
     def _row(self, row: int, values: Array) -> tuple[Array, Array]:
+        """Predictions of one row, and their derivatives."""
+        raise NotImplementedError
+
+
+class PosesBlock(_RowsBlock):
+    """Shapes at rest."""
+
+    def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
+        super().__init__(scene, data, unknowns)
+        self._observe = observation(self._rows.model, [(one.quantity, one.at) for one in data.measured])
+        for row in range(data.rows):
+            for one in data.measured:
+                where = "tip" if one.at is None else f"{one.at:g} m"
+                turned = one.quantity in ("angle", "bend")
+                group = "angles of poses" if turned else "positions of poses"
+                self.entries.append(
+                    Entry(
+                        f"{one.quantity} at {where}, row {row + 1}",
+                        group if one.sigma is None else f"{data.name}: {one.quantity} at {where}",
+                        "rad" if turned else "m",
+                        float(np.asarray(one.values)[row]),
+                        bool(self._fitted[row]),
+                        one.sigma,
+                        float(row + 1),
+                    )
+                )
+
+    def _row(self, row: int, values: Array) -> tuple[Array, Array]:
         z, dz = self._rows.at(row, values)
         q, dq = self._shapes.at(row, z)
         y, by_q, by_z = (np.array(v) for v in self._observe(q, z))
         return y.ravel(), (by_z + by_q @ dq) @ dz
 
 
-class VibrationBlock(Block):
+class VibrationBlock(_RowsBlock):
     """Frequencies and decay rates of small vibrations about the equilibrium."""
 
     def __init__(self, scene: Scene, data: Frequencies, unknowns: Sequence[Unknown]) -> None:
-        self.name = data.name
-        self._rows = Rows(scene, unknowns, data.conditions, data.rows, data.name)
-        self._shapes = Shapes(self._rows, data.rows)
+        super().__init__(scene, data, unknowns)
         self._matrices, self._gradient = _pencil(self._rows.model)
         self._modes = np.asarray(data.mode, dtype=int)
         self._decays = data.decay_rate is not None
-        fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
-        self.entries = []
         columns = [("frequency", "Hz", np.asarray(data.frequency, dtype=float))]
         if data.decay_rate is not None:
             columns.append(("decay rate", "1/s", np.asarray(data.decay_rate, dtype=float)))
@@ -144,17 +149,8 @@ class VibrationBlock(Block):
             for quantity, unit, numbers in columns:
                 label = f"{quantity} of mode {mode}, row {row + 1}"
                 group = f"{quantity} of mode {mode}"
-                own = bool(fitted[row])
+                own = bool(self._fitted[row])
                 self.entries.append(Entry(label, group, unit, float(numbers[row]), own, None, float(row + 1)))
-
-    def predict(self, values: Array) -> tuple[Array, Array]:
-        """As of ``Block``."""
-        found = [self._row(row, values) for row in range(len(self._modes))]
-        return np.concatenate([y for y, _ in found]), np.concatenate([d for _, d in found])
-
-    def warnings(self, values: Array) -> tuple[str, ...]:
-        """As of ``Block``."""
-        return self._shapes.warnings(self._rows, len(self._modes), values)
 
     def _row(self, row: int, values: Array) -> tuple[Array, Array]:
         z, dz = self._rows.at(row, values)

@@ -9,13 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import column
-from continuum_grasp.identification.levenberg import least_squares
+from continuum_grasp.identification.least_squares import least_squares
 
 __all__ = ["DampedSine", "fit_damped_sine"]
 
 Array = NDArray[np.float64]
 
 _LEAST_SAMPLES = 12
+"""Of a signal: two per unknown, of which a damped sine with offset and drift has six."""
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Entry
+from continuum_grasp.results.result import File, Result, Stored
 from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["Error", "Fit"]
@@ -39,27 +39,17 @@ class Error:
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Result):
     """Estimated parameters with their uncertainty, and how well the model predicts the data.
 
     Attributes
     ----------
     names, units : tuple of str
         Of the n parameters.
-    values, deviations : (n,) ndarray
-        Estimates and standard deviations; infinite where the data do not see a parameter.
-    intervals : (n, 2) ndarray
-        95 % confidence, by Student's t.
-    correlation : (n, n) ndarray
-    singular_values : (n,) ndarray
-        Of the Jacobian scaled by the data's standard deviations and the parameters' typical sizes.
     freedom : int
         Degrees of freedom.
     entries : tuple of Entry
         The m measured numbers: label, group, unit, value, whether fitted.
-    predictions : (m,) ndarray
-    sigma : (m,) ndarray
-        Standard deviation of each entry, known or from the residuals.
     blocks : tuple of (str, int)
         Name of each set of measurements and how many entries it has.
     targets : tuple of (str, float, bool)
@@ -70,6 +60,27 @@ class Fit:
     warnings : tuple of str
     statistics : mapping
     """
+
+    kind: ClassVar[str] = "identify"
+    stored: ClassVar[tuple[Stored, ...]] = (
+        Stored("values", "(n,)", "", "estimates"),
+        Stored("deviations", "(n,)", "", "their standard deviations; infinite where the data do not see a parameter"),
+        Stored("intervals", "(n, 2)", "", "95 % confidence intervals, by Student's t"),
+        Stored("correlation", "(n, n)", "1", "correlation of the estimates"),
+        Stored(
+            "singular_values", "(n,)", "1", "of the Jacobian, scaled by the data's deviations and typical parameters"
+        ),
+        Stored("measured", "(m,)", "", "measured numbers"),
+        Stored("predictions", "(m,)", "", "predictions of the model"),
+        Stored("residuals", "(m,)", "", "predictions less measurements"),
+        Stored("sigma", "(m,)", "", "standard deviations of the measured numbers, known or from the residuals"),
+        Stored("fitted", "(m,)", "1", "whether it was fitted"),
+        Stored("labels", "(m,)", "text", "name of each measured number"),
+    )
+    pictures: ClassVar[tuple[File, ...]] = (
+        File("residuals.png", "plotting.identification:plot_residuals"),
+        File("predictions.png", "plotting.identification:plot_all_predictions"),
+    )
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -153,39 +164,14 @@ class Fit:
                 changed = with_parameter(changed, target, base + factor * float(value))
         return changed
 
-    def save(self, folder: str | Path) -> Path:
-        """Write ``result.npz`` and ``meta.json`` into a folder, atomically.
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Name of each entry."""
+        return tuple(entry.label for entry in self.entries)
 
-        Returns
-        -------
-        pathlib.Path
-            The folder.
-        """
-        from continuum_grasp.results import write_run
-
-        arrays = {
-            "values": self.values,
-            "deviations": self.deviations,
-            "intervals": self.intervals,
-            "correlation": self.correlation,
-            "singular_values": self.singular_values,
-            "measured": self.measured,
-            "predictions": self.predictions,
-            "residuals": self.residuals,
-            "sigma": self.sigma,
-            "fitted": self.fitted,
-            "labels": np.array([entry.label for entry in self.entries]),
-        }
-        meta = {
-            "kind": "identify",
-            "config": self.scene.model_dump(mode="json"),
-            "identified_finger": self._finger(),
-            "status": self.status,
-            "warnings": list(self.warnings),
-            "statistics": dict(self.statistics),
-            **self.summary(),
-        }
-        return write_run(folder, arrays, meta)
+    def details(self) -> dict[str, Any]:
+        """The identified finger, and the summary."""
+        return {"identified_finger": self._finger(), **self.summary()}
 
     def _finger(self) -> dict[str, Any] | None:
         """The finger with the estimates in it; None where an estimate is out of a finger's range."""
@@ -213,9 +199,3 @@ class Fit:
             "holdout_errors": errors(self.holdout_errors),
             "blocks": [{"name": name, "entries": count} for name, count in self.blocks],
         }
-
-    def plot(self, folder: str | Path) -> list[Path]:
-        """Draw residuals and predictions into a folder."""
-        from continuum_grasp.plotting.identification import save_fit_pictures
-
-        return save_fit_pictures(self, Path(folder))

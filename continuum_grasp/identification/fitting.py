@@ -34,10 +34,16 @@ Array = NDArray[np.float64]
 Measurements = str | PathLike[str] | Data | Sequence[str | PathLike[str] | Data]
 
 _SIGNIFICANT = 2.5
-"""Correlation of successive residuals, in standard deviations of that of noise, from which it is reported."""
+"""Correlation of successive residuals, in standard deviations of that of noise [1], from which it is reported: noise
+exceeds it in 0.6 % of paths."""
 _SERIES = 30
+"""Instants of a path from which the correlation is tested; its deviation, 1 / sqrt(instants), holds for long series."""
 _APART = 8.0
+"""Variance between sets of a group per variance within [1] from which it is reported: Fisher's ratio, which
+two independent sets of six repeats exceed in 2 % of cases."""
 _LITTLE = 0.6
+"""Misfit per range of what was measured [1] from which it is reported: the best constant has 0.29 where measurements
+are spread evenly, and 0.5 where half of them are at either end."""
 
 
 @interrupt.listening()
@@ -58,7 +64,8 @@ def identify(
     Parameters
     ----------
     scene : Scene or path-like
-        The scene, or its YAML file; one with ``estimate`` and ``data`` says what to estimate and how to read files.
+        The scene, or its YAML file; ``estimate`` and ``data`` of an `IdentifyScene` are what to
+        estimate and how to read files.
     data : path-like, Poses, TipPath, Frequencies, or a sequence of these
         Measurements: CSV files, folders of them, or arrays.
     parameters : sequence of Estimate or str, optional
@@ -78,6 +85,22 @@ def identify(
         If scene, parameters or data are wrong or do not fit together.
     SolverError
         If the search does not converge, or the model has no shape or motion at the start.
+
+    Examples
+    --------
+    The bending stiffness M L / bend of a rod from its bends [rad] under moments at its tip [N m]:
+
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.identification import Poses, Reading
+    >>> scene = cg.Scene(
+    ...     schema_version=1,
+    ...     finger={"rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.005}},
+    ...     gravity=(0.0, 0.0),
+    ... )
+    >>> poses = Poses([Reading("bend", [0.33, 0.67, 1.0])], {"tip_moment": [0.01, 0.02, 0.03]})
+    >>> fit = cg.identify(scene, poses, parameters=["bending_stiffness"])
+    >>> round(fit["bending_stiffness"], 4)
+    0.006
     """
     started = perf_counter()
     scene, note = _resolved(scene_of(scene))

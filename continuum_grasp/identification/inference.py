@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.identification.student import t_quantile
 from continuum_grasp.identification.unknowns import Unknown
 
 __all__ = ["Inference", "infer"]
@@ -16,13 +15,17 @@ __all__ = ["Inference", "infer"]
 Array = NDArray[np.float64]
 
 _BLIND = 1e-7
-"""Singular value, relative to the largest, below which a direction is not seen at all."""
+"""Singular value, relative to the largest, below which a direction is not seen at all [1]: a digit above the error of
+the derivatives, which is below 1e-8."""
 _PART = 1e-3
-"""Component of a parameter in such a direction from which on it is not seen either."""
+"""Component of a parameter in such a direction from which it is not seen either [1]: smaller ones are rounding of the
+singular vectors."""
 _WEAK = 0.5
-"""Standard deviation, relative to the size, from which on a parameter is hardly seen."""
-_TWINS = 0.99
-"""Correlation from which on two parameters can hardly be told apart."""
+"""Standard deviation, relative to the size, from which a parameter is hardly seen [1]: its 95 % interval then reaches
+zero."""
+_ALIKE = 0.99
+"""Correlation [1] from which two parameters can hardly be distinguished: each interval is then seven
+times as wide as with the other known."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,8 @@ def infer(
     inflation : float
         Further factor of the covariance, for a robust loss.
     """
+    from scipy.special import stdtrit
+
     count, rows = len(unknowns), len(residuals)
     sizes = np.array([one.typical for one in unknowns])
     freedom = rows - count
@@ -90,7 +95,7 @@ def infer(
     correlation[np.outer(lost, lost) | np.outer(lost, ~lost) | np.outer(~lost, lost)] = np.nan
     np.fill_diagonal(correlation, 1.0)
     deviations = spread * sizes
-    reach = t_quantile(0.975, freedom) * deviations if freedom > 0 else np.full(count, np.inf)
+    reach = stdtrit(freedom, 0.975) * deviations if freedom > 0 else np.full(count, np.inf)
     intervals = np.stack([values - reach, values + reach], axis=1)
     warnings = [*_blindness(unknowns, directions[blind], jacobian * sizes)]
     warnings += _weakness(unknowns, values, deviations, correlation, lost)
@@ -130,9 +135,9 @@ def _weakness(
                 f"{100 * deviations[k] / size:.0f} % of its size"
             )
         for j in range(k):
-            if np.isfinite(correlation[k, j]) and abs(correlation[k, j]) > _TWINS:
+            if np.isfinite(correlation[k, j]) and abs(correlation[k, j]) > _ALIKE:
                 found.append(
-                    f"{unknowns[j].name} and {one.name} can hardly be told apart: their estimates are correlated by "
+                    f"{unknowns[j].name} and {one.name} can hardly be distinguished: their estimates are correlated by "
                     f"{correlation[k, j]:+.4f}"
                 )
     return found

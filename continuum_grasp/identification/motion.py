@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import CompileError, find_compiler
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, signal
-from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.simulation.signals import Signals
@@ -25,11 +22,13 @@ __all__ = ["Motion"]
 Array = NDArray[np.float64]
 
 _MOST_STEPS = 200_000
+"""Of a path: seconds per evaluation, of which a search takes dozens."""
 _FINER = 2.0
-"""Steps, relative to those that a simulation takes."""
+"""Steps per step of a simulation [1]: a sixteenth of its error, so that the steps do not pass for parameters."""
 _CHANGE = 0.1
-"""Relative change of parameters from which on the steps are chosen anew."""
+"""Relative change of parameters from which the steps are chosen anew; smaller ones are within their margin."""
 _SHAPES = 6
+"""Sampled shapes, the initial one among them, whose stiffest mode limits the steps."""
 
 
 class Motion:
@@ -50,12 +49,12 @@ class Motion:
         self._model, self._signals, self._slope, self._t = model, signals, slope, t
         self._nx = model.nx
         self._core = Core(model, compiled=False)
-        step = step_function(_variational(model, slope.shape[1]), "rk4")
-        self._run = Rollouts(step, _compiled(rollout_source(step)), True)
+        functions = SimpleNamespace(forward_dynamics=_variational(model, slope.shape[1]))
+        self._run = Rollouts.of(step_function(functions, "rk4"))
         self._settled: tuple[Array, float] | None = None
 
     def _settle(self, start: Array, p: Array) -> None:
-        """Steps that are short enough for parameters p; kept while these change little."""
+        """Steps that are short enough for parameters p; they stay while these change little."""
         if self._settled is not None and np.allclose(p, self._settled[0], rtol=_CHANGE, atol=0.0):
             return
         signals, model = self._signals, self._model
@@ -105,11 +104,11 @@ class Motion:
         grid, count = self._grid, self._slope.shape[1]
         whole = np.concatenate([start, slope.ravel(order="F")])[None]
         arguments = np.concatenate([p, self._slope.ravel(order="F")])
-        states, kept = self._run(
+        states, finished = self._run(
             whole, grid.steps, grid.substeps, grid.spacing / grid.substeps, self._u, self._w, arguments
         )
-        if kept[0] < grid.steps:
-            time = float(kept[0]) * grid.spacing
+        if finished[0] < grid.steps:
+            time = float(finished[0]) * grid.spacing
             raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)
         rows = grid.pick(states[0])
         slopes = rows[:, self._nx :].reshape(len(rows), count, self._nx)
@@ -122,7 +121,7 @@ class _Grid:
     Attributes
     ----------
     spacing : float
-        Time between kept states [s].
+        Time between stored states [s].
     steps, substeps : int
     """
 
@@ -168,14 +167,3 @@ def _variational(model: FingerModel, count: int) -> ca.Function:
     outputs = ca.cse([ca.densify(ca.vertcat(rate, ca.vec(slope)))])
     inputs = [ca.vertcat(x, ca.vec(moved)), u, w, ca.vertcat(p, ca.vec(turned))]
     return ca.Function("variational", inputs, outputs, ["x", "u", "w", "p"], ["xd"])
-
-
-def _compiled(source: str) -> ctypes.CDLL | None:
-    """The source as a library, where there is a compiler; the virtual machine gives the same numbers."""
-    compiler = find_compiler()
-    if compiler is None:
-        return None
-    try:
-        return ctypes.CDLL(str(library_for(source, compiler)))
-    except (CompileError, OSError):
-        return None

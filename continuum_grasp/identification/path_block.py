@@ -15,6 +15,7 @@ from continuum_grasp.identification.rows import Rows, runtime_names
 from continuum_grasp.identification.shape import Shapes, observation
 from continuum_grasp.identification.unknowns import DEADBAND, Unknown
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.limits import limit_warnings
 from continuum_grasp.simulation.signals import Signals
@@ -35,8 +36,9 @@ class PathBlock(Block):
         self.name = data.name
         self._unknowns = unknowns
         self._model = model = FingerModel(scene, parameters=runtime_names(scene, unknowns))
-        if model.nx > 2 * model.n and model.family == "matched_clothoid":
-            raise InputError("paths of tendons with a time constant need fidelity.family: clothoid", key=data.name)
+        if model.nx > 2 * model.n and model.structure.matched:
+            free = default_family(free_tip=True)
+            raise InputError(f"paths of tendons with a time constant need fidelity.family: {free}", key=data.name)
         family = scene.fidelity.model_copy(update={"family": model.family})
         self._scene = scene.model_copy(update={"fidelity": family})
         self._signals = Signals(scene, model)

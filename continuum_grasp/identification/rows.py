@@ -20,7 +20,8 @@ __all__ = ["Rows", "runtime_names"]
 Array = NDArray[np.float64]
 
 _ROUNDING = 0.01
-"""Width over which the corner of the deadband is rounded off [N]."""
+"""Width over which the corner of the deadband is rounded off [N], for a derivative there:
+a hundredth of a typical deadband."""
 
 
 def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str] = ()) -> tuple[str, ...]:
@@ -89,7 +90,7 @@ class Rows:
         self._table = np.tile(self._nominal, (rows, 1))
         for key, values in conditions.items():
             self._table[:, self._index(key, name)] = column(f"{name}.conditions.{key}", values, rows)
-        self._derivative, self._kept = self._derivatives()
+        self._derivative, self._own = self._derivatives()
 
     @property
     def nominal(self) -> Array:
@@ -103,7 +104,7 @@ class Rows:
 
     def at(self, row: int, values: Array) -> tuple[Array, Array]:
         """Values (nz,) of a row and their derivative (nz, unknowns)."""
-        z = self._kept * self._table[row] + self._derivative @ values
+        z = self._own * self._table[row] + self._derivative @ values
         derivative = self._derivative
         for k, one in enumerate(self._unknowns):
             if one.target == DEADBAND:
@@ -112,16 +113,16 @@ class Rows:
         return z, derivative
 
     def _derivatives(self) -> tuple[Array, Array]:
-        """dz/dvalues (nz, unknowns), and one (nz,) for each entry that keeps its own value too."""
+        """dz/dvalues (nz, unknowns), and one (nz,) for each entry that has its own value too."""
         derivative = np.zeros((len(self.names), len(self._unknowns)))
-        kept = np.ones(len(self.names))
+        own = np.ones(len(self.names))
         for k, one in enumerate(self._unknowns):
             if one.target == DEADBAND:
                 continue
             at = self.names.index(one.target)
             derivative[at, k] = one.factor
-            kept[at] = 1.0 if one.added else 0.0
-        return derivative, kept
+            own[at] = 1.0 if one.added else 0.0
+        return derivative, own
 
     def _index(self, key: str, name: str) -> int:
         if key not in self.names:

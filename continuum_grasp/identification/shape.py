@@ -20,8 +20,11 @@ __all__ = ["Shapes", "observation"]
 Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-11
+"""Last Newton step per bending range [1]: the search for parameters, which converges to 1e-9, must not see it."""
 _ITERATIONS = 25
+"""Of Newton's method, which takes a handful where it converges quadratically."""
 _SHORTEST = 1.0 / 1024.0
+"""Step along the path to new parameters [1] below which it is lost: at a fold no step is short enough."""
 
 
 class Shapes:
@@ -44,8 +47,7 @@ class Shapes:
 
     def __init__(self, rows: Rows, count: int) -> None:
         self._model = rows.model
-        reach = min(self._model.ranges)
-        self._reach = reach if self._model.family == "arc" else reach / max(self._model.lengths)
+        self._reach = self._model.structure.family.coordinate_size(min(self._model.ranges), max(self._model.lengths))
         start = equilibrium(rows.scene, model=self._model)
         self._last: list[tuple[Array, Array]] = [(start.q, rows.nominal)] * count
 

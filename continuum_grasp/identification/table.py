@@ -22,6 +22,7 @@ __all__ = ["Table", "read_table"]
 Array = NDArray[np.float64]
 
 MAX_BYTES = 200_000_000
+"""Of a file: cells as Python texts take some ten times that in memory."""
 _HEADING = re.compile(r"^(.*?)\s*(?:\[([^\]]*)\])?$")
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.identify import Estimate
 from continuum_grasp.scene.simulate import Scene
 
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 DEADBAND = "tension_deadband"
 """Of the drive, not of the model: the difference of tensions that friction takes before the finger feels any."""
 _LEAST = 1e-9
-"""Of the start, for what must stay positive."""
+"""Lower bound per typical size [1] of what must stay positive."""
 _UNITS = {"youngs_modulus": "Pa", "clamp_angle": "rad", DEADBAND: "N"}
 
 
@@ -131,7 +132,8 @@ def _second_moment(scene: Scene, asked: Estimate, key: str) -> float:
 def _of_model(scene: Scene, name: str, key: str) -> tuple[float, str]:
     """Nominal value and unit of a run-time parameter of the model."""
     try:
-        family = "clothoid" if name == "tendon_friction" and scene.fidelity.family is None else None
+        stated = name != "tendon_friction" or scene.fidelity.family is not None
+        family = None if stated else default_family(free_tip=True)
         model = FingerModel(scene, parameters=(name,), input_rates=False, family=family)
     except InputError as error:
         near = difflib.get_close_matches(name, ("youngs_modulus", "clamp_angle", DEADBAND), n=1)

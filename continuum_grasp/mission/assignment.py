@@ -14,6 +14,7 @@ from continuum_grasp.model import System
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Controller
 from continuum_grasp.scene.cost import Cost, ForceWeight, Reference, Weight
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import BasePose, Finger
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
@@ -59,7 +60,7 @@ class Assignment:
     force : float
         Normal force of the grasp at the contact where it is held [N].
     pulls : (K, 3) ndarray
-        Wrenches that are pulled with: world force x, y [N] and moment about the centre of mass [N m].
+        Wrenches that are pulled with: world force x, y [N] and moment about the center of mass [N m].
     """
 
     mission: MissionScene
@@ -75,7 +76,7 @@ class Assignment:
 
 
 def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignment:
-    """Optimise the grasp of a mission and say what its controller has to do.
+    """Optimize the grasp of a mission and say what its controller has to do.
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     """
     found = optimize_grasp(mission.grasp) if grasp is None else grasp
     if grasp is None and found.statistics["interrupted"]:
-        raise Interrupted("interrupted while the grasp was optimised")
+        raise Interrupted("interrupted while the grasp was optimized")
     if not found.solved:
         raise SolverError("no grasp to carry out", status=found.status.value, advice=found.advice, result=found)
     (name, posture), *_ = found.fingers.items()
@@ -135,11 +136,10 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
 def _finger(mission: MissionScene, base: Array) -> Finger:
     """The finger of the grasp, as placed by it, with the whole range of its drive."""
     given = mission.grasp.setups[0].finger
-    own = {name: getattr(given, name) for name in Finger.model_fields}
-    own["base"] = BasePose(position=(float(base[0]), float(base[1])), angle=float(base[2]))
-    if mission.drive_tension is not None and given.tendons is not None:
-        own["tendons"] = given.tendons.model_copy(update={"max_tension": mission.drive_tension})
-    return Finger(**own)
+    placed = given.replaced(base=BasePose(position=(float(base[0]), float(base[1])), angle=float(base[2])))
+    if mission.drive_tension is None or given.tendons is None:
+        return placed
+    return placed.replaced(tendons=given.tendons.replaced(max_tension=mission.drive_tension))
 
 
 def _posture(found: FingerPosture, lengths: Array) -> Array:
@@ -151,11 +151,11 @@ def _posture(found: FingerPosture, lengths: Array) -> Array:
 
 def _object(mission: MissionScene, grasp: GraspResult) -> GraspObject:
     x, y, angle = (float(v) for v in grasp.object_pose)
-    return mission.grasp.object.model_copy(update={"position": (x, y), "angle": angle, "free": None})
+    return mission.grasp.object.replaced(position=(x, y), angle=angle, free=None)
 
 
 def _control_scene(
-    mission: MissionScene, finger: Finger, thing: GraspObject, middle: float, force: float
+    mission: MissionScene, finger: Finger, body: GraspObject, middle: float, force: float
 ) -> ControlScene:
     asked = mission.controller
     before, after = asked.elements
@@ -174,9 +174,11 @@ def _control_scene(
         finger=finger,
         gravity=(0.0, 0.0),
         contacts=(middle,),
-        object=thing,
-        contact_law=mission.contact_law.model_copy(update={"friction": 0.0}),
-        fidelity=Fidelity(family="matched_clothoid", elements=lengths, bending_range=_reach(finger, lengths)),
+        object=body,
+        contact_law=mission.contact_law.replaced(friction=0.0),
+        fidelity=Fidelity(
+            family=default_family(free_tip=False), elements=lengths, bending_range=_reach(finger, lengths)
+        ),
         parameters=("bending_stiffness",) if mission.estimator.disturbances.bending_stiffness is not None else (),
         controller=Controller(
             period=asked.period,
@@ -202,17 +204,19 @@ def _reach(finger: Finger, lengths: tuple[float, ...]) -> float:
 
 def _about_to_touch(control: ControlScene, side: float) -> float:
     """Size of the tip moment at which the free finger comes close to the object [N m]."""
-    finger, thing = control.finger, control.object
-    if thing is None or finger.tendons is None:
+    finger, body = control.finger, control.object
+    if body is None or finger.tendons is None:
         return 0.0
-    system = System(finger, gravity=(0.0, 0.0), family="clothoid", elements=1, tip_force=False)
+    system = System(finger, gravity=(0.0, 0.0), family=default_family(free_tip=True), elements=1, tip_force=False)
+    family = system.finger_model.structure.family
     where = system.sections(tuple(np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]))
     most = (finger.tendons.max_tension - finger.tendons.min_tension) * finger.tendons.offset
     reached = 0.0
     for moment in np.linspace(0.0, most, _STEPS + 1):
-        shape = [side * moment / finger.rod.stiffness] * system.n
+        kappa = side * moment / finger.rod.stiffness
+        shape = family.coordinates(np.array([kappa * finger.rod.length]), np.full((1, family.degree + 1), kappa))
         points = np.array(where(system.state(q=shape), [0.0, 0.0], [])[0]).T
-        gap = min(thing.distance((float(x), float(y))) for x, y in points) - finger.thickness_radius
+        gap = min(body.distance((float(x), float(y))) for x, y in points) - finger.thickness_radius
         if gap < _CLEARANCE:
             break
         reached = float(moment)

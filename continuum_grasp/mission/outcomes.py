@@ -49,7 +49,7 @@ class Summary:
     plants, held, succeeded : int
         All of them; those on which the object was never dropped; those that also let it go in the end.
     force_error_median, force_error_worst, estimate_error_worst : float
-        Of the held contact force, per set-point; see ``Verdict``.
+        Of the held contact force, per setpoint; see ``Verdict``.
     sunk_worst, moved_worst : float
         [m]
     slip_margin_least : float
@@ -77,7 +77,7 @@ class Summary:
         return {
             "held": f"{self.held} of {self.plants} plants",
             "held and released": f"{self.succeeded} of {self.plants}",
-            "held force": f"{100 * self.force_error_median:.1f} % off its set-point (median of plants), "
+            "held force": f"{100 * self.force_error_median:.1f} % off its setpoint (median of plants), "
             f"{100 * self.force_error_worst:.1f} % at worst",
             "its estimate": f"{100 * self.estimate_error_worst:.1f} % off at worst",
             "sunk": f"{1e3 * self.sunk_worst:.3g} mm at worst",
@@ -119,7 +119,7 @@ def save_trials(outcomes: Sequence[Outcome], folder: str | Path) -> Path:
     pathlib.Path
         The file.
     """
-    from continuum_grasp.results import begin_run, replacing
+    from continuum_grasp.results import begin_run, write_text
 
     rows: list[dict[str, object]] = []
     for outcome in outcomes:
@@ -129,9 +129,7 @@ def save_trials(outcomes: Sequence[Outcome], folder: str | Path) -> Path:
         rows.append({**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")})
     columns = list(dict.fromkeys(name for row in rows for name in row))
     lines = [",".join(columns), *(",".join(_cell(row.get(name, "")) for name in columns) for row in rows)]
-    with replacing(begin_run(folder, "mpc") / "trials.csv") as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return Path(folder) / "trials.csv"
+    return write_text("\n".join(lines) + "\n", begin_run(folder, "mpc") / "trials.csv")
 
 
 def _cell(value: object) -> str:

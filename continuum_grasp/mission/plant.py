@@ -11,7 +11,6 @@ from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.timetable import Timetable
-from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Table
 
 __all__ = ["Variation", "mission_plant", "mission_plant_model"]
@@ -49,16 +48,14 @@ def mission_plant_model(assignment: Assignment) -> PlantModel:
     if control.object is None:
         raise ValueError("a mission has an object")
     mass = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
-    scene: Scene = plant_scene(control).model_copy(
-        update={
-            "contacts": tuple(sorted({*control.contacts, *mission.more_contacts})),
-            "object": control.object.model_copy(update={"mass": mass}),
-            "object_moves": True,
-            "supports": mission.grasp.supports,
-            "contact_law": mission.contact_law,
-            "out_of_plane_gravity": mission.gravity,
-            "table": Table(friction=mission.table_friction),
-        }
+    scene = plant_scene(control).replaced(
+        contacts=tuple(sorted({*control.contacts, *mission.more_contacts})),
+        object=control.object.replaced(mass=mass),
+        object_moves=True,
+        supports=mission.grasp.supports,
+        contact_law=mission.contact_law,
+        out_of_plane_gravity=mission.gravity,
+        table=Table(friction=mission.table_friction),
     )
     return PlantModel(control, scene, _FINGER, _OBJECT)
 
@@ -95,10 +92,7 @@ def mission_plant(
     damping = 1.0 if asked.damping is None else asked.damping / own.damping
     equations.p = nominal * np.array([stiffness, damping, asked.mass, asked.friction])
     equations.outside = timetable.outside()
-    control = assignment.control
-    if asked.seed is not None:
-        control = control.model_copy(update={"plant": own.model_copy(update={"seed": asked.seed})})
-    plant = Plant(control, prediction, assignment.mission.controller.period, equations)
+    plant = Plant(assignment.control, prediction, assignment.mission.controller.period, equations, asked.seed)
     plant.x = plant.x.copy()
     plant.x[equations.system.object_states] += np.array([*asked.shift, 0.0, 0.0])
     return plant

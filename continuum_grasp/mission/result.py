@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,21 +15,24 @@ from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.plant import Variation
 from continuum_grasp.mission.timetable import Span, Timetable
 from continuum_grasp.mission.verdict import Verdict, friction_limits
+from continuum_grasp.results.result import File, MotionResult, Result, Stored
+from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.contacts import overlaps
+from continuum_grasp.simulation.contacts import ContactForces, overlaps
 
 __all__ = ["MissionRun", "estimated_force"]
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 _LOOKS = 50
 """Instants at which overlaps are looked for."""
 _THROUGH = 0.5
-"""Overlap between contacts that is told, as a part of the half thickness."""
+"""Overlap between contacts that is reported, as a part of the half thickness: what chords cut off is less."""
 
 
 @dataclass(frozen=True)
-class MissionRun:
+class MissionRun(MotionResult):
     """A mission that was carried out.
 
     Attributes
@@ -47,6 +50,21 @@ class MissionRun:
     verdict : Verdict
     """
 
+    kind: ClassVar[str] = "mpc"
+    stored: ClassVar[tuple[Stored, ...]] = (
+        *(replace(one, source=f"run.{one.source or one.name}") for one in ControlRun.stored),
+        Stored("force_estimate", "(K,)", "N", "normal force of the held contact as the controller estimated it"),
+        Stored("friction_use", "(T, C)", "1", "share of the friction cone that each contact uses"),
+        Stored("pulls", "(P, 3)", "", "wrench of each pull: x, y [N], moment [N m]", "assignment.pulls"),
+    )
+    texts: ClassVar[tuple[File, ...]] = (File("report.txt", "mission.result:MissionRun.report"),)
+    pictures: ClassVar[tuple[File, ...]] = (
+        File("timeline.png", "plotting.mission.timeline:plot_mission_timeline"),
+        File("snapshots.png", "plotting.mission.mission_snapshots:plot_mission_snapshots"),
+    )
+    frames: ClassVar[str] = "plotting.mission.mission_frames:mission_frames"
+    fps: ClassVar[float] = 25.0
+
     assignment: Assignment
     timetable: Timetable
     variation: Variation
@@ -61,6 +79,11 @@ class MissionRun:
         return self.assignment.mission.name
 
     @property
+    def t(self) -> Array:
+        """Instants (K + 1,) [s]."""
+        return self.run.t
+
+    @property
     def held_contact(self) -> str:
         """Name of the contact whose force is held."""
         return self.assignment.mission.controller.contact
@@ -72,15 +95,31 @@ class MissionRun:
 
     @property
     def pulls(self) -> dict[str, Array]:
-        """Wrench (3) of each phase that pulls: world force x, y [N] and moment about the centre of mass [N m]."""
+        """Wrench (3) of each phase that pulls: world force x, y [N] and moment about the center of mass [N m]."""
         return {f"pull {k + 1}": wrench for k, wrench in enumerate(self.assignment.pulls)}
+
+    @cached_property
+    def contacts(self) -> ContactForces:
+        """Gaps and forces of all contacts."""
+        return _present(self.run.contacts)
+
+    @cached_property
+    def object_pose(self) -> Array:
+        """Pose of the object (K + 1, 4): x, y [m], angle [rad], height [m]."""
+        return _present(self.run.object_pose)
+
+    @property
+    def body(self) -> GraspObject:
+        """The object."""
+        body = self.scene.object
+        if body is None:
+            raise ValueError("a mission has an object that moves")
+        return body
 
     @cached_property
     def friction_use(self) -> Array:
         """Share of the friction cone (K + 1, contacts) that each contact uses [1]; NaN for the table and in the air."""
-        contacts = self.run.contacts
-        if contacts is None:
-            raise ValueError("a mission has an object that moves")
+        contacts = self.contacts
         limits = friction_limits(self.assignment, self.variation, contacts.names) * contacts.normal_force
         found: Array = np.divide(contacts.shear, limits, out=np.full_like(limits, np.nan), where=limits > 0.0)
         return found
@@ -88,14 +127,11 @@ class MissionRun:
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What the user must know: that of the closed loop, and of a finger in the object between its contacts."""
-        run, contacts, poses = self.run, self.run.contacts, self.run.object_pose
-        thing = self.scene.object
-        if contacts is None or poses is None or thing is None:
-            raise ValueError("a mission has an object that moves")
+        run, contacts, poses = self.run, self.contacts, self.object_pose
         looked = np.unique(np.linspace(0, len(run.t) - 1, _LOOKS).astype(int))
         own = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
         half = self.scene.finger.thickness_radius
-        deep = overlaps(thing, poses[looked, :3], run.backbone(looked), half)
+        deep = overlaps(self.body, poses[looked, :3], run.backbone(looked), half)
         beyond = deep - np.maximum(0.0, -contacts.gap[looked][:, own].min(axis=1))
         k = int(beyond.argmax())
         if beyond[k] <= _THROUGH * half:
@@ -105,14 +141,14 @@ class MissionRun:
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
         """Table of the phases: name, begin, end, what was pulled with, furthest displacement since the lift."""
-        t, pose, lift = self.run.t, self.run.object_pose, self.timetable.span("lift")
+        t, pose, lift = self.run.t, self.object_pose, self.timetable.span("lift")
         found = [("phase", "from", "to", "pulled with", "moved")]
         for span in self.spans:
             if span.start > t[-1]:
                 break
             during = (t >= span.start) & (t <= span.end)
             moved = ""
-            if pose is not None and lift.end <= span.start < self.timetable.span("lower").end:
+            if lift.end <= span.start < self.timetable.span("lower").end:
                 begin = pose[np.searchsorted(t, lift.start), :2]
                 moved = f"{1e3 * np.linalg.norm(pose[during, :2] - begin, axis=1).max(initial=0.0):.2f} mm"
             wrench = self.pulls.get(span.name)
@@ -130,62 +166,37 @@ class MissionRun:
         ]
         return "\n".join([*lines, "", self.run.report()])
 
-    def save(self, folder: str | Path) -> Path:
-        """Write the closed loop with phases and verdict, and below it the grasp, into a folder.
+    def meta(self, **options: Any) -> dict[str, Any]:
+        """That of the closed loop, with phases and verdict."""
+        return {
+            **self.run.meta(**options),
+            "mission": self.assignment.mission.model_dump(mode="json"),
+            "warnings": list(self.warnings),
+            "verdict": {**asdict(self.verdict), "succeeded": self.verdict.succeeded},
+            "variation": asdict(self.variation),
+            "phases": [asdict(span) for span in self.spans],
+        }
 
-        ``result.npz`` has, beside the closed loop's arrays, ``force_estimate``, ``friction_use`` and ``pulls``; the
-        meta data has ``verdict``, ``variation`` and ``phases``; ``grasp/`` is the run folder of the grasp.
+    def parts(self) -> dict[str, Result]:
+        """The grasp."""
+        return {"grasp": self.assignment.grasp}
 
-        Returns
-        -------
-        pathlib.Path
-            The folder.
-        """
-        from continuum_grasp.results import note_part, replacing
 
-        target = self.run.save(
-            folder,
-            arrays={
-                "force_estimate": self.force_estimate,
-                "friction_use": self.friction_use,
-                "pulls": self.assignment.pulls,
-            },
-            meta={
-                "mission": self.assignment.mission.model_dump(mode="json"),
-                "warnings": list(self.warnings),
-                "verdict": {**asdict(self.verdict), "succeeded": self.verdict.succeeded},
-                "variation": asdict(self.variation),
-                "phases": [asdict(span) for span in self.spans],
-            },
-        )
-        note_part(target, "grasp")
-        self.assignment.grasp.save(target / "grasp")
-        with replacing(target / "report.txt") as temporary:
-            temporary.write_text(self.report(), encoding="utf-8")
-        return target
-
-    def plot(self, folder: str | Path) -> list[Path]:
-        """Draw ``timeline.png`` and ``snapshots.png`` into a folder."""
-        from continuum_grasp.plotting.mission.mission import save_mission_pictures
-
-        return save_mission_pictures(self, folder)
-
-    def animate(self, path: str | Path, fps: float = 25.0) -> Path:
-        """Write an animation of finger, object, contact forces and predicted tip paths, GIF or MP4 by the suffix."""
-        from continuum_grasp.plotting.mission.frames import animate_mission
-
-        return animate_mission(self, path, fps)
+def _present(value: T | None) -> T:
+    if value is None:
+        raise ValueError("a mission has an object that moves")
+    return value
 
 
 def wrench_text(wrench: Array) -> str:
     """A wrench in words, without what is zero."""
     units = (("N", "in x", 1.0), ("N", "in y", 1.0), ("mN m", "about z", 1e3))
-    told = [
+    words = [
         f"{scale * value:+.3g} {unit} {along}"
         for value, (unit, along, scale) in zip(wrench, units, strict=True)
         if value
     ]
-    return ", ".join(told) or "nothing"
+    return ", ".join(words) or "nothing"
 
 
 def estimated_force(run: ControlRun, model: Prediction, contact: str) -> Array:

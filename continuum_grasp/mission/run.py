@@ -11,17 +11,17 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.errors import InputError, Interrupted, NumericalError
+from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment, assign
 from continuum_grasp.mission.plant import Variation, mission_plant, mission_plant_model
 from continuum_grasp.mission.result import MissionRun, estimated_force
 from continuum_grasp.mission.timetable import Timetable
 from continuum_grasp.mission.verdict import judge
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene
 
-__all__ = ["Crew", "mission_of", "run_mission"]
+__all__ = ["MissionRunner", "run_mission"]
 
 Progress = Callable[[float], None]
 
@@ -34,7 +34,7 @@ def run_mission(
     variation: Variation | None = None,
     progress: Progress | None = None,
 ) -> MissionRun:
-    """Optimise a grasp, and carry it out in closed loop.
+    """Optimize a grasp, and carry it out in closed loop.
 
     Parameters
     ----------
@@ -62,10 +62,10 @@ def run_mission(
     Interrupted
         On Ctrl-C; ``result`` is the mission until then.
     """
-    return Crew(assign(mission_of(scene), grasp)).run(variation, progress)
+    return MissionRunner(assign(scene_of(scene, MissionScene), grasp)).run(variation, progress)
 
 
-class Crew:
+class MissionRunner:
     """Controller and plant of a mission, made once for any number of runs.
 
     Parameters
@@ -101,17 +101,3 @@ class Crew:
         force = estimated_force(run, self._controller.prediction, of.mission.controller.contact)
         verdict = judge(of, self.timetable, variation, run, force)
         return MissionRun(of, self.timetable, variation, run, self._model.scene, force, verdict)
-
-
-def mission_of(given: MissionScene | str | PathLike[str]) -> MissionScene:
-    """A mission that is given as such, or as the path of its file.
-
-    Raises
-    ------
-    InputError
-        If it is something else, or the file is wrong.
-    """
-    scene = given if isinstance(given, MissionScene) else load(given)  # type: ignore[arg-type]
-    if not isinstance(scene, MissionScene):
-        raise InputError(f"expected a mission (grasp, controller, ...), got a {type(scene).__name__}")
-    return scene

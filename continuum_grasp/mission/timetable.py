@@ -1,4 +1,4 @@
-"""What happens when in a mission: set-points, table, and pulls."""
+"""What happens when in a mission: setpoints, table, and pulls."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["Span", "Timetable"]
 Array = NDArray[np.float64]
 
 _LEAST = 0.85
-"""Share of the grasp's tension that is kept while the object is held."""
+"""Share of the grasp's tension that is retained while the object is held."""
 _OPPOSED = 3.0
 """What the other tendon may pull meanwhile beyond its least tension [N]."""
 _SUNK = 0.05
@@ -79,7 +79,7 @@ class Timetable:
     # -- the controller's -------------------------------------------------------------------------------------------
 
     def rows(self, t: Array, names: tuple[str, ...]) -> Array:
-        """Set-points (T, nr) at instants (T,) [s], in the order of ``Stages.r_names``."""
+        """Setpoints (T, nr) at instants (T,) [s], in the order of ``Stages.r_names``."""
         of = self._of
         closed = self._risen(t, "squeeze") - self._risen(t, "release")
         begun = self._risen(t, "approach") - self._risen(t, "release")

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from os import PathLike
-from typing import Any
 
 import numpy as np
 
 from continuum_grasp import interrupt
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.interrupt import ignored_by_children
 from continuum_grasp.mission.assignment import Assignment, assign
 from continuum_grasp.mission.outcomes import Outcome
 from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.run import Crew, mission_of
+from continuum_grasp.mission.run import MissionRunner
+from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene, Trials
+from continuum_grasp.workers import ProcessPool, cores
 
 __all__ = ["run_trials", "variations"]
 
 _SEEDS = 2**31
+"""Upper end of the seeds of measurement noise [1]; any whole number does."""
 
 
 def variations(trials: Trials) -> list[Variation]:
@@ -79,9 +75,9 @@ def run_trials(
     Interrupted
         On Ctrl-C; ``result`` is the list of those that were done.
     """
-    mission = mission_of(scene)
+    mission = scene_of(scene, MissionScene)
     drawn = variations(mission.trials)
-    count = min(os.cpu_count() or 1 if jobs is None else jobs, len(drawn))
+    count = min(cores() if jobs is None else jobs, len(drawn))
     if count < 1:
         raise InputError(f"expected one process at least, got {jobs}", key="jobs")
     assignment = assign(mission, grasp)
@@ -92,65 +88,41 @@ def run_trials(
             done[k] = outcome
             report(len(done) / len(drawn))
     except KeyboardInterrupt:
-        kept = [done[k] for k in sorted(done)]
-        raise Interrupted(f"interrupted after {len(kept)} of {len(drawn)} plants", result=kept) from None
+        finished = [done[k] for k in sorted(done)]
+        raise Interrupted(f"interrupted after {len(finished)} of {len(drawn)} plants", result=finished) from None
     return [done[k] for k in range(len(drawn))]
 
 
 def _outcomes(assignment: Assignment, drawn: list[Variation], jobs: int) -> Iterator[tuple[int, Outcome]]:
-    """Each plant's number and outcome, as they come."""
-    first = _Worker(assignment)
+    """Number and outcome of each plant, in the order in which they end."""
+    first = MissionRunner(assignment)  # compiles once what all processes then load
     if jobs == 1:
-        yield from ((k, first.run(variation)) for k, variation in enumerate(drawn))
+        yield from ((k, _outcome(first, variation)) for k, variation in enumerate(drawn))
         return
-    context = multiprocessing.get_context("spawn")
-    stop = context.Event()
-    with ProcessPoolExecutor(jobs, context, _start, (assignment, stop)) as pool:
-        with ignored_by_children():
-            asked = {pool.submit(_run, variation): k for k, variation in enumerate(drawn)}
-        try:
-            for future in as_completed(asked):
-                yield asked[future], future.result()
-        except BaseException:
-            stop.set()
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    pool, finished = ProcessPool(jobs, _start, assignment), False
+    try:
+        for k, future in pool.as_completed(_run, drawn):
+            lost = pool.lost(future)
+            yield k, Outcome(drawn[k], None, "its worker process died") if lost else future.result()
+        finished = True
+    finally:
+        pool.close(not finished)
 
 
-class _Worker:
-    """Controller and plant in one process; ``stop`` is set when nothing more is wanted."""
-
-    current: _Worker | None = None
-
-    def __init__(self, assignment: Assignment, stop: Any = None) -> None:
-        self._crew, self._stop = Crew(assignment), stop
-
-    def run(self, variation: Variation) -> Outcome:
-        try:
-            return Outcome(variation, self._crew.run(variation, self._watch).verdict)
-        except ContinuumGraspError as error:
-            return Outcome(variation, None, str(error))
-
-    def _watch(self, share: float) -> None:
-        if self._stop is not None and self._stop.is_set():
-            raise KeyboardInterrupt
+def _outcome(runner: MissionRunner, variation: Variation) -> Outcome:
+    try:
+        return Outcome(variation, runner.run(variation).verdict)
+    except ContinuumGraspError as error:
+        return Outcome(variation, None, str(error))
 
 
-def _start(assignment: Assignment, stop: Any) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    _Worker.current = _Worker(assignment, stop)
+_own: list[MissionRunner] = []
+"""Controller and plant of a worker process."""
 
 
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+def _start(assignment: Assignment) -> None:
+    _own.append(MissionRunner(assignment))
 
 
 def _run(variation: Variation) -> Outcome:
-    worker = _Worker.current
-    if worker is None:
-        raise RuntimeError("a worker that was not started")
-    return worker.run(variation)
+    return _outcome(_own[0], variation)

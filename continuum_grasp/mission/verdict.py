@@ -41,11 +41,11 @@ class Verdict:
     moved : float
         Greatest distance that it moved in the plane while it was held, pulls included [m].
     force_error : float
-        Greatest error of the held contact force, smoothed over 0.1 s, in the second half of the hold, per set-point.
+        Greatest error of the held contact force, smoothed over 0.1 s, in the second half of the hold, per setpoint.
     force_mean_error : float
-        Error of its mean there, per set-point.
+        Error of its mean there, per setpoint.
     force_estimate_error : float
-        Error of the mean of its estimate there, per set-point.
+        Error of the mean of its estimate there, per setpoint.
     slip_margin : float
         Least share of the friction cone that was left at any contact while nothing pulled.
     pulled_margin : float
@@ -83,7 +83,7 @@ class Verdict:
             "object": self.word,
             "sunk": f"{1e3 * self.sunk:.3g} mm from lift to lowering (dropped: {1e3 * FALLEN:g} mm)",
             "moved": f"{1e3 * self.moved:.3g} mm in the plane, pulls included",
-            "held force": f"{_percent(self.force_error)} off its set-point at most, "
+            "held force": f"{_percent(self.force_error)} off its setpoint at most, "
             f"{_percent(self.force_mean_error)} in the mean (second half of the hold)",
             "its estimate": f"{_percent(self.force_estimate_error)} off the plant's in the mean",
             "slip margin": f"{self.slip_margin:.2f} of the friction cone, {self.pulled_margin:.2f} while pulled",

@@ -1,4 +1,4 @@
-"""From the input u to the tip moment, and the moment along the finger where tendons rub."""
+"""From the input u to the tip moment, and its loss along the finger by tendon friction."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from continuum_grasp.model.planar import Scalar, minus, plus, times
+from continuum_grasp.model.planar import Scalar
 
 __all__ = ["Drive", "InputLayout", "friction_factors"]
 
 _BEND_ROUNDING = 1e-3
-"""Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]."""
+"""Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]: with a coefficient of 0.5
+the tension is off by a share of 5e-4 at most."""
 
 
 @dataclass(frozen=True)
@@ -58,21 +59,21 @@ class Drive:
         def split(block: int) -> tuple[Scalar, Scalar]:
             start = block * layout.count
             if layout.tendons:
-                moment: Scalar = times(offset, minus(u[start], u[start + 1]))
+                moment: Scalar = offset * (u[start] - u[start + 1])
                 start += 2
             else:
                 moment = u[start]
                 start += 1
             couple: Scalar = 0.0
             for k in range(layout.couples):
-                couple = plus(couple, u[start + k])
+                couple += u[start + k]
             return moment, couple
 
         moment, couple = split(0)
         if not layout.rates:
             return Drive(moment, couple, 0.0, 0.0)
         (rate, couple_rate), (acceleration, couple_acceleration) = split(1), split(2)
-        return Drive(moment, couple, plus(rate, couple_rate), plus(acceleration, couple_acceleration))
+        return Drive(moment, couple, rate + couple_rate, acceleration + couple_acceleration)
 
 
 def friction_factors(friction: Scalar, bends: list[Scalar], shares: list[Scalar]) -> list[Scalar]:
@@ -97,8 +98,8 @@ def friction_factors(friction: Scalar, bends: list[Scalar], shares: list[Scalar]
     factors: list[Scalar] = []
     total: Scalar = 0.0
     for bend, share in zip(bends, shares, strict=True):
-        square, rounding = bend * bend, times(_BEND_ROUNDING, share)
-        size = square / ca.sqrt(plus(square, times(rounding, rounding)))
-        factors.append(ca.exp(-friction * plus(total, 0.5 * size)))
-        total = plus(total, size)
+        square, rounding = bend * bend, _BEND_ROUNDING * share
+        size = square / ca.sqrt(square + rounding * rounding)
+        factors.append(ca.exp(-friction * (total + 0.5 * size)))
+        total += size
     return factors

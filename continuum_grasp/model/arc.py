@@ -11,15 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any
 
-from continuum_grasp.model.link import Bias, Inertia, Link, Section
-from continuum_grasp.model.planar import Rotation, Scalar, Vec, combine, minus, plus, times
-from continuum_grasp.model.stumpff import stumpff
+from continuum_grasp.model.family import Array, Family, Pieces, Rod
+from continuum_grasp.model.link import Bias, Inertia, Link, LoadedLink, Section
+from continuum_grasp.model.planar import Rotation, Scalar, Vec, weighted_sum
+from continuum_grasp.model.stumpff import ROUNDING, stumpff
 
-__all__ = ["Arc"]
+__all__ = ["Arc", "ArcFamily"]
 
 WAYPOINTS = 8
-"""Parts of an arc between which its waypoints lie."""
+"""Parts of an arc between which its waypoints lie [1]: about as many as a clothoid has nodes, 3 to 16."""
+_MOMENTS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 2.0))
+"""Weights of c_1, c_2, ... in the cosine part of J_0, J_1, J_2, by integration by parts."""
+_MEANS = ((1.0,), (1.0, -2.0), (1.0, -4.0, 6.0))
+"""Weights of c_2, c_3, ... in the cosine part of G_0, G_1, G_2."""
 
 
 class Arc(Link):
@@ -52,6 +58,7 @@ class Arc(Link):
         self._rotary_inertia = rotary_inertia
         self._angle_range = angle_range
         self._accuracy = accuracy
+        # All integrals are combinations of these few: no sine, no division, and exact at theta = 0.
         self._c = stumpff(theta, angle_range, accuracy)
 
     @cached_property
@@ -81,13 +88,13 @@ class Arc(Link):
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
         if isinstance(fraction, float) and fraction == 1.0:
             return self._weighted(self._length, omega, rates[0], self._moment)
-        return self._part(fraction).section_bias(1.0, omega, [times(fraction, rates[0])])
+        return self._part(fraction).section_bias(1.0, omega, [fraction * rates[0]])
 
     def _part(self, fraction: Scalar) -> Arc:
         """The arc up to a fraction of its length."""
         return Arc(
-            times(fraction, self._theta),
-            times(fraction, self._length),
+            fraction * self._theta,
+            fraction * self._length,
             self._linear_density,
             self._rotary_inertia,
             self._angle_range,
@@ -96,56 +103,124 @@ class Arc(Link):
 
     @cached_property
     def inertia(self) -> Inertia:
-        c = self._c
-        mass = times(self._linear_density, self._length)
-        per_length = times(mass, self._length)
-        per_square = times(per_length, self._length)
-        rotary = times(self._rotary_inertia, self._length)
+        mass = self._linear_density * self._length
+        per_length = mass * self._length
+        per_square = per_length * self._length
+        rotary = self._rotary_inertia * self._length
         return Inertia(
             mass=mass,
             first=self._mean(0, per_length),
-            second=plus(combine(per_square, [(2.0, c[3])]), rotary),
+            second=self._sum(3, (2.0,), per_square) + rotary,
             arms=(self._mean(1, per_length),),
-            swing=(plus(combine(per_square, [(1.0, c[3]), (-1.0, c[4])]), times(0.5, rotary)),),
-            matrix=((plus(combine(per_square, [(2.0, c[4]), (-4.0, c[5])]), times(1.0 / 3.0, rotary)),),),
+            swing=(self._sum(3, (1.0, -1.0), per_square) + 0.5 * rotary,),
+            matrix=((self._sum(4, (2.0, -4.0), per_square) + 1.0 / 3.0 * rotary,),),
         )
 
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
-        c, theta, rate = self._c, self._theta, rates[0]
-        per_length = times(times(self._linear_density, self._length), self._length)
-        per_square = times(times(per_length, self._length), theta)
+        theta, rate = self._theta, rates[0]
+        per_length = self._linear_density * self._length * self._length
+        per_square = per_length * self._length * theta
         square = rate * rate
-        y0y1 = combine(1.0, [(1.0, c[4]), (-3.0, c[5])])
-        y0y2 = combine(1.0, [(1.0, c[4]), (-4.0, c[5]), (4.0, c[6])])
-        y1y2 = combine(1.0, [(1.0, c[5]), (-6.0, c[6]), (10.0, c[7])])
-        whirl, mixed = times(omega, omega), times(2.0, times(omega, rate))
+        y0y1 = self._sum(4, (1.0, -3.0))
+        y0y2 = self._sum(4, (1.0, -4.0, 4.0))
+        y1y2 = self._sum(5, (1.0, -6.0, 10.0))
+        whirl, mixed = omega * omega, 2.0 * (omega * rate)
         return Bias(
             end=self._weighted(self._length, omega, rate, self._moment),
             force=self._weighted(per_length, omega, rate, self._mean),
-            moment=times(per_square, plus(times(mixed, y0y1), times(square, y0y2))),
-            generalized=(times(per_square, minus(times(square, y1y2), times(whirl, y0y1))),),
+            moment=per_square * (mixed * y0y1 + square * y0y2),
+            generalized=(per_square * (square * y1y2 - whirl * y0y1),),
         )
 
     def _weighted(self, scale: Scalar, omega: Scalar, rate: Scalar, moment: Callable[[int, Scalar], Vec]) -> Vec:
         """Integral of (omega + v rate)^2 t with the weights of a family of moments."""
         total = moment(2, 1.0).scaled(rate * rate)
-        if not (isinstance(omega, float) and omega == 0.0):
-            total = total + moment(1, 1.0).scaled(2.0 * (omega * rate)) + moment(0, 1.0).scaled(omega * omega)
+        total = total + moment(1, 1.0).scaled(2.0 * (omega * rate)) + moment(0, 1.0).scaled(omega * omega)
         return total.scaled(scale)
 
     def _moment(self, j: int, scale: Scalar) -> Vec:
         """J_j times a scale."""
-        c = self._c
-        cosine = ([(1.0, c[1])], [(1.0, c[1]), (-1.0, c[2])], [(1.0, c[1]), (-2.0, c[2]), (2.0, c[3])])[j]
-        sine = ([(1.0, c[2])], [(1.0, c[2]), (-1.0, c[3])], [(1.0, c[2]), (-2.0, c[3]), (2.0, c[4])])[j]
-        return self._pair(scale, cosine, sine)
+        return self._pair(1, _MOMENTS[j], scale)
 
     def _mean(self, j: int, scale: Scalar) -> Vec:
         """G_j times a scale."""
-        c = self._c
-        cosine = ([(1.0, c[2])], [(1.0, c[2]), (-2.0, c[3])], [(1.0, c[2]), (-4.0, c[3]), (6.0, c[4])])[j]
-        sine = ([(1.0, c[3])], [(1.0, c[3]), (-2.0, c[4])], [(1.0, c[3]), (-4.0, c[4]), (6.0, c[5])])[j]
-        return self._pair(scale, cosine, sine)
+        return self._pair(2, _MEANS[j], scale)
 
-    def _pair(self, scale: Scalar, cosine: list[tuple[float, Scalar]], sine: list[tuple[float, Scalar]]) -> Vec:
-        return Vec(combine(scale, cosine), times(self._theta, combine(scale, sine)))
+    def _pair(self, first: int, weights: Sequence[float], scale: Scalar) -> Vec:
+        """An integral of the tangent, whose sine part is the cosine part with every index one higher, times theta."""
+        return Vec(self._sum(first, weights, scale), self._theta * self._sum(first + 1, weights, scale))
+
+    def _sum(self, first: int, weights: Sequence[float], scale: Scalar = 1.0) -> Scalar:
+        """Scale * (w_0 c_first + w_1 c_first+1 + ...)."""
+        return weighted_sum(weights, self._c[first : first + len(weights)], scale)
+
+
+class ArcFamily(Family):
+    """Constant curvature on each element; the coordinates are the bending angles [rad]."""
+
+    degree = 0
+    continuous = False
+    order = 2
+    force_unit = "N m"
+
+    @property
+    def size(self) -> int:
+        return self.elements
+
+    @property
+    def default_accuracy(self) -> float:
+        return ROUNDING
+
+    @property
+    def labels(self) -> list[str]:
+        return [f"theta_{k + 1} [rad]" for k in range(self.elements)]
+
+    def local(self, element: int) -> tuple[int, ...]:
+        return (element,)
+
+    def curvature(self, element: int, q: Sequence[Scalar], length: Scalar) -> list[Scalar]:
+        return [q[element] / length]
+
+    def bends(self, element: int, q: Sequence[Scalar], length: Scalar) -> list[Scalar]:
+        return [q[element]]
+
+    def profile(self, q: Sequence[Scalar], lengths: Sequence[Scalar]) -> list[Scalar]:
+        return [theta / h for theta, h in zip(q, lengths, strict=True)]
+
+    def coordinate_size(self, bend: Any, length: float) -> Any:
+        return bend
+
+    def coordinates(self, bends: Array, curvatures: Array) -> Array:
+        return bends
+
+    def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
+        accuracy = self.accuracy or self.default_accuracy
+        return [
+            LoadedLink(
+                Arc(q[k], h, rod.linear_density, rod.rotary_inertia, reach, accuracy),
+                tuple((fraction, mass) for element, fraction, mass in rod.masses if element == k),
+            )
+            for k, (h, reach) in enumerate(zip(rod.lengths, rod.ranges, strict=True))
+        ]
+
+    def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
+        n = self.elements
+        return [[1.0 / lengths[i] if i == j else 0.0 for j in range(n)] for i in range(n)]
+
+    def rest(self, lengths: Sequence[float], pieces: Pieces) -> list[float]:
+        result = []
+        start = 0.0
+        for h in lengths:
+            result.append(sum(_overlap(start, start + h, a, b) * value for a, b, value in pieces) / h)
+            start += h
+        return result
+
+    def rest_uniform(self, lengths: Sequence[Scalar]) -> list[Scalar]:
+        return [1.0 for _ in lengths]
+
+    def bend_gradient(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
+        return [1.0 if k == element else 0.0 for k in range(self.elements)]
+
+
+def _overlap(a: float, b: float, c: float, d: float) -> float:
+    return max(0.0, min(b, d) - max(a, c))

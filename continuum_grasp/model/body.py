@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, minus, plus, times
+from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.surroundings import Surroundings
 
@@ -25,7 +25,7 @@ class Body:
 
     Parameters
     ----------
-    thing : GraspObject
+    described : GraspObject
     around : Surroundings
         What the object is in.
     mass : scalar, optional
@@ -38,16 +38,16 @@ class Body:
 
     def __init__(
         self,
-        thing: GraspObject,
+        described: GraspObject,
         around: Surroundings,
         mass: Scalar | None = None,
         grip: Scalar = 1.0,
         place: tuple[Scalar, Scalar] | None = None,
     ) -> None:
-        self.thing, self._around = thing, around
+        self.object, self._around = described, around
         self.grip = grip
-        self.mass: Scalar = thing.mass if mass is None else mass
-        self.inertia: Scalar = around.inertia if mass is None else (around.inertia / thing.mass) * mass
+        self.mass: Scalar = described.mass if mass is None else mass
+        self.inertia: Scalar = around.inertia if mass is None else (around.inertia / described.mass) * mass
         self.moves = around.object_moves
         self.sinks = around.out_of_plane_gravity > 0.0
         """Whether it can slide out of the plane."""
@@ -55,10 +55,10 @@ class Body:
         self.pose, self.rates = ca.SX.sym("pose", count), ca.SX.sym("rates", count)
         stands = around.table is not None
         self.wrench = ca.SX.sym("wrench", (4 if stands else 3) if self.moves else 0)
-        """World force, moment about the centre of mass, and the height of the table."""
+        """World force, moment about the center of mass, and the height of the table."""
         self.x_names = [*_POSE[:count], *_RATES[:count]]
         self.w_names = [*_WRENCH[: self.wrench.numel()]]
-        self.start = [*thing.pose, *([0.0] if self.sinks else [])] if self.moves else []
+        self.start = [*described.pose, *([0.0] if self.sinks else [])] if self.moves else []
 
         self.omega: Scalar = 0.0
         if self.moves:
@@ -66,14 +66,14 @@ class Body:
             self.turn = Rotation(ca.cos(self.pose[2]), ca.sin(self.pose[2]))
             self.velocity, self.omega = Vec(self.rates[0], self.rates[1]), self.rates[2]
         else:
-            angle = thing.angle
-            self.position = Vec(*(thing.position if place is None else place))
+            angle = described.angle
+            self.position = Vec(*(described.position if place is None else place))
             self.turn = Rotation(1.0, 0.0) if angle == 0.0 else Rotation(math.cos(angle), math.sin(angle))
             self.velocity = ZERO
         self.climb: Scalar = self.rates[3] if self.moves and self.sinks else 0.0
         """Rate of its height [m/s]."""
-        self.arm = self.turn.apply(Vec(*thing.com))
-        """From the origin of its frame to its centre of mass, world."""
+        self.arm = self.turn.apply(Vec(*described.com))
+        """From the origin of its frame to its center of mass, world."""
 
     def local(self, at: Vec) -> Vec:
         """A world point in the object's frame."""
@@ -103,18 +103,15 @@ class Body:
         total = Vec(self.wrench[0], self.wrench[1])
         moment: Scalar = self.wrench[2]
         for point, force in forces:
-            total = total + force
-            moment = plus(moment, (point - center).cross(force))
+            total += force
+            moment += (point - center).cross(force)
         spin = moment / self.inertia
-        back = self.arm.perp().scaled(spin) - self.arm.scaled(times(self.omega, self.omega))
+        back = self.arm.perp().scaled(spin) - self.arm.scaled(self.omega * self.omega)
         acceleration = total.scaled(1.0 / mass) + gravity - back
         rates = [self.rates[k] for k in range(self.rates.numel())]
         found = [*rates, acceleration.x, acceleration.y, spin]
         if self.sinks:
-            lift: Scalar = 0.0
-            for each in lifts:
-                lift = plus(lift, each)
-            found.append(times(1.0 / mass, lift) - self._around.out_of_plane_gravity)
+            found.append(1.0 / mass * sum(lifts) - self._around.out_of_plane_gravity)
         return found
 
     def energy(self, gravity: Vec) -> tuple[Scalar, Scalar]:
@@ -122,10 +119,10 @@ class Body:
         if not self.moves:
             return 0.0, 0.0
         mass, center = self.mass, self.velocity + self.arm.perp().scaled(self.omega)
-        square = plus(center.dot(center), times(self.climb, self.climb))
+        square = center.dot(center) + self.climb * self.climb
         kinetic = 0.5 * mass * square + 0.5 * self.inertia * self.omega**2
-        weight = times(mass, gravity.dot(self.position + self.arm))
-        potential = minus(0.0, weight)
+        weight = mass * gravity.dot(self.position + self.arm)
+        potential = -weight
         if self.sinks:
-            potential = plus(potential, mass * self._around.out_of_plane_gravity * self.pose[3])
+            potential += mass * self._around.out_of_plane_gravity * self.pose[3]
         return kinetic, potential

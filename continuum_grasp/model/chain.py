@@ -1,4 +1,4 @@
-"""A chain of flexible links on a fixed base: kinematics, mass matrix and generalised forces by recursion.
+"""A chain of flexible links on a fixed base: kinematics, mass matrix and generalized forces by recursion.
 
 The chain does not know which family a link is from. Vectors are in the base's axes with X along the undeformed
 backbone. The recursions are those of a composite rigid body (mass matrix) and of Newton and Euler (velocity products,
@@ -15,7 +15,7 @@ from functools import cached_property
 import casadi as ca
 
 from continuum_grasp.model.link import Bias, Inertia, LoadedLink, Section
-from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, plus, times
+from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec
 
 __all__ = ["Chain", "Force", "Moment", "Place"]
 
@@ -59,7 +59,7 @@ class Chain:
     links : sequence of LoadedLink
         From base to tip.
     coordinates : sequence of tuple of int
-        Per link, the global coordinate of each of its local ones; neighbours may share one.
+        Per link, the global coordinate of each of its local ones; neighbors may share one.
     size : int
         Number of global coordinates.
     """
@@ -113,7 +113,7 @@ class Chain:
 
     def _spin_after(self, k: int, omega: Scalar, local: Sequence[Scalar]) -> Scalar:
         for angle, rate in zip(self.links[k].link.end.angles, local, strict=True):
-            omega = plus(omega, times(angle, rate))
+            omega += angle * rate
         return omega
 
     def end_velocities(self, rates: Sequence[Scalar]) -> list[tuple[Vec, Scalar]]:
@@ -129,9 +129,9 @@ class Chain:
         omega: Scalar = 0.0
         for k, span in enumerate(self.spans):
             local = [rates[a] for a in self.coordinates[k]]
-            moved = moved + span.scaled(omega)
+            moved += span.scaled(omega)
             for arm, rate in zip(self._end_arms[k], local, strict=True):
-                moved = moved + arm.scaled(rate)
+                moved += arm.scaled(rate)
             omega = self._spin_after(k, omega, local)
             found.append((moved.perp(), omega))
         return found
@@ -162,10 +162,12 @@ class Chain:
         matrix: list[list[Scalar]] = [[0.0] * self.size for _ in range(self.size)]
 
         def add(a: int, b: int, value: Scalar) -> None:
-            matrix[a][b] = plus(matrix[a][b], value)
+            matrix[a][b] += value
             if a != b:
                 matrix[b][a] = matrix[a][b]
 
+        # Mass, first and second moment of everything beyond the link, about its end: from the tip inwards each link is
+        # added once, so the cost grows with the square of the number of links, not with its cube.
         mass: Scalar = 0.0
         first: Vec = ZERO
         second: Scalar = 0.0
@@ -175,22 +177,22 @@ class Chain:
             for a in range(len(here)):
                 # Momentum of what lies beyond the link, per rate of a; then of the link too, about its start.
                 push = arms[a].scaled(mass) + first.scaled(end.angles[a])
-                twist = plus(first.dot(arms[a]), times(end.angles[a], second))
+                twist = first.dot(arms[a]) + end.angles[a] * second
                 for b in range(a + 1):
-                    beyond = plus(arms[b].dot(push), times(end.angles[b], twist))
-                    add(here[b], here[a], plus(own.matrix[a][b], beyond))
+                    beyond = arms[b].dot(push) + end.angles[b] * twist
+                    add(here[b], here[a], own.matrix[a][b] + beyond)
                 force = own.arms[a] + push
-                moment = plus(plus(own.swing[a], twist), span.dot(push))
+                moment = own.swing[a] + twist + span.dot(push)
                 for j in range(k - 1, -1, -1):
                     inner = self.links[j].link.end.angles
                     for b, arm, angle in zip(self.coordinates[j], self._end_arms[j], inner, strict=True):
-                        value = plus(arm.dot(force), times(angle, moment))
-                        add(b, here[a], times(2.0, value) if b == here[a] else value)
-                    moment = plus(moment, self.spans[j].dot(force))
-            second = plus(second, plus(times(2.0, span.dot(first)), times(mass, span.dot(span))))
-            second = plus(second, own.second)
+                        value = arm.dot(force) + angle * moment
+                        add(b, here[a], 2.0 * value if b == here[a] else value)
+                    moment += self.spans[j].dot(force)
+            second += 2.0 * span.dot(first) + mass * span.dot(span)
+            second += own.second
             first = first + span.scaled(mass) + own.first
-            mass = plus(mass, own.mass)
+            mass += own.mass
         return matrix
 
     def motion_forces(
@@ -200,7 +202,7 @@ class Chain:
         forces: Sequence[Force] = (),
         moments: Sequence[Moment] = (),
     ) -> list[Scalar]:
-        """Generalised forces that velocity products, weight and point loads exert on the coordinates.
+        """Generalized forces that velocity products, weight and point loads exert on the coordinates.
 
         Parameters
         ----------
@@ -214,7 +216,7 @@ class Chain:
         Returns
         -------
         list
-            Per global coordinate; M qdd = this + other generalised forces.
+            Per global coordinate; M qdd = this + other generalized forces.
         """
         weight = gravity is not ZERO
         biases, fields = self._forward(rates, gravity)
@@ -230,32 +232,32 @@ class Chain:
                     continue
                 vector = self.rotation(load.place).apply(load.vector) if load.follows else load.vector
                 if isinstance(load.place.fraction, float) and load.place.fraction == 1.0:
-                    force = force + vector
+                    force += vector
                 else:
                     _, at, arms = self._section(load.place)
-                    inner = _Wrench(inner.force + vector, plus(inner.moment, at.cross(vector)))
-                    extra = [plus(q, arm.cross(vector)) for q, arm in zip(extra, arms, strict=True)]
+                    inner = _Wrench(inner.force + vector, inner.moment + at.cross(vector))
+                    extra = [q + arm.cross(vector) for q, arm in zip(extra, arms, strict=True)]
             for couple in moments:
                 if couple.place.link != k:
                     continue
                 if isinstance(couple.place.fraction, float) and couple.place.fraction == 1.0:
-                    moment = plus(moment, couple.value)
+                    moment += couple.value
                 else:
                     section = self._section(couple.place)[0]
-                    inner = _Wrench(inner.force, plus(inner.moment, couple.value))
-                    extra = [plus(q, times(w, couple.value)) for q, w in zip(extra, section.angles, strict=True)]
+                    inner = _Wrench(inner.force, inner.moment + couple.value)
+                    extra = [q + w * couple.value for q, w in zip(extra, section.angles, strict=True)]
             field, bias = fields[k], biases[k]
             if bias is not None:
-                inner = _Wrench(inner.force + turn.apply(bias.force), plus(inner.moment, bias.moment))
-                extra = [plus(q, g) for q, g in zip(extra, bias.generalized, strict=True)]
+                inner = _Wrench(inner.force + turn.apply(bias.force), inner.moment + bias.moment)
+                extra = [q + g for q, g in zip(extra, bias.generalized, strict=True)]
             if weight or bias is not None:
                 own = self._inertias[k]
-                inner = _Wrench(inner.force + field.scaled(own.mass), plus(inner.moment, own.first.cross(field)))
-                extra = [plus(q, arm.cross(field)) for q, arm in zip(extra, own.arms, strict=True)]
+                inner = _Wrench(inner.force + field.scaled(own.mass), inner.moment + own.first.cross(field))
+                extra = [q + arm.cross(field) for q, arm in zip(extra, own.arms, strict=True)]
             for a, arm, angle, q in zip(self.coordinates[k], self._end_arms[k], end.angles, extra, strict=True):
-                share = plus(plus(arm.cross(force), times(angle, moment)), q)
-                total[a] = plus(total[a], share)
-            wrench = _Wrench(inner.force + force, plus(plus(inner.moment, moment), self.spans[k].cross(force)))
+                share = arm.cross(force) + angle * moment + q
+                total[a] += share
+            wrench = _Wrench(inner.force + force, inner.moment + moment + self.spans[k].cross(force))
         return total
 
     def _forward(self, rates: Sequence[Scalar] | None, gravity: Vec) -> tuple[list[Bias | None], list[Vec]]:
@@ -272,7 +274,7 @@ class Chain:
             local = [rates[a] for a in self.coordinates[k]]
             bias = link.bias(omega, local)
             biases.append(bias)
-            field = field + self.rotations[k].apply(bias.end)
+            field += self.rotations[k].apply(bias.end)
             omega = self._spin_after(k, omega, local)
         return biases, fields
 
@@ -282,7 +284,7 @@ class Chain:
         first = ZERO
         for k in range(len(self.links) - 1, -1, -1):
             first = first + self.spans[k].scaled(mass) + self._inertias[k].first
-            mass = plus(mass, self._inertias[k].mass)
+            mass += self._inertias[k].mass
         return mass, first
 
 

@@ -1,12 +1,12 @@
-"""What a model is asked to be: keywords over what the scene says, each checked for its kind."""
+"""Options of a model: keywords, or what its scene states, each checked for its kind."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -15,43 +15,58 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["Choices"]
+__all__ = ["Choices", "ModelOptions"]
+
+
+class ModelOptions(TypedDict, total=False):
+    """Keywords of ``FingerModel`` and ``System``, described there; None is as good as absent."""
+
+    contacts: Sequence[float] | None
+    gravity: Sequence[float] | None
+    family: str | None
+    elements: int | Sequence[float] | None
+    bending_range: float | None
+    accuracy: float | None
+    parameters: Sequence[str] | None
+    loads: Sequence[Load] | None
+    tip_force: bool | None
+    input_rates: bool | None
+
 
 _IN_SCENE = {
     **{name: name for name in ("contacts", "gravity", "parameters", "loads")},
     **{name: f"fidelity.{name}" for name in ("family", "elements", "bending_range", "accuracy")},
 }
-"""Where a scene has what is also a keyword."""
+"""Path in a scene of what is also an option."""
 
 
 class Choices:
-    """Keywords of a model, and what its scene says where they say nothing.
-
-    Parameters
-    ----------
-    given : Scene or Finger
-        What the model is made of.
-    keywords : dict
-        Keywords of ``FingerModel``; None where nothing was said.
+    """Options of a model, completed from its scene.
 
     Raises
     ------
     InputError
-        If it is neither a scene nor a finger.
+        If ``given`` is neither a scene nor a finger.
+    TypeError
+        If an option is unknown.
     """
 
-    def __init__(self, given: Scene | Finger, keywords: dict[str, Any]) -> None:
+    def __init__(self, given: Scene | Finger, options: ModelOptions) -> None:
+        unknown = sorted(options.keys() - ModelOptions.__annotations__.keys())
+        if unknown:
+            known = ", ".join(ModelOptions.__annotations__)
+            raise TypeError(f"unknown option {unknown[0]!r} of a model: expected some of {known}")
         if not isinstance(given, Scene | Finger):
             hint = " (read a file with load)" if isinstance(given, str) or hasattr(given, "__fspath__") else ""
             got = f"{type(given).__name__} {given!r:.60}"
             raise InputError(f"expected a Scene or a Finger, got {got}{hint}", key="finger")
         self.scene = given if isinstance(given, Scene) else None
         self.finger: Finger = given.finger if isinstance(given, Scene) else given
-        self._keywords = keywords
+        self._options: dict[str, Any] = dict(options)
 
     def __getitem__(self, name: str) -> Any:
-        """What was said, None for nothing."""
-        value: Any = self._keywords[name]
+        """The option, that of the scene where not given, or None."""
+        value = self._options.get(name)
         if value is None and self.scene is not None:
             path = _IN_SCENE.get(name, "")
             if path.startswith("fidelity."):
@@ -60,15 +75,15 @@ class Choices:
                 value = getattr(self.scene, name)
         return value
 
-    def said(self, *names: str) -> bool:
-        """Whether one of the keywords was given."""
-        return any(self._keywords[name] is not None for name in names)
+    def given(self, *names: str) -> bool:
+        """Whether one of the options was given."""
+        return any(self._options.get(name) is not None for name in names)
 
     def located(self, error: InputError) -> InputError:
-        """The error with the path in the scene in place of a keyword that was not given."""
+        """The error with the path in the scene in place of an option that was not given."""
         name = re.match(r"\w*", error.key or "")
         word = name.group() if name else ""
-        if not error.key or self.scene is None or self._keywords.get(word) is not None:
+        if not error.key or self.scene is None or self._options.get(word) is not None:
             return error
         return InputError(error.message, key=_IN_SCENE.get(word, word) + error.key[len(word) :])
 

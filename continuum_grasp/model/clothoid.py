@@ -1,248 +1,150 @@
-"""A clothoid as a flexible link: curvature linear along it, two local coordinates, by Gauss-Legendre collocation.
-
-The bending angle at the nodes is phi_k = h [kappa_a (u_k - u_k^2/2) + kappa_b u_k^2/2], the tangents are
-t_k = (cos phi_k, sin phi_k), and kinetic energy is a double sum over the nodes with a constant kernel K,
-
-    T = 1/2 sum_jk K_jk phid_j phid_k cos(phi_j - phi_k),
-
-from which mass matrix and bias follow exactly: the node equations are
-sum_k K_jk [cos(phi_j - phi_k) phidd_k + sin(phi_j - phi_k) phid_k^2]. So the discrete link is a mechanical system of
-its own that conserves energy, whatever the number of nodes.
-"""
+"""Clothoids: curvature linear along each element."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from continuum_grasp.model.link import Bias, Inertia, Link, Section
-from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, combine, minus, plus, times
-from continuum_grasp.model.quadrature import collocation
-from continuum_grasp.model.stumpff import rotation
+from continuum_grasp.model.collocated import CollocatedLink
+from continuum_grasp.model.family import Array, Family, Pieces, Rod
+from continuum_grasp.model.link import LoadedLink
+from continuum_grasp.model.planar import Scalar
+from continuum_grasp.model.quadrature import node_count
 
-__all__ = ["Clothoid"]
-
-
-@dataclass(frozen=True)
-class _Nodes:
-    """Directions along a link or the first part of it."""
-
-    tangents: list[Vec]
-    """At the nodes."""
-    turns: list[Rotation]
-    """From each node to the next."""
-    doubled: list[Rotation]
-    """From each node to the second next."""
-    end: Rotation
-    """Of the end section."""
+__all__ = ["Clothoid", "ClothoidFamily"]
 
 
-class Clothoid(Link):
-    """A link whose curvature is linear in the arc length; its local coordinates are the curvatures at its ends.
+class Clothoid(CollocatedLink):
+    """A link whose curvature is linear in the arc length; its local coordinates are those at its ends [1/m]."""
 
-    Parameters
-    ----------
-    start, end : casadi.SX
-        Curvature at the start and at the end [1/m].
-    length : float or casadi.SX
-        Length [m].
-    linear_density, rotary_inertia : float or casadi.SX
-        rho A [kg/m] and rho I [kg m].
-    angle_range : float
-        Range of length times curvature [rad].
-    nodes : int
-        Number of collocation nodes.
-    end_mass : float
-        Point mass at the end [kg]; it is folded into the constants. Needs a numeric length and density.
+    def _angles(self, fraction: Scalar) -> tuple[Scalar, Scalar]:
+        late = 0.5 * (fraction * fraction)
+        return fraction - late, late
+
+    @cached_property
+    def _rise(self) -> Scalar:
+        start, end = self._local
+        return end - start
+
+    def _turns(self, fraction: Scalar) -> list[Scalar]:
+        # The mean curvature between two nodes is that at the middle, and the rule is symmetric: products are shared.
+        rise = self._rise * fraction
+        reach = fraction * self._length
+        middle, lean = reach * (self._local[0] + 0.5 * rise), reach * rise
+        angles = []
+        for step, offset in zip(self._rule.steps.tolist(), self._rule.offsets.tolist(), strict=True):
+            bend, shift = step * middle, abs(offset) * lean
+            angles.append(bend + shift if offset > 0.0 else bend - shift)
+        return angles
+
+
+class ClothoidFamily(Family):
+    """Curvature linear on each element and continuous; the coordinates are the nodal curvatures [1/m].
+
+    Where the rest curvature jumps at a node, the curvature jumps with it and the coordinate is the mean of both sides.
     """
 
-    def __init__(
-        self,
-        start: Scalar,
-        end: Scalar,
-        length: Scalar,
-        linear_density: Scalar,
-        rotary_inertia: Scalar,
-        angle_range: float,
-        nodes: int,
-        end_mass: float = 0.0,
-    ) -> None:
-        self._start = start
-        self._slope = minus(end, start)
-        self._length = length
-        self._rotary_inertia = rotary_inertia
-        self._angle_range = angle_range
-        self._rule = collocation(nodes)
-        u = self._rule.nodes
-        self._shape = np.array([_rising(float(v)) for v in u]).T
-        self._mass = times(linear_density, length)
-        self._first_scale = times(self._mass, length)
-        self._kernel_scale = times(self._first_scale, length)
-        self._kernel, self._mean = self._rule.kernel, self._rule.mean_weights
-        if isinstance(length, float) and isinstance(self._mass, float):
-            w = self._rule.weights
-            self._kernel = self._kernel * self._kernel_scale + end_mass * length**2 * np.outer(w, w)
-            self._mean = self._mean * self._first_scale + end_mass * length * w
-            self._mass = self._mass + end_mass
-            self._first_scale = self._kernel_scale = 1.0
+    degree = 1
+    continuous = True
+    order = 4
 
-    # -- kinematics ----------------------------------------------------------------------------------------------
+    def __init__(self, elements: int, accuracy: float | None, jumps: Sequence[float] = ()) -> None:
+        super().__init__(elements, accuracy, jumps)
+        sides = zip((0.0, *(0.5 * j for j in self.jumps)), (*(-0.5 * j for j in self.jumps), 0.0), strict=True)
+        self._steps = tuple(sides)
+        """What is added to the curvatures at both ends of each element [1/m]."""
 
-    @cached_property
-    def _whole(self) -> _Nodes:
-        return self._nodes_up_to(1.0)
-
-    def _nodes_up_to(self, fraction: Scalar) -> _Nodes:
-        """Directions at the nodes of a part of the link, each turned from the one before it.
-
-        The turns between neighbours are small, so their series are short, and they are wanted for themselves. The mean
-        curvature between two nodes is that at the middle, and the rule is symmetric, so products are shared.
-        """
-        rise = times(self._slope, fraction)
-        reach = times(fraction, self._length)
-        middle = times(reach, plus(self._start, times(0.5, rise)))
-        lean = times(reach, rise)
-        turns = []
-        for step, offset in zip(self._rule.steps, self._rule.offsets, strict=True):
-            join = plus if offset > 0.0 else minus
-            angle = join(times(float(step), middle), times(float(abs(offset)), lean))
-            turns.append(rotation(ca.SX(angle), self._angle_range * float(step)))
-        # Products of two turns first: half the depth, so the processor can work on them side by side.
-        doubled = [a @ b for a, b in itertools.pairwise(turns)]
-        rotations = [turns[0], doubled[0]]
-        for k in range(2, len(turns) - 1):
-            rotations.append(rotations[k - 2] @ doubled[k - 1])
-        return _Nodes([Vec(r.c, r.s) for r in rotations], turns[1:-1], doubled[1:], rotations[-1] @ turns[-1])
-
-    @cached_property
-    def end(self) -> Section:
-        return self._section(1.0, self._whole)
-
-    def section(self, fraction: Scalar) -> Section:
-        if isinstance(fraction, float) and fraction == 1.0:
-            return self.end
-        return self._section(fraction, self._nodes_up_to(fraction))
+    def shape(self, element: int, q: Sequence[Scalar]) -> list[Scalar]:
+        return [q[element + k] + step for k, step in enumerate(self._steps[element])]
 
     @property
-    def waypoints(self) -> tuple[tuple[float, Vec], ...]:
-        rows, tangents = self._rule.running, self._whole.tangents
-        return tuple(
-            (float(u), _weigh(row, tangents, self._length)) for u, row in zip(self._rule.nodes, rows, strict=True)
-        )
+    def size(self) -> int:
+        return self.elements + 1
 
-    def _section(self, fraction: Scalar, nodes: _Nodes) -> Section:
-        reach = times(fraction, self._length)
-        weights, tangents = self._rule.weights, nodes.tangents
-        shapes = zip(*[_rising(times(fraction, float(u))) for u in self._rule.nodes], strict=True)
-        return Section(
-            position=_weigh(weights, tangents, reach),
-            rotation=nodes.end,
-            arms=tuple(_weigh_products(weights, s, tangents, times(reach, self._length)) for s in shapes),
-            angles=tuple(times(phi, self._length) for phi in _rising(fraction)),
-        )
+    @property
+    def default_accuracy(self) -> float:
+        """As good as the family itself: its error in frequency is 1.7e-3 at two elements, and falls with their fourth
+        power down to rounding.
+        """
+        return max(2e-3 * (2.0 / self.elements) ** 4, 1e-13)
 
-    def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
-        whole = isinstance(fraction, float) and fraction == 1.0
-        nodes = self._whole if whole else self._nodes_up_to(fraction)
-        spins = [self._spin(times(fraction, float(u)), omega, rates) for u in self._rule.nodes]
-        return _weigh_products(self._rule.weights, spins, nodes.tangents, times(fraction, self._length))
+    @property
+    def labels(self) -> list[str]:
+        return [f"kappa_{k} [1/m]" for k in range(self.elements + 1)]
 
-    def _spin(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Scalar:
-        """Squared angular velocity of the section at a fraction of the length."""
-        total = omega
-        for rate, phi in zip(rates, _rising(fraction), strict=True):
-            total = plus(total, times(times(phi, self._length), rate))
-        return times(total, total)
+    def local(self, element: int) -> tuple[int, ...]:
+        return (element, element + 1)
 
-    # -- kinetics ------------------------------------------------------------------------------------------------
+    def coordinates(self, bends: Array, curvatures: Array) -> Array:
+        first, last = curvatures.T
+        return np.concatenate([first[:1], 0.5 * (last[:-1] + first[1:]), last[-1:]])
 
-    @cached_property
-    def _differences(self) -> dict[tuple[int, int], Rotation]:
-        """Per pair of nodes j < k, the turn from the tangent at j to that at k."""
-        nodes, count = self._whole, len(self._rule.nodes)
-        found: dict[tuple[int, int], Rotation] = {}
-        for j in range(count):
-            for k in range(j + 1, count):
-                if k == j + 1:
-                    found[j, k] = nodes.turns[j]
-                elif k == j + 2:
-                    found[j, k] = nodes.doubled[j]
-                else:
-                    found[j, k] = found[j, k - 2] @ nodes.doubled[k - 2]
-        return found
+    def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
+        links = []
+        for k, (h, reach) in enumerate(zip(rod.lengths, rod.ranges, strict=True)):
+            masses = [(fraction, mass) for element, fraction, mass in rod.masses if element == k]
+            folds = isinstance(h, float) and isinstance(rod.linear_density, float)
+            folded = [mass for fraction, mass in masses if folds and fraction == 1.0 and isinstance(mass, float)]
+            carried = tuple(
+                (fraction, mass)
+                for fraction, mass in masses
+                if not (folds and fraction == 1.0 and isinstance(mass, float))
+            )
+            link = Clothoid(
+                self.shape(k, q),
+                h,
+                rod.linear_density,
+                rod.rotary_inertia,
+                reach,
+                node_count(reach, self.accuracy or self.default_accuracy),
+                end_mass=sum(folded),
+            )
+            links.append(LoadedLink(link, carried))
+        return links
 
-    def _form(self, f: NDArray[np.float64], g: NDArray[np.float64], scale: Scalar) -> Scalar:
-        """sum_jk f_j K_jk g_k cos(phi_j - phi_k)."""
-        kernel = np.outer(f, g) * self._kernel
-        kernel = kernel + kernel.T
-        terms: list[tuple[float, Scalar]] = [(0.5 * float(np.trace(kernel)), 1.0)]
-        terms += [(float(kernel[pair]), turn.c) for pair, turn in self._differences.items()]
-        return combine(scale, terms)
+    def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
+        matrix: list[list[Scalar]] = [[0.0] * self.size for _ in range(self.size)]
+        for k, h in enumerate(lengths):
+            for i, j, weight in ((0, 0, 1 / 3), (0, 1, 1 / 6), (1, 0, 1 / 6), (1, 1, 1 / 3)):
+                matrix[k + i][k + j] += weight * h
+        return matrix
 
-    @cached_property
-    def inertia(self) -> Inertia:
-        h, scale, shape, weights = self._length, self._kernel_scale, self._shape, self._rule.weights
-        one = np.ones(len(weights))
-        rotary = times(self._rotary_inertia, h)
-        rotary_swing = [times(times(float(f @ weights), rotary), h) for f in shape]
-        rotary_matrix = [[times(times(times(float((f * weights) @ g), rotary), h), h) for g in shape] for f in shape]
-        tangents = self._whole.tangents
-        return Inertia(
-            mass=self._mass,
-            first=_weigh(self._mean, tangents, self._first_scale),
-            second=plus(self._form(one, one, scale), rotary),
-            arms=tuple(_weigh(self._mean * f, tangents, times(self._first_scale, h)) for f in shape),
-            swing=tuple(plus(self._form(one, f, times(scale, h)), r) for f, r in zip(shape, rotary_swing, strict=True)),
-            matrix=tuple(
-                tuple(plus(self._form(f, g, times(times(scale, h), h)), r) for g, r in zip(shape, row, strict=True))
-                for f, row in zip(shape, rotary_matrix, strict=True)
-            ),
-        )
+    def rest(self, lengths: Sequence[float], pieces: Pieces) -> list[float]:
+        result = [0.0] * self.size
+        start = 0.0
+        for k, h in enumerate(lengths):
+            for a, b, value in pieces:
+                lo, hi = max(start, a), min(start + h, b)
+                if hi > lo:
+                    rising = ((hi - start) ** 2 - (lo - start) ** 2) / (2 * h)
+                    result[k] += value * (hi - lo - rising)
+                    result[k + 1] += value * rising
+            left, right = self._steps[k]
+            result[k] -= h * (left / 3 + right / 6)
+            result[k + 1] -= h * (left / 6 + right / 3)
+            start += h
+        return result
 
-    def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
-        nodes, tangents = range(len(self._rule.nodes)), self._whole.tangents
-        spins = [self._spin(float(u), omega, rates) for u in self._rule.nodes]
-        loads: list[Scalar] = [0.0 for _ in nodes]
-        for (j, k), turn in self._differences.items():
-            sine = times(float(self._kernel[j, k]), turn.s)
-            loads[j] = plus(loads[j], times(sine, spins[k]))
-            loads[k] = minus(loads[k], times(sine, spins[j]))
-        scale, h = self._kernel_scale, self._length
-        return Bias(
-            end=_weigh_products(self._rule.weights, spins, tangents, h),
-            force=_weigh_products(self._mean, spins, tangents, self._first_scale),
-            moment=combine(scale, [(1.0, load) for load in loads]),
-            generalized=tuple(combine(times(scale, h), [(float(f[k]), loads[k]) for k in nodes]) for f in self._shape),
-        )
+    def rest_energy(self, lengths: Sequence[float], pieces: Pieces) -> float:
+        energy, start = 0.0, 0.0
+        for h, (left, right) in zip(lengths, self._steps, strict=True):
+            for a, b, value in pieces:
+                lo, hi = max(start, a), min(start + h, b)
+                if hi > lo:
+                    first, last = (value - left - (right - left) * (at - start) / h for at in (lo, hi))
+                    energy += (hi - lo) * (first**2 + first * last + last**2) / 6
+            start += h
+        return energy
 
+    def rest_uniform(self, lengths: Sequence[Scalar]) -> list[Scalar]:
+        result: list[Scalar] = [0.0] * self.size
+        for k, h in enumerate(lengths):
+            result[k] += 0.5 * h
+            result[k + 1] += 0.5 * h
+        return result
 
-def _rising(u: Scalar) -> tuple[Scalar, Scalar]:
-    """Bending angle at a fraction of a link of length one, per curvature at its start and at its end."""
-    late = times(0.5, times(u, u))
-    return minus(u, late), late
-
-
-def _weigh(weights: NDArray[np.float64], vectors: Sequence[Vec], scale: Scalar) -> Vec:
-    """Scale * sum of weight times vector."""
-    pairs = [(float(w), v) for w, v in zip(weights, vectors, strict=True)]
-    return Vec(
-        combine(scale, [(w, v.x) for w, v in pairs]),
-        combine(scale, [(w, v.y) for w, v in pairs]),
-    )
-
-
-def _weigh_products(
-    weights: NDArray[np.float64], factors: Sequence[Scalar], vectors: Sequence[Vec], scale: Scalar
-) -> Vec:
-    """Scale * sum of weight times factor times vector; the scalars meet first."""
-    constant = scale if isinstance(scale, float) else 1.0
-    total = ZERO
-    for w, factor, vector in zip(weights, factors, vectors, strict=True):
-        total = total + vector.scaled(times(float(w) * constant, factor))
-    return total if isinstance(scale, float) else total.scaled(scale)
+    def bend_gradient(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
+        half = 0.5 * lengths[element]
+        return [half if k in (element, element + 1) else 0.0 for k in range(self.size)]

@@ -1,4 +1,4 @@
-"""How touching surfaces press and rub, as expressions of gap, velocities and friction states.
+"""Pressure and friction of touching surfaces, as expressions of gap, velocities and friction states.
 
 Normal force: K. H. Hunt, F. R. E. Crossley, Coefficient of restitution interpreted as damping in vibroimpact,
 J. Appl. Mech. 42 (1975), doi:10.1115/1.3423596, with a linear spring whose onset is rounded. Friction: an elastic
@@ -12,21 +12,25 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from continuum_grasp.model.planar import Scalar, plus, times
+from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.surroundings import ContactLaw
 
 __all__ = ["friction_rate", "friction_share", "normal_force", "stored_energy"]
 
 _ELASTIC = 0.5
-"""Share of the cone up to which friction is elastic."""
+"""Share of the cone up to which friction is elastic [1]: a contact that bears less does not creep, however it is
+shaken, and above it the onset of slip is smooth."""
 _RELAXATION = 100.0
-"""Rate at which an open contact forgets its tangential displacement [1/s]."""
+"""Rate at which an open contact forgets its tangential displacement [1/s]: after some 10 ms it touches without a stale
+force."""
 _SLOW = 100.0
-"""Rate of slip, per displacement, up to which contacts below the elastic share spring back without loss [1/s]."""
+"""Rate of slip, per displacement, up to which contacts below the elastic share spring back without loss [1/s]: a held
+object that swings at a few Hz does not creep."""
 _SHORTEST = 1e-3
-"""Least time in which friction turns with a fast slip [s]; it bounds the stiffness of the states."""
+"""Least time in which friction turns with a fast slip [s]: the rate of the states would otherwise grow with the speed
+of slip, and set the step of explicit integrators."""
 _TINY = 1e-24
-"""Keeps roots differentiable [m2/s2]."""
+"""Keeps roots differentiable at zero [m2/s2]: the square of 1e-12 m/s, far below any slip that matters."""
 
 
 def normal_force(law: ContactLaw, gap: Scalar, gap_rate: Scalar) -> Scalar:
@@ -50,9 +54,7 @@ def stored_energy(law: ContactLaw, gap: Scalar) -> Scalar:
     """Energy of the spring in normal direction [J]."""
     rounding = law.rounding
     t, beyond = _onset(law, gap)
-    return law.stiffness * (
-        (2.0 * rounding) ** 2 * t**4 * (0.25 - 0.1 * t) + beyond * (plus(times(0.5, beyond), rounding))
-    )
+    return law.stiffness * ((2.0 * rounding) ** 2 * t**4 * (0.25 - 0.1 * t) + beyond * (0.5 * beyond + rounding))
 
 
 def _onset(law: ContactLaw, gap: Scalar) -> tuple[ca.SX, ca.SX]:
@@ -74,12 +76,12 @@ def friction_share(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) ->
         Velocities of slip [m/s].
     """
     if law.displacement is None:
-        size = ca.sqrt(plus(_square(v), law.slip_speed**2 if law.slip_speed else 0.0))
+        size = ca.sqrt(_square(v) + (law.slip_speed**2 if law.slip_speed else 0.0))
         return [each / size for each in v]
     if law.dissipation == 0.0:
         return list(z)
     elastic = _elastic_velocity(law, z, v)
-    damped = [plus(each, times(law.dissipation, rate)) for each, rate in zip(z, elastic, strict=True)]
+    damped = [each + law.dissipation * rate for each, rate in zip(z, elastic, strict=True)]
     size = ca.sqrt(ca.fmax(1.0, _square(damped)))
     return [each / size for each in damped]
 
@@ -108,9 +110,7 @@ def _elastic_velocity(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar])
     """Part of the slip that goes into the elastic displacement [m/s]."""
     low = _ELASTIC**2
     t = ca.fmin(ca.fmax((_square(z) - low) / (1.0 - low), 0.0), 1.0)
-    outward: Scalar = 0.0
-    for a, b in zip(z, v, strict=True):
-        outward = plus(outward, times(a, b))
+    outward = sum(a * b for a, b in zip(z, v, strict=True))
     fast, speed = _fast(law, v)
     slow_loss = t * t * (3.0 - 2.0 * t) * ca.fmax(0.0, outward)
     lost = slow_loss + fast * (speed - slow_loss)
@@ -121,12 +121,9 @@ def _fast(law: ContactLaw, v: Sequence[Scalar]) -> tuple[Scalar, Scalar]:
     """Whether a slip is fast, from 0 to 1, and its speed [m/s]."""
     square = _square(v)
     limit = (_SLOW * (law.displacement or 0.0)) ** 4
-    fourth = times(square, square)
-    return fourth / plus(fourth, limit), ca.sqrt(plus(square, _TINY))
+    fourth = square * square
+    return fourth / (fourth + limit), ca.sqrt(square + _TINY)
 
 
 def _square(values: Sequence[Scalar]) -> Scalar:
-    total: Scalar = 0.0
-    for value in values:
-        total = plus(total, times(value, value))
-    return total
+    return sum(value * value for value in values)

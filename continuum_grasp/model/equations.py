@@ -18,7 +18,7 @@ from continuum_grasp.model.family import Rod
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.ldl import solve_ldl
 from continuum_grasp.model.link import Section
-from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, minus, plus, times
+from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.loads import ForceLoad
 
@@ -31,11 +31,11 @@ class Equations:
     Parameters
     ----------
     structure : Structure
-        The make-up of the model.
+        Of the model.
     """
 
     def __init__(self, structure: Structure) -> None:
-        self._made = structure
+        self._structure = structure
         self._par = structure.parameters
         self._family = structure.family
         self.q = ca.SX.sym("q", structure.n)
@@ -53,20 +53,20 @@ class Equations:
     @cached_property
     def commanded(self) -> Drive:
         """The drive as the input gives it."""
-        offset = self._par["tendon_offset"] if self._made.inputs.tendons else 0.0
-        return Drive.from_input(self.u, self._made.inputs, offset)
+        offset = self._par["tendon_offset"] if self._structure.inputs.tendons else 0.0
+        return Drive.from_input(self.u, self._structure.inputs, offset)
 
     @cached_property
     def drive(self) -> Drive:
         """The drive that acts: the commanded one, or the one that follows it."""
-        if not self._made.lagged:
+        if not self._structure.lagged:
             return self.commanded
         return Drive(self.lag[0], self.commanded.couple, self.lag[1], self.lag_acceleration)
 
     @cached_property
     def lag_acceleration(self) -> Scalar:
         """Second derivative of the lagged tip moment: a critically damped second-order lag."""
-        tendons = self._made.finger.tendons
+        tendons = self._structure.finger.tendons
         if tendons is None or tendons.time_constant is None:
             return 0.0
         pole = 1.0 / tendons.time_constant
@@ -82,26 +82,26 @@ class Equations:
     @cached_property
     def full(self) -> list[Scalar]:
         """Full coordinates: q, and the tip's curvature where it is matched."""
-        q: list[Scalar] = [self.q[k] for k in range(self._made.n)]
-        if not self._made.matched:
+        q: list[Scalar] = [self.q[k] for k in range(self._structure.n)]
+        if not self._structure.matched:
             return q
-        return [*q, plus(self._per_stiffness(plus(self.drive.moment, self.drive.couple)), self._tip_rest)]
+        return [*q, self._per_stiffness(self.drive.moment + self.drive.couple) + self._tip_rest]
 
     @cached_property
     def full_rates(self) -> list[Scalar]:
         """Rates of the full coordinates."""
-        rates: list[Scalar] = [self.qd[k] for k in range(self._made.n)]
-        return [*rates, self._per_stiffness(self.drive.rate)] if self._made.matched else rates
+        rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
+        return [*rates, self._per_stiffness(self.drive.rate)] if self._structure.matched else rates
 
     def _per_stiffness(self, moment: Scalar) -> Scalar:
         stiffness = self._par["bending_stiffness"]
-        return times(1.0 / stiffness, moment) if isinstance(stiffness, float) else moment / stiffness
+        return 1.0 / stiffness * moment if isinstance(stiffness, float) else moment / stiffness
 
     @cached_property
     def _tip_rest(self) -> Scalar:
         if self._par.is_runtime("rest_curvature"):
             return self._par["rest_curvature"]
-        return self._made.finger.curvature_pieces[-1][2]
+        return self._structure.finger.curvature_pieces[-1][2]
 
     @cached_property
     def bends(self) -> list[Scalar]:
@@ -115,8 +115,8 @@ class Equations:
     def chain(self) -> Chain:
         """The chain of links."""
         family, par = self._family, self._par
-        masses = tuple((place.link, float(place.fraction), par[name]) for name, place in self._made.masses())
-        rod = Rod(self.lengths, self._made.ranges, par["linear_density"], par["rotary_inertia"], masses)
+        masses = tuple((place.link, float(place.fraction), par[name]) for name, place in self._structure.masses())
+        rod = Rod(self.lengths, self._structure.ranges, par["linear_density"], par["rotary_inertia"], masses)
         local = [family.local(k) for k in range(len(self.lengths))]
         return Chain(family.links(self.full, rod), local, family.size)
 
@@ -125,18 +125,18 @@ class Equations:
         """From the chain's axes (X along the undeformed finger) to the world's."""
         if self._par.is_runtime("base_angle"):
             return Rotation(-ca.sin(self._par["base_angle"]), ca.cos(self._par["base_angle"]))
-        angle = self._made.finger.base.angle + math.pi / 2
+        angle = self._structure.finger.base.angle + math.pi / 2
         return Rotation(*(0.0 if abs(v) < 1e-15 else v for v in (math.cos(angle), math.sin(angle))))
 
     def to_world(self, v: Vec) -> Vec:
         """World position of a point given from the base in the chain's axes."""
-        turned, (x, y) = self.turn.apply(v), self._made.finger.base.position
-        return Vec(plus(turned.x, x), plus(turned.y, y))
+        turned, (x, y) = self.turn.apply(v), self._structure.finger.base.position
+        return Vec(turned.x + x, turned.y + y)
 
     @cached_property
     def tip_position(self) -> Vec:
         """World position of the tip [m]."""
-        return self.to_world(self.chain.position(self._made.tip))
+        return self.to_world(self.chain.position(self._structure.tip))
 
     @cached_property
     def _partial_chain(self) -> list[tuple[Rotation, Section, Vec]]:
@@ -145,10 +145,10 @@ class Equations:
         turn, total, parts = IDENTITY, ZERO, []
         for link, h in zip(self.chain.links, self.lengths, strict=True):
             section = link.link.section(ca.fmin(ca.fmax((self.s - start) / h, 0.0), 1.0))
-            total = total + turn.apply(section.position)
+            total += turn.apply(section.position)
             parts.append((turn, section, total))
             turn = turn @ section.rotation
-            start = plus(start, h)
+            start += h
         return parts
 
     @cached_property
@@ -161,7 +161,7 @@ class Equations:
         """Angle in the world [rad] of the section at the run-time position s."""
         angle: Scalar = self._par["base_angle"]
         for k, (_, section, _) in enumerate(self._partial_chain):
-            angle = plus(angle, _dot(section.angles, self._family.shape(k, self.full)))
+            angle += _dot(section.angles, self._family.shape(k, self.full))
         return angle
 
     @cached_property
@@ -173,14 +173,14 @@ class Equations:
             beyond = tip - end
             for a, arm, angle in zip(local, section.arms, section.angles, strict=True):
                 arms[a] = arms[a] + turn.apply(arm) + beyond.scaled(angle)
-        return [self.turn.apply(arm.perp()) for arm in arms[: self._made.n]]
+        return [self.turn.apply(arm.perp()) for arm in arms[: self._structure.n]]
 
     @cached_property
     def joints(self) -> list[tuple[Vec, Scalar]]:
         """World position [m] and angle [rad] of the end section of each element."""
         angle, found = self._par["base_angle"], []
         for k, bend in enumerate(self.bends):
-            angle = plus(angle, bend)
+            angle += bend
             found.append((self.to_world(self.chain.position(Place(k))), angle))
         return found
 
@@ -190,7 +190,7 @@ class Equations:
         start, found = ZERO, []
         for link, turn, span in zip(self.chain.links, self.chain.rotations, self.chain.spans, strict=False):
             found += [self.to_world(start + turn.apply(at)) for _, at in link.link.waypoints]
-            start = start + span
+            start += span
         return found
 
     def inside(self, fractions: ca.SX) -> list[Vec]:
@@ -203,19 +203,31 @@ class Equations:
         """World position [m] and angle [rad] of a section."""
         angle: Scalar = self._par["base_angle"]
         for bend in self.bends[: place.link]:
-            angle = plus(angle, bend)
+            angle += bend
         section = self.chain.links[place.link].link.section(place.fraction)
-        angle = plus(angle, _dot(section.angles, self._family.shape(place.link, self.full)))
+        angle += _dot(section.angles, self._family.shape(place.link, self.full))
         return self.to_world(self.chain.position(place)), angle
+
+    @property
+    def curvature(self) -> list[Scalar]:
+        """Curvature [1/m] that belongs to each full coordinate, from base to tip."""
+        return self._family.profile(self.full, self.lengths)
+
+    @property
+    def curvatures(self) -> list[list[Scalar]]:
+        """Curvature [1/m] at the places of each element."""
+        return [self._family.curvature(k, self.full, h) for k, h in enumerate(self.lengths)]
+
+    @property
+    def greatest_bends(self) -> list[list[Scalar]]:
+        """The same times the element's length [rad], which its bending range limits."""
+        return [self._family.bends(k, self.full, h) for k, h in enumerate(self.lengths)]
 
     @cached_property
     def range_use(self) -> list[Scalar]:
         """Share of the declared bending range that each element uses."""
         use: list[Scalar] = []
-        for k, reach in enumerate(self._made.ranges):
-            bends = self._family.shape(k, self.full)
-            if self._made.family_name != "arc":
-                bends = [self.lengths[k] * bend for bend in bends]
+        for bends, reach in zip(self.greatest_bends, self._structure.ranges, strict=True):
             peak = ca.fabs(ca.SX(bends[0]))
             for bend in bends[1:]:
                 peak = ca.fmax(peak, ca.fabs(ca.SX(bend)))
@@ -235,7 +247,7 @@ class Equations:
     @cached_property
     def loads(self) -> tuple[list[Force], list[Moment]]:
         """Point forces and moments of ``w``."""
-        back, made = self.turn.transposed(), self._made
+        back, made = self.turn.transposed(), self._structure
         forces, moments = [], []
         places = [place_at(at, made.lengths) for at in made.contacts]
         for k, place in enumerate([*places, made.tip] if made.tip_force else places):
@@ -260,15 +272,15 @@ class Equations:
     def rest(self) -> list[Scalar]:
         """Integral of the rest curvature times the curvature shapes."""
         if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
-            return [times(self._tip_rest, r) for r in self._family.rest_uniform(self.lengths)]
-        return list(self._family.rest(self._made.lengths, self._made.finger.curvature_pieces))
+            return [self._tip_rest * r for r in self._family.rest_uniform(self.lengths)]
+        return list(self._family.rest(self._structure.lengths, self._structure.finger.curvature_pieces))
 
     @cached_property
     def elastic(self) -> list[Scalar]:
         """Gradient of the elastic energy; equation (32)."""
         stiffness = self._par["bending_stiffness"]
         force = _product(self._family.stiffness(self.lengths), self.full, stiffness)
-        return [minus(f, times(stiffness, r)) for f, r in zip(force, self.rest, strict=True)]
+        return [f - stiffness * r for f, r in zip(force, self.rest, strict=True)]
 
     @cached_property
     def damping(self) -> list[Scalar]:
@@ -279,24 +291,24 @@ class Equations:
             return force
         for k in range(len(self.lengths)):
             gradient = self._family.bend_gradient(k, self.lengths)
-            moment = times(per_arc, _dot(gradient, rates))
-            force = [plus(f, times(g, moment)) for f, g in zip(force, gradient, strict=True)]
+            moment = per_arc * _dot(gradient, rates)
+            force = [f + g * moment for f, g in zip(force, gradient, strict=True)]
         return force
 
     @cached_property
     def actuation(self) -> list[Scalar]:
-        """Generalised forces of the drive."""
+        """Generalized forces of the drive."""
         drive, count = self.drive, len(self.lengths)
         gradients = [self._family.bend_gradient(k, self.lengths) for k in range(count)]
-        whole = [_sum(column) for column in zip(*gradients, strict=True)]
-        if not self._made.rubs:
-            return [times(g, plus(drive.moment, drive.couple)) for g in whole]
-        total = [times(g, drive.couple) for g in whole]
-        shares = [times(1.0 / self._made.length, h) for h in self.lengths]
+        whole = [sum(column) for column in zip(*gradients, strict=True)]
+        if not self._structure.has_tendon_friction:
+            return [g * (drive.moment + drive.couple) for g in whole]
+        total = [g * drive.couple for g in whole]
+        shares = [1.0 / self._structure.length * h for h in self.lengths]
         factors = friction_factors(self._par["tendon_friction"], self.bends, shares)
         for gradient, factor in zip(gradients, factors, strict=True):
-            moment = times(factor, drive.moment)
-            total = [plus(t, times(g, moment)) for t, g in zip(total, gradient, strict=True)]
+            moment = factor * drive.moment
+            total = [t + g * moment for t, g in zip(total, gradient, strict=True)]
         return total
 
     # -- motion --------------------------------------------------------------------------------------------------
@@ -304,84 +316,77 @@ class Equations:
     @cached_property
     def mass_matrix(self) -> list[list[Scalar]]:
         """Mass matrix of the unknowns."""
-        return [row[: self._made.n] for row in self.chain.mass_matrix[: self._made.n]]
+        return [row[: self._structure.n] for row in self.chain.mass_matrix[: self._structure.n]]
 
     @cached_property
     def tip_inertia_force(self) -> list[Scalar]:
         """Inertia of the matched tip's own motion: M_qN kappa_N''."""
-        acceleration = self._per_stiffness(self.drive.acceleration) if self._made.matched else 0.0
-        return [times(row[-1], acceleration) for row in self.chain.mass_matrix[: self._made.n]]
+        acceleration = self._per_stiffness(self.drive.acceleration) if self._structure.matched else 0.0
+        return [row[-1] * acceleration for row in self.chain.mass_matrix[: self._structure.n]]
 
     @cached_property
     def bias(self) -> list[Scalar]:
         """Velocity products, and what the motion of a matched tip adds."""
         motion = self.chain.motion_forces(self.full_rates, ZERO)
-        return [minus(f, m) for f, m in zip(self.tip_inertia_force, motion, strict=False)]
+        return [f - m for f, m in zip(self.tip_inertia_force, motion, strict=False)]
 
     @cached_property
     def gravity(self) -> list[Scalar]:
         """Gradient of the weight's potential; equation (29)."""
         weight = self.chain.motion_forces(None, self.gravity_vector)
-        return [minus(0.0, f) for f in weight[: self._made.n]]
+        return [-f for f in weight[: self._structure.n]]
 
     @cached_property
     def external_force(self) -> list[Scalar]:
-        """Generalised forces of ``w``; equation (41)."""
-        return self.chain.motion_forces(None, ZERO, *self.loads)[: self._made.n]
+        """Generalized forces of ``w``; equation (41)."""
+        return self.chain.motion_forces(None, ZERO, *self.loads)[: self._structure.n]
 
     @cached_property
     def net_force(self) -> list[Scalar]:
         """M qdd."""
         motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, *self.loads)
         net = []
-        for k in range(self._made.n):
-            internal = plus(self.elastic[k], self.damping[k])
-            value = minus(minus(plus(motion[k], self.actuation[k]), internal), self.tip_inertia_force[k])
+        for k in range(self._structure.n):
+            internal = self.elastic[k] + self.damping[k]
+            value = motion[k] + self.actuation[k] - internal - self.tip_inertia_force[k]
             net.append(value)
         return net
 
     @cached_property
     def state_rate(self) -> list[Scalar]:
         """Derivative of the state."""
-        rates: list[Scalar] = [self.qd[k] for k in range(self._made.n)]
+        rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
         rates += solve_ldl(self.mass_matrix, self.net_force)
-        return [*rates, self.lag[1], self.lag_acceleration] if self._made.lagged else rates
+        return [*rates, self.lag[1], self.lag_acceleration] if self._structure.lagged else rates
 
     @cached_property
     def kinetic_energy(self) -> Scalar:
         """Kinetic energy [J], with the motion of a matched tip."""
-        return times(0.5, _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates))
+        return 0.5 * _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates)
 
     @cached_property
     def potential_energy(self) -> Scalar:
         """Elastic energy above the rest shape and potential of the weight above the world's origin [J]."""
-        stiffness, pieces = self._par["bending_stiffness"], self._made.finger.curvature_pieces
+        stiffness, pieces = self._par["bending_stiffness"], self._structure.finger.curvature_pieces
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
         if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
-            constant = times(0.5, times(_sum(self.lengths), times(self._tip_rest, self._tip_rest)))
+            constant = 0.5 * (sum(self.lengths) * self._tip_rest**2)
         else:
-            constant = self._family.rest_energy(self._made.lengths, pieces)
-        elastic = times(stiffness, plus(minus(_dot(product, self.full), _dot(self.rest, self.full)), constant))
+            constant = self._family.rest_energy(self._structure.lengths, pieces)
+        elastic = stiffness * (_dot(product, self.full) - _dot(self.rest, self.full) + constant)
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
-        x, y = self._made.finger.base.position
-        weight = plus(first.dot(self.gravity_vector), times(mass, plus(times(gx, x), times(gy, y))))
-        return minus(elastic, weight)
-
-
-def _sum(values: Sequence[Scalar]) -> Scalar:
-    total: Scalar = 0.0
-    for value in values:
-        total = plus(total, value)
-    return total
+        x, y = self._structure.finger.base.position
+        weight = first.dot(self.gravity_vector) + mass * (gx * x + gy * y)
+        return elastic - weight
 
 
 def _dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
-    return _sum([times(u, v) for u, v in zip(a, b, strict=True)])
+    return sum((u * v for u, v in zip(a, b, strict=True)), 0.0)
 
 
 def _product(matrix: Sequence[Sequence[Scalar]], vector: Sequence[Scalar], scale: Scalar) -> list[Scalar]:
     """Scale * matrix * vector, with a numeric scale folded into a numeric matrix."""
     if isinstance(scale, float):
-        return [_dot([times(scale, entry) for entry in row], vector) for row in matrix]
-    return [times(scale, _dot(row, vector)) for row in matrix]
+        return [_dot([scale * entry for entry in row], vector) for row in matrix]
+    return [scale * _dot(row, vector) for row in matrix]

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
+from typing import Unpack
 
 import casadi as ca
 
 from continuum_grasp.model.chain import column
+from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.equations import Equations
-from continuum_grasp.model.planar import Scalar, Vec
-from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.functions import Functions, function_names, matrix
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["FUNCTIONS", "MATRICES", "FingerModel"]
+__all__ = ["FUNCTIONS", "FingerModel"]
 
 
-class FingerModel(Remade):
+class FingerModel(Functions):
     """A planar continuum finger, written once as CasADi functions.
 
     The motion obeys ``M qdd + bias + gravity + elastic + damping = actuation + external_force``. All functions are SX
@@ -34,14 +33,14 @@ class FingerModel(Remade):
         Positions along the finger where contact forces may act [m]; element boundaries.
     gravity : (2,) sequence, optional
         World gravity [m/s2]; (0, -9.81) for a bare finger; zero leaves the weight out.
-    family : {"arc", "clothoid", "matched_clothoid"}, optional
-        Curvature family. Default: ``matched_clothoid`` for a scene, and for a bare finger whose tendons have a time
-        constant or whose ``input_rates`` are given; ``clothoid`` for other bare fingers, whose tip moment may vary,
-        with tendon friction, where a moment of the scene on the tip varies in time, or where those at time zero do not
-        fit the initial pose.
+    family : str, optional
+        Curvature family: ``arc``, ``clothoid`` or ``matched_clothoid``. Default: ``matched_clothoid`` for a scene, and
+        for a bare finger whose tendons have a time constant or whose ``input_rates`` are given; ``clothoid`` for other
+        bare fingers, whose tip moment may vary, with tendon friction, where a moment of the scene on the tip varies in
+        time, or where those at time zero do not fit the initial pose.
     elements : int or sequence of float, optional
-        Number of elements, or their lengths [m]; two, or one per stretch between contacts and jumps of the rest
-        curvature, where nothing is said.
+        Number of elements, or their lengths [m]. Default: two, or one per segment between contacts and jumps of the
+        rest curvature where that is more.
     bending_range : float, optional
         Greatest bend of an element [rad] (for clothoids: its length times its greatest curvature); 2 pi / 3, or less
         where the finger's strain limit allows less.
@@ -85,7 +84,7 @@ class FingerModel(Remade):
     function              inputs                   outputs
     ====================  =======================  =========================================================
     forward_dynamics      x, u, w, p               xd (nx) [x/s]
-    inverse_dynamics      q, qd, qdd, u, w, p      Q (n) [Q], the generalised force that is missing
+    inverse_dynamics      q, qd, qdd, u, w, p      Q (n) [Q], the generalized force that is missing
     mass_matrix           q, u, p                  M (n, n) [Q s2/q]
     bias                  q, qd, u, p              b (n) [Q], velocity products
     gravity               q, u, p                  G (n) [Q], gradient of the weight's potential
@@ -107,7 +106,7 @@ class FingerModel(Remade):
     linearization         x, u, w, p               A (nx, nx) [1/s x/x], B (nx, nu) [1/s x/u]
     ====================  =======================  =========================================================
 
-    Units follow the coordinates. Arcs: q are bending angles [rad], so generalised forces [Q] are in N m, M in kg m2,
+    Units follow the coordinates. Arcs: q are bending angles [rad], so generalized forces [Q] are in N m, M in kg m2,
     J in m and tangent stiffness in N m. Clothoids: q are nodal curvatures [1/m], so [Q] is N m2, M in kg m4, J in m2
     and tangent stiffness in N m3; at a boundary where the rest curvature jumps, the curvature jumps with it and q is
     the mean of both sides. ``q_names``, ``x_names``, ``u_names``, ``w_names`` and ``p_names`` have the unit of every
@@ -116,42 +115,27 @@ class FingerModel(Remade):
     x = [q, qd], and [q, qd, tip moment, its rate] where the tendons have a time constant; the functions of q then take
     the tip moment that u commands. w = world forces at the contacts, then at the tip (if any), then the loads.
     Positions s beyond the finger are taken as its ends; a compiled core refuses them.
-    Stretch and shear of the rod are not modelled.
+    Axial and shear strains of the rod are not modeled.
 
     Raises
     ------
     InputError
         If the pieces do not fit together.
+
+    Examples
+    --------
+    >>> from continuum_grasp import FingerModel
+    >>> from continuum_grasp.scene import Finger, Rod
+    >>> finger = Finger(rod=Rod(length=0.6, linear_density=0.02, bending_stiffness=0.05))
+    >>> model = FingerModel(finger, family="arc", elements=2)
+    >>> model.q_names
+    ['theta_1 [rad]', 'theta_2 [rad]']
+    >>> model.tip([0.5, 0.5], [0.0], [])
+    DM([-0.275819, 0.504883])
     """
 
-    def __init__(
-        self,
-        finger: Scene | Finger,
-        *,
-        contacts: Sequence[float] | None = None,
-        gravity: Sequence[float] | None = None,
-        family: str | None = None,
-        elements: int | Sequence[float] | None = None,
-        bending_range: float | None = None,
-        accuracy: float | None = None,
-        parameters: Sequence[str] | None = None,
-        loads: Sequence[Load] | None = None,
-        tip_force: bool | None = None,
-        input_rates: bool | None = None,
-    ) -> None:
-        made = Structure(
-            finger,
-            contacts=contacts,
-            gravity=gravity,
-            family=family,
-            elements=elements,
-            bending_range=bending_range,
-            accuracy=accuracy,
-            parameters=parameters,
-            loads=loads,
-            tip_force=tip_force,
-            input_rates=input_rates,
-        )
+    def __init__(self, finger: Scene | Finger, **options: Unpack[ModelOptions]) -> None:
+        made = Structure(finger, options)
         self.structure = made
         self.finger = made.finger
         self.family = made.family_name
@@ -167,33 +151,17 @@ class FingerModel(Remade):
         self.nu, self.nw, self.np = len(made.u_names), len(made.w_names), len(self.p_names)
         self._equations = Equations(made)
 
-    def _function(self, name: str, inputs: str, **outputs: ca.SX | Vec | Scalar | list[Scalar]) -> ca.Function:
-        """A named function of space-separated inputs."""
-        eq = self._equations
-        names = inputs.split()
-        arguments = [getattr(eq, key) for key in names]
-        expressions = [_dense(value) for value in outputs.values()]
-        if eq.lag.numel() and "x" not in names:
-            commanded = ca.vertcat(ca.SX(eq.commanded.moment), 0.0)
-            expressions = ca.substitute(expressions, [eq.lag], [commanded])
-        return ca.Function(name, arguments, ca.cse(expressions), names, list(outputs))
-
-    @cached_property
-    def forward_dynamics(self) -> ca.Function:
-        """State derivative."""
-        return self._function("forward_dynamics", "x u w p", xd=self._equations.state_rate)
-
     @cached_property
     def inverse_dynamics(self) -> ca.Function:
-        """Generalised force that a motion asks for beyond what acts; zero on a motion of the finger."""
+        """Generalized force that a motion asks for beyond what acts; zero on a motion of the finger."""
         eq = self._equations
-        inertia = ca.mtimes(_matrix(eq.mass_matrix), eq.qdd)
+        inertia = ca.mtimes(matrix(eq.mass_matrix), eq.qdd)
         return self._function("inverse_dynamics", "q qd qdd u w p", Q=inertia - column(eq.net_force))
 
     @cached_property
     def mass_matrix(self) -> ca.Function:
         """Mass matrix, equation (37)."""
-        return self._function("mass_matrix", "q u p", M=_matrix(self._equations.mass_matrix))
+        return self._function("mass_matrix", "q u p", M=matrix(self._equations.mass_matrix))
 
     @cached_property
     def bias(self) -> ca.Function:
@@ -217,12 +185,12 @@ class FingerModel(Remade):
 
     @cached_property
     def actuation(self) -> ca.Function:
-        """Generalised forces of the tip moment or the tendons, equation (42)."""
+        """Generalized forces of the tip moment or the tendons, equation (42)."""
         return self._function("actuation", "q u p", Q=self._equations.actuation[: self.n])
 
     @cached_property
     def external_force(self) -> ca.Function:
-        """Generalised forces of the point loads, equation (41)."""
+        """Generalized forces of the point loads, equation (41)."""
         return self._function("external_force", "q u w p", Q=self._equations.external_force)
 
     @cached_property
@@ -285,7 +253,21 @@ class FingerModel(Remade):
         eq = self._equations
         f = ca.SX.sym("f", count, len(self.lengths))
         r = ca.horzcat(*[at.column() for at in eq.inside(f)])
-        return ca.Function("probes", [eq.q, eq.u, f, eq.p], [r], ["q", "u", "f", "p"], ["r"])
+        return ca.Function("probes", [eq.q, eq.u, f, eq.p], self._at_command([r]), ["q", "u", "f", "p"], ["r"])
+
+    def curvatures(self) -> ca.Function:
+        """Curvature and bends of the elements.
+
+        Returns
+        -------
+        casadi.Function
+            ``(q, u, p) -> kappa, at, bend``: curvature (size) [1/m] that belongs to each coordinate of the family, the
+            tip's included where it is none; curvature (degree + 1, N) [1/m] at the ``places`` of the N elements; the
+            same times the elements' lengths [rad].
+        """
+        eq = self._equations
+        at, bends = (matrix(list(zip(*rows, strict=True))) for rows in (eq.curvatures, eq.greatest_bends))
+        return self._function("curvatures", "q u p", kappa=eq.curvature, at=at, bend=bends)
 
     @cached_property
     def energy(self) -> ca.Function:
@@ -312,48 +294,9 @@ class FingerModel(Remade):
         return self._function("statics", "q u w p", Q=missing, K=ca.jacobian(missing, eq.q))
 
     @cached_property
-    def linearization(self) -> ca.Function:
-        """Jacobians of the state derivative with respect to state and input."""
-        eq = self._equations
-        rate = column(eq.state_rate)
-        return self._function("linearization", "x u w p", A=ca.jacobian(rate, eq.x), B=ca.jacobian(rate, eq.u))
-
-    @cached_property
     def _section_jacobian(self) -> ca.SX:
         return ca.horzcat(*[vector.column() for vector in self._equations.section_jacobian])
 
 
-FUNCTIONS = tuple(
-    name for name, value in vars(FingerModel).items() if isinstance(value, cached_property) and not name.startswith("_")
-)
+FUNCTIONS = function_names(FingerModel)
 """Names of a model's functions."""
-
-MATRICES = frozenset(
-    (
-        "mass_matrix.M",
-        "statics.K",
-        "jacobian.J",
-        "jacobian_rate.Jd",
-        "joints.r",
-        "waypoints.r",
-        "linearization.A",
-        "linearization.B",
-        "pressed_linearization.A",
-        "touch.force",
-        "touch.normal",
-        "touch.point",
-    )
-)
-"""Outputs of finger models and systems that are matrices, whatever their size; all others are vectors."""
-
-
-def _matrix(rows: Sequence[Sequence[Scalar]]) -> ca.SX:
-    return ca.vertcat(*[ca.horzcat(*[ca.SX(v) for v in row]) for row in rows])
-
-
-def _dense(value: ca.SX | Vec | Scalar | list[Scalar]) -> ca.SX:
-    if isinstance(value, Vec):
-        return value.column()
-    if isinstance(value, list):
-        return ca.densify(column(value))
-    return ca.densify(ca.SX(value))

@@ -1,6 +1,6 @@
 """What the chain needs to know of a flexible link, whatever curvature it has.
 
-A link is a stretch of rod with a few bending coordinates of its own (its *local coordinates*). All vectors are in the
+A link is a piece of rod with a few bending coordinates of its own (its *local coordinates*). All vectors are in the
 axes of its start section (X along the tangent there) and from its start. The derivative of a point with respect to a
 bending coordinate is stored *before* its turn by a right angle: ``dr/dq = perp(arm)``, because the derivative of a
 tangent is the tangent turned by 90 degrees. Scalar products of derivatives are then scalar products of arms, and no
@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from continuum_grasp.model.planar import Rotation, Scalar, Vec, plus
+from continuum_grasp.model.planar import Rotation, Scalar, Vec
 
 __all__ = ["Bias", "Inertia", "Link", "Section"]
 
@@ -121,10 +121,8 @@ class LoadedLink:
             total = Bias(
                 end=total.end,
                 force=total.force + force,
-                moment=plus(total.moment, section.position.cross(force)),
-                generalized=tuple(
-                    plus(q, arm.cross(force)) for q, arm in zip(total.generalized, section.arms, strict=True)
-                ),
+                moment=total.moment + section.position.cross(force),
+                generalized=tuple(q + arm.cross(force) for q, arm in zip(total.generalized, section.arms, strict=True)),
             )
         return total
 
@@ -134,10 +132,10 @@ def _add_mass(inertia: Inertia, section: Section, mass: Scalar) -> Inertia:
     arms = [arm.scaled(mass) for arm in section.arms]
     pairs = range(len(arms))
     return Inertia(
-        mass=plus(inertia.mass, mass),
+        mass=inertia.mass + mass,
         first=inertia.first + r,
-        second=plus(inertia.second, r.dot(section.position)),
+        second=inertia.second + r.dot(section.position),
         arms=tuple(a + b for a, b in zip(inertia.arms, arms, strict=True)),
-        swing=tuple(plus(s, r.dot(arm)) for s, arm in zip(inertia.swing, section.arms, strict=True)),
-        matrix=tuple(tuple(plus(inertia.matrix[a][b], arms[a].dot(section.arms[b])) for b in pairs) for a in pairs),
+        swing=tuple(s + r.dot(arm) for s, arm in zip(inertia.swing, section.arms, strict=True)),
+        matrix=tuple(tuple(inertia.matrix[a][b] + arms[a].dot(section.arms[b]) for b in pairs) for a in pairs),
     )

@@ -62,6 +62,7 @@ def collocation(count: int) -> Collocation:
 
 
 _RANGES = (0.3, 0.6, 1.0, 1.5, 2.1, 3.15, 4.5, 6.3)
+"""Ranges of length times curvature [rad] of the columns of the table below, up to one turn."""
 _ERRORS: dict[int, tuple[float, ...]] = {
     3: (5.0e-2, 5.0e-2, 5.1e-2, 5.3e-2, 5.8e-2, 7.0e-2, 9.4e-2, 4.0e-1),
     4: (9.9e-4, 9.9e-4, 9.9e-4, 1.0e-3, 2.0e-3, 5.6e-3, 1.4e-2, 4.1e-2),
@@ -83,7 +84,8 @@ against 24 nodes over random and extreme shapes; a test measures it again). The 
 the worst; the mass matrix is about ten times better."""
 
 _STRICT = 1e-8
-"""Accuracy from which on a tenth of it is asked of the table, so that shapes with a small bias reach it too."""
+"""Accuracy [1] from which on a tenth of it is asked of the table, whose errors are relative to the largest entry over
+all shapes: shapes with a small bias then reach it too."""
 
 
 def node_count(angle_range: float, accuracy: float) -> int:

@@ -1,67 +1,39 @@
-"""What a model is made of: elements, family, inputs, forces and their names; resolved once from scene and keywords."""
+"""Structure of a model: elements, family, inputs, forces and their names; resolved once from scene and options."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any
+from operator import truediv
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import InputLayout
 from continuum_grasp.model.chain import Place
-from continuum_grasp.model.choices import Choices
-from continuum_grasp.model.family import ArcFamily, ClothoidFamily, Family
+from continuum_grasp.model.choices import Choices, ModelOptions
+from continuum_grasp.model.family import Family, family_class
 from continuum_grasp.model.layout import element_lengths, element_ranges, place_at, with_breaks
 from continuum_grasp.model.parameters import Parameters
-from continuum_grasp.model.quadrature import node_count
+from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
 from continuum_grasp.scene.simulate import Initial, Scene
 
-__all__ = ["Structure", "tip_is_thrown"]
-
-FAMILIES = ("arc", "clothoid", "matched_clothoid")
+__all__ = ["Structure", "tip_moment_jumps"]
 
 
 class Structure:
-    """The resolved make-up of a model; arguments and errors as in ``FingerModel``."""
+    """The resolved structure of a model; arguments and errors as in ``FingerModel``."""
 
-    def __init__(
-        self,
-        finger: Scene | Finger,
-        *,
-        contacts: Sequence[float] | None,
-        gravity: Sequence[float] | None,
-        family: str | None,
-        elements: int | Sequence[float] | None,
-        bending_range: float | None,
-        accuracy: float | None,
-        parameters: Sequence[str] | None,
-        loads: Sequence[Load] | None,
-        tip_force: bool | None,
-        input_rates: bool | None,
-    ) -> None:
-        keywords = {
-            "contacts": contacts,
-            "gravity": gravity,
-            "family": family,
-            "elements": elements,
-            "bending_range": bending_range,
-            "accuracy": accuracy,
-            "parameters": parameters,
-            "loads": loads,
-            "tip_force": tip_force,
-            "input_rates": input_rates,
-        }
-        self.asked: tuple[Scene | Finger, dict[str, Any]] = (finger, keywords)
-        choices = Choices(finger, keywords)
+    def __init__(self, finger: Scene | Finger, options: ModelOptions) -> None:
+        self.asked = finger, options
+        choices = Choices(finger, options)
         try:
             self._resolve(choices)
         except InputError as error:
             raise choices.located(error) from None
 
     def _resolve(self, choices: Choices) -> None:
-        """Set everything; errors name keywords."""
+        """Set all attributes; errors are keyed by option."""
         scene = choices.scene
         if scene is not None and scene.fidelity.tolerance is not None:
             raise InputError(
@@ -78,7 +50,7 @@ class Structure:
         self.lengths = element_lengths(self.length, self.contacts, elements)
         if elements is None:
             held = () if scene is None else scene.initial.held_by
-            continuous = choices.word("family", FAMILIES) != "arc"
+            continuous = family_class(choices.word("family", FAMILIES) or default_family(free_tip=True)).continuous
             breaks = with_breaks(self.contacts, self.finger, (*self.loads, *held), continuous=continuous)
             self.lengths = element_lengths(self.length, breaks, None)
         self.ranges = element_ranges(self.lengths, choices.number("bending_range"), self.finger.curvature_limit)
@@ -101,7 +73,7 @@ class Structure:
                 "a piecewise rest curvature needs element_lengths that are not run-time arguments",
                 key=f"parameters[{self.parameters.names.index('element_lengths')}]",
             )
-        if scene is not None and not choices.said("family", "elements", "contacts", "loads", "parameters"):
+        if scene is not None and not choices.given("family", "elements", "contacts", "loads", "parameters"):
             self.check_initial(scene.initial)
 
     def check_initial(self, initial: Initial) -> None:
@@ -122,8 +94,8 @@ class Structure:
 
     @property
     def matched(self) -> bool:
-        """Whether the tip's curvature follows from the moment balance there."""
-        return self.family_name == "matched_clothoid"
+        """Whether the tip's curvature is set by the moment balance there."""
+        return FAMILIES[self.family_name].matches_tip
 
     @property
     def lagged(self) -> bool:
@@ -136,10 +108,29 @@ class Structure:
         return self.matched and not self.inputs.rates and not self.lagged
 
     @property
-    def rubs(self) -> bool:
-        """Whether tendon friction is modelled."""
+    def has_tendon_friction(self) -> bool:
+        """Whether tendon friction is modeled."""
         tendons = self.finger.tendons
         return tendons is not None and (tendons.friction > 0.0 or self.parameters.is_runtime("tendon_friction"))
+
+    def coordinate_limits(self, lengths: Sequence[float] | None = None) -> list[float]:
+        """Greatest absolute value of each coordinate (n) at which no element is beyond its bending range.
+
+        Parameters
+        ----------
+        lengths : sequence of float, optional
+            Element lengths [m]; the nominal ones where not given.
+        """
+        return self._limits(self.family.coordinate_size, self.lengths if lengths is None else lengths)[: self.n]
+
+    @property
+    def curvature_limits(self) -> list[float]:
+        """Greatest absolute values [1/m] of what ``System.curvature`` gives, as far as the bending ranges go."""
+        return self._limits(truediv, self.lengths)
+
+    def _limits(self, size: Callable[[float, float], float], lengths: Sequence[float]) -> list[float]:
+        per_element = [size(reach, h) for reach, h in zip(self.ranges, lengths, strict=True)]
+        return [min(per_element[k] for k in self.family.elements_bent_by(a)) for a in range(self.family.size)]
 
     @property
     def tip(self) -> Place:
@@ -161,11 +152,11 @@ class Structure:
         return found
 
     def _default_family(self, scene: Scene | None, input_rates: bool | None) -> str:
-        # A bare finger does not say whether its tip moment varies, which a matched tip without rates would not follow.
+        # A bare finger leaves open whether its tip moment varies, which a matched tip without rates would not follow.
         unknown = scene is None and input_rates is None and not self.lagged
-        thrown = scene is not None and scene.time is not None and scene.initial.q is None and tip_is_thrown(scene)
-        free = self.rubs or self._tip_couple_varies() or thrown or unknown
-        return "clothoid" if free else "matched_clothoid"
+        jumps = scene is not None and scene.time is not None and scene.initial.q is None and tip_moment_jumps(scene)
+        free = self.has_tendon_friction or self._tip_couple_varies() or jumps or unknown
+        return default_family(free_tip=free)
 
     def _tip_couple_varies(self) -> bool:
         return any(isinstance(load.moment, Samples) for load in _tip_couples(self.loads, self.length))
@@ -179,15 +170,17 @@ class Structure:
         return any(isinstance(value, Samples) for value in inputs)
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
-        if self.matched and self.rubs:
+        if self.matched and self.has_tendon_friction:
             raise InputError(
-                "matched_clothoid cannot carry tendon friction (the moment at the tip then depends on the whole "
-                "shape): use family clothoid",
+                f"{self.family_name} cannot carry tendon friction (the moment at the tip then depends on the whole "
+                f"shape): use family {default_family(free_tip=True)}",
                 key="family",
             )
         if input_rates and not self.matched:
+            matched = " or ".join(name for name, family in FAMILIES.items() if family.matches_tip)
             raise InputError(
-                f"input_rates needs family matched_clothoid; {self.family_name} has no use for them", key="input_rates"
+                f"input_rates needs family {matched}; {self.family_name} has no use for them",
+                key="input_rates",
             )
         if input_rates and self.lagged:
             raise InputError(
@@ -199,12 +192,14 @@ class Structure:
         return InputLayout(self.finger.tendons is not None, couples, input_rates)
 
     def _make_family(self) -> Family:
-        count = len(self.lengths)
-        if self.family_name == "arc":
-            return ArcFamily(count, self.accuracy)
         for reach in self.ranges:
-            node_count(reach, 1e-2)  # says where the range is too large
-        return ClothoidFamily(count, self.accuracy, self._rest_jumps())
+            if FAMILIES[self.family_name].one_turn and reach > ONE_TURN:
+                raise InputError(
+                    f"an element of {self.family_name} that bends by up to {reach:.3g} rad is beyond one turn: take "
+                    "more elements",
+                    key="bending_range",
+                )
+        return family_class(self.family_name)(len(self.lengths), self.accuracy, self._rest_jumps())
 
     def _rest_jumps(self) -> list[float]:
         """Jump of the rest curvature at each inner boundary [1/m]."""
@@ -239,7 +234,7 @@ class Structure:
                 self.w_names.append(f"load_{k + 1}_moment [N m]")
 
 
-def tip_is_thrown(scene: Scene) -> bool:
+def tip_moment_jumps(scene: Scene) -> bool:
     """Whether the moments on the tip at time zero ask for another curvature there than the initial pose has.
 
     A matched tip then starts with the curvature of those moments, not with that of the pose.

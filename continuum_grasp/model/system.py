@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Unpack
 
 import casadi as ca
 import numpy as np
@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.chain import column
+from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.finger_model import FingerModel
+from continuum_grasp.model.functions import Functions, function_names, matrix
 from continuum_grasp.model.layout import place_at
-from continuum_grasp.model.planar import Scalar, Vec
-from continuum_grasp.model.remade import Remade
 from continuum_grasp.model.system_equations import OBJECT_PARAMETERS, SystemEquations
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
@@ -24,7 +24,7 @@ from continuum_grasp.scene.surroundings import Surroundings
 __all__ = ["SYSTEM_FUNCTIONS", "System"]
 
 
-class System(Remade):
+class System(Functions):
     """A finger, and where there is one the object that it touches, as one system xd = f(x, u, w, p).
 
     All functions are SX functions of the whole state with named inputs and outputs; inputs that a system does not need
@@ -42,7 +42,7 @@ class System(Remade):
         What of the object stays a run-time argument, after the finger's in ``p``: ``object_mass`` [kg] of one that
         moves, ``friction_factor`` [1] of all its friction coefficients, ``object_x`` and ``object_y`` [m] of one that
         is fixed.
-    **keywords
+    **options
         As of ``FingerModel``.
 
     Attributes
@@ -83,13 +83,13 @@ class System(Remade):
     x = [x of the finger, then of an object that moves its pose x, y [m] and angle [rad] (of its frame, world), its
     height z [m] where gravity acts out of the plane, and their rates, then the friction states of each contact: the
     elastic displacement along the surface, and out of the plane, as a share of that at which it slips]. w = [w of the
-    finger, then world force [N] and moment about the centre of mass [N m] on an object that moves, then the height of
+    finger, then world force [N] and moment about the center of mass [N m] on an object that moves, then the height of
     the table under it [m]].
 
-    A station of the finger is a disc of the finger's half thickness round its centre line. ``friction`` acts on what
+    A station of the finger is a disc of the finger's half thickness round its center line. ``friction`` acts on what
     touches the object, along the object's outward normal turned by +90 degrees; ``lift`` and ``force`` act on the
     object. The force on the finger is the opposite one and acts at the same ``point`` on the finger's surface, so its
-    couple about the centre line bends the finger too. At the tip of ``matched_clothoid`` that couple is left out (the
+    couple about the center line bends the finger too. At the tip of ``matched_clothoid`` that couple is left out (the
     tip's curvature would depend on itself), and with it the turning of the tip in its velocity of slip, so that no
     power appears. Supports touch the object only, not the finger; elements touch at their stations only.
 
@@ -97,6 +97,21 @@ class System(Remade):
     ------
     InputError
         If the pieces do not fit together.
+
+    Examples
+    --------
+    >>> from continuum_grasp import System
+    >>> from continuum_grasp.scene import Circle, Finger, Rod
+    >>> from continuum_grasp.scene.surroundings import ContactLaw, Surroundings
+    >>> finger = Finger(rod=Rod(length=0.6, linear_density=0.02, bending_stiffness=0.05), half_thickness=0.002)
+    >>> disc = Circle(shape="circle", diameter=0.06, mass=0.1, position=(0.04, 0.6))
+    >>> around = Surroundings(object=disc, contact_law=ContactLaw(stiffness=900.0, friction=0.5))
+    >>> system = System(finger, surroundings=around, family="arc", elements=2)
+    >>> system.touch_names
+    ['finger.tip']
+    >>> gap, *_ = system.touch(system.state(), [0.0], [0.0, 0.0], [])
+    >>> gap
+    DM(0.008)
     """
 
     def __init__(
@@ -105,15 +120,15 @@ class System(Remade):
         *,
         surroundings: Surroundings | None = None,
         object_parameters: Sequence[str] = (),
-        **keywords: Any,
+        **options: Unpack[ModelOptions],
     ) -> None:
-        self.finger_model = FingerModel(given, **keywords)
+        self.finger_model = FingerModel(given, **options)
         if surroundings is None and isinstance(given, Scene):
             surroundings = given
         self.surroundings = surroundings if surroundings is not None and surroundings.object is not None else None
         model = self.finger_model
         self.object_parameters = self._checked(object_parameters)
-        self._equations = SystemEquations(model.structure, self.surroundings, self.object_parameters)
+        self._equations: SystemEquations = SystemEquations(model.structure, self.surroundings, self.object_parameters)
         pairs, body = self._equations.pairs, self._equations.body
         self.touch_names = [pair.name for pair in pairs]
         self.n, self.nu = model.n, model.nu
@@ -123,8 +138,8 @@ class System(Remade):
         self.p_names = [*model.p_names, *(f"{name} [{OBJECT_PARAMETERS[name]}]" for name in self.object_parameters)]
         own = {"friction_factor": 1.0}
         if body:
-            x, y = body.thing.position
-            own |= {"object_mass": body.thing.mass, "object_x": x, "object_y": y}
+            x, y = body.object.position
+            own |= {"object_mass": body.object.mass, "object_x": x, "object_y": y}
         self.p_nominal = [*model.p_nominal, *(own[name] for name in self.object_parameters)]
         self.nx, self.nw, self.np = len(self.x_names), len(self.w_names), len(self.p_names)
 
@@ -195,26 +210,6 @@ class System(Remade):
             start = _vector("pose", np.append(given, start[given.size :]), len(start))
         return [*x, *start, *[0.0] * (self.nx - len(x) - len(start))]
 
-    # -- functions -----------------------------------------------------------------------------------------------
-
-    def _function(self, name: str, inputs: str, **outputs: Any) -> ca.Function:
-        """A named function of space-separated inputs."""
-        names = inputs.split()
-        arguments = [getattr(self._equations, key) for key in names]
-        return ca.Function(name, arguments, ca.cse([_dense(v) for v in outputs.values()]), names, list(outputs))
-
-    @cached_property
-    def forward_dynamics(self) -> ca.Function:
-        """State derivative."""
-        return self._function("forward_dynamics", "x u w p", xd=self._equations.state_rate)
-
-    @cached_property
-    def linearization(self) -> ca.Function:
-        """Jacobians of the state derivative with respect to state and input."""
-        eq = self._equations
-        rate = column(eq.state_rate)
-        return self._function("linearization", "x u w p", A=ca.jacobian(rate, eq.x), B=ca.jacobian(rate, eq.u))
-
     @cached_property
     def pressed_linearization(self) -> ca.Function:
         """Jacobian A of the state derivative as if the gaps were smaller by ``press`` (K) [m]."""
@@ -227,7 +222,7 @@ class System(Remade):
     def internal(self) -> ca.Function:
         """Mass matrix M (n, n) of the finger, and its stiffness K and damping D (n, n), whose forces are linear."""
         eq = self._equations
-        mass = ca.vertcat(*[ca.horzcat(*[ca.SX(v) for v in row]) for row in eq.mass_matrix])
+        mass = matrix(eq.mass_matrix)
         elastic, damping = (column(forces[: self.n]) for forces in (eq.elastic, eq.damping))
         return self._function("internal", "x u p", M=mass, K=ca.jacobian(elastic, eq.q), D=ca.jacobian(damping, eq.qd))
 
@@ -266,11 +261,8 @@ class System(Remade):
 
     @cached_property
     def curvature(self) -> ca.Function:
-        """Curvature [1/m]: at the nodes of clothoids from base to tip, or of each arc."""
-        eq = self._equations
-        arcs = self.finger_model.family == "arc"
-        values = [q / h for q, h in zip(eq.full, eq.lengths, strict=True)] if arcs else eq.full
-        return self._function("curvature", "x u p", kappa=values)
+        """Curvature [1/m] that belongs to each coordinate of the family: of each arc, or at the nodes of clothoids."""
+        return self._function("curvature", "x u p", kappa=self._equations.curvature)
 
     @cached_property
     def range_use(self) -> ca.Function:
@@ -303,7 +295,7 @@ class System(Remade):
         )
 
 
-SYSTEM_FUNCTIONS = tuple(name for name, value in vars(System).items() if isinstance(value, cached_property))
+SYSTEM_FUNCTIONS = function_names(System)
 """Names of a system's functions."""
 
 
@@ -312,11 +304,3 @@ def _vector(name: str, value: ArrayLike | None, size: int) -> list[float]:
     if array.size != size or not np.all(np.isfinite(array)):
         raise InputError(f"{name}: expected {size} finite entries, got {array.tolist()}", key=name)
     return [float(v) for v in array]
-
-
-def _dense(value: ca.SX | Vec | Scalar | list[Scalar]) -> ca.SX:
-    if isinstance(value, Vec):
-        return value.column()
-    if isinstance(value, list):
-        return ca.densify(column(value))
-    return ca.densify(ca.SX(value))

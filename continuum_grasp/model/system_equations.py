@@ -11,7 +11,7 @@ from continuum_grasp.model.body import Body
 from continuum_grasp.model.chain import Force, Moment, Place
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.layout import place_at
-from continuum_grasp.model.planar import Scalar, Vec, plus
+from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.table import TablePair, table_pair
 from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs
@@ -25,12 +25,12 @@ coefficients; where it is, if it is fixed."""
 
 
 class SystemEquations(Equations):
-    """Equations of a finger and of its object, if there is one; the state goes on where that of the finger ends.
+    """Equations of a finger and of its object, if there is one; its state follows that of the finger.
 
     Parameters
     ----------
     structure : Structure
-        The make-up of the finger's model.
+        Of the finger's model.
     surroundings : Surroundings or None
     runtime : sequence of str
         Which of ``OBJECT_PARAMETERS`` stay run-time arguments, at the end of ``p``.
@@ -66,7 +66,7 @@ class SystemEquations(Equations):
     @cached_property
     def _stations(self) -> list[tuple[Place, Station]]:
         """Where the finger may touch."""
-        made, radius = self._made, self._made.finger.thickness_radius
+        made, radius = self._structure, self._structure.finger.thickness_radius
         places = [(f"finger.{k + 1}", place_at(at, made.lengths)) for k, at in enumerate(made.contacts)]
         motions = self.chain.end_velocities(self.full_rates)
         found = []
@@ -91,14 +91,14 @@ class SystemEquations(Equations):
 
     @cached_property
     def contact_loads(self) -> tuple[list[Force], list[Moment]]:
-        """Contact forces on the finger, with their couples about the centre line where the tip is free."""
+        """Contact forces on the finger, with their couples about the center line where the tip is free."""
         if self.body is None:
             return [], []
         back = self.turn.transposed()
         forces, moments = [], []
         for (place, station), pair in zip(self._stations, self.pairs, strict=False):
             forces.append(Force(place, back.apply(pair.force)))
-            if not (self._made.matched and place is self._made.tip):
+            if not (self._structure.matched and place is self._structure.tip):
                 moments.append(Moment(place, (pair.point - station.center).cross(pair.force)))
         return forces, moments
 
@@ -122,7 +122,7 @@ class SystemEquations(Equations):
         kinetic, potential = self.kinetic_energy, self.potential_energy
         if self.body is not None:
             moving, weight = self.body.energy(self._world_gravity)
-            kinetic, potential = plus(kinetic, moving), plus(potential, weight)
+            kinetic, potential = kinetic + moving, potential + weight
             for pair in self.pairs:
-                potential = plus(potential, pair.stored_energy)
+                potential += pair.stored_energy
         return kinetic, potential

@@ -9,7 +9,7 @@ import casadi as ca
 
 from continuum_grasp.model.body import Body
 from continuum_grasp.model.contact_law import friction_rate, friction_share, normal_force, stored_energy
-from continuum_grasp.model.planar import Scalar, Vec, minus, times
+from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.scene.surroundings import ContactLaw
 
 __all__ = ["TablePair", "table_pair"]
@@ -19,7 +19,7 @@ __all__ = ["TablePair", "table_pair"]
 class TablePair:
     """The object's base on a table parallel to the plane; the attributes are those of a ``Pair``.
 
-    The normal force lifts the object; friction acts in the plane at the centre of mass, along world x and y.
+    The normal force lifts the object; friction acts in the plane at the center of mass, along world x and y.
     """
 
     name: str
@@ -68,9 +68,9 @@ class TablePair:
         """Force on the table in the plane, world [N]; the object bears the opposite."""
         if self.friction == 0.0:
             return Vec(0.0, 0.0)
-        limit = times(times(self.grip, self.friction), self.normal_force)
+        limit = self.grip * self.friction * self.normal_force
         x, y = friction_share(self.law, self._states, self._slip)
-        return Vec(times(limit, x), times(limit, y))
+        return Vec(limit * x, limit * y)
 
     @property
     def z_rate(self) -> list[Scalar]:
@@ -97,7 +97,7 @@ def table_pair(body: Body, law: ContactLaw, friction: float) -> TablePair:
     has_state = friction > 0.0 and law.displacement is not None
     return TablePair(
         "table",
-        minus(body.pose[3], body.wrench[3]),
+        body.pose[3] - body.wrench[3],
         center,
         body.velocity_at(center),
         body.climb,

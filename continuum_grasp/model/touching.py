@@ -10,7 +10,7 @@ import casadi as ca
 
 from continuum_grasp.model.body import Body
 from continuum_grasp.model.contact_law import friction_rate, friction_share, normal_force, stored_energy
-from continuum_grasp.model.planar import ZERO, Scalar, Vec, minus, times
+from continuum_grasp.model.planar import ZERO, Scalar, Vec
 from continuum_grasp.model.surfaces import nearest, surface_of
 from continuum_grasp.scene.supports import Peg, Wall
 from continuum_grasp.scene.surroundings import ContactLaw
@@ -20,7 +20,7 @@ __all__ = ["Pair", "Station", "disc_pair", "support_pairs"]
 
 @dataclass(frozen=True)
 class Station:
-    """A disc of the finger: world centre, its velocity, angular velocity, and radius [m]."""
+    """A disc of the finger: world center, its velocity, angular velocity, and radius [m]."""
 
     name: str
     center: Vec
@@ -85,7 +85,7 @@ class Pair:
     @cached_property
     def normal_force(self) -> Scalar:
         """[N]"""
-        return normal_force(self.law, self.gap, minus(0.0, self.normal.dot(self.velocity)))
+        return normal_force(self.law, self.gap, -self.normal.dot(self.velocity))
 
     @cached_property
     def _slip(self) -> list[Scalar]:
@@ -102,8 +102,8 @@ class Pair:
         """Forces against the slip, per direction [N]."""
         if self.friction == 0.0:
             return [0.0 for _ in self._slip]
-        limit = times(times(self.grip, self.friction), self.normal_force)
-        return [times(limit, share) for share in friction_share(self.law, self._states, self._slip)]
+        limit = self.grip * self.friction * self.normal_force
+        return [limit * share for share in friction_share(self.law, self._states, self._slip)]
 
     @property
     def tangential(self) -> Scalar:
@@ -113,7 +113,7 @@ class Pair:
     @property
     def lift(self) -> Scalar:
         """Friction out of the plane, on the object [N]."""
-        return minus(0.0, self._friction[1]) if self.sinks else 0.0
+        return -self._friction[1] if self.sinks else 0.0
 
     @cached_property
     def force(self) -> Vec:
@@ -133,12 +133,12 @@ class Pair:
 
 def disc_pair(body: Body, law: ContactLaw, disc: Station, friction: float | None = None) -> Pair:
     """A disc against the nearest part of the object."""
-    found = nearest(body.thing.parts, body.local(disc.center))
+    found = nearest(body.object.parts, body.local(disc.center))
     normal = body.turn.apply(found.normal)
     lever = normal.scaled(-disc.radius)
     point = disc.center + lever
     other = disc.velocity + lever.perp().scaled(disc.spin)
-    gap = minus(found.distance, disc.radius)
+    gap = found.distance - disc.radius
     return _pair(disc.name, body, law, gap, normal, point, body.velocity_at(point) - other, friction)
 
 
@@ -152,11 +152,11 @@ def support_pairs(body: Body, law: ContactLaw, walls: Sequence[Wall], pegs: Sequ
     for wall in walls:
         down = Vec(*(-v for v in wall.normal))
         local = body.turn.transposed().apply(down)
-        points = [p for part in body.thing.parts for p in surface_of(part).lowest_points(part, local)]
+        points = [p for part in body.object.parts for p in surface_of(part).lowest_points(part, local)]
         for k, place in enumerate(points):
             point = body.position + body.turn.apply(place)
             offset = point - Vec(*wall.point)
-            gap = minus(0.0, down.dot(offset))
+            gap = -down.dot(offset)
             if wall.half_length < float("inf"):
                 gap = ca.fmax(gap, ca.fabs(ca.SX(down.perp().dot(offset))) - wall.half_length)
             name = wall.name if len(points) == 1 else f"{wall.name}.{k + 1}"

@@ -9,12 +9,10 @@ from continuum_grasp._lazy import lazy_names
 _MODULES = {
     "continuum_grasp.planning.solve": ("plan",),
     "continuum_grasp.planning.result": ("Constraint", "Plan", "PlanStatus"),
-    "continuum_grasp.planning.files": ("load_plan",),
 }
 __all__ = [name for names in _MODULES.values() for name in names]
 
 if TYPE_CHECKING:
-    from continuum_grasp.planning.files import load_plan as load_plan
     from continuum_grasp.planning.result import Constraint as Constraint
     from continuum_grasp.planning.result import Plan as Plan
     from continuum_grasp.planning.result import PlanStatus as PlanStatus

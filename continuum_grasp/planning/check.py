@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, Signal
-from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import NumericalError
 
 __all__ = ["Deviation", "Player"]
@@ -128,7 +125,7 @@ class Player:
         wanted = max(2, math.ceil(self._rate * step / _RADIUS))
         if wanted <= _EXPLICIT_UP_TO:
             return "rk4", wanted
-        return "implicit", max(4, math.ceil(step / _IMPLICIT_STEP))
+        return "rodas", max(4, math.ceil(step / _IMPLICIT_STEP))
 
     def _rollout(self, method: str, steps: int) -> Rollouts:
         """Parameters take the place of forces: they may vary over time."""
@@ -137,11 +134,9 @@ class Player:
         inputs, names = [model.x, model.u, model.p, none], ["x", "u", "w", "p"]
         rate = model.dynamics(model.x, model.u, model.p)
         dynamics = ca.Function("forward_dynamics", inputs, [rate], names, ["xd"])
-        linearization = None
-        if method == "implicit":
-            slopes = [ca.jacobian(rate, model.x), ca.jacobian(rate, model.u)]
-            linearization = ca.Function("linearization", inputs, [ca.densify(m) for m in slopes], names, ["A", "B"])
-        step = step_function(dynamics, method, linearization)
-        compiler = find_compiler() if 4 * dynamics.n_instructions() * steps > _COMPILE_FROM else None
-        library = None if compiler is None else ctypes.CDLL(str(library_for(rollout_source(step), compiler)))
-        return Rollouts(step, library, True)
+        functions = SimpleNamespace(forward_dynamics=dynamics)
+        if method == "rodas":
+            slopes = [ca.densify(ca.jacobian(rate, v)) for v in (model.x, model.u)]
+            functions.linearization = ca.Function("linearization", inputs, slopes, names, ["A", "B"])
+        step = step_function(functions, method)
+        return Rollouts.of(step, 4 * dynamics.n_instructions() * steps > _COMPILE_FROM)

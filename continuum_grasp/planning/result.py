@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from enum import StrEnum
 from functools import cached_property
 from os import PathLike
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.planning.check import Deviation
 from continuum_grasp.planning.loads import parameters_over_time
+from continuum_grasp.results.result import File, MotionResult, Stored
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.contacts import ContactForces
-
-if TYPE_CHECKING:
-    from continuum_grasp.planning.check import Deviation
 
 __all__ = ["Constraint", "Plan", "PlanStatus"]
 
 Array = NDArray[np.float64]
 
 _ACTIVE = 1e-6
+"""Multiplier above which a bound counts as active, in the units of `Constraint.multipliers`."""
+_PARTS = ("values", "lower", "upper", "multipliers")
+"""Arrays of a constraint."""
 
 
 class PlanStatus(StrEnum):
@@ -82,7 +83,7 @@ class Constraint:
 
 
 @dataclass(frozen=True)
-class Plan:
+class Plan(MotionResult):
     """A motion from an initial state to a goal; SI units, world frame.
 
     Attributes
@@ -91,13 +92,9 @@ class Plan:
     status : PlanStatus
     message : str
         One sentence on how it ended.
-    t : (N + 1,) ndarray
-        Instants of the nodes [s].
-    x : (N + 1, nx) ndarray
-        States.
-    u : (N + 1, nu) ndarray
-        Inputs: constant from their node to the next one, or linear in between (``input.form``). The last one is held
-        after the end.
+    t, x, u : ndarray
+        See the stored arrays. Inputs are constant from their node to the next one, or linear in between
+        (``input.form``); the last one holds after the end.
     objective : float
         The duration [s], the integral of the squared input [N2 s] or input rate [N2/s] (with N m for a tip moment), or
         what ``cost`` says.
@@ -119,6 +116,21 @@ class Plan:
     solver_state : mapping of str to ndarray
         Unknowns and multipliers, for a warm start.
     """
+
+    kind: ClassVar[str] = "plan"
+    stored: ClassVar[tuple[Stored, ...]] = (
+        Stored("t", "(T,)", "s", "instants of the nodes"),
+        Stored("x", "(T, nx)", "", "states"),
+        Stored("u", "(T, nu)", "", "inputs"),
+        Stored("tip", "(T, 2)", "m", "world position of the tip"),
+    )
+    pictures: ClassVar[tuple[File, ...]] = (
+        File("path.png", "plotting.control.plan_motion:plot_plan_path"),
+        File("inputs.png", "plotting.control.plan_motion:plot_plan_inputs"),
+        File("coordinates.png", "plotting.motion.over_time:plot_coordinates"),
+        File("contact_forces.png", "plotting.motion.over_time:plot_contact_forces", needs="contacts"),
+    )
+    frames: ClassVar[str] = "plotting.motion.motion_frames:motion_frames"
 
     scene: PlanScene
     status: PlanStatus
@@ -172,16 +184,6 @@ class Plan:
     def n(self) -> int:
         """Number of bending coordinates."""
         return self.prediction.system.n
-
-    @property
-    def length(self) -> float:
-        """Length of the finger [m]."""
-        return self.scene.finger.rod.length
-
-    @property
-    def name(self) -> str | None:
-        """Name of the scene."""
-        return self.scene.name
 
     def _over_time(self, function: ca.Function, indices: ArrayLike | None = None) -> Array:
         """First output (count, size) of a function of (x, u, p) at nodes."""
@@ -283,26 +285,58 @@ class Plan:
 
     # -- files --------------------------------------------------------------------------------------------------------
 
-    def save(self, folder: str | PathLike[str]) -> Path:
-        """Write ``result.npz`` and ``meta.json`` into a run folder, whole or not at all.
+    def stored_arrays(self) -> dict[str, Any]:
+        """Those declared, and of each constraint and of the solver's state what they have."""
+        parts = {f"constraint {n} {part}": getattr(c, part) for n, c in self.constraints.items() for part in _PARTS}
+        state = {f"solver {name}": value for name, value in self.solver_state.items()}
+        return {**super().stored_arrays(), **parts, **state}
+
+    def details(self) -> dict[str, Any]:
+        """How the search ended, and what the plan does in a fine simulation."""
+        return {
+            "message": self.message,
+            "advice": self.advice,
+            "violated": list(self.violated),
+            "objective": self.objective,
+            "iterations": self.iterations,
+            "times": dict(self.times),
+            "deviation": None if self.deviation is None else asdict(self.deviation),
+            "finer": None if self.finer is None else asdict(self.finer),
+            "constraints": {c.name: {"key": c.key, "unit": c.unit} for c in self.constraints.values()},
+            "model": {"x_names": self.x_names, "u_names": self.u_names},
+        }
+
+    @classmethod
+    def load(cls, folder: str | PathLike[str]) -> Plan:
+        """Read a plan from its run folder.
 
         Raises
         ------
-        OSError
-            The files cannot be written.
+        InputError
+            There is no plan in the folder.
         """
-        from continuum_grasp.planning.files import save_plan
+        run = cls.read(folder)
+        meta, data = run.meta, run.arrays
+        constraints = {
+            name: Constraint(name, about["key"], about["unit"], *(data[f"constraint {name} {part}"] for part in _PARTS))
+            for name, about in meta["constraints"].items()
+        }
+        state = {name.removeprefix("solver "): data[name] for name in data if name.startswith("solver ")}
+        return cls(
+            scene=PlanScene(**meta["config"]),
+            status=PlanStatus(meta["status"]),
+            constraints=constraints,
+            violated=tuple(meta["violated"]),
+            deviation=_deviation(meta["deviation"]),
+            finer=_deviation(meta["finer"]),
+            warnings=tuple(meta["warnings"]),
+            solver_state=state,
+            t=data["t"],
+            x=data["x"],
+            u=data["u"],
+            **{name: meta[name] for name in ("message", "advice", "objective", "iterations", "times", "statistics")},
+        )
 
-        return save_plan(self, folder)
 
-    def plot(self, folder: str | PathLike[str]) -> list[Path]:
-        """Draw snapshots, tip path, inputs and states into a folder."""
-        from continuum_grasp.plotting.control.plan import save_plan_pictures
-
-        return save_plan_pictures(self, folder)
-
-    def animate(self, path: str | PathLike[str], fps: int = 30, *, speed: float = 1.0) -> Path:
-        """Write an animation, GIF or MP4 by the suffix; ``speed`` is seconds of motion per second."""
-        from continuum_grasp.plotting import animate
-
-        return animate(self, path, fps, speed=speed)
+def _deviation(found: dict[str, Any] | None) -> Deviation | None:
+    return None if found is None else Deviation(**{**found, "contact_forces": tuple(found["contact_forces"])})

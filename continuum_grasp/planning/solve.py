@@ -5,22 +5,20 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
-from continuum_grasp.errors import InputError, Interrupted, SolverError
+from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.nlp import Attempt
 from continuum_grasp.planning.closing import closing
-from continuum_grasp.planning.files import load_plan
 from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.outcome import constraints_of, objective_of
 from continuum_grasp.planning.result import Plan, PlanStatus
 from continuum_grasp.planning.search import FEASIBLE, Search
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.plan import PlanScene
 
 if TYPE_CHECKING:
@@ -71,8 +69,8 @@ def plan(
         Ctrl-C; ``result`` is the best plan so far, or the last iterate.
     """
     began = time.perf_counter()
-    asked, near = closing(_scene(scene), grasp)
-    earlier = load_plan(warm) if isinstance(warm, (str, os.PathLike)) else warm
+    asked, near = closing(scene_of(scene, PlanScene), grasp)
+    earlier = Plan.load(warm) if isinstance(warm, (str, os.PathLike)) else warm
     search = Search(asked, earlier, near)
     built = time.perf_counter()
     try:
@@ -96,17 +94,6 @@ def plan(
             result.message, status=result.status.value, violated=result.violated, advice=result.advice, result=result
         )
     return result
-
-
-def _scene(given: PlanScene | str | os.PathLike[str]) -> PlanScene:
-    if isinstance(given, PlanScene):
-        return given
-    if not isinstance(given, (str, os.PathLike)):
-        raise InputError(f"expected a PlanScene or the path of its file, got {given!r:.80}")
-    loaded = load(Path(given))
-    if not isinstance(loaded, PlanScene):
-        raise InputError(f"expected a plan (finger, goal, ...), got a {type(loaded).__name__}", file=os.fspath(given))
-    return loaded
 
 
 def _result(search: Search) -> Plan:

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.plotting.drawing.axes import BLUE, GREEN, GREY, INK, ORANGE, new_figure, quiet
+from continuum_grasp.plotting.drawing.axes import new_figure, quiet
+from continuum_grasp.plotting.drawing.style import BLUE, GREEN, GREY, INK, ORANGE
+from continuum_grasp.scene.families import FAMILIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["DrawableReport", "plot_accuracy"]
+    from continuum_grasp.accuracy.report import AccuracyReport
 
-_COLORS = {"arc": BLUE, "clothoid": GREEN, "matched_clothoid": ORANGE}
-_MARKERS = {"arc": "o", "clothoid": "s", "matched_clothoid": "D"}
+__all__ = ["plot_accuracy"]
+
+_LOOKS = ((BLUE, "o"), (GREEN, "s"), (ORANGE, "D"), (INK, "^"))
+"""Color and marker of the families, in the order of their table."""
 _PANELS = (
     ("evaluation [ns]", "tip / L", "static tip error / L"),
     ("evaluation [ns]", "frequency 1", "error of the first frequency"),
@@ -22,30 +27,13 @@ _PANELS = (
 )
 
 
-class DrawableTable(Protocol):
-    """Rows of figures."""
-
-    @property
-    def columns(self) -> tuple[str, ...]: ...
-    @property
-    def rows(self) -> tuple[tuple[Any, ...], ...]: ...
-
-
-class DrawableReport(Protocol):
-    """What is drawn of a report."""
-
-    @property
-    def choices(self) -> DrawableTable: ...
-    def front(self, cost: str, error: str) -> list[tuple[Any, ...]]: ...
-
-
-def plot_accuracy(report: DrawableReport, *, axes: Sequence[Axes] | None = None) -> list[Axes]:
+def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Draw errors of the choices against their cost, and the front that no choice beats.
 
     Parameters
     ----------
     report : AccuracyReport
-    axes : sequence of matplotlib.axes.Axes, optional
+    ax : sequence of matplotlib.axes.Axes, optional
         Where to draw: static error, frequency, motion; a new figure with those that the report has where not given.
 
     Returns
@@ -56,41 +44,41 @@ def plot_accuracy(report: DrawableReport, *, axes: Sequence[Axes] | None = None)
 
     columns, rows = report.choices.columns, report.choices.rows
     panels = [panel for panel in _PANELS if len(report.front(panel[0], panel[1])) > 1]
-    if axes is None:
+    if ax is None:
         figure = new_figure(4.6 * max(len(panels), 1), 4.2)
-        axes = [quiet(ax) for ax in figure.subplots(1, max(len(panels), 1), squeeze=False)[0]]
-    for ax, (cost, error, label) in zip(axes, panels, strict=False):
+        ax = [quiet(one) for one in figure.subplots(1, max(len(panels), 1), squeeze=False)[0]]
+    for one, (cost, error, label) in zip(ax, panels, strict=False):
         i, j = columns.index(cost), columns.index(error)
         front = report.front(cost, error)
-        ax.plot([row[i] for row in front], [row[j] for row in front], color=GREY, linewidth=5.0, alpha=0.35, zorder=1)
-        for family, color in _COLORS.items():
+        one.plot([row[i] for row in front], [row[j] for row in front], color=GREY, linewidth=5.0, alpha=0.35, zorder=1)
+        for family, (color, marker) in zip(FAMILIES, cycle(_LOOKS), strict=False):
             own = [row for row in rows if row[0].split(",")[0] == family and _drawn(row[i]) and _drawn(row[j])]
-            ax.plot(
+            one.plot(
                 [row[i] for row in own],
                 [row[j] for row in own],
                 color=color,
-                marker=_MARKERS[family],
+                marker=marker,
                 markersize=4.5,
                 linewidth=0.0,
                 label=family.replace("_", " "),
             )
             for row in own:
-                ax.annotate(str(row[1]), (row[i], row[j]), (4, 3), textcoords="offset points", fontsize=7, color=color)
-        ax.set_xscale("log")
-        ax.set_yscale("log")
+                one.annotate(str(row[1]), (row[i], row[j]), (4, 3), textcoords="offset points", fontsize=7, color=color)
+        one.set_xscale("log")
+        one.set_yscale("log")
         costs = [row[i] for row in rows if _drawn(row[i])]
         subs = (1.0,) if max(costs) > 50.0 * min(costs) else (1.0, 2.0, 5.0)
-        ax.xaxis.set_major_locator(LogLocator(subs=subs, numticks=9))
-        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
-        ax.xaxis.set_minor_formatter(NullFormatter())
+        one.xaxis.set_major_locator(LogLocator(subs=subs, numticks=9))
+        one.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+        one.xaxis.set_minor_formatter(NullFormatter())
         if cost == "real-time factor":
-            ax.invert_xaxis()
-            ax.set_xlabel("times faster than real time", color=INK)
+            one.invert_xaxis()
+            one.set_xlabel("times faster than real time", color=INK)
         else:
-            ax.set_xlabel("forward dynamics [ns]", color=INK)
-        ax.set_ylabel(label, color=INK)
-    axes[0].legend(frameon=False, fontsize=8, title="number of elements beside", title_fontsize=8)
-    return list(axes)
+            one.set_xlabel("forward dynamics [ns]", color=INK)
+        one.set_ylabel(label, color=INK)
+    ax[0].legend(frameon=False, fontsize=8, title="number of elements beside", title_fontsize=8)
+    return list(ax)
 
 
 def _drawn(value: Any) -> bool:

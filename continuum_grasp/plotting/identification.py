@@ -2,57 +2,24 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.drawing.axes import BLUE, GREY, INK, ORANGE, head, new_axes, new_figure, quiet
-from continuum_grasp.plotting.drawing.pictures import save_picture
+from continuum_grasp.plotting.drawing.axes import head, new_axes, new_figure, quiet
+from continuum_grasp.plotting.drawing.style import BLUE, GREY, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["DrawableFit", "plot_predictions", "plot_residuals", "save_fit_pictures"]
+    from continuum_grasp.identification.fit import Fit
+
+__all__ = ["plot_all_predictions", "plot_predictions", "plot_residuals"]
 
 
-class DrawableFit(Protocol):
-    """Measured numbers and predictions of them."""
-
-    @property
-    def entries(self) -> Sequence[Any]:
-        """Per number its ``group`` and ``unit``."""
-
-    @property
-    def measured(self) -> NDArray[Any]:
-        """What was measured (m,)."""
-
-    @property
-    def predictions(self) -> NDArray[Any]:
-        """What the model predicts (m,)."""
-
-    @property
-    def residuals(self) -> NDArray[Any]:
-        """Predictions less measurements (m,)."""
-
-    @property
-    def sigma(self) -> NDArray[Any]:
-        """Standard deviations (m,)."""
-
-    @property
-    def fitted(self) -> NDArray[Any]:
-        """Which of them were fitted (m,)."""
-
-    @property
-    def blocks(self) -> Sequence[tuple[str, int]]:
-        """Sets of measurements: name, and number of entries."""
-
-
-def plot_residuals(fit: DrawableFit, *, ax: Axes | None = None) -> Axes:
+def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
     """Draw residuals in standard deviations, set by set; those that were not fitted as open rings.
 
     Parameters
@@ -91,7 +58,7 @@ def plot_residuals(fit: DrawableFit, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def plot_predictions(fit: DrawableFit, group: str, *, ax: Axes | None = None) -> Axes:
+def plot_predictions(fit: Fit, group: str, *, ax: Axes | None = None) -> Axes:
     """Draw predictions of one group over measurements; on the line they agree.
 
     Parameters
@@ -146,22 +113,25 @@ def plot_predictions(fit: DrawableFit, group: str, *, ax: Axes | None = None) ->
     return ax
 
 
-def save_fit_pictures(fit: DrawableFit, folder: str | os.PathLike[str]) -> list[Path]:
-    """Draw residuals, and predictions of each group, into PNG files.
+def plot_all_predictions(fit: Fit, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
+    """Draw predictions over measurements, one picture per group.
+
+    Parameters
+    ----------
+    fit : Fit
+        What an identification found.
+    ax : sequence of matplotlib.axes.Axes, optional
+        Where to draw, one per group; a new figure with at most six where not given.
 
     Returns
     -------
-    list of pathlib.Path
-        ``residuals.png`` and ``predictions.png`` in that folder.
+    list of matplotlib.axes.Axes
     """
-    groups = list(dict.fromkeys(entry.group for entry in fit.entries))[:6]
-    columns = min(3, len(groups))
-    rows = -(-len(groups) // columns)
-    figure = new_figure(4.6 * columns, 5.3 * rows)
-    for k, group in enumerate(groups):
-        plot_predictions(fit, group, ax=quiet(figure.add_subplot(rows, columns, k + 1)))
-    target = Path(folder)
-    return [
-        save_picture(plot_residuals(fit), target / "residuals.png"),
-        save_picture(figure, target / "predictions.png"),
-    ]
+    groups = list(dict.fromkeys(entry.group for entry in fit.entries))
+    if ax is None:
+        groups = groups[:6]  # two rows of three; more are not read at a glance
+        columns = min(3, len(groups))
+        rows = -(-len(groups) // columns)
+        figure = new_figure(4.6 * columns, 5.3 * rows)
+        ax = [quiet(figure.add_subplot(rows, columns, k + 1)) for k in range(len(groups))]
+    return [plot_predictions(fit, group, ax=one) for group, one in zip(groups, ax, strict=False)]

@@ -2,58 +2,30 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import BLUE, GREY, INK, ORANGE, head, new_figure, quiet, time_map
+from continuum_grasp.plotting.drawing.axes import color_bar, head, new_axes, time_map
+from continuum_grasp.plotting.drawing.style import BLUE, GREY, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
 
-__all__ = ["DrawableFront", "DrawableMap", "plot_front", "plot_map"]
+    from continuum_grasp.sweeps.maps import Front, GridMap, ScatterMap
+
+__all__ = ["plot_front", "plot_map"]
 
 _HATCHES = ("////", "....", "xxxx", "\\\\\\\\", "oooo", "++++", "----")
 _MARKERS = ("x", "+", "v", "s", "^", "d", "1")
 _SHADES = ("#BFBFBF", "#D9D9D9", "#CFC4B8", "#C3CBD3", "#D8C8D0", "#C9D3C3", "#E0DCC8")
+"""Distinguish reasons why there is no grasp, in print too: none is a color of the quantity's scale."""
 
 
-class DrawableMap(Protocol):
-    """A quantity over two columns: on a grid (color of shape (ny, nx)), or point by point (all of shape (n,))."""
-
-    @property
-    def x(self) -> NDArray[Any]: ...
-    @property
-    def y(self) -> NDArray[Any]: ...
-    @property
-    def color(self) -> NDArray[np.float64]: ...
-    @property
-    def kind(self) -> NDArray[np.str_]: ...
-    @property
-    def labels(self) -> tuple[str, str, str]: ...
-
-
-class DrawableFront(Protocol):
-    """Two quantities, and which points no other beats."""
-
-    @property
-    def x(self) -> NDArray[np.float64]: ...
-    @property
-    def y(self) -> NDArray[np.float64]: ...
-    @property
-    def color(self) -> NDArray[np.float64] | None: ...
-    @property
-    def best(self) -> NDArray[np.int64]: ...
-    @property
-    def labels(self) -> tuple[str, str, str]: ...
-    @property
-    def best_words(self) -> str: ...
-
-
-def plot_map(drawn: DrawableMap, *, ax: Axes | None = None) -> Axes:
-    """Draw a quantity over two columns in colour; places without a grasp are hatched, or crossed, by reason.
+def plot_map(drawn: GridMap | ScatterMap, *, ax: Axes | None = None) -> Axes:
+    """Draw a quantity over two columns in color; places without a grasp are hatched, or crossed, by reason.
 
     Parameters
     ----------
@@ -65,22 +37,32 @@ def plot_map(drawn: DrawableMap, *, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from continuum_grasp import plotting
+    >>> from continuum_grasp.sweeps.maps import ScatterMap
+    >>> labels = "diameter [m]", "friction [1]", "tension [N]"
+    >>> points = np.array([0.07, 0.08]), np.array([0.3, 0.4]), np.array([5.0, 4.0]), np.array(["", ""])
+    >>> ax = plotting.plot_map(ScatterMap(*points, labels))
+    >>> ax.get_xlabel()
+    'diameter [m]'
     """
-    if ax is None:
-        ax = quiet(new_figure(6.6, 4.9).add_subplot())
+    ax = new_axes(ax, 6.6, 4.9)
     ax.grid(False)
     kinds = [str(kind) for kind in dict.fromkeys(drawn.kind[drawn.kind != ""].tolist())]
     draw = _draw_grid if drawn.color.ndim == 2 else _draw_points
     shown = draw(ax, drawn, kinds)
     if np.isfinite(drawn.color).any():
-        _color_bar(ax, shown, drawn.labels[2])
+        color_bar(ax, shown, drawn.labels[2])
     ax.set_xlabel(drawn.labels[0], color=INK)
     ax.set_ylabel(drawn.labels[1], color=INK)
     head(ax, None if kinds else drawn.labels[2], len(kinds), columns=2)
     return ax
 
 
-def plot_front(drawn: DrawableFront, *, ax: Axes | None = None) -> Axes:
+def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
     """Draw two quantities against each other, and the front of what no other beats in both.
 
     Parameters
@@ -93,15 +75,24 @@ def plot_front(drawn: DrawableFront, *, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from continuum_grasp import plotting
+    >>> from continuum_grasp.sweeps.maps import Front, pareto
+    >>> x, y = np.array([1.0, 2.0, 3.0]), np.array([3.0, 1.0, 2.0])
+    >>> front = Front(x, y, None, pareto(x, y), ("mass [kg]", "tension [N]", ""), "least x and least y are best")
+    >>> plotting.plot_front(front).get_ylabel()
+    'tension [N]'
     """
-    if ax is None:
-        ax = quiet(new_figure(6.6, 4.9).add_subplot())
+    ax = new_axes(ax, 6.6, 4.9)
     size = 18.0 if len(drawn.x) < 2000 else 5.0
     if drawn.color is None:
         ax.scatter(drawn.x, drawn.y, s=size, color=BLUE, alpha=0.45, linewidths=0.0, label="grasps")
     else:
         shown = ax.scatter(drawn.x, drawn.y, s=size, c=drawn.color, cmap=time_map(), linewidths=0.0, label="grasps")
-        _color_bar(ax, shown, drawn.labels[2])
+        color_bar(ax, shown, drawn.labels[2])
     ax.plot(drawn.x[drawn.best], drawn.y[drawn.best], color=ORANGE, linewidth=1.2, alpha=0.8, zorder=3)
     ax.plot(
         drawn.x[drawn.best],
@@ -121,7 +112,7 @@ def plot_front(drawn: DrawableFront, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _draw_grid(ax: Axes, drawn: DrawableMap, kinds: list[str]) -> ScalarMappable:
+def _draw_grid(ax: Axes, drawn: GridMap | ScatterMap, kinds: list[str]) -> ScalarMappable:
     x, y = _edges(drawn.x), _edges(drawn.y)
     shown = ax.pcolormesh(x, y, np.ma.masked_invalid(drawn.color), cmap=time_map())
     for k, kind in enumerate(kinds):
@@ -152,7 +143,7 @@ def _draw_grid(ax: Axes, drawn: DrawableMap, kinds: list[str]) -> ScalarMappable
     return shown
 
 
-def _draw_points(ax: Axes, drawn: DrawableMap, kinds: list[str]) -> ScalarMappable:
+def _draw_points(ax: Axes, drawn: GridMap | ScatterMap, kinds: list[str]) -> ScalarMappable:
     size = 26.0 if len(drawn.x) < 2000 else 6.0
     for k, kind in enumerate(kinds):
         here = drawn.kind == kind
@@ -167,13 +158,6 @@ def _draw_points(ax: Axes, drawn: DrawableMap, kinds: list[str]) -> ScalarMappab
         )
     there = np.isfinite(drawn.color)
     return ax.scatter(drawn.x[there], drawn.y[there], s=size, c=drawn.color[there], cmap=time_map(), linewidths=0.0)
-
-
-def _color_bar(ax: Axes, shown: ScalarMappable, label: str) -> None:
-    bar = ax.figure.colorbar(shown, ax=ax, pad=0.03)
-    bar.set_label(label, color=INK)
-    bar.ax.tick_params(colors=INK, labelsize=9)
-    bar.outline.set_visible(False)
 
 
 def _patch(ax: Axes, color: str, hatch: str, label: str) -> None:

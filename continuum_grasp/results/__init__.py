@@ -1,9 +1,35 @@
-"""Run folders: what a run computed and how, written whole or not at all."""
+"""Results: what a run computed and how, declared once, written whole or not at all.
+
+A result class is a `Result` that declares its arrays (`Stored`), its texts and its pictures (`File`); saving, reading,
+drawing and animating are written here for all of them. Nothing here draws: `continuum_grasp.plotting` does.
+"""
 
 from __future__ import annotations
 
-from continuum_grasp.results.atomic import replacing
-from continuum_grasp.results.record import begin_run, kind_of_run, note_part
-from continuum_grasp.results.run_folder import Run, pack_run, read_run, write_run
+from continuum_grasp._lazy import TYPE_CHECKING, lazy_names
 
-__all__ = ["Run", "begin_run", "kind_of_run", "note_part", "pack_run", "read_run", "replacing", "write_run"]
+if TYPE_CHECKING:
+    from continuum_grasp.results.atomic import replacing as replacing
+    from continuum_grasp.results.atomic import write_text as write_text
+    from continuum_grasp.results.pictures import save_picture as save_picture
+    from continuum_grasp.results.record import begin_run as begin_run
+    from continuum_grasp.results.record import kind_of_run as kind_of_run
+    from continuum_grasp.results.record import note_part as note_part
+    from continuum_grasp.results.result import File as File
+    from continuum_grasp.results.result import MotionResult as MotionResult
+    from continuum_grasp.results.result import Result as Result
+    from continuum_grasp.results.result import Stored as Stored
+    from continuum_grasp.results.run_folder import Run as Run
+    from continuum_grasp.results.run_folder import pack_run as pack_run
+    from continuum_grasp.results.run_folder import read_run as read_run
+    from continuum_grasp.results.run_folder import write_run as write_run
+
+_MODULES = {
+    "continuum_grasp.results.atomic": ("replacing", "write_text"),
+    "continuum_grasp.results.pictures": ("save_picture",),
+    "continuum_grasp.results.record": ("begin_run", "kind_of_run", "note_part"),
+    "continuum_grasp.results.result": ("File", "MotionResult", "Result", "Stored"),
+    "continuum_grasp.results.run_folder": ("Run", "pack_run", "read_run", "write_run"),
+}
+__all__ = [*(name for names in _MODULES.values() for name in names)]
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from continuum_grasp.results.record import note_file
 
-__all__ = ["naming", "replacing"]
+__all__ = ["naming", "replacing", "write_text"]
 
 
 @contextlib.contextmanager
@@ -39,6 +39,17 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         The folder cannot be made or the file not be written; it names the file.
     FileNotFoundError
         The body wrote nothing.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.results import replacing
+    >>> path = Path(mkdtemp()) / "numbers.csv"
+    >>> with replacing(path) as temporary:
+    ...     count = temporary.write_text("1,2")
+    >>> path.read_text()
+    '1,2'
     """
     target = Path(path)
     with naming(target):
@@ -53,6 +64,26 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         temporary.unlink(missing_ok=True)
     flush_folder(target.parent)
+
+
+def write_text(text: str, path: str | os.PathLike[str]) -> Path:
+    """Write a text file, UTF-8 with line feeds, whole or not at all; returns its path.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.results import write_text
+    >>> write_text("held", mkdtemp() + "/report.txt").read_text()
+    'held'
+    """
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+    return Path(path)
 
 
 @contextlib.contextmanager

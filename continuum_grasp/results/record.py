@@ -18,8 +18,8 @@ RECORD = ".run.json"
 _TEMPORARY = re.compile(r"\.tmp-(\d+)-[0-9a-f]{12}-.")
 
 
-def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, kept: Collection[str] | None = ()) -> Path:
-    """Make a folder that of a new run: what an earlier run wrote and nobody changed since is removed.
+def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, retained: Collection[str] = ()) -> Path:
+    """Make a folder that of a new run: what an earlier run wrote and has not been changed since is removed.
 
     A file is recorded with its content's SHA-256 before it gets its name, so a process killed at any instant leaves
     no file of its own unrecorded. Files that no run wrote, and files changed since, stay.
@@ -30,8 +30,8 @@ def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, kept: 
         Made where missing.
     kind : str, optional
         What the run is: the name of a command.
-    kept : collection of str, optional
-        Files that stay: the caller replaces them next, or they are of this run already; None for all.
+    retained : collection of str, optional
+        Files that stay: the caller replaces them next, or they are of this run already.
 
     Returns
     -------
@@ -42,23 +42,43 @@ def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, kept: 
     ------
     OSError
         The folder cannot be written.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.results import begin_run, write_text
+    >>> folder = begin_run(mkdtemp(), "grasp")
+    >>> path = write_text("a picture", folder / "grasp.svg")
+    >>> path.exists(), begin_run(folder, "grasp") == folder, path.exists()
+    (True, True, False)
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     old = _read(target)
-    kept = old["files"].keys() if kept is None else kept
-    _remove(target, old, kept)
+    _remove(target, old, retained)
     for path in target.glob(".tmp-*"):
         found = _TEMPORARY.match(path.name)
         if found and not _alive(int(found[1])):  # of a process that was killed
             path.unlink(missing_ok=True)
-    files = {name: digests for name, digests in old["files"].items() if name in kept}
+    files = {name: digests for name, digests in old["files"].items() if name in retained}
     _write(target, {"kind": kind, "files": files, "parts": []})
     return target
 
 
 def kind_of_run(folder: str | os.PathLike[str]) -> str | None:
-    """The command whose run or C package is in a folder; None where there is none, or it does not say."""
+    """The command whose run or C package is in a folder; None where there is none, or it does not say.
+
+    Parameters
+    ----------
+    folder : path-like
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.results import begin_run, kind_of_run
+    >>> kind_of_run(begin_run(mkdtemp(), "grasp"))
+    'grasp'
+    """
     kind = _read(Path(folder))["kind"]
     if isinstance(kind, str):
         return kind
@@ -79,7 +99,22 @@ def note_file(target: Path, content: Path) -> None:
 
 
 def note_part(folder: Path, name: str) -> None:
-    """Record that the run in a folder below belongs to this one."""
+    """Record that the run in a folder below belongs to this one.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Of a run.
+    name : str
+        Of a folder in it.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.results import begin_run, note_part
+    >>> folder = begin_run(mkdtemp(), "mpc")
+    >>> note_part(folder, "grasp")  # the next run in the folder removes that one too
+    """
     record = _read(folder)
     if record["known"]:
         _write(folder, {**record, "parts": sorted({*record["parts"], name})})

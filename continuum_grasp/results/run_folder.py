@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.results.atomic import flush_folder, replacing
+from continuum_grasp.results.atomic import flush_folder, replacing, write_text
 from continuum_grasp.results.plain import digest, plain
 from continuum_grasp.results.provenance import created_now, machine, versions
 from continuum_grasp.results.record import begin_run
@@ -26,6 +26,7 @@ __all__ = ["RESULT", "Run", "pack_run", "read_run", "write_run"]
 RESULT = "result.npz"
 META = "meta.json"
 FORMAT_VERSION = 1
+"""Of run folders, the only one so far; a later one is refused rather than misread."""
 _META_KEY = "__meta__"
 # what zipfile and numpy raise on damaged files
 _BROKEN = (
@@ -79,7 +80,7 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     meta : mapping, optional
         How it was computed. Keys used by the package: ``kind`` (command that computes such runs), ``config``
         (resolved configuration), ``seed``,
-        ``status``, ``statistics``, ``warnings``; others are kept as given. Added here: ``format_version``,
+        ``status``, ``statistics``, ``warnings``; others are stored as given. Added here: ``format_version``,
         ``config_sha256`` (of the plain form of ``config``), ``versions``, ``platform``, ``created`` (UTC).
         ``versions`` given by the caller, of a compiler or solver, are joined to those added.
 
@@ -99,6 +100,15 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     Notes
     -----
     The meta data is converted as by `continuum_grasp.results.plain.plain`: NaN and infinity become strings.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import numpy as np
+    >>> from continuum_grasp.results import read_run, write_run
+    >>> folder = write_run(mkdtemp(), {"force": np.ones(2)}, {"kind": "test", "status": "finished"})
+    >>> sorted(path.name for path in folder.iterdir())
+    ['.run.json', 'meta.json', 'result.npz']
     """
     if not os.fspath(folder):
         raise InputError("expected the name of a folder, got an empty one", key="folder")
@@ -108,11 +118,10 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     content = _packed(checked, text)
     with replacing(target / RESULT) as temporary:
         temporary.write_bytes(content)
-        begin_run(target, (meta or {}).get("kind"), kept=(RESULT,))
+        begin_run(target, (meta or {}).get("kind"), retained=(RESULT,))
         (target / META).unlink(missing_ok=True)
         flush_folder(target)
-    with replacing(target / META) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(text, target / META)
     return target
 
 
@@ -132,6 +141,16 @@ def pack_run(arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -
     ------
     InputError
         As in `write_run`.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.results import pack_run, read_run
+    >>> folder = Path(mkdtemp())
+    >>> count = (folder / "result.npz").write_bytes(pack_run({"force": [1.0, 2.0]}))
+    >>> read_run(folder).arrays["force"]
+    array([1., 2.])
     """
     checked = {_checked_name(name): _checked_array(name, value) for name, value in arrays.items()}
     return _packed(checked, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
@@ -154,6 +173,15 @@ def read_run(folder: str | os.PathLike[str]) -> Run:
     ------
     InputError
         There is no run in the folder, or its file is damaged or of a later format.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import numpy as np
+    >>> from continuum_grasp.results import read_run, write_run
+    >>> run = read_run(write_run(mkdtemp(), {"force": np.ones(2)}, {"kind": "test"}))
+    >>> run.meta["kind"], run.arrays["force"]
+    ('test', array([1., 1.]))
     """
     target = Path(folder)
     path = target / RESULT

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.rod.mesh import with_places
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["RodProblem", "read_problem"]
-
-_SAME_PLACE = 1e-9
-"""Places nearer to each other than this share of the length are one."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +66,65 @@ class RodProblem:
         """Whether all loads have a potential."""
         return not self.following and (self.friction == 0.0 or self.drive == 0.0)
 
+    @classmethod
+    def of(
+        cls,
+        finger: Finger,
+        gravity: complex,
+        *,
+        base: tuple[complex, float] | None = None,
+        dead: Sequence[tuple[float, complex]] = (),
+        following: Sequence[tuple[float, complex]] = (),
+        couples: Sequence[tuple[float, float]] = (),
+        tip_moment: float = 0.0,
+        marks: Sequence[float] = (),
+    ) -> RodProblem:
+        """The problem in dimensionless numbers.
+
+        Parameters
+        ----------
+        finger : Finger
+            Rod, masses, rest curvature, friction of the tendons.
+        gravity : complex
+            [m/s2]
+        base : (complex, float), optional
+            World position [m] and angle [rad] of the clamp; the finger's where not given.
+        dead, following : sequence of (float, complex)
+            Places [m] and forces [N]; weights of the finger's point masses are added.
+        couples : sequence of (float, float)
+            Places [m] and couples [N m].
+        tip_moment : float
+            Of the actuation [N m].
+        marks : sequence of float
+            Further places [m] at which panels are to end.
+        """
+        rod, length = finger.rod, finger.rod.length
+        force, moment = length**2 / rod.stiffness, length / rod.stiffness
+        if gravity != 0.0:
+            dead = [*((m.at, m.mass * gravity) for m in finger.masses), *dead]
+        pieces = finger.curvature_pieces
+        places = [*(at for at, _ in (*dead, *following, *couples)), *(a for a, _, _ in pieces), *marks]
+        breaks = with_places((0.0, 1.0), sorted(at / length for at in places))
+
+        def placed(at: float) -> float:
+            return float(breaks[np.abs(breaks - at / length).argmin()])
+
+        position, angle = (complex(*finger.base.position), finger.base.angle) if base is None else base
+        return cls(
+            length=length,
+            stiffness=rod.stiffness,
+            base=position,
+            angle=angle,
+            breaks=tuple(breaks.tolist()),
+            weight=rod.mass_per_length * gravity * length * force,
+            dead=tuple((placed(at), value * force) for at, value in dead if value != 0.0),
+            following=tuple((placed(at), value * force) for at, value in following if value != 0.0),
+            couples=tuple((placed(at), value * moment) for at, value in couples if value != 0.0),
+            drive=tip_moment * moment,
+            friction=finger.tendons.friction if finger.tendons is not None else 0.0,
+            rest=tuple((placed(a), placed(b), k * length) for a, b, k in pieces),
+        )
+
 
 def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
     """The rod of a scene with the values of loads and inputs at time zero.
@@ -87,42 +145,24 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
     InputError
         If an extra load is beyond the tip.
     """
-    finger, rod = scene.finger, scene.finger.rod
-    length, stiffness = rod.length, rod.stiffness
-    force, moment = length**2 / stiffness, length / stiffness
-    gravity = complex(*scene.gravity)
+    length = scene.finger.rod.length
     dead: list[tuple[float, complex]] = []
     following: list[tuple[float, complex]] = []
     couples: list[tuple[float, float]] = []
-    if gravity != 0.0:
-        dead += [(m.at / length, m.mass * gravity * force) for m in finger.masses]
     for k, load in enumerate((*scene.loads, *extra_loads)):
         if load.at > length * (1 + 1e-12):
             raise InputError(f"extra_loads[{k - len(scene.loads)}].at = {load.at} m is beyond the tip at {length} m")
         if isinstance(load, ForceLoad):
-            value = complex(*_at_zero(load.force)) * force
-            (following if load.follows else dead).append((load.at / length, value))
+            (following if load.follows else dead).append((load.at, complex(*_at_zero(load.force))))
         else:
-            couples.append((load.at / length, _at_zero(load.moment)[0] * moment))
-    rest = tuple((a / length, b / length, k * length) for a, b, k in finger.curvature_pieces)
-    breaks = _distinct([at for at, _ in (*dead, *following, *couples)] + [a for a, _, _ in rest])
-
-    def snapped(at: float) -> float:
-        return min(breaks, key=lambda edge: abs(edge - at))
-
-    return RodProblem(
-        length=length,
-        stiffness=stiffness,
-        base=complex(*finger.base.position),
-        angle=finger.base.angle,
-        breaks=breaks,
-        weight=rod.mass_per_length * gravity * length * force,
-        dead=tuple((snapped(at), value) for at, value in dead if value != 0.0),
-        following=tuple((snapped(at), value) for at, value in following if value != 0.0),
-        couples=tuple((snapped(at), value) for at, value in couples if value != 0.0),
-        drive=_tip_moment(scene) * moment,
-        friction=finger.tendons.friction if finger.tendons is not None else 0.0,
-        rest=tuple((snapped(a), snapped(b), k) for a, b, k in rest),
+            couples.append((load.at, _at_zero(load.moment)[0]))
+    return RodProblem.of(
+        scene.finger,
+        complex(*scene.gravity),
+        dead=dead,
+        following=following,
+        couples=couples,
+        tip_moment=_tip_moment(scene),
     )
 
 
@@ -135,15 +175,6 @@ def _tip_moment(scene: Scene) -> float:
         first, second = (_at_zero(tension)[0] for tension in actuation.tensions)
         return (first - second) * tendons.offset
     return 0.0 if actuation.tip_moment is None else _at_zero(actuation.tip_moment)[0]
-
-
-def _distinct(places: Sequence[float]) -> tuple[float, ...]:
-    """Places inside (0, 1) in order, with both ends."""
-    edges = [0.0]
-    for at in sorted(places):
-        if at > edges[-1] + _SAME_PLACE and at < 1.0 - _SAME_PLACE:
-            edges.append(at)
-    return (*edges, 1.0)
 
 
 def _at_zero(value: float | tuple[float, float] | Samples | VectorSamples) -> tuple[float, ...]:
@@ -163,21 +194,10 @@ def _sampled(times: Sequence[float], values: Sequence[float], smooth: bool) -> f
     """
     if times[0] >= 0.0 or times[-1] <= 0.0 or not smooth:
         return float(np.interp(0.0, times, values))
-    steps, rises = np.diff(times), np.diff(values)
-    k = int(np.searchsorted(times, 0.0, side="right")) - 1
+    from scipy.interpolate import BPoly, PchipInterpolator
 
-    def slope(j: int) -> float:
-        if j == 0 or j == len(times) - 1:
-            return 0.0
-        before, after = rises[j - 1] / steps[j - 1], rises[j] / steps[j]
-        if before * after <= 0.0:
-            return 0.0
-        share = (steps[j - 1] + 2.0 * steps[j]) / (3.0 * (steps[j - 1] + steps[j]))
-        mean = before * after / (share * after + (1.0 - share) * before)
-        return float(np.sign(mean) * min(abs(mean), 2.0 * abs(before), 2.0 * abs(after)))
-
-    x, start, end = -times[k] / steps[k], slope(k) * steps[k], slope(k + 1) * steps[k]
-    # Hermite basis of fifth degree without second derivatives at the ends.
-    rise = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
-    first, second = x - x**3 * (6.0 - 8.0 * x + 3.0 * x**2), -(x**3) * (4.0 - 7.0 * x + 3.0 * x**2)
-    return float(values[k] + rise * rises[k] + first * start + second * end)
+    slopes = PchipInterpolator(times, values).derivative()(times)
+    rises = 2.0 * np.abs(np.diff(values) / np.diff(times))
+    slopes[1:-1] = np.sign(slopes[1:-1]) * np.minimum(np.abs(slopes[1:-1]), np.minimum(rises[:-1], rises[1:]))
+    slopes[[0, -1]] = 0.0
+    return float(BPoly.from_derivatives(times, np.stack([values, slopes, np.zeros_like(slopes)], axis=1))(0.0))

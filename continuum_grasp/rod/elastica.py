@@ -13,20 +13,24 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.rod.dimensionless import RodProblem, read_problem
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.rod.equilibrium_path import descend, follow, newton, weakest
-from continuum_grasp.rod.mesh import Mesh
+from continuum_grasp.rod.mesh import Mesh, panel_edges
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["Elastica", "solve_elastica"]
+__all__ = ["Elastica", "deformed", "solve_elastica"]
 
 Array = NDArray[np.float64]
 Guess = Callable[[Array], ArrayLike] | ArrayLike
 
 _COARSE, _FINE = 10, 16
-"""Nodes per panel while the shape is sought, and while it is refined."""
+"""Nodes per panel while the shape is sought, and while it is refined: a panel that bends by 1 rad is then exact to 1e-9
+and to rounding."""
 _MAX_NODES = 1600
+"""Unknowns of the dense equations: a Newton step then takes some tenths of a second."""
 _MAX_REFINEMENTS = 16
+"""Halvings of a panel, down to 1e-5 of the length: the capstan law is rounded off over some 1e-4 of it."""
 _ROUNDING = 16.0 * np.finfo(float).eps
+"""Of angles and positions, which are sums over the nodes [1]."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +41,8 @@ class Elastica:
     ----------
     energy : float
         Elastic energy above the rest shape, less the work of weight, dead forces and couples (forces: from the world's
-        origin; couples and actuation: from the straight rod) [J]; what following forces or rubbing tendons do has no
-        potential and is left out.
+        origin; couples and actuation: from the straight rod) [J]; what following forces or tendon friction do has no
+        potential and is not included.
     elastic_energy : float
         Elastic energy above the rest shape [J].
     stable : bool or None
@@ -153,8 +157,25 @@ def solve_elastica(
 
     Notes
     -----
-    Stretch, shear and contact of the rod with itself are not modelled. See ``RodEquations`` for the balance, ``Mesh``
-    for the collocation, and S. S. Antman, Nonlinear Problems of Elasticity, 2005, doi:10.1007/0-387-27649-1.
+    Axial strain, shear and contact of the rod with itself are not modeled. See ``RodEquations`` for the balance,
+    ``Mesh`` for the collocation, and S. S. Antman, Nonlinear Problems of Elasticity, 2005, doi:10.1007/0-387-27649-1.
+
+    Examples
+    --------
+    A moment of 2 pi EI / L at the tip closes the rod to a circle:
+
+    >>> import math
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.rod import solve_elastica
+    >>> scene = cg.Scene(
+    ...     schema_version=1,
+    ...     finger={"rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.006}},
+    ...     actuation={"tip_moment": 2 * math.pi * 0.006 / 0.2},
+    ...     gravity=(0.0, 0.0),
+    ... )
+    >>> rod = solve_elastica(scene)
+    >>> bool(abs(rod.tip).max() < 1e-10)
+    True
     """
     if not 1e-13 <= tolerance <= 1e-2:
         raise InputError(f"tolerance: expected a number from 1e-13 to 1e-2, got {tolerance}")
@@ -167,18 +188,42 @@ def solve_elastica(
     return _refine(equations, curvature, iterations, tolerance, side if descends else 0)
 
 
+def deformed(problem: RodProblem, curvature: Callable[[Array], Array], *, tolerance: float = 1e-6) -> Elastica:
+    """The equilibrium, stable or not, into which a shape deforms when the couples that hold it are taken away.
+
+    Parameters
+    ----------
+    problem : RodProblem
+        The rod and its loads.
+    curvature : callable
+        Curvature [1/m] of the shape at lengths (n,) [m].
+    tolerance : float
+        Greatest estimated error of position, per length.
+
+    Returns
+    -------
+    Elastica
+
+    Raises
+    ------
+    SolverError
+        If the way there ends at a fold or is lost, or the equilibrium is not as accurate as asked.
+    """
+    equations = RodEquations(problem, _first_mesh(problem))
+    start = problem.length * curvature(problem.length * equations.mesh.nodes)
+    found, steps = follow(equations, start, loads=False, folds=False)
+    return _refine(equations, found, steps, tolerance, 0)
+
+
 def _first_mesh(problem: RodProblem) -> Mesh:
     """Panels between breaks, no longer than what forces and moments bend by an angle of about one."""
     forces = [problem.weight, *(value for _, value in (*problem.dead, *problem.following))]
     moments = [problem.drive, *(value for _, value in problem.couples)]
     curvature = sum(abs(m) for m in moments) + max(abs(k) for *_, k in problem.rest)
     longest = min(0.5, 1.5 / math.sqrt(max(sum(abs(f) for f in forces), 1e-9)), 2.5 / max(curvature, 1e-9))
-    edges = [0.0]
-    for start, end in zip(problem.breaks, problem.breaks[1:], strict=False):
-        count = math.ceil((end - start) / longest - 1e-9)
-        if (len(edges) + count) * _COARSE > _MAX_NODES:
-            raise _too_many("the loads bend the rod on too small a scale; check their units")
-        edges += [start + (end - start) * k / count for k in range(1, count)] + [end]
+    edges = panel_edges(problem.breaks, max(longest, _COARSE / _MAX_NODES))
+    if len(edges) * _COARSE > _MAX_NODES:
+        raise _too_many("the loads bend the rod on too small a scale; check their units")
     return Mesh(edges, _COARSE)
 
 

@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 BEND_ROUNDING = 1e-3
-"""Curvature times length below which the capstan law is rounded off to stay smooth [rad]."""
+"""Curvature times length below which the capstan law is rounded off [rad], so that its derivative exists: as the finger
+model does."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class RodEquations:
         self.rest: Array = np.zeros(mesh.size)
         for start, end, value in problem.rest:
             self.rest[(s > start) & (s < end)] = value
-        self._rubs = problem.friction > 0.0 and problem.drive != 0.0
+        self._has_friction = problem.friction > 0.0 and problem.drive != 0.0
 
     def angles(self, curvature: Array) -> Array:
         """World angles of the sections at the nodes [rad]."""
@@ -84,9 +85,9 @@ class RodEquations:
         """Turn [rad] per panel that its polynomials may miss: in curvature, tangent or the tendon's friction."""
         mesh, problem = self.mesh, self.problem
         tails = np.maximum(mesh.tails(curvature), mesh.tails(self.tangents(curvature)))
-        if self._rubs:
-            rubbed = mesh.tails(_rounded_size(curvature)[0])
-            tails = np.maximum(tails, problem.friction * abs(problem.drive) * rubbed)
+        if self._has_friction:
+            turned = mesh.tails(_rounded_size(curvature)[0])
+            tails = np.maximum(tails, problem.friction * abs(problem.drive) * turned)
         return np.asarray(mesh.widths * tails)
 
     def turn(self, change: Array) -> float:
@@ -113,7 +114,7 @@ class RodEquations:
         slope = (mesh.backward * along) @ mesh.forward
         for column, row in turning:
             slope -= np.outer(mesh.backward @ column, row)
-        if self._rubs:
+        if self._has_friction:
             size, rate = _rounded_size(curvature)
             pull = problem.drive * np.exp(-problem.friction * (mesh.forward @ size))
             moment += pull
@@ -148,14 +149,14 @@ class RodEquations:
     def energy(self, curvature: Array) -> float:
         """Elastic energy less the work that dead forces, couples and actuation do from the base, per EI / L.
 
-        What following forces and rubbing tendons do is left out.
+        What following forces and tendon friction do is not included.
         """
         mesh, problem = self.mesh, self.problem
         work = mesh.weights @ np.real(np.conj(self.tangents(curvature)) * self._force)
         bends = mesh.to_edges(curvature).real
         for at, couple in problem.couples:
             work += couple * np.interp(at, mesh.edges, bends)
-        if not self._rubs:
+        if not self._has_friction:
             work += problem.drive * bends[-1]
         return float(self.elastic_energy(curvature) - work)
 

@@ -17,12 +17,16 @@ Array = NDArray[np.float64]
 _CLOSE = 1e-8
 """Turn [rad] of a Newton step after which the next one, being quadratic, is the last."""
 _MAX_PATH = 600
+"""Steps of a path: three times those of a following force of 1,000 EI / L^2 at the tip."""
 _MAX_DESCENT = 300
+"""Steps of a descent, each by 0.7 rad or less."""
 _LEAST_STEP, _GREATEST_STEP = 1e-6, 1.5
+"""Arclengths of a step along a path, in shares of the loads and r.m.s. curvature times length [rad]: below the least
+the path has a kink; beyond the greatest it may jump to another branch."""
 _NEAR = 1e-3
-"""Distance from the full loads that is left to Newton's method."""
+"""Distance from the full loads [1] that is left to Newton's method."""
 _FARTHEST_BACK = 10.0
-"""Negative share to which a path from a guess may go before it comes back."""
+"""Negative share [1] to which a path from a guess may go before it comes back."""
 
 
 def newton(equations: RodEquations, start: Array, *, limit: int = 40) -> tuple[Array, float, int]:
@@ -83,7 +87,7 @@ def newton(equations: RodEquations, start: Array, *, limit: int = 40) -> tuple[A
     )
 
 
-def follow(equations: RodEquations, start: Array, *, loads: bool) -> tuple[Array, int]:
+def follow(equations: RodEquations, start: Array, *, loads: bool, folds: bool = True) -> tuple[Array, int]:
     """The path of equilibria by pseudo-arclength (H. B. Keller, 1977), round folds, from a share 0 to 1.
 
     Parameters
@@ -95,6 +99,8 @@ def follow(equations: RodEquations, start: Array, *, loads: bool) -> tuple[Array
     loads : bool
         True: a share of the loads acts, and the start is the unloaded shape; False: all act, and what balances the
         start is taken away.
+    folds : bool
+        Whether the path goes on round folds, or is lost there.
 
     Returns
     -------
@@ -128,6 +134,8 @@ def follow(equations: RodEquations, start: Array, *, loads: bool) -> tuple[Array
             size *= min(max((1.0 - share) / (reached - share), 0.1), 0.9)
             continue
         x, share, direction, rate = trial, reached, ahead, ahead_rate
+        if rate <= 0.0 and not folds:
+            raise _lost(share, "path turned back", "no equilibrium is connected to the start")
         if share < (-1e-6 if loads else -_FARTHEST_BACK):
             raise _lost(share, "path turned back", "no equilibrium is connected to the start")
         if corrections <= 3:

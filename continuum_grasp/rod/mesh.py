@@ -2,15 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Mesh"]
+__all__ = ["Mesh", "panel_edges", "with_places"]
 
 Array = NDArray[np.float64]
+
+_SAME_PLACE = 1e-9
+"""Distance per length below which two places are one [1]: far above rounding, far below any distance that matters."""
+
+
+def with_places(fixed: ArrayLike, others: Iterable[float]) -> Array:
+    """Fixed places from start to end, and others that are none of those and not at one another, increasing."""
+    found = [float(at) for at in np.asarray(fixed)]
+    close = _SAME_PLACE * (found[-1] - found[0])
+    for at in others:
+        if min(abs(at - known) for known in found) > close:
+            found.append(at)
+    return np.sort(found)
+
+
+def panel_edges(marks: ArrayLike, longest: float) -> Array:
+    """Marks, and equally spaced edges between them so that no panel is longer than ``longest``."""
+    marks = np.asarray(marks, dtype=float)
+    # Rounding in the quotient must not cost a panel.
+    counts = np.maximum(1, np.ceil(np.diff(marks) / longest - 1e-9)).astype(int)
+    pieces = [np.linspace(a, b, n + 1)[:-1] for (a, b), n in zip(pairwise(marks), counts, strict=True)]
+    return np.concatenate([*pieces, marks[-1:]])
 
 
 @lru_cache(maxsize=32)
@@ -80,9 +104,9 @@ class Mesh:
         return (panel[None, :] < panel[:, None]).astype(float)
 
     def to_edges(self, values: NDArray[np.inexact]) -> NDArray[np.inexact]:
-        """Integrals (P + 1,) of a function, given at the nodes, from the start to each edge."""
-        whole = (self.weights * values).reshape(self.panels, self.count).sum(axis=1)
-        return np.concatenate([np.zeros(1, dtype=whole.dtype), np.cumsum(whole)])
+        """Integrals (..., P + 1) of functions, given at the nodes (..., N), from the start to each edge."""
+        whole = (self.weights * values).reshape(*values.shape[:-1], self.panels, self.count).sum(axis=-1)
+        return np.concatenate([np.zeros_like(whole[..., :1]), np.cumsum(whole, axis=-1)], axis=-1)
 
     def series(self, values: NDArray[np.inexact]) -> NDArray[np.inexact]:
         """Legendre coefficients (P, count) on each panel."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from continuum_grasp.scene.cost import Cost
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.integrators import CONTROL_METHODS
 from continuum_grasp.scene.value import NonNegative, Positive, Real, Value, Vector2
 
 __all__ = [
@@ -21,6 +22,11 @@ __all__ = [
     "Penalty",
     "Zone",
 ]
+
+if TYPE_CHECKING:
+    Method = str
+else:
+    Method = Literal["auto", *CONTROL_METHODS]
 
 
 class Penalty(Value):
@@ -101,11 +107,11 @@ class Horizon(Value):
     stages: Annotated[int, Field(ge=2, le=500)] = 30
     stage: Annotated[float, Field(ge=1e-5, le=10.0)] = 0.01
     """Length of one stage, over which the input is constant [s]."""
-    method: Literal["auto", "rk4", "implicit"] = "auto"
-    """rk4: explicit steps of order 4; implicit: L-stable steps of order 2, for stiff models such as those in contact;
+    method: Method = "auto"
+    """rk4: explicit steps of order 4; sdirk2: L-stable steps of order 2, for stiff models such as those in contact;
     auto: rk4 unless the stiffness requires more than four steps per stage."""
     substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
-    """Steps per stage; None: as many as the stiffness requires (implicit: one per 10 ms)."""
+    """Steps per stage; None: as many as the stiffness requires (sdirk2: one per 10 ms)."""
 
 
 class Controller(Value):

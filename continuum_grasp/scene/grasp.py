@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.finger import PiecewiseCurvature
 from continuum_grasp.scene.grasp_options import (
     Aim,
@@ -33,8 +34,6 @@ __all__ = [
     "GraspScene",
 ]
 
-_ONE_TURN = 6.3
-"""Bending range up to which clothoid elements can be made [rad]."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 TOUCHING = 1e-6
 """Gap, as a part of the object's size, up to which an object at rest lies against a support."""
@@ -54,7 +53,7 @@ class FingerSetup:
     before : tuple of int
         Per middle contact, the number of elements between it and the base.
     elements : int
-    family : {"arc", "clothoid", "matched_clothoid"}
+    family : str
     bending_range : float
         Greatest bend of an element [rad]; for clothoids its length times its greatest curvature.
     accuracy : float or None
@@ -203,10 +202,7 @@ class GraspScene(Value):
         after = shared.middle_after if own.middle_after is None else own.middle_after
         if after is None:
             after = tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles)))
-        family = fidelity.family
-        if family is None:
-            has_friction = finger.tendons is not None and finger.tendons.friction > 0.0
-            family = "clothoid" if has_friction else "matched_clothoid"
+        has_friction = finger.tendons is not None and finger.tendons.friction > 0.0
         length = finger.rod.length
         return FingerSetup(
             name=name,
@@ -215,7 +211,7 @@ class GraspScene(Value):
             tip=shared.tip if own.tip is None else own.tip,
             before=(after,) if isinstance(after, int) else after,
             elements=count,
-            family=family,
+            family=fidelity.family or default_family(free_tip=has_friction),
             bending_range=fidelity.bending_range or max(4 * math.pi / count, 2 * math.pi / 3),
             accuracy=fidelity.accuracy,
             middle_bounds=own.middle_range or shared.middle_range or (0.05 * length, 0.95 * length),
@@ -269,12 +265,15 @@ class GraspScene(Value):
                 "leave no element between two of them, or before base or tip; take more fidelity.elements or other "
                 "contacts.middle_after"
             )
-        if setup.family == "matched_clothoid" and finger.tendons.friction > 0.0:
-            raise ValueError("fidelity.family: matched_clothoid cannot carry tendon friction; use clothoid or arc")
-        if setup.family != "arc" and setup.bending_range > _ONE_TURN:
+        family = FAMILIES[setup.family]
+        if family.matches_tip and finger.tendons.friction > 0.0:
+            free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)
+            raise ValueError(f"fidelity.family: {setup.family} cannot carry tendon friction; use {free}")
+        if family.one_turn and setup.bending_range > ONE_TURN:
+            wider = " or ".join(name for name, each in FAMILIES.items() if not each.one_turn)
             raise ValueError(
-                f"fidelity.bending_range = {setup.bending_range} rad is more than a clothoid element can follow (one "
-                "turn): take more elements, or family: arc"
+                f"fidelity.bending_range = {setup.bending_range} rad is more than an element of family "
+                f"{setup.family} can follow (one turn): take more elements, or family: {wider}"
             )
         if isinstance(finger.rest_curvature, PiecewiseCurvature):
             raise ValueError(

@@ -16,7 +16,7 @@ __all__ = [
     "Estimate",
     "FrequencyTable",
     "IdentifyScene",
-    "Measured",
+    "ReadingColumn",
     "RingDown",
     "RowsEqual",
     "StaticPoses",
@@ -37,7 +37,7 @@ class Column(Value):
     scale: Real = 1.0
     """Factor, -1 for a drop that is counted downwards."""
     minus: str | None = None
-    """Heading of a column of the same unit that is taken off first, such as the base's position."""
+    """Heading of a column of the same unit that is subtracted first, such as the base's position."""
 
 
 ColumnLike = str | Column
@@ -50,7 +50,7 @@ class Condition(Column):
     """Entry of the model's inputs (tip_moment, tension_1, ...), forces (tip_y, load_1_y, ...) or parameters."""
 
 
-class Measured(Column):
+class ReadingColumn(Column):
     """A column with what was measured at a section."""
 
     quantity: Quantity
@@ -88,7 +88,7 @@ class StaticPoses(_Data):
 
     kind: Literal["static"]
     conditions: Annotated[tuple[Condition, ...], Field(strict=False)] = ()
-    measured: Annotated[tuple[Measured, ...], Field(strict=False, min_length=1)]
+    measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False, min_length=1)]
     holdout_rows: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = ()
     """Rows, counted from 1 among those read, that are predicted and not fitted."""
 

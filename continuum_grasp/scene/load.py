@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import copy
 import os
-from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Change, Document, KeyPath, dotted
+from continuum_grasp.scene.assembly import assembled, kind_of, take_version, validated
+from continuum_grasp.scene.document import Document
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.overrides import Overrides, apply_override, read_overrides
+from continuum_grasp.scene.overrides import Overrides, read_overrides
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.yaml_loader import read_yaml
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -27,19 +25,10 @@ if TYPE_CHECKING:
 
     Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | PlanScene | Finger | Sweep
 
-__all__ = [
-    "assembled",
-    "changed",
-    "kind_of",
-    "kind_of_scene",
-    "load",
-    "load_placed",
-    "model_of",
-    "scene_of",
-    "validated",
-]
+__all__ = ["kind_of_scene", "load", "load_placed", "model_of", "other_kind", "scene_of"]
 
-_VERSION = 1
+Kind = TypeVar("Kind")
+
 """``schema_version`` of the configurations that this version reads."""
 _MODELS = {
     "simulate": ("simulate", "Scene"),
@@ -52,6 +41,17 @@ _MODELS = {
     "finger": ("finger", "Finger"),
 }
 """Per kind of configuration, the file and the name of its model."""
+_WORDS = {
+    "simulate": ("a scene", "finger, gravity", "simulate"),
+    "identify": ("an identification", "finger, estimate", "identify"),
+    "grasp": ("a grasp", "finger, object", "grasp"),
+    "mpc": ("a closed loop", "finger, controller", "mpc"),
+    "mission": ("a mission", "grasp, controller", "mpc"),
+    "plan": ("a plan", "finger, goal", "plan"),
+    "sweep": ("a sweep", "scene, vary", "sweep"),
+    "finger": ("a finger alone", "rod", None),
+}
+"""What the kinds are called, keys that tell them apart, and the commands for them."""
 
 
 def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
@@ -94,75 +94,57 @@ def load_placed(path: str | Path, overrides: Overrides = ()) -> tuple[Loaded, Do
     document = assembled(path, read_overrides(overrides))
     kind = kind_of(document.value)
     if kind == "finger":
-        _take_version(document)
-    loaded = validated(document, model_of(kind))
+        take_version(document)
+    loaded: Any = validated(document, model_of(kind))
     if kind == "sweep":
         from continuum_grasp.scene.variation import variation_of
 
-        variation_of(loaded, document, path)  # type: ignore[arg-type]
+        variation_of(loaded, document, path)
     return loaded, document
 
 
-def validated(document: Document, model: type[BaseModel]) -> Loaded:
-    """What a document says, checked.
+@overload
+def scene_of(given: Scene | str | os.PathLike[str]) -> Scene: ...
+@overload
+def scene_of(given: Kind | str | os.PathLike[str], kind: type[Kind], overrides: Overrides = ()) -> Kind: ...
+def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
+    """Return a scene that is given as such, or read it from its file.
 
-    Raises
-    ------
-    InputError
-        With file, line, column and key of everything that is wrong.
-    """
-    from pydantic import ValidationError
-
-    from continuum_grasp.scene.problems import explain, raise_problems
-
-    try:
-        return model.model_validate(document.value)  # type: ignore[return-value]
-    except ValidationError as error:
-        raise_problems(explain(error, model, document.value), document)
-        raise
-
-
-def scene_of(given: Scene | str | os.PathLike[str]) -> Scene:
-    """A scene that is given as such, or as the path of its file.
+    Parameters
+    ----------
+    given : scene or path-like
+    kind : type
+        Of the scene: ``Scene``, ``GraspScene``, ``ControlScene``, ``MissionScene`` or ``PlanScene``.
+    overrides : iterable of str, or mapping
+        For a file, as in `load`.
 
     Raises
     ------
     InputError
         If it is something else, or the file is wrong.
+
+    Examples
+    --------
+    >>> from continuum_grasp.scene.load import scene_of
+    >>> scene_of("configs/simulate/hanging.yaml").finger.rod.length
+    0.6
     """
-    if isinstance(given, Scene):
+    if isinstance(given, kind):
         return given
     if not isinstance(given, (str, os.PathLike)):
-        raise InputError(f"expected a Scene or the path of its file, got {given!r:.80}")
-    loaded = load(Path(given))
-    if not isinstance(loaded, Scene):
-        got = {
-            "GraspScene": "a grasp",
-            "Sweep": "a sweep",
-            "ControlScene": "a closed loop",
-            "MissionScene": "a mission",
-            "PlanScene": "a plan",
-        }.get(type(loaded).__name__, "a finger alone")
-        raise InputError(f"expected a scene (finger, gravity, ...), got {got}", file=os.fspath(given))
+        raise InputError(f"expected a {kind.__name__} or the path of its file, got {given!r:.80}")
+    loaded = load(Path(given), overrides)
+    if not isinstance(loaded, kind):
+        raise other_kind(given, kind, loaded)
     return loaded
 
 
-def kind_of(data: Any) -> str:
-    """What kind of configuration it is, as in ``KINDS`` of ``scene.schema``."""
-    if isinstance(data, dict):
-        if "controller" in data:
-            return "mission" if "grasp" in data else "mpc"
-        if "goal" in data:
-            return "plan"
-        if "scene" in data or "vary" in data or "sample" in data:
-            return "sweep"
-        if "object" in data and "contact_law" not in data:
-            return "grasp"
-        if "estimate" in data:
-            return "identify"
-        if "rod" in data and "finger" not in data:
-            return "finger"
-    return "simulate"
+def other_kind(file: str | os.PathLike[str], wanted: type, loaded: Loaded) -> InputError:
+    """The error that a file is of another kind than the one wanted, and which command takes it."""
+    name, keys, _ = next(words for kind, words in _WORDS.items() if _MODELS[kind][1] == wanted.__name__)
+    got, _, command = _WORDS[kind_of_scene(loaded)]
+    advice = f" (continuum-grasp {command})" if command else ""
+    return InputError(f"expected {name} ({keys}, ...), got {got}{advice}", file=os.fspath(file))
 
 
 def kind_of_scene(loaded: Loaded) -> str:
@@ -179,134 +161,7 @@ def model_of(kind: str) -> type[BaseModel]:
         Where there is no such kind.
     """
     if kind in _MODELS:
-        room, name = _MODELS[kind]
-        found: type[BaseModel] = getattr(import_module(f"continuum_grasp.scene.{room}"), name)
+        module, name = _MODELS[kind]
+        found: type[BaseModel] = getattr(import_module(f"continuum_grasp.scene.{module}"), name)
         return found
     raise InputError(f"no such kind of configuration: expected one of {', '.join(_MODELS)}, got {kind!r}")
-
-
-def assembled(path: str | Path, changes: Iterable[Change]) -> Document:
-    """The data of a file, with changes applied and fingers from other files put in.
-
-    Raises
-    ------
-    InputError
-        Where a file cannot be read, or a change has no place in it.
-    """
-    document = read_yaml(path)
-    if not isinstance(document.value, dict):
-        place = document.places[()]
-        got = "an empty file" if document.value is None else "no keys"
-        raise place.error(f"expected a mapping of keys to values, got {got}")
-    _apply(document, changes, Path(path))
-    if "schema_version" in document.value:
-        _check_version(document)
-    return document
-
-
-def changed(document: Document, changes: Iterable[Change], path: str | Path) -> Document:
-    """A copy of an assembled document with changes applied; ``path`` is its file.
-
-    Raises
-    ------
-    InputError
-        As `assembled`.
-    """
-    result = Document(copy.deepcopy(document.value), dict(document.places))
-    _apply(result, changes, Path(path))
-    return result
-
-
-def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
-    for where, new in changes:
-        if len(where) > 1:
-            if where[-1] != "extends":
-                _put_in_files(document, main)
-            elif not _extends(document, where[:-1]):
-                key = dotted(where[:-1])
-                raise new.places[()].error(f"{key} extends no file: expected {key}={{extends: FILE, ...}}", where)
-        apply_override(document, where, new)
-    _put_in_files(document, main)
-
-
-def _extends(document: Document, path: KeyPath) -> bool:
-    """Whether at a path there is a mapping that names the file it changes."""
-    value = document.value
-    for part in path:
-        value = value.get(part) if isinstance(value, dict) else None
-    return isinstance(value, dict) and "extends" in value
-
-
-def _put_in_files(document: Document, main: Path) -> None:
-    """Put in place what stands in other files: the grasp of a mission or plan, and fingers, its own too."""
-    target = document.value.get("grasp")
-    if isinstance(target, str):
-        place = document.places[("grasp",)]
-        file = place.beside(target, main)
-        if not file.is_file():
-            raise place.error(f"no such grasp file: {os.path.normpath(file)}", ("grasp",))
-        inner = assembled(file, ())
-        if kind_of(inner.value) != "grasp":
-            raise place.error(
-                f"expected a grasp (finger, object, ...), got a file of kind {kind_of(inner.value)}", ("grasp",)
-            )
-        document.put(("grasp",), inner)
-    for path in ((), ("grasp",)):
-        if path == () or isinstance(document.value.get("grasp"), dict):
-            _put_in_fingers(document, path, main)
-
-
-def _put_in_fingers(document: Document, scene: KeyPath, main: Path) -> None:
-    """Put in place the fingers of the scene at a path, that stand in other files."""
-    data = document.get(scene)
-    many = data.get("fingers")
-    paths: list[KeyPath] = [(*scene, "finger")] if "finger" in data else []
-    paths += [(*scene, "fingers", name) for name in many if isinstance(name, str)] if isinstance(many, dict) else []
-    if "extends" in data and scene == ():
-        paths.append(())
-    for path in paths:
-        value = document.get(path)
-        if isinstance(value, str) or (isinstance(value, dict) and "extends" in value):
-            document.put(path, _resolved(document, path, main, (os.path.realpath(main),)))
-
-
-def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, ...]) -> Document:
-    """The finger at ``path``, read from the file that it names."""
-    own = document.part(path)
-    key: KeyPath = ("extends",) if isinstance(own.value, dict) else ()
-    place, target = own.places[key], own.get(key)
-    if not isinstance(target, str):
-        raise place.error("expected the path of a finger file", path + key)
-    file = place.beside(target, main)
-    if os.path.realpath(file) in within:
-        raise place.error(f"{target} leads back to itself", path + key)
-    if not file.is_file():
-        raise place.error(f"no such finger file: {os.path.normpath(file)}", path + key)
-    base = read_yaml(file, name=os.path.normpath(file))
-    if not isinstance(base.value, dict) or "finger" in base.value:
-        raise base.places[()].error("expected a finger (rod, damping, tendons, ...)")
-    _take_version(base)
-    if "extends" in base.value:
-        base = _resolved(base, (), file, (*within, os.path.realpath(file)))
-    if isinstance(own.value, dict):
-        del own.value["extends"]
-        own.forget(("extends",))
-        return base.merged(own)
-    return base
-
-
-def _check_version(document: Document) -> None:
-    version, place = document.value["schema_version"], document.places[("schema_version",)]
-    if isinstance(version, bool) or not isinstance(version, int) or version != _VERSION:
-        message = f"not a format that is read here: expected {_VERSION}, got {version!r}"
-        raise place.error(message, ("schema_version",))
-
-
-def _take_version(document: Document) -> None:
-    """Check and remove the version of a finger file."""
-    if "schema_version" not in document.value:
-        message = f"missing; a file says which format it is in: schema_version: {_VERSION}"
-        raise document.places[()].error(message, ("schema_version",))
-    _check_version(document)
-    del document.value["schema_version"]
-    document.forget(("schema_version",))

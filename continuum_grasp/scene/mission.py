@@ -19,7 +19,7 @@ Count = Annotated[int, Field(ge=1, le=8)]
 
 
 class Phases(Value):
-    """How long each phase lasts; set-points move smoothly within a phase."""
+    """How long each phase lasts; setpoints move smoothly within a phase."""
 
     approach: Positive = 0.8
     """From the straight finger until it is about to touch [s]."""
@@ -88,10 +88,10 @@ class Trials(Value):
 
 
 class MissionScene(Value):
-    """A grasp that is optimised first, and then carried out by a controller on a plant.
+    """A grasp that is optimized first, and then carried out by a controller on a plant.
 
     The controller believes that the object is fixed and touches without friction, at the middle contact of the grasp
-    and at the tip; in the plant it moves, rubs, has a weight and stands on a table until that sinks away.
+    and at the tip; in the plant it moves, has friction and a weight and stands on a table until that sinks away.
     """
 
     schema_version: Literal[1]

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.value import NonNegative, Positive, Value
 
@@ -15,7 +16,7 @@ __all__ = ["Plant"]
 class Plant(Value):
     """How the plant differs from what the controller knows."""
 
-    fidelity: Fidelity = Fidelity(family="clothoid", elements=8)
+    fidelity: Fidelity = Fidelity(family=default_family(free_tip=True), elements=8)
     """Of the plant's model."""
     stiffness: Positive = 1.0
     """Bending stiffness per that of the controller's finger [1]."""

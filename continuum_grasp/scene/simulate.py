@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.integrators import SIMULATION_METHODS
 from continuum_grasp.scene.loads import Actuation, Load, Samples
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.value import Length, Positive, Real, Value, Vector2, doubt
 
 __all__ = ["Fidelity", "Initial", "Scene", "Timing"]
 
-Family = Literal["arc", "clothoid", "matched_clothoid"]
+if TYPE_CHECKING:
+    Method = str
+else:
+    Method = Literal["auto", *SIMULATION_METHODS, "reference"]
 
 
 def _share(value: Any) -> Any:
@@ -28,14 +33,14 @@ def _share(value: Any) -> Any:
 
 
 class Fidelity(Value):
-    """How finely the finger is modelled: by a tolerance, or by family, elements and accuracy."""
+    """How finely the finger is modeled: by a tolerance, or by family, elements and accuracy."""
 
     tolerance: Annotated[float, BeforeValidator(_share), Field(ge=1e-9, le=0.5)] | None = None
     """Greatest error of position per length, and of frequency where the scene moves, such as 0.005 or 0.5 %.
     The cheapest model that keeps it in this scene is found by measurement; what else is given stays fixed."""
     frequencies: Annotated[int, Field(ge=0, le=2)] = 1
     """How many natural frequencies, from the first on, must keep the tolerance where the scene moves."""
-    family: Family | None = None
+    family: FamilyName | None = None
     """Curvature family; None: matched_clothoid, or clothoid where the tip balance is not given by the input alone
     (tendon friction, a moment on the tip that varies in time) or, at time zero, does not fit the initial pose."""
     elements: (
@@ -50,7 +55,7 @@ class Fidelity(Value):
     less where the strain limit allows less."""
     accuracy: Annotated[float, Field(ge=1e-16, le=1e-2)] | None = None
     """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
-    nodes); None: rounding for arcs, and for clothoids about as small as their discretisation error."""
+    nodes); None: rounding for arcs, and for clothoids about as small as their discretization error."""
 
 
 class Initial(Value):
@@ -91,8 +96,8 @@ class Timing(Value):
     """[s]"""
     step: Positive
     """Output step [s]; the integrator takes sub-steps of its own where the scene needs them."""
-    method: Literal["auto", "rk4", "implicit", "reference"] = "auto"
-    """auto: rk4, or implicit for a stiff scene, in sub-steps that keep ``tolerance``; rk4, implicit: in sub-steps that
+    method: Method = "auto"
+    """auto: rk4, or rodas for a stiff scene, in sub-steps that keep ``tolerance``; a method by name: in sub-steps that
     are stable, with a warning where they do not keep it; reference: variable step with error control at 1e-11."""
     tolerance: Annotated[float, BeforeValidator(_share), Field(ge=1e-10, le=0.1)] = 1e-4
     """Greatest error of position that the steps in time may leave, per length of the finger."""
@@ -105,7 +110,7 @@ class Timing(Value):
         if count > MOST_STATES:
             raise ValueError(
                 f"step = {self.step:g} s over {self.duration:g} s asks for {count:.3g} output states; at most "
-                f"{MOST_STATES} can be kept: take a longer step (the integrator takes sub-steps of its own) or a "
+                f"{MOST_STATES} can be stored: take a longer step (the integrator takes sub-steps of its own) or a "
                 "shorter duration"
             )
         if abs(count - round(count)) > 1e-6 * count:

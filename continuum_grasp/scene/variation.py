@@ -13,6 +13,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.scene.assembly import assembled, changed, kind_of, validated
 from continuum_grasp.scene.document import Change, Document, KeyPath, Place
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.overrides import path_of, placed
@@ -116,8 +117,6 @@ def variation_of(sweep: Sweep, document: Document, file: str | os.PathLike[str])
 
 class _Resolver:
     def __init__(self, sweep: Sweep, document: Document, file: Path) -> None:
-        from continuum_grasp.scene.load import assembled, kind_of, validated
-
         self.sweep, self.document = sweep, document
         self._folder = file.parent
         self.file = self._beside(("scene",), sweep.scene, file)
@@ -166,8 +165,6 @@ class _Resolver:
         self, where: KeyPath, key: str, given: Sequence[Any], *, listed: bool, only_key: bool = False
     ) -> tuple[KeyPath, tuple[Any, ...]]:
         """Where a key lies in the scene, and its values, each tried on its own in the scene."""
-        from continuum_grasp.scene.load import changed
-
         found: list[Any] = []
         path: KeyPath = ()
         for k, value in enumerate(given):

@@ -15,6 +15,7 @@ __all__ = ["contact_frequency", "pressed_radius", "telling_states"]
 Array = NDArray[np.float64]
 
 _EVEN, _EXTREME = 12, 6
+"""States that are spread evenly over a motion, and those of greatest force or fastest friction [1]."""
 _LOST = 2.0
 """Friction state beyond which a step was too long to mean anything."""
 
@@ -54,7 +55,7 @@ def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -
 
 
 def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:
-    """Largest absolute eigenvalue of the linearised motion over some states [1/s].
+    """Largest absolute eigenvalue of the linearized motion over some states [1/s].
 
     Parameters
     ----------

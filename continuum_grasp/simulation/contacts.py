@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from continuum_grasp.core import Core
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces import nearest
+from continuum_grasp.results.result import Stored
 from continuum_grasp.scene.objects import GraspObject
 
-__all__ = ["ContactForces", "overlaps"]
+__all__ = ["STORED", "ContactForces", "overlaps"]
 
 Array = NDArray[np.float64]
 
@@ -26,17 +27,17 @@ class ContactForces:
     ----------
     names : tuple of str
         ``finger.1`` and so on, ``finger.tip``, then the supports.
-    gap : (T, K) ndarray
+    gap : (T, C) ndarray
         Distance of the surfaces [m], negative where they are pressed together.
-    normal_force : (T, K) ndarray
+    normal_force : (T, C) ndarray
         [N]
-    friction : (T, K) ndarray
+    friction : (T, C) ndarray
         In the plane, on what touches the object, along the object's outward normal turned by +90 degrees [N].
-    lift : (T, K) ndarray
+    lift : (T, C) ndarray
         Friction out of the plane, on the object [N].
-    force : (T, 2, K) ndarray
+    force : (T, 2, C) ndarray
         World force on the object in the plane [N].
-    point : (T, 2, K) ndarray
+    point : (T, 2, C) ndarray
         Where it acts, world [m].
     """
 
@@ -57,7 +58,7 @@ class ContactForces:
 
     @property
     def shear(self) -> Array:
-        """Size of the friction force, in and out of the plane (T, K) [N]."""
+        """Size of the friction force, in and out of the plane (T, C) [N]."""
         return np.hypot(self.friction, self.lift)
 
     def at(self, index: int) -> list[tuple[Array, Array, str]]:
@@ -69,9 +70,24 @@ class ContactForces:
             found.append((self.point[index, :, k], force, "contact" if on_finger else "support"))
         return found
 
-    def arrays(self) -> dict[str, Array]:
-        """The arrays under the names that they are saved by."""
-        return {f"contact_{one.name}": getattr(self, one.name) for one in fields(self) if one.name != "names"}
+
+STORED = tuple(
+    Stored(f"contact_{name}", shape, unit, meaning, f"contacts.{name}")
+    for name, shape, unit, meaning in (
+        ("gap", "(T, C)", "m", "distance of the surfaces, negative where they are pressed together"),
+        ("normal_force", "(T, C)", "N", "normal force"),
+        (
+            "friction",
+            "(T, C)",
+            "N",
+            "friction in the plane, on what touches the object, along its normal turned by +90 degrees",
+        ),
+        ("lift", "(T, C)", "N", "friction out of the plane, on the object"),
+        ("force", "(T, 2, C)", "N", "world force on the object in the plane"),
+        ("point", "(T, 2, C)", "m", "where it acts, world"),
+    )
+)
+"""How results with ``contacts`` store them."""
 
 
 def overlaps(thing: GraspObject, poses: Array, backbones: Array, half_thickness: float) -> Array:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.structure import tip_is_thrown
+from continuum_grasp.model.structure import tip_moment_jumps
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.statics import equilibrium
+from continuum_grasp.simulation.statics import equilibrium_under
 
 __all__ = ["initial_state", "start_warnings"]
 
@@ -50,10 +52,12 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         q = np.array(initial.q, dtype=float)
         qd = np.zeros(n) if initial.qd is None else np.array(initial.qd, dtype=float)
     elif initial.pose == "equilibrium":
-        q = equilibrium(_as_modelled(scene, model), extra_loads=initial.held_by).q
+        held = _statics_model(scene, model, loads=(*scene.loads, *initial.held_by))
+        acting = Signals(scene, held)
+        q = equilibrium_under(held, acting.u(0.0)[0], acting.w(0.0)[0]).q
     elif initial.pose == "rest":
-        bare = scene.model_copy(update={"loads": (), "actuation": None, "gravity": (0.0, 0.0)})
-        q = equilibrium(_as_modelled(bare, model)).q
+        bare = _statics_model(scene, model, loads=(), gravity=(0.0, 0.0))
+        q = equilibrium_under(bare, np.zeros(bare.nu), np.zeros(bare.nw)).q
     if model.nx == 2 * n:
         return np.concatenate([q, qd])
     tendons = scene.finger.tendons
@@ -63,16 +67,17 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
 
 def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:
     """What the user must know of a start that a matched tip cannot have."""
-    if model.family != "matched_clothoid" or not tip_is_thrown(scene):
+    if not model.structure.matched or not tip_moment_jumps(scene):
         return ()
     return (
-        "the motion starts with the tip curvature that the moments on the tip impose on matched clothoids, not with "
-        "that of the initial pose: use fidelity.family: clothoid, or moments that grow from zero",
+        f"the motion starts with the tip curvature that the moments on the tip impose on {model.family}, not with that "
+        f"of the initial pose: use fidelity.family: {default_family(free_tip=True)}, or moments that grow from zero",
     )
 
 
-def _as_modelled(scene: Scene, model: FingerModel) -> Scene:
-    """The scene with the elements of the model, without an object."""
-    nothing = {name: field.get_default(call_default_factory=True) for name, field in Surroundings.model_fields.items()}
-    made = {"family": model.family, "elements": model.lengths, "accuracy": model.structure.accuracy}
-    return scene.model_copy(update={**nothing, "fidelity": scene.fidelity.model_copy(update=made)})
+def _statics_model(scene: Scene, model: FingerModel, **keywords: Any) -> FingerModel:
+    """The elements of a model under other loads, whose inputs have no rates."""
+    accuracy = model.structure.accuracy
+    return FingerModel(
+        scene, family=model.family, elements=model.lengths, accuracy=accuracy, input_rates=False, **keywords
+    )

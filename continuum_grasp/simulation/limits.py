@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.model import FingerModel
-
-if TYPE_CHECKING:
-    from continuum_grasp.simulation.trajectory import Trajectory
+from continuum_grasp.simulation.contacts import ContactForces
 
 __all__ = ["LOST", "limit_warnings", "overlap_warnings"]
 
 LOST = 3.0
 """Multiple of the declared bending range beyond which the model means nothing."""
 _THROUGH = 0.5
-"""Overlap between stations that is told, as a part of the half thickness."""
+"""Overlap between stations that is reported, per the half thickness."""
 _LOOKS = 50
 """Instants at which overlaps are looked for."""
 
@@ -44,7 +42,7 @@ def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | 
         if strained.size:
             found.append(
                 f"element {k + 1} exceeds the strain limit{first(strained)} "
-                f"(greatest: {curvature.max() / limit:.2f} times the limit; the model is meant for less)"
+                f"(greatest: {curvature.max() / limit:.2f} times the limit; the model is accurate for less)"
             )
         if beyond.size and reach < limit * length * (1 - 1e-9):
             found.append(
@@ -55,18 +53,32 @@ def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | 
     return tuple(found)
 
 
-def overlap_warnings(trajectory: Trajectory) -> tuple[str, ...]:
-    """What the user must know of a finger that is deeper in an object than its stations are pressed into it."""
-    if trajectory.contacts is None:
-        return ()
-    looked = np.unique(np.linspace(0, len(trajectory.t) - 1, _LOOKS).astype(int))
-    own = [k for k, name in enumerate(trajectory.contacts.names) if name.startswith("finger.")]
-    pressed = np.maximum(0.0, -trajectory.contacts.gap[looked][:, own].min(axis=1))
-    beyond = trajectory.overlap(looked) - pressed
+def overlap_warnings(
+    t: NDArray[np.float64],
+    contacts: ContactForces,
+    overlap: Callable[[NDArray[np.intp]], NDArray[np.float64]],
+    half_thickness: float,
+) -> tuple[str, ...]:
+    """Warn of a finger that is deeper in an object than its stations are pressed into it.
+
+    Parameters
+    ----------
+    t : (T,) ndarray
+        Instants [s].
+    contacts : ContactForces
+    overlap : callable
+        Deepest overlap at some of the instants, given by their indices [m].
+    half_thickness : float
+        Of the finger [m].
+    """
+    looked = np.unique(np.linspace(0, len(t) - 1, _LOOKS).astype(int))
+    own = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
+    pressed = np.maximum(0.0, -contacts.gap[looked][:, own].min(axis=1))
+    beyond = overlap(looked) - pressed
     k = int(beyond.argmax())
-    if beyond[k] <= _THROUGH * trajectory.model.finger.thickness_radius:
+    if beyond[k] <= _THROUGH * half_thickness:
         return ()
     return (
         f"between the stations that touch, the finger overlaps the object by {1e3 * beyond[k]:.2g} mm at "
-        f"t = {trajectory.t[looked[k]]:g} s: add contacts",
+        f"t = {t[looked[k]]:g} s: add contacts",
     )

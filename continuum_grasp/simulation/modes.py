@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from os import PathLike
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
+from continuum_grasp.results.result import File, Result, Stored
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import damping_matrix
 from continuum_grasp.simulation.statics import Equilibrium, equilibrium
@@ -20,23 +21,26 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Modes:
+class Modes(Result):
     """Small undamped oscillations about an equilibrium.
 
     Attributes
     ----------
-    frequencies_hz : (m,) ndarray
-        Undamped natural frequencies, increasing [Hz]; zero for a direction in which the equilibrium is unstable.
-    damping_ratios : (m,) ndarray
-        Modal damping ratios [1]; NaN where the frequency is zero.
     coordinates : (m, n) ndarray
-        Modes in the bending coordinates, normalised by the mass matrix.
-    backbone : (points, 2) ndarray
-        Equilibrium shape in the world [m].
-    shapes : (m, points, 2) ndarray
-        Displacements of the backbone, each of greatest length one.
+        Modes in the bending coordinates, normalized by the mass matrix.
     equilibrium : Equilibrium
+    scene : Scene
+    statistics : mapping
     """
+
+    kind: ClassVar[str] = "modes"
+    stored: ClassVar[tuple[Stored, ...]] = (
+        Stored("frequencies_hz", "(m,)", "Hz", "undamped natural frequencies, increasing; 0: unstable that way"),
+        Stored("damping_ratios", "(m,)", "1", "modal damping ratios; NaN where the frequency is zero"),
+        Stored("backbone", "(points, 2)", "m", "equilibrium shape, world"),
+        Stored("shapes", "(m, points, 2)", "1", "displacements of the backbone, each of greatest length one"),
+    )
+    pictures: ClassVar[tuple[File, ...]] = (File("modes.png", "plotting.motion.modes:plot_modes"),)
 
     frequencies_hz: Array
     damping_ratios: Array
@@ -44,6 +48,13 @@ class Modes:
     backbone: Array
     shapes: Array
     equilibrium: Equilibrium
+    scene: Scene
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def status(self) -> str:
+        """``stable`` or ``unstable``: what the equilibrium is."""
+        return "stable" if self.stable else "unstable"
 
     @property
     def stable(self) -> bool:
@@ -56,29 +67,8 @@ class Modes:
         return self.equilibrium.warnings
 
 
-def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = None, points: int = 61) -> Modes:
-    """Modes of a finger about its equilibrium.
-
-    Parameters
-    ----------
-    scene : Scene or path-like
-        The scene, or its YAML file.
-    about : Equilibrium, optional
-        Equilibrium to linearise about; found where not given.
-    points : int
-        Number of points of the shapes.
-
-    Returns
-    -------
-    Modes
-        As many as there are bending coordinates. Under following loads or tendon friction the stiffness is not
-        symmetric; modes that flutter then come as two of one frequency, and ``stable`` is false.
-
-    Raises
-    ------
-    SolverError
-        If no equilibrium is found.
-    """
+def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
+    """Find the modes of a scene without ``fidelity.tolerance``; see `continuum_grasp.modes`."""
     found = equilibrium(scene) if about is None else about
     model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
     core = Core(model, compiled=False)
@@ -97,7 +87,7 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     jacobians = np.asarray(core.batch("jacobian", q, u, s, p))
     shapes = np.einsum("sij,kj->ksi", jacobians, coordinates)
     shapes /= np.linalg.norm(shapes, axis=2).max(axis=1)[:, None, None]
-    return Modes(pulsations / (2.0 * np.pi), ratios, coordinates, found.backbone(points), shapes, found)
+    return Modes(pulsations / (2.0 * np.pi), ratios, coordinates, found.backbone(points), shapes, found, scene)
 
 
 def _eigen(mass: Array, stiffness: Array) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:

@@ -18,12 +18,17 @@ __all__ = ["Equilibrium", "Search"]
 Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-11
+"""Missing force per that of the forces that balance [1]; a few digits above rounding."""
 _MAX_ITERATIONS = 500
+"""Iterations after which the search is given up [1]."""
 _IMPERFECTION = 1e-3
+"""Displacement along the weakest direction with which an unstable equilibrium is left, per typical coordinate [1]:
+large against rounding, small against the buckled shape."""
 _NEAR_BUCKLING, _NEAR_BUCKLING_ARCS = 0.02, 0.25
 """Least stiffness per that of the unloaded finger [1] below which the shape is sensitive to the model's own error; the
-second for arcs, divided by the square of their number. Column under P: below 0.02, 2 matched clothoids have errors of
-4e-3 to 4e-2 of the length; arcs shift the buckling load by 0.21 of it over the square of their number."""
+second for families of order 2, arcs, divided by the square of their number. Column under P: below 0.02, 2 matched
+clothoids have errors of 4e-3 to 4e-2 of the length; arcs shift the buckling load by 0.21 of it over the square of their
+number."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +42,12 @@ class Equilibrium:
     u, w, p : ndarray
         Input, forces and parameters that it is an equilibrium of.
     stable : bool
-        Whether the tangent stiffness is positive definite (conservative loads), or no eigenvalue of the linearised
+        Whether the tangent stiffness is positive definite (conservative loads), or no eigenvalue of the linearized
         motion has a positive real part (following loads, tendon friction).
     margin : float
         Smallest eigenvalue of the stiffness in the metric of the mass matrix [rad2/s2]; negative when unstable.
     residual : float
-        Largest missing generalised force, relative to the largest of those that balance.
+        Largest missing generalized force, relative to the largest of those that balance.
     iterations : int
     model : FingerModel
     warnings : tuple of str
@@ -131,7 +136,8 @@ class Search:
         """What to know of a shape whose least stiffness the loads have nearly used up."""
         root = np.linalg.inv(np.linalg.cholesky(self._core.mass_matrix(q, self._u, self._p)))
         unloaded = float(np.linalg.eigvalsh(root @ self._elasticity()[1] @ root.T)[0])
-        arcs = _NEAR_BUCKLING_ARCS / len(self._model.lengths) ** 2 if self._model.family == "arc" else 0.0
+        coarse = self._model.structure.family.order <= 2
+        arcs = _NEAR_BUCKLING_ARCS / len(self._model.lengths) ** 2 if coarse else 0.0
         if not abs(margin) < max(_NEAR_BUCKLING, arcs) * unloaded:
             return ()
         return (
@@ -142,8 +148,7 @@ class Search:
 
     def _reach(self) -> float:
         """Typical size of a bending coordinate."""
-        reach = min(self._model.ranges)
-        return reach if self._model.family == "arc" else reach / max(self._model.lengths)
+        return float(self._model.structure.family.coordinate_size(min(self._model.ranges), max(self._model.lengths)))
 
     def _descend(self, start: Array, iterations: int) -> tuple[Array, int]:
         q = start.copy()
@@ -177,7 +182,7 @@ class Search:
         raise SolverError(
             "no equilibrium found",
             status="iteration limit",
-            violated=[f"generalised force missing: {np.abs(missing).max():.3g} (scale {scale:.3g})"],
+            violated=[f"generalized force missing: {np.abs(missing).max():.3g} (scale {scale:.3g})"],
             advice="the loads may bend the finger beyond its range (see range_use): lower them, raise "
             "fidelity.bending_range, or give a guess nearer to the shape",
         )

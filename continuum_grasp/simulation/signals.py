@@ -111,7 +111,7 @@ class Signals:
         for value in self._values:
             if self._rates and isinstance(value, Samples) and value.interpolation == "linear":
                 raise InputError(
-                    "an input with linear interpolation has kinks, at which a matched tip would be thrown: use "
+                    "an input with linear interpolation has kinks, at which the tip of matched_clothoid jumps: use "
                     "interpolation: smooth, tendons.time_constant, or fidelity.family: clothoid"
                 )
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from os import PathLike
 from time import perf_counter
 
 import numpy as np
@@ -13,10 +12,9 @@ from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
 from continuum_grasp.core import Core
-from continuum_grasp.core.integrators import RK4_STABLE
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.scene.load import scene_of
+from continuum_grasp.scene.integrators import INTEGRATORS
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.contact_spectrum import contact_frequency, pressed_radius, telling_states
 from continuum_grasp.simulation.initial import initial_state, start_warnings
@@ -31,12 +29,14 @@ __all__ = ["simulate"]
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
+_FAST, _STIFF = "rk4", "rodas"
+"""What ``time.method: auto`` chooses between; both have order 4, so that the error control serves both."""
 _IMPLICIT_FROM = 40
 """Sub-steps per output step from which on the implicit method is chosen."""
 _MOST_SUBSTEPS = 10_000
-"""Sub-steps per output step beyond which rk4 is refused."""
+"""Sub-steps per output step beyond which an explicit method is refused."""
 _MOST_IMPLICIT = 256
-"""Sub-steps per output step of the implicit method, which contacts need to be resolved."""
+"""Sub-steps per output step of an implicit method, which contacts need to be resolved."""
 _FINER = 4
 """Factor by which they grow where a motion with contacts is not finite."""
 _TARGET_ORDER = 4
@@ -47,41 +47,13 @@ _LONG_RADIUS = 2.0
 """Product of step and spectral radius up to which longer steps are compared with; they are stable up to 2.7."""
 _MARGIN = 1.25
 """Factor on the number of sub-steps that is foreseen."""
-_MOST_WORK = {"rk4": 4_000_000, "implicit": 400_000}
+_MOST_WORK = {_FAST: 4_000_000, _STIFF: 400_000}
 """Sub-steps of a motion up to which the tolerance is pursued: some 10 s of compiled code for fingers with contacts."""
 
 
 @interrupt.listening()
-def simulate(scene: Scene | str | PathLike[str], *, progress: Progress | None = None) -> Trajectory:
-    """Simulate a scene.
-
-    Parameters
-    ----------
-    scene : Scene or path-like
-        The scene, with ``time``, or its YAML file.
-    progress : callable, optional
-        Called with the share that is done, 0 to 1.
-
-    Returns
-    -------
-    Trajectory
-        States at every output step, with those of an object that moves and of the contacts' friction. Its ``warnings``
-        tell when an element left its declared bending range or exceeded the strain limit, and where the finger passes
-        through the object between the stations that touch it.
-
-    Raises
-    ------
-    InputError
-        If the scene has no time, or a state that does not fit.
-    NumericalError
-        If the motion does not stay finite, or is too stiff for the method that was asked for; ``result`` is the
-        trajectory until then.
-    SolverError
-        If an initial equilibrium is not found.
-    Interrupted
-        On Ctrl-C; ``result`` is the trajectory until then.
-    """
-    scene = scene_of(scene)
+def simulate(scene: Scene, *, progress: Progress | None = None) -> Trajectory:
+    """Simulate a scene without ``fidelity.tolerance``; see `continuum_grasp.simulate`."""
     if scene.time is None:
         raise InputError("a simulation needs time: {duration: ..., step: ...}", key="time")
     model = FingerModel(scene)
@@ -153,9 +125,9 @@ class _Run:
         }
         status = "finished" if error is None else "stopped"
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
-        started_thrown, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
+        at_start, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
         inexact = self._error_warnings(used, motion)
-        warnings = (*started_thrown, *jumps, *inexact, *limits, *overlap_warnings(result))
+        warnings = (*at_start, *jumps, *inexact, *limits, *self._overlaps(result))
         result = replace(result, status=status, warnings=warnings, statistics=statistics, time_error=motion.time_error)
         return result, error
 
@@ -170,9 +142,9 @@ class _Run:
         if asked == "reference":
             return Plan(asked, 1, radius)
         wanted = self._wanted(radius)
-        if asked == "implicit" or (asked == "auto" and wanted > _IMPLICIT_FROM):
-            return self._implicit(radius)
-        return self._explicit(min(wanted, _MOST_SUBSTEPS), radius)
+        if asked == "auto":
+            asked = _STIFF if wanted > _IMPLICIT_FROM else _FAST
+        return self._planned(asked, radius)
 
     def _judged(self, plan: Plan, motion: Motion) -> tuple[Plan | None, Stop | None]:
         """A finer plan where the steps turned out to be too long, and what is wrong if there is none."""
@@ -181,49 +153,51 @@ class _Run:
             return None, error
         if error is None and motion.time_error > plan.tolerance:
             return self._finer(plan, motion), None
-        if plan.method == "implicit" and isinstance(error, NumericalError) and self._system is not None:
+        if plan.stable is None:
+            if plan.method == "reference" or self._system is None or not isinstance(error, NumericalError):
+                return None, error
             self._implicit_substeps = _FINER * plan.substeps
-            return (self._implicit(plan.radius) if self._implicit_substeps <= _MOST_IMPLICIT else None), error
-        if plan.method != "rk4":
-            return None, error
+            finer = self._planned(plan.method, plan.radius) if self._implicit_substeps <= _MOST_IMPLICIT else None
+            return finer, error
         shapes = states[:: max(1, len(states) // 12), : self._model.n]
         radius = max(plan.radius, self._radius(shapes))
         if self._system is not None:
             at = np.arange(len(states)) * self._time.step
-            told = telling_states(self._core, states, self._signals.u(at), self._signals.w(at))
-            radius = max(radius, self._contact_radius(told))
+            looked = telling_states(self._core, states, self._signals.u(at), self._signals.w(at))
+            radius = max(radius, self._contact_radius(looked))
         wanted = self._wanted(radius)
-        if error is None and radius * self._time.step / plan.substeps <= RK4_STABLE:
+        if error is None and radius * self._time.step / plan.substeps <= plan.stable:
             return None, None
         if self._time.method == "auto" and (wanted > _IMPLICIT_FROM or wanted <= plan.substeps):
-            return self._implicit(radius), error
+            return self._planned(_STIFF, radius), error
         if plan.substeps < wanted <= _MOST_SUBSTEPS:
-            return self._explicit(wanted, radius), error
+            return self._planned(plan.method, radius), error
         if wanted > _MOST_SUBSTEPS:
             end = (len(states) - 1) * self._time.step
             message = (
-                f"stopped at t = {end:g} s: the scene is too stiff for rk4, up to {radius:.3g} rad/s, which needs more "
-                f"than {_MOST_SUBSTEPS} sub-steps per time.step of {self._time.step:g} s: use time.method: implicit "
+                f"stopped at t = {end:g} s: the scene is too stiff for {plan.method}, up to {radius:.3g} rad/s, which "
+                f"needs more than {_MOST_SUBSTEPS} sub-steps per time.step of {self._time.step:g} s: use "
+                f"time.method: {_STIFF} "
                 "or a smaller time.step"
             )
             return None, NumericalError(message, time=end, state=states[-1])
         return None, error
 
-    def _explicit(self, substeps: int, radius: float) -> Plan:
-        return self._controlled(Plan("rk4", substeps, radius))
-
-    def _implicit(self, radius: float) -> Plan:
-        return self._controlled(Plan("implicit", min(self._implicit_substeps, _MOST_IMPLICIT), radius))
+    def _planned(self, method: str, radius: float) -> Plan:
+        """The method in sub-steps that are stable."""
+        explicit = INTEGRATORS[method].stable is not None
+        wanted, most = (self._wanted(radius), _MOST_SUBSTEPS) if explicit else (self._implicit_substeps, _MOST_IMPLICIT)
+        return self._controlled(Plan(method, min(wanted, most), radius))
 
     def _controlled(self, plan: Plan, final: bool = False) -> Plan:
-        """The plan with what it is compared with and, where the tolerance is to be kept, given up beyond it."""
+        """The plan with longer steps to compare with and, where the tolerance is pursued, the error to give up at."""
         auto, steps = self._time.method == "auto", self._stepper.steps
         if auto and steps == 1 and plan.substeps % 2:
             plan = replace(plan, substeps=plan.substeps + 1)
         step = self._time.step / plan.substeps
         smooth = self._smooth(plan)
-        tame = _LONG_RADIUS / (plan.radius * step) if plan.method == "rk4" else math.inf
-        sparse = auto and smooth and plan.method == "rk4" and plan.substeps == 1
+        tame = math.inf if plan.stable is None else _LONG_RADIUS / (plan.radius * step)
+        sparse = auto and smooth and plan.stable is not None and plan.substeps == 1
         halvings = 2 if sparse and min(steps, tame) >= 4 else 1
         observed = smooth and 2 ** (halvings + 1) <= min(tame, steps * plan.substeps)
         plan = replace(plan, halvings=halvings, observed=observed)
@@ -292,6 +266,11 @@ class _Run:
     def _result(self, states: Array) -> Trajectory:
         t: Array = np.linspace(0.0, (len(states) - 1) * self._time.step, len(states))
         return Trajectory(t, states, self._signals.u(t), self._signals.w(t), self._model, self._scene, self._system)
+
+    def _overlaps(self, result: Trajectory) -> tuple[str, ...]:
+        if result.contacts is None:
+            return ()
+        return overlap_warnings(result.t, result.contacts, result.overlap, self._model.finger.thickness_radius)
 
     def _range_use(self, result: Trajectory) -> Array:
         """Share of the declared bending range that each element uses (T, elements)."""

@@ -17,10 +17,11 @@ Array = NDArray[np.float64]
 TARGET_RADIUS = 1.0
 """Product of step and spectral radius that the explicit method is given; it is stable up to 2.7."""
 _POSES = 12
+"""Random shapes at which the spectral radius is taken, beside the start and the straight finger [1]."""
 
 
 def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float:
-    """Largest absolute eigenvalue of the linearised motion over some shapes [1/s].
+    """Largest absolute eigenvalue of the linearized motion over some shapes [1/s].
 
     Parameters
     ----------
@@ -66,11 +67,8 @@ def stable_steps(model: FingerModel, x0: Array, u: Array, w: Array) -> int:
 
 def sample_shapes(model: FingerModel, start: Array) -> Array:
     """Shapes to estimate the spectral radius at: the start, straight, and some over the bending range."""
-    reach = np.array(model.ranges)
-    if model.family != "arc":
-        per_length = reach / np.array(model.lengths)
-        reach = np.minimum(np.append(per_length, per_length[-1]), np.append(per_length[0], per_length))
-    spread = np.random.default_rng(0).uniform(-0.5, 0.5, (_POSES, model.n)) * reach[: model.n]
+    reach = np.array(model.structure.coordinate_limits())
+    spread = np.random.default_rng(0).uniform(-0.5, 0.5, (_POSES, model.n)) * reach
     return np.vstack([start, np.zeros(model.n), spread])
 
 

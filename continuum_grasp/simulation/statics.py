@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from os import PathLike
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.core.call import real_array
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.search import Equilibrium, Search
@@ -23,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def equilibrium(
-    scene: Scene | str | PathLike[str],
+    scene: Scene,
     *,
     extra_loads: Sequence[Load] = (),
     guess: ArrayLike | None = None,
@@ -31,40 +29,7 @@ def equilibrium(
     side: int = 1,
     model: FingerModel | None = None,
 ) -> Equilibrium:
-    """The equilibrium of a scene under its loads at time zero.
-
-    Pseudo-transient continuation (damped motion in the metric of the mass matrix that turns into Newton's method as it
-    converges) leads from the guess to an equilibrium. If that one is unstable, as the straight finger is under more
-    than its buckling load, it is left along its weakest direction and the stable one beside it is found.
-
-    Parameters
-    ----------
-    scene : Scene or path-like
-        The scene, or its YAML file.
-    extra_loads : sequence of loads
-        Constant loads that act besides the scene's.
-    guess : (n,) array_like, optional
-        Where to start; the unloaded shape where not given.
-    stable : bool
-        Whether to leave an unstable equilibrium. Where there is no stable one beside it (flutter under a following
-        load), what is returned says ``stable=False``.
-    side : {1, -1}
-        Side to which an unstable equilibrium is left: the sign of the largest component of its weakest direction.
-    model : FingerModel, optional
-        Model to use, which must have the scene's loads.
-
-    Returns
-    -------
-    Equilibrium
-
-    Raises
-    ------
-    InputError
-        If guess, side or model do not fit, or if the scene has an object.
-    SolverError
-        If no equilibrium is reached, or only one that is bent far beyond the declared range.
-    """
-    scene = scene_of(scene)
+    """Find the equilibrium of a scene without ``fidelity.tolerance``; see `continuum_grasp.equilibrium`."""
     if scene.object is not None:
         raise InputError("statics and modes know no contact: leave the object out", key="object")
     if model is not None and extra_loads:

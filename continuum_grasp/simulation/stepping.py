@@ -14,6 +14,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.core.rollouts import signal
 from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
+from continuum_grasp.scene.integrators import INTEGRATORS
 from continuum_grasp.scene.simulate import Timing
 from continuum_grasp.simulation.reference import integrate_reference
 from continuum_grasp.simulation.signals import Signals
@@ -24,12 +25,10 @@ __all__ = ["Motion", "Plan", "Stepper", "Stop"]
 Array = NDArray[np.float64]
 Stop = NumericalError | Interrupted
 
-_ORDER = 4
-"""Order of both fixed-step methods on smooth motions."""
-_LEAST_SHRINK, _KNOWN_SHRINK = 1.0 / 8.0, 0.6
-"""Factor on the error by half the step length: the least that is believed (order 4 has 1/16), and what is assumed
-where none is observed: order 1, which contacts and kinks can have, with a margin for steps so long that twice their
-length is unstable (4 and 6 clothoids let go: the true error was up to 1.33 times that of order 1)."""
+_KNOWN_SHRINK = 0.6
+"""Factor on the error by half the step length that is assumed where none is observed: that of order 1, which contacts
+and kinks can have, with a margin for steps so long that twice their length is unstable (4 and 6 clothoids let go: the
+true error was up to 1.33 times that of order 1)."""
 _CHUNK = 200_000
 """Sub-steps between two calls of ``progress``, and between two looks at the error [1]."""
 _LEAST_CHUNK, _LOOKS = 1_000, 16
@@ -47,7 +46,8 @@ class Plan:
 
     Attributes
     ----------
-    method : {"rk4", "implicit", "reference"}
+    method : str
+        Name in ``INTEGRATORS``, or ``reference``.
     substeps : int
         Steps of the method per output step.
     radius : float
@@ -71,6 +71,16 @@ class Plan:
     corrected: bool = False
 
     @property
+    def order(self) -> int:
+        """Power of the step in the error of smooth motions."""
+        return INTEGRATORS[self.method].order
+
+    @property
+    def stable(self) -> float | None:
+        """Greatest product of step and spectral radius; None where any step is stable."""
+        return None if self.method == "reference" else INTEGRATORS[self.method].stable
+
+    @property
     def ratios(self) -> tuple[int, ...]:
         """Lengths of the longer steps, per that of the steps."""
         return tuple(2 ** (self.halvings + k) for k in range(2 if self.observed else 1))
@@ -84,7 +94,7 @@ class Plan:
     def weights(self) -> Array:
         """Weights of the longer steps in the sum that is free of the leading powers of the step in the error."""
         ratios = np.array([1, *self.ratios], dtype=float)
-        powers = np.array([0, *range(_ORDER, _ORDER + len(self.ratios))])
+        powers = np.array([0, *range(self.order, self.order + len(self.ratios))])
         return np.asarray(np.linalg.solve(ratios ** powers[:, None], powers == 0)[1:])
 
     def estimate(self, differences: list[float]) -> float:
@@ -100,7 +110,8 @@ class Plan:
             shrink = quotient if self.halvings == 1 else math.sqrt(0.25 + quotient) - 0.5
         elif self.observed:
             return differences[0]
-        shrink = max(shrink, _LEAST_SHRINK) ** self.halvings
+        least = 2.0 ** (1 - self.order)  # twice that of the order: no better is believed of a few observed motions
+        shrink = max(shrink, least) ** self.halvings
         return differences[0] * shrink / (1.0 - shrink)
 
 
@@ -218,9 +229,9 @@ class Stepper:
         ratios, h = (1, *plan.ratios)[: len(ends)], self._time.step / plan.substeps
         run = self._core.prepare_rollout(plan.method)
         p = np.array(self._core.model.p_nominal, dtype=float)
-        states, kept = run.levels(np.array(ends), ratios, plan.every, count, plan.substeps, h, *inputs, p)
+        states, valid = run.levels(np.array(ends), ratios, plan.every, count, plan.substeps, h, *inputs, p)
         self.taken += sum(count * plan.substeps // ratio for ratio in ratios)
-        return [x[: last + 1] for x, last in zip(states, kept, strict=True)]
+        return [x[: last + 1] for x, last in zip(states, valid, strict=True)]
 
     def _by_variable_steps(self, x: Array, u: Array, w: Array, looser: float) -> Array:
         try:
@@ -236,9 +247,9 @@ class Stepper:
             str(self._failure)
             if plan.method == "reference"
             else (
-                f"the motion is not finite after t = {time:g} s (last state {state.tolist()}; {plan.method}, "
+                f"{INTEGRATORS[plan.method].failure} after t = {time:g} s (last state {state.tolist()}; {plan.method}, "
                 f"{plan.substeps} sub-steps of {self._time.step / plan.substeps:g} s): take a smaller time.step or "
-                "time.method: implicit; if the finger bends beyond its range, raise fidelity.bending_range or lower "
+                "time.method: rodas; if the finger bends beyond its range, raise fidelity.bending_range or lower "
                 "the loads"
             )
         )

@@ -6,16 +6,17 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, System
+from continuum_grasp.results.result import File, MotionResult, Stored
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
 from continuum_grasp.simulation.contacts import ContactForces, overlaps
 
 __all__ = ["Trajectory", "acting_input"]
@@ -24,19 +25,13 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class Trajectory(MotionResult):
     """A motion of a finger, and of the object that it touches where there is one, at T instants; SI units, world frame.
 
     Attributes
     ----------
-    t : (T,) ndarray
-        Instants [s].
-    x : (T, nx) ndarray
-        States.
-    u : (T, nu) ndarray
-        Inputs.
-    w : (T, nw) ndarray
-        Forces at contacts, tip and loads.
+    t, x, u, w : ndarray
+        See the stored arrays; ``x_names``, ``u_names`` and ``w_names`` are the columns.
     model : FingerModel
     scene : Scene
     system : System or None
@@ -52,6 +47,29 @@ class Trajectory:
         the length (``reference``: from looser tolerances); infinite where these are unstable, nan where nothing was
         compared.
     """
+
+    kind: ClassVar[str] = "simulate"
+    stored: ClassVar[tuple[Stored, ...]] = (
+        Stored("t", "(T,)", "s", "instants"),
+        Stored("x", "(T, nx)", "", "states"),
+        Stored("u", "(T, nu)", "", "inputs"),
+        Stored("w", "(T, nw)", "", "forces at contacts, tip and loads"),
+        Stored("tip", "(T, 2)", "m", "world position of the tip"),
+        Stored("kinetic", "(T,)", "J", "kinetic energy, with that of the object"),
+        Stored("potential", "(T,)", "J", "elastic energy and potential of the weight"),
+        Stored(
+            "object_pose", "(T, nq)", "", "pose of the object: x, y [m], angle [rad], and height [m] if it slides out"
+        ),
+        *CONTACTS_STORED,
+    )
+    pictures: ClassVar[tuple[File, ...]] = (
+        File("snapshots.png", "plotting.motion.snapshots:plot_snapshots"),
+        File("tip_path.png", "plotting.motion.tip_path:plot_tip_path"),
+        File("coordinates.png", "plotting.motion.over_time:plot_coordinates"),
+        File("energy.png", "plotting.motion.over_time:plot_energy"),
+        File("contact_forces.png", "plotting.motion.over_time:plot_contact_forces", needs="contacts"),
+    )
+    frames: ClassVar[str] = "plotting.motion.motion_frames:motion_frames"
 
     t: Array
     x: Array
@@ -89,16 +107,6 @@ class Trajectory:
     def w_names(self) -> list[str]:
         """Name and unit of each force component."""
         return self.moving.w_names
-
-    @property
-    def length(self) -> float:
-        """Length of the finger [m]."""
-        return self.model.finger.rod.length
-
-    @property
-    def name(self) -> str | None:
-        """Name of the scene."""
-        return self.scene.name
 
     @cached_property
     def core(self) -> Core:
@@ -201,37 +209,9 @@ class Trajectory:
     def _point(self, q: Array, u: Array, at: float) -> Array:
         return np.asarray(self.core.position(q, u, [at]))
 
-    def save(self, folder: str | Path) -> Path:
-        """Write ``result.npz`` and ``meta.json`` into a folder, atomically.
-
-        With an object, ``result.npz`` has ``object_pose`` and the arrays of ``contacts`` too.
-
-        Returns
-        -------
-        pathlib.Path
-            The folder.
-        """
-        from continuum_grasp.results import write_run
-
-        arrays = {
-            "t": self.t,
-            "x": self.x,
-            "u": self.u,
-            "w": self.w,
-            "tip": self.tip,
-            "kinetic": self.kinetic,
-            "potential": self.potential,
-        }
-        contact_names: list[str] = []
-        if self.contacts is not None and self.object_pose is not None:
-            contact_names = list(self.contacts.names)
-            arrays |= {"object_pose": self.object_pose, **self.contacts.arrays()}
-        meta = {
-            "kind": "simulate",
-            "config": self.scene.model_dump(mode="json"),
-            "status": self.status,
-            "warnings": list(self.warnings),
-            "statistics": dict(self.statistics),
+    def details(self) -> dict[str, Any]:
+        """Error of the steps in time, and what the columns are."""
+        return {
             "time_error": self.time_error,
             "model": {
                 "family": self.model.family,
@@ -239,22 +219,9 @@ class Trajectory:
                 "x_names": self.x_names,
                 "u_names": self.u_names,
                 "w_names": self.w_names,
-                "contact_names": contact_names,
+                "contact_names": [] if self.contacts is None else list(self.contacts.names),
             },
         }
-        return write_run(folder, arrays, meta)
-
-    def plot(self, folder: str | Path) -> list[Path]:
-        """Draw tip path, coordinates, energies, snapshots and, with an object, contact forces into a folder."""
-        from continuum_grasp.plotting import save_simulation_pictures
-
-        return save_simulation_pictures(self, Path(folder))
-
-    def animate(self, path: str | Path, fps: int = 30) -> Path:
-        """Write an animation, GIF or MP4 by the suffix."""
-        from continuum_grasp.plotting import animate
-
-        return animate(self, Path(path), fps)
 
 
 def acting_input(model: FingerModel, x: Array, u: Array) -> Array:

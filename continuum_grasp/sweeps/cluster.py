@@ -1,4 +1,4 @@
-"""A Dask cluster as the crew of a sweep."""
+"""A Dask cluster as the worker pool of a sweep."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ from importlib import import_module
 from typing import Any
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.sweeps.crew import ExecutorCrew
+from continuum_grasp.workers import ExecutorPool
 
-__all__ = ["dask_crew"]
+__all__ = ["dask_pool"]
 
 _PATIENCE = 10.0
+"""How long to wait for an answer of the scheduler [s]."""
 _ASK_AGAIN = 2.0
+"""How long a count of workers is taken as current [s]: asking is a call over the network."""
 
 
 @contextmanager
-def dask_crew(address: str, patience: float = _PATIENCE) -> Iterator[ExecutorCrew]:
+def dask_pool(address: str, patience: float = _PATIENCE) -> Iterator[ExecutorPool]:
     """The workers of a running Dask scheduler.
 
     Parameters
@@ -44,7 +46,7 @@ def dask_crew(address: str, patience: float = _PATIENCE) -> Iterator[ExecutorCre
     except (OSError, ValueError, TypeError) as error:  # TimeoutError is an OSError
         raise InputError(f"no Dask scheduler answers at {address!r}: {error}", key="scheduler") from None
     try:
-        yield ExecutorCrew(client.get_executor(pure=False), _Count(client))
+        yield ExecutorPool(client.get_executor(pure=False), _Count(client))
     finally:
         client.close()
 

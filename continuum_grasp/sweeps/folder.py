@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.results import begin_run, kind_of_run, replacing
+from continuum_grasp.results import begin_run, kind_of_run, write_text
 from continuum_grasp.results.atomic import naming
 from continuum_grasp.results.provenance import created_now, versions
 from continuum_grasp.scene.files import refuse_what_is_no_file
@@ -25,6 +25,7 @@ PLAN = "sweep.json"
 TABLE = "table.jsonl"
 _LOCK = ".lock"
 _FLUSH_SECONDS = 2.0
+"""Time between two writes to the disk [s]: what a loss of power can cost."""
 _ABOUT = ("name", "created", "versions", "columns", "units", "pictures")
 """Entries of the stored plan that do not decide what is computed."""
 
@@ -61,7 +62,7 @@ def store_plan(folder: Path, plan: Plan) -> list[str]:
             file=str(folder),
         )
     if old.get("pictures") != pictures:
-        begin_run(folder, "sweep", kept=(PLAN,))
+        begin_run(folder, "sweep", retained=(PLAN,))
         _write(folder, {**old, "pictures": pictures})
     was, now = old.get("versions", {}), versions()
     other = [f"{name} {was.get(name)}, now {now[name]}" for name in now if was.get(name) != now[name]]
@@ -69,8 +70,7 @@ def store_plan(folder: Path, plan: Plan) -> list[str]:
 
 
 def _write(folder: Path, plan: Mapping[str, Any]) -> None:
-    with replacing(folder / PLAN) as temporary:
-        temporary.write_text(json.dumps(plan, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_text(json.dumps(plan, indent=1, ensure_ascii=False) + "\n", folder / PLAN)
 
 
 def read_plan(folder: Path) -> dict[str, Any]:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.results.result import maker_of
+
 if TYPE_CHECKING:
     from continuum_grasp.sweeps.table import SweepTable
 
@@ -46,7 +48,7 @@ class GridMap:
     kind : ndarray of str, shape (ny, nx)
         Why there is none; empty where there is one, or no row yet.
     labels : (str, str, str)
-        Of x, y and colour, with units.
+        Of x, y and color, with units.
     """
 
     x: NDArray[Any]
@@ -78,7 +80,7 @@ class Front:
     best : ndarray of int, shape (n,)
         Positions of the front in x and y, with increasing x.
     labels : (str, str, str)
-        Of x, y and colour, with units.
+        Of x, y and color, with units.
     best_words : str
         Which way is better.
     """
@@ -187,9 +189,9 @@ def draw_pictures(table: SweepTable, pictures: Mapping[str, Sequence[Mapping[str
     InputError
         There is no column of a name.
     """
-    from continuum_grasp.plotting import save_picture
-    from continuum_grasp.plotting.sweep import plot_front, plot_map
+    from continuum_grasp.results import save_picture
 
+    plot_map, plot_front = (maker_of(f"plotting.sweep:{name}") for name in ("plot_map", "plot_front"))
     files = []
     for k, spec in enumerate(pictures.get("maps", ())):
         name = f"map_{k + 1}_{_file_name(spec['color'])}.png"

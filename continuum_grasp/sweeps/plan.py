@@ -19,7 +19,6 @@ __all__ = ["Plan", "Point", "differences", "keys_of"]
 
 FORMAT_VERSION = 1
 _BLOCK = 4096
-_PRIMES = [n for n in range(2, 180) if all(n % k for k in range(2, n))]
 
 
 @dataclass(frozen=True)
@@ -54,11 +53,11 @@ class Plan:
 
     def __init__(self, sweep: Sweep, variation: Variation) -> None:
         self.sweep, self.variation = sweep, variation
-        things: list[Axis | Random | Tie] = [*variation.axes, *variation.draws, *variation.ties]
-        self.keys: tuple[str, ...] = tuple(thing.key for thing in things)
-        self.paths: tuple[KeyPath, ...] = tuple(thing.path for thing in things)
+        varied: list[Axis | Random | Tie] = [*variation.axes, *variation.draws, *variation.ties]
+        self.keys: tuple[str, ...] = tuple(one.key for one in varied)
+        self.paths: tuple[KeyPath, ...] = tuple(one.path for one in varied)
         self.columns = sweep.columns
-        self.units = {**QUANTITIES, **{thing.key: thing.unit for thing in things}}
+        self.units = {**QUANTITIES, **{one.key: one.unit for one in varied}}
         self._counts = [len(axis.values) for axis in variation.axes]
         self._sources = [self.keys.index(tie.source) for tie in variation.ties]
         self._drawn: tuple[int, NDArray[np.float64]] | None = None
@@ -138,8 +137,11 @@ class Plan:
         """Numbers between 0 and 1, one per drawn key."""
         count = len(self.variation.draws)
         if self.sweep.sample is not None and self.sweep.sample.method == "halton":
-            inverse = [_radical_inverse(draw + 1, prime) for prime in _PRIMES[:count]]
-            return np.asarray((np.array(inverse) + self._shift) % 1.0)
+            from scipy.stats.qmc import Halton
+
+            # The first point of the sequence is the corner 0 and left out.
+            point = Halton(count, scramble=False).fast_forward(draw + 1).random()[0]
+            return np.asarray((point + self._shift) % 1.0)
         block, row = divmod(draw, _BLOCK)
         if self._drawn is None or self._drawn[0] != block:
             self._drawn = block, np.random.default_rng([self._seed, block]).random((_BLOCK, count))
@@ -172,15 +174,6 @@ def _value(draw: Random, share: float) -> tuple[Any, Any]:
     else:
         value = NormalDist(low, high).inv_cdf(min(max(share, 1e-15), 1.0 - 1e-15))
     return value, value
-
-
-def _radical_inverse(number: int, base: int) -> float:
-    found, scale = 0.0, 1.0 / base
-    while number:
-        number, digit = divmod(number, base)
-        found += digit * scale
-        scale /= base
-    return found
 
 
 def _leaves(data: Any, key: str = "") -> dict[str, Any]:

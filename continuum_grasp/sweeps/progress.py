@@ -10,6 +10,7 @@ from dataclasses import dataclass
 __all__ = ["Pace", "Progress"]
 
 _WINDOW = 60.0
+"""Time over which the pace is averaged [s]: scenes of a grid differ in cost, neighbors do not."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class Pace:
         self._marks: deque[tuple[float, int]] = deque([(self._began, done)])
 
     def progress(self, done: int, counts: Mapping[str, int]) -> Progress:
-        """Where things stand with so many rows."""
+        """The progress with so many rows."""
         now = time.monotonic()
         if self._marks[-1][1] == self._first < done:  # workers needed their time to start
             self._marks.clear()

@@ -1,4 +1,4 @@
-"""The sweep itself: gives out scenes, takes rows, writes them down, and goes on where it was stopped."""
+"""The sweep itself: submits scenes, takes rows, writes them, and resumes after an interruption."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted,
 from continuum_grasp.results import begin_run
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.overrides import Overrides
-from continuum_grasp.sweeps.crew import Crew, ExecutorCrew, LocalCrew, checked_count, cores
 from continuum_grasp.sweeps.export import write_csv
 from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, lines_of, locked, store_plan, write_run_files
 from continuum_grasp.sweeps.plan import Plan, Point
@@ -24,13 +23,18 @@ from continuum_grasp.sweeps.progress import Pace, Progress
 from continuum_grasp.sweeps.read import plan_of
 from continuum_grasp.sweeps.table import SweepTable, sweep_table
 from continuum_grasp.sweeps.worker import Job, Keep, Outcome, row_of_crash, run_chunk, solve
+from continuum_grasp.workers import ExecutorPool, ProcessPool, WorkerPool, checked_count, cores
 
 __all__ = ["sweep"]
 
 _CHUNK_SECONDS = 0.5
+"""Work per submitted chunk [s]: long against handing it over, short against the end of a sweep."""
 _MOST_IN_A_CHUNK = 64
+"""Scenes per chunk [1]: these are tried again one by one where their worker dies."""
 _REPORT_SECONDS = 0.2
+"""Least time between two reports of progress [s]."""
 _TRIES = 2
+"""Times that a scene may end its worker: once with others, and once alone."""
 
 
 @interrupt.listening()
@@ -49,8 +53,8 @@ def sweep(
     """Find the grasps of many scenes: a grid or random draws of any keys of one scene.
 
     Every scene gives one row of the table ``table.jsonl`` in the folder, also where there is no grasp, where the scene
-    makes no sense, and where it took its worker with it. A sweep that was stopped, in whatever way, goes on where it
-    was when it is called again with the same configuration and folder.
+    makes no sense, and where it took its worker with it. A sweep that was stopped, in whatever way, resumes
+    when it is called again with the same configuration and folder.
 
     Parameters
     ----------
@@ -99,9 +103,9 @@ def sweep(
         job = Job(plan.variation.base, plan.keys, plan.paths, plan.sweep.record, keep, evaluate or solve)
         run = _Run(plan, job, target, progress)
         if run.done < len(plan):
-            begin_run(target, "sweep", kept=(PLAN,))
-            with _crew(executor, scheduler, count) as crew:
-                run.go(crew)
+            begin_run(target, "sweep", retained=(PLAN,))
+            with _pool(executor, scheduler, count) as pool:
+                run.go(pool)
         write_csv(target)
     return sweep_table(target, statistics={**run.statistics, "notes": notes})
 
@@ -125,9 +129,9 @@ class _Run:
         self.fresh = (index for index in range(len(plan)) if not self.there[index])
         self.each: float | None = None
         self.busy = 0.0
-        self.began = self.told = time.monotonic()
+        self.began = self.reported = time.monotonic()
 
-    def go(self, crew: Crew) -> None:
+    def go(self, pool: WorkerPool) -> None:
         """Work until every scene has its row.
 
         Raises
@@ -139,10 +143,10 @@ class _Run:
         """
         finished = False
         try:
-            while self._fill(crew):
+            while self._fill(pool):
                 back = wait(self.flying, timeout=1.0, return_when=FIRST_COMPLETED).done
-                outcomes = [outcome for future in back for outcome in self._taken(crew, future)]
-                self._fill(crew)  # who waits gets work before anything is written down
+                outcomes = [outcome for future in back for outcome in self._taken(pool, future)]
+                self._fill(pool)  # idle workers get work before anything is written
                 self._write(outcomes)
                 self._report()
             finished = True
@@ -150,7 +154,7 @@ class _Run:
             left = f"interrupted: {self.done} of {len(self.plan)} scenes are in {self.folder / TABLE}"
             raise Interrupted(f"{left}; the same command goes on from there") from None
         finally:
-            crew.close(not finished)
+            pool.close(not finished)
             self.file.close()
             self._report(last=True)
 
@@ -160,13 +164,13 @@ class _Run:
         seconds = time.monotonic() - self.began
         return {"new": self.done - self.before, "seconds": seconds, "evaluation_seconds": self.busy}
 
-    def _fill(self, crew: Crew) -> bool:
-        """Give out chunks while somebody takes them; whether anything is out."""
-        while len(self.flying) < crew.most:
-            points = self._next(crew.workers)
+    def _fill(self, pool: WorkerPool) -> bool:
+        """Submit chunks while workers are free; whether any is pending."""
+        while len(self.flying) < pool.most:
+            points = self._next(pool.workers)
             if not points:
                 break
-            self.flying[crew.submit(run_chunk, self.job, points)] = points
+            self.flying[pool.submit(run_chunk, self.job, points)] = points
         return bool(self.flying)
 
     def _next(self, workers: int) -> list[Point]:
@@ -179,7 +183,7 @@ class _Run:
             size = int(min(_CHUNK_SECONDS / max(self.each, 1e-4), left / (3 * workers), _MOST_IN_A_CHUNK))
         return [self.plan.point(index) for _, index in zip(range(max(1, size)), self.fresh, strict=False)]
 
-    def _taken(self, crew: Crew, future: Future[list[Outcome]]) -> list[Outcome]:
+    def _taken(self, pool: WorkerPool, future: Future[list[Outcome]]) -> list[Outcome]:
         points = self.flying.pop(future)
         try:
             outcomes = future.result()
@@ -188,7 +192,7 @@ class _Run:
         except CancelledError as error:
             raise self._stopped("the scheduler is gone") from error
         except Exception as error:
-            if not crew.lost(future):
+            if not pool.lost(future):
                 raise self._stopped(f"a worker cannot do the work: {type(error).__name__}: {error}") from error
             return self._suspected(points)
         seconds = sum(outcome.seconds for outcome in outcomes)
@@ -222,9 +226,9 @@ class _Run:
         self.file.append(b"".join(lines))
 
     def _report(self, last: bool = False) -> None:
-        if self.tell is not None and (last or time.monotonic() - self.told > _REPORT_SECONDS):
+        if self.tell is not None and (last or time.monotonic() - self.reported > _REPORT_SECONDS):
             self.tell(self.pace.progress(self.done, self.counts))
-            self.told = time.monotonic()
+            self.reported = time.monotonic()
 
     def _stopped(self, what: str) -> SolverError:
         return SolverError(
@@ -244,18 +248,18 @@ def _folder(config: str | os.PathLike[str] | Mapping[str, Any], folder: str | os
     return Path(folder)
 
 
-def _crew(executor: Executor | None, scheduler: str | None, count: int | None) -> AbstractContextManager[Crew]:
+def _pool(executor: Executor | None, scheduler: str | None, count: int | None) -> AbstractContextManager[WorkerPool]:
     if scheduler is not None:
-        from continuum_grasp.sweeps.cluster import dask_crew
+        from continuum_grasp.sweeps.cluster import dask_pool
 
-        return dask_crew(scheduler)
-    return _own_crew(executor, count)
+        return dask_pool(scheduler)
+    return _own_pool(executor, count)
 
 
 @contextmanager
-def _own_crew(executor: Executor | None, count: int | None) -> Iterator[Crew]:
+def _own_pool(executor: Executor | None, count: int | None) -> Iterator[WorkerPool]:
     if executor is None:
-        yield LocalCrew(count or cores())
+        yield ProcessPool(count or cores())
     else:
         known = count or getattr(executor, "_max_workers", None) or cores()
-        yield ExecutorCrew(executor, lambda: known)
+        yield ExecutorPool(executor, lambda: known)

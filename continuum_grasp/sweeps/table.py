@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.results.result import maker_of
 from continuum_grasp.scene.problems import nearest
 from continuum_grasp.sweeps.folder import TABLE, lines_of, read_plan, run_path
 from continuum_grasp.sweeps.plan import keys_of
@@ -119,9 +120,9 @@ class SweepTable:
         OSError
             A file cannot be written.
         """
-        from continuum_grasp.sweeps.maps import draw_pictures
-
-        return draw_pictures(self, self.pictures, self.folder if folder is None else Path(folder))
+        draw = maker_of("sweeps.maps:draw_pictures")
+        files: list[Path] = draw(self, self.pictures, self.folder if folder is None else Path(folder))
+        return files
 
 
 def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any] | None = None) -> SweepTable:

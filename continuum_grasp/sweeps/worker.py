@@ -27,7 +27,9 @@ __all__ = ["Job", "Keep", "Outcome", "row_of_crash", "run_chunk", "solve"]
 Keep: TypeAlias = Literal["all", "failed", "none"]
 _ONE_AT_A_TIME = threading.Lock()
 _MESSAGE = 300
+"""Characters of a message in the table: lines stay readable."""
 _MEMORY = Path("/dev/shm")
+"""Memory as a folder on Linux: files of a run are put together without touching a disk."""
 
 
 @dataclass(frozen=True)

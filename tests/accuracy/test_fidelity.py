@@ -13,7 +13,7 @@ from benchmarks.bench_fidelity import again, cheaper
 from benchmarks.random_scenes import random_scene
 from continuum_grasp.accuracy import resolve
 from continuum_grasp.accuracy.choose import choose_fidelity
-from continuum_grasp.accuracy.poses import poses
+from continuum_grasp.accuracy.load_cases import load_cases
 from continuum_grasp.cli import app
 from continuum_grasp.core.cache import cache_folder
 from continuum_grasp.model import FingerModel
@@ -94,14 +94,14 @@ def test_modes_are_held_to_the_tolerance_though_nothing_moves():
     assert found[:2] * 2 * np.pi == pytest.approx([3.51602, 22.03449], rel=0.01)
 
 
-def test_the_peak_of_a_short_load_is_a_pose():
+def test_the_peak_of_a_short_load_is_a_load_case():
     """However many samples there are."""
     times = [0.1 * k for k in range(15)]
     for peak in (1, 2, 7):
         values = [[0.0, 0.5 if k == peak else 0.0] for k in range(15)]
         pushed = force(0.6, {"times": times, "values": values, "interpolation": "linear"})
         posed = scene(gravity=(0.0, 0.0), loads=[pushed], time={"duration": 1.5, "step": 0.01})
-        names = [pose.name for pose in poses(posed)]
+        names = [case.name for case in load_cases(posed)]
         assert f"t = {times[peak]:g} s" in names
         assert len(names) <= 12
 
@@ -158,14 +158,14 @@ def test_a_spoilt_record_is_measured_again(spoilt):
 
 def test_a_tolerance_that_nothing_keeps_is_said():
     tight = rod_scene(NITINOL, "arc", None, fidelity={"bending_range": None}, tip_mass=0.02)
-    with pytest.raises(cg.SolverError, match="no choice of fidelity keeps the tolerance of 1e-08") as caught:
+    with pytest.raises(cg.SolverError, match="no choice of fidelity meets the tolerance of 1e-08") as caught:
         choose_fidelity(tight, 1e-8)
     assert caught.value.status == "tolerance not reached"
     assert caught.value.result.choice.elements == 16
     assert "leave fidelity.family open" in str(caught.value)
 
 
-def test_who_has_not_chosen_is_told():
+def test_a_choice_is_reported_where_none_was_made():
     with pytest.raises(cg.InputError, match="choose_fidelity"):
         FingerModel(scene(1e-2))
     with pytest.raises(cg.InputError, match="needs a tolerance"):

@@ -251,7 +251,7 @@ def test_plain_c_lists_its_files(tmp_path):
 
 
 KINDS = {
-    "simulate": ("hanging.yaml", "a scene without an object"),
+    "simulate": ("hanging.yaml", "a scene"),
     "grasp": ("mug.yaml", "a grasp"),
     "mpc": ("pulse.yaml", "a closed loop"),
     "mission": ("mug.yaml", "a mission"),

@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from scipy.special import ellipe, ellipeinc, ellipkinc, ellipkm1
+
 from continuum_grasp.errors import InputError
-from tests.closed_forms.elliptic import complete, incomplete
 
 __all__ = [
     "TipPose",
@@ -67,9 +68,9 @@ def bent_by_tip_force(load: float) -> TipPose:
     def integrals(gap: float) -> tuple[float, float]:
         """Of first and second kind, from the clamp to the tip, whose tangent is that far from the force's direction."""
         complement = math.sin(0.5 * gap) ** 2
-        m, cosine_squared = 1.0 - complement, math.cos(gap) / (1.0 + math.cos(gap))
-        whole, start = complete(complement), incomplete(math.sqrt(0.5 / m), cosine_squared, m)
-        return whole[0] - start[0], whole[1] - start[1]
+        m = 1.0 - complement
+        start = math.atan2(math.sqrt(0.5 / m), math.sqrt(math.cos(gap) / (1.0 + math.cos(gap))))
+        return ellipkm1(complement) - ellipkinc(start, m), ellipe(m) - ellipeinc(start, m)
 
     gap = math.exp(_root(lambda g: integrals(math.exp(g))[0] - root, -200.0, math.log(0.5 * math.pi)))
     along = math.sqrt(2.0 * math.cos(gap) / load)
@@ -113,7 +114,7 @@ def buckled_column(angle: float) -> tuple[float, TipPose]:
     """
     if not 0.0 < angle < math.pi:
         raise InputError(f"angle: expected a number between 0 and pi, got {angle}")
-    first, second = complete(math.cos(0.5 * angle) ** 2)
+    first, second = ellipkm1(math.cos(0.5 * angle) ** 2), ellipe(math.sin(0.5 * angle) ** 2)
     return first**2, TipPose(2.0 * math.sin(0.5 * angle) / first, 2.0 * second / first - 1.0, angle)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache
-from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -13,7 +12,6 @@ import pytest
 from scipy.optimize import minimize
 
 import continuum_grasp as cg
-from continuum_grasp import plotting
 from continuum_grasp.closed_loop.converged import Converged
 from continuum_grasp.closed_loop.metrics import metrics_of
 from continuum_grasp.closed_loop.plant import Plant
@@ -25,7 +23,8 @@ from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
-from continuum_grasp.plotting.control.frames import control_frames
+from continuum_grasp.plotting import control as plotting
+from continuum_grasp.plotting.control.control_frames import control_frames
 from continuum_grasp.scene import (
     ControlScene,
     Damping,
@@ -100,7 +99,7 @@ def test_the_plant_moves_as_the_simulator_says():
     assert tried.x[: len(x)] == pytest.approx(x, rel=1e-8, abs=1e-8)
 
 
-def test_the_plant_differs_as_it_is_told():
+def test_the_plant_differs_as_stated():
     plant = {"stiffness": 1.1, "damping": 1.3, "tip_mass": 0.001, "tendon_friction": 0.05, "time_constant": 0.03}
     finger = plant_scene(make(plant=plant)).finger
     assert finger.rod.stiffness == pytest.approx(1.1 * 6.11e-3)
@@ -170,7 +169,7 @@ def test_a_drive_of_first_order_bends_the_finger_as_its_tensions_do():
         {"plant": {"drive_order": 1}, "finger": FINGER.model_copy(update={"tendons": None}), "controller": None},
     ],
 )
-def test_a_drive_of_first_order_needs_a_lag_and_a_tip_that_may_be_thrown(changes):
+def test_a_drive_of_first_order_needs_a_lag_and_a_continuous_moment(changes):
     if changes.get("controller", True) is None:
         changes = {**changes, "controller": {**CONTROLLER, "input": {"moment_max": 0.3}}}
     with pytest.raises(InputError):
@@ -212,7 +211,7 @@ def test_without_an_estimator_the_state_is_measured(family):
     assert tried.measure() == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-def test_a_motion_that_is_lost_is_told():
+def test_a_motion_that_is_lost_is_reported():
     tried = Plant(make(plant={"fidelity": ARCS}, loads=(ForceLoad(at=0.18, force=(1e12, 0.0)),)))
     with pytest.raises(NumericalError, match="not finite"):
         tried.advance((1.0, 1.0))
@@ -266,10 +265,9 @@ def test_metrics_by_hand():
     error[2, :2], error[10, :2] = (3e-3, 4e-3), (0.0, 2e-3)
     error[:, 2] = 2.0
     u = np.array([[3.0, 1.0]] * 5 + [[3.0, 5.0]] * 5)
-    run = SimpleNamespace(
+    found = metrics_of(
         u=u,
-        r=np.zeros((11, 4)),
-        tracked=error,
+        error=error,
         period=0.01,
         deadline=0.01,
         weights=np.array([2.0, 2.0, 0.5, 0.5]),
@@ -284,7 +282,6 @@ def test_metrics_by_hand():
         health=("ok",) * 8 + ("mismatch",) * 2,
         mismatch=np.array([1.0] * 8 + [3.5, 3.25]),
     )
-    found = metrics_of(run)
     (tip,) = found.tracking
     assert (tip.name, tip.unit) == ("tip", "m")
     assert (tip.rms, tip.max, tip.final) == pytest.approx((math.sqrt((25e-6 + 4e-6) / 11), 5e-3, 2e-3))
@@ -335,7 +332,7 @@ def test_what_ends_at_an_event_is_foreseen_to_go_on():
 # -- whole loops ------------------------------------------------------------------------------------------------------
 
 
-def test_the_tip_goes_where_it_is_told():
+def test_the_tip_follows_its_setpoints():
     found = run()
     assert (found.ended, len(found.u)) == ("finished", 40)
     assert set(found.status) == {"solved"}
@@ -433,10 +430,10 @@ def test_an_interrupted_run_keeps_what_it_has(tmp_path):
 
     with pytest.raises(Interrupted) as caught:
         run_closed_loop(make(estimator=ESTIMATOR), progress=stop)
-    kept = caught.value.result
-    assert (kept.ended, len(kept.u)) == ("stopped", 10)
-    assert np.array_equal(kept.u, run().u[:10])
-    kept.save(tmp_path)
+    partial = caught.value.result
+    assert (partial.ended, len(partial.u)) == ("stopped", 10)
+    assert np.array_equal(partial.u, run().u[:10])
+    partial.save(tmp_path)
     assert (tmp_path / "result.npz").is_file()
 
 
@@ -444,9 +441,9 @@ def test_a_lost_motion_keeps_what_it_has():
     blow = VectorSamples(times=(0.1, 0.11), values=((0.0, 0.0), (1e9, 0.0)))
     with pytest.raises(NumericalError, match="not finite") as caught:
         run_closed_loop(make(estimator=ESTIMATOR, loads=(ForceLoad(at=0.18, force=blow),)))
-    kept = caught.value.result
-    assert 9 <= len(kept.u) <= 14
-    assert np.all(np.isfinite(kept.x))
+    partial = caught.value.result
+    assert 9 <= len(partial.u) <= 14
+    assert np.all(np.isfinite(partial.x))
 
 
 def test_other_controllers_have_other_scenes():
@@ -459,7 +456,7 @@ def test_other_controllers_have_other_scenes():
 
 
 def lines(ax):
-    """Data of the labelled lines by their labels."""
+    """Data of the labeled lines by their labels."""
     return {line.get_label(): np.array(line.get_data()).T for line in ax.get_lines()}
 
 
@@ -467,7 +464,7 @@ def test_pictures_show_the_arrays():
     found = run()
     path = lines(plotting.plot_control_path(found))
     assert np.array_equal(path["tip"], found.tip)
-    assert path["set-point"] == pytest.approx(np.array([ON_CURVE] * 2))
+    assert path["setpoint"] == pytest.approx(np.array([ON_CURVE] * 2))
     tracking = lines(plotting.plot_tracking(found))
     assert np.array_equal(tracking["tip y"][:, 1], found.tracked[:, 1])
     error = plotting.plot_tracking_error(found).get_lines()[0].get_ydata()

@@ -82,7 +82,7 @@ def test_the_tip_follows_its_arc():
 
 
 def test_the_tip_runs_through_the_circle():
-    """It can be on one curve only, through the centre: as far from the circle as that asks, no further."""
+    """It can be on one curve only, through the center: as far from the circle as that asks, no further."""
     found = checked(run("tip_circle", 0.6))
     error = np.linalg.norm(found.tip - found.tip_reference, axis=1)[20:]
     assert error.max() < 1.1 * 0.02
@@ -103,11 +103,11 @@ def test_tensions_stay_at_their_limit():
     assert np.linalg.norm(found.tip[-1] - found.tip_reference[-1]) < 0.02
 
 
-def test_zones_are_kept_out_of():
+def test_zones_are_avoided():
     found = checked(run("keep_out", 1.5, ARCS, "controller.bounds.keep_out.wall.clearance=0.005"))  # arcs err by more
     assert found.tip[:, 0].min() > -0.10 + 0.006
-    beside = found.u[(found.t[:-1] > 0.5) & (found.t[:-1] < 0.88)]  # the wall; before it foresees the next set-point
-    assert np.sqrt(np.mean(np.diff(beside, axis=0) ** 2)) < 0.6  # [N]; 2.1 with prices of 100
+    beside = found.u[(found.t[:-1] > 0.5) & (found.t[:-1] < 0.88)]  # the wall; before it foresees the next setpoint
+    assert np.sqrt(np.mean(np.diff(beside, axis=0) ** 2)) < 0.6  # [N]; 2.1 with weights of 100
     assert np.linalg.norm(found.tip[100] - found.tip_reference[100]) > 0.03
 
 

@@ -70,7 +70,7 @@ def test_a_batch_is_its_states_one_by_one(family, count):
         assert relative_error(rows[k], compiled.forward_dynamics(x[k], at.u, w[k])) <= limit
 
 
-@pytest.mark.parametrize("method", ["rk4", "implicit"])
+@pytest.mark.parametrize("method", ["rk4", "rodas"])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_rollouts_are_those_in_double_to_rounding(family, method):
     """Roundings of a smooth motion add up like a random walk; 1e-5 is some 170 of them, over 100 steps."""
@@ -85,7 +85,7 @@ def test_rollouts_are_those_in_double_to_rounding(family, method):
     assert not np.array_equal(found, expected)
 
 
-@pytest.mark.parametrize("method", ["rk4", "implicit"])
+@pytest.mark.parametrize("method", ["rk4", "rodas"])
 def test_many_rollouts_are_single_ones(method):
     model, _, narrow = both("arc")
     count, steps = 19, 12
@@ -99,7 +99,7 @@ def test_many_rollouts_are_single_ones(method):
 
 @pytest.mark.parametrize("single_one", [True, False])
 def test_the_state_of_a_rollout_stays_single(single_one):
-    """Every kept state is a number of single precision, and so starts the same motion again to the last bit."""
+    """Every stored state is a number of single precision, and so starts the same motion again to the last bit."""
     model, _, narrow = both("matched_clothoid")
     x0 = state(model, 0.3).x
     start = x0 if single_one else np.tile(x0, (3, 1))
@@ -113,16 +113,16 @@ def test_the_state_of_a_rollout_stays_single(single_one):
 
 
 def sources(model, real: str) -> dict[str, str]:
-    step, implicit = (cg.compile(model, ()).step_function(method) for method in ("rk4", "implicit"))
+    step, rodas = (cg.compile(model, ()).step_function(method) for method in ("rk4", "rodas"))
     made = {name: function_source(getattr(model, name), real) for name in FUNCTIONS}
     made |= {f"{name}, batch": batch_source(getattr(model, name), real) for name in ("forward_dynamics", "range_use")}
     made |= {"rollout": rollout_source(step, real), "rollouts": rollouts_source(step, real)}
-    return made | {"implicit": rollout_source(implicit, real), "implicit, many": rollouts_source(implicit, real)}
+    return made | {"rodas": rollout_source(rodas, real), "rodas, many": rollouts_source(rodas, real)}
 
 
 @lru_cache
-def rubbing():
-    """Tendons that rub: with exponentials and roots."""
+def with_tendon_friction():
+    """Tendon friction: with exponentials and roots."""
     finger = Finger(rod=ROD, tendons=Tendons(offset=0.01, max_tension=50.0, friction=0.3))
     return cg.FingerModel(finger, family="clothoid", parameters=("tip_mass", "bending_stiffness", "base_angle"))
 
@@ -135,21 +135,21 @@ def compiler_says(source: str, *flags: str) -> subprocess.CompletedProcess:
 STRICT = ("-fsyntax-only", "-Werror=double-promotion", "-Werror=float-conversion")
 
 
-@pytest.mark.parametrize("what", sources(rubbing(), "float") if find_compiler() else [])
+@pytest.mark.parametrize("what", sources(with_tendon_friction(), "float") if find_compiler() else [])
 def test_the_compiler_finds_no_promotion_to_double(what):
-    done = compiler_says(sources(rubbing(), "float")[what], *STRICT)
+    done = compiler_says(sources(with_tendon_friction(), "float")[what], *STRICT)
     assert done.returncode == 0, done.stderr[:2000]
 
 
 def test_a_typedef_alone_would_leave_doubles():
-    source = "#define casadi_real float\n" + function_source(rubbing().forward_dynamics)
+    source = "#define casadi_real float\n" + function_source(with_tendon_friction().forward_dynamics)
     assert compiler_says(source, *STRICT).returncode != 0
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="instructions of x86")
 def test_the_processor_computes_nothing_in_double():
     """Instructions that end in sd or pd work on doubles; single precision needs none of them within the function."""
-    model = rubbing()
+    model = with_tendon_friction()
     for real, expected in (("float", False), ("double", True)):
         done = compiler_says(function_source(model.forward_dynamics, real), "-S", "-march=x86-64-v3")
         assert done.returncode == 0, done.stderr[:2000]
@@ -204,7 +204,7 @@ def test_stiff_steps_keep_their_digits():
     model = cg.FingerModel(finger, family="clothoid", elements=(0.59, 0.01))
     double, narrow = cg.compile(model), cg.compile(model, precision="float")
     x0 = np.concatenate([[1.0, 0.5, 0.5], np.zeros(3)])
-    expected, found = (c.rollout(x0, 50, 2e-3, method="implicit")[:, :3] for c in (double, narrow))
+    expected, found = (c.rollout(x0, 50, 2e-3, method="rodas")[:, :3] for c in (double, narrow))
     tips = [double.batch("tip", np.ascontiguousarray(q)) for q in (expected, found)]
     assert np.abs(tips[0] - tips[1]).max() <= 1e-5 * ROD.length
 
@@ -247,7 +247,7 @@ def test_without_a_compiler_it_is_refused(name, monkeypatch, tmp_path):
             core.Core(model, precision="float")
 
 
-def test_both_precisions_are_kept_apart(monkeypatch, tmp_path):
+def test_both_precisions_do_not_mix(monkeypatch, tmp_path):
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
     builds, build = [], Compiler.build
     monkeypatch.setattr(Compiler, "build", lambda *a: (builds.append(a), build(*a)))

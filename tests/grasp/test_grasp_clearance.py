@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from continuum_grasp.grasp.certificate.clearance import depth_in_line, depth_in_object, depth_in_wall
-from continuum_grasp.grasp.certificate.dense_rod import DenseRod
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
+from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.objects import Box, Circle, Ellipse
 from continuum_grasp.scene.supports import Line
 from tests import certificate_cases as cases

@@ -1,4 +1,4 @@
-"""How far the grasp is from fine rods, against the elastica by shooting."""
+"""How far the grasp is from exact rods, against the elastica by shooting."""
 
 from __future__ import annotations
 
@@ -92,7 +92,9 @@ def assert_like_elastica(scene, arrays):
         stations, *columns = arrays[f"{name}.backbone"].T[:3]
         for place, at in places.items():
             off = np.linalg.norm(exact[place] - [np.interp(at, stations, column) for column in columns])
-            assert error.displacements[place] == pytest.approx(off, abs=1e-4 * finger.rod.length)
+            # Between stations the stored backbone is interpolated here; the tip is one.
+            tolerance = 1e-6 if place.endswith(".tip") else 1e-4
+            assert error.displacements[place] == pytest.approx(off, abs=tolerance * finger.rod.length)
 
 
 CASES = {
@@ -111,13 +113,13 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
-def test_fine_rod_is_the_elastica(case):
+def test_exact_rod_is_the_elastica(case):
     result = optimize_grasp(make_scene(**case))
     assert_like_elastica(result.scene, result.arrays)
 
 
 @pytest.mark.parametrize("gravity", [cases.UPRIGHT, cases.PLANAR], ids=lambda g: g.mode)
-def test_fine_rod_of_a_grasp_made_by_hand_is_the_elastica(gravity):
+def test_exact_rod_of_a_grasp_made_by_hand_is_the_elastica(gravity):
     assert_like_elastica(*cases.wrapped_disc(gravity, mass=0.2))
 
 

@@ -17,14 +17,13 @@ from typer.testing import CliRunner
 
 import continuum_grasp.grasp
 from continuum_grasp.cli import app
-from continuum_grasp.grasp.report.files import save_pictures
 from continuum_grasp.grasp.report.html.page import result_page
-from continuum_grasp.grasp.report.report import result_text, result_yaml, save_result
+from continuum_grasp.grasp.report.report import result_text, result_yaml
 from continuum_grasp.grasp.report.shown import further_advice
 from continuum_grasp.grasp.report.yaml_text import yaml_text
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
-from continuum_grasp.plotting.grasp.grasp import plot_grasp
-from continuum_grasp.plotting.grasp.polygon import plot_resistance, resistance_extremes, resistance_words
+from continuum_grasp.plotting.grasp.picture import plot_grasp
+from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp.view import GraspView
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.grasp import GraspScene
@@ -68,6 +67,7 @@ def made_up(scene, curvature=12.0):
             f"{name}.family": np.array("arc"),
             f"{name}.q": np.full(2, 0.5 * line[-1, 3]),
             f"{name}.lengths": np.full(2, 0.5 * finger.rod.length),
+            f"{name}.curvature_shapes": np.diag([2.0 / finger.rod.length] * 2)[:, None],
             f"{name}.tip_curvature": np.array(curvature),
             f"{name}.tensions": np.array([12.25, 1.0]),
             f"{name}.base": base,
@@ -336,7 +336,7 @@ def test_given_axes_are_used_and_hold_the_numbers():
 
 def test_saved_files_are_whole(tmp_path):
     result = held()
-    save_result(result, tmp_path)
+    result.save(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == [".run.json", "meta.json", "result.npz", "result.yaml"]
     run = read_run(tmp_path)
     assert run.meta["status"] == "optimal"
@@ -345,7 +345,7 @@ def test_saved_files_are_whole(tmp_path):
 
 
 def test_pictures_of_a_failure(tmp_path):
-    files = save_pictures(failed(arrays=False), tmp_path / "new")
+    files = failed(arrays=False).plot(tmp_path / "new")
     assert [path.name for path in files] == ["grasp.png", "report.html"]
     assert all(path.stat().st_size > 10_000 for path in files)
     assert len(list((tmp_path / "new").iterdir())) == 2

@@ -309,13 +309,13 @@ def test_measurements_do_not_count_twice(written, tmp_path, again):
     assert "given twice" in done.stderr
 
 
-def test_what_a_tolerance_chose_is_told(written, tmp_path):
+def test_what_a_tolerance_chose_is_reported(written, tmp_path):
     file, data = written
     changes = ("--set", "fidelity={tolerance: 0.001}", "--out", tmp_path / "run")
     assert run(file, "--data", data, *changes).stdout.startswith("fidelity: ")
-    told = json.loads(run(file, "--data", data, *changes, "--json").stdout)["statistics"]["fidelity"]
-    assert "tolerance of 0.001" in told
-    assert read_run(tmp_path / "run").meta["statistics"]["fidelity"] == told
+    note = json.loads(run(file, "--data", data, *changes, "--json").stdout)["statistics"]["fidelity"]
+    assert "tolerance of 0.001" in note
+    assert read_run(tmp_path / "run").meta["statistics"]["fidelity"] == note
 
 
 def test_command_needs_something_to_estimate(written):

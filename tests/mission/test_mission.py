@@ -14,13 +14,13 @@ from typer.testing import CliRunner
 
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.errors import InputError, Interrupted, SolverError
+from continuum_grasp.errors import InputError, Interrupted, NumericalError, SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import trials
 from continuum_grasp.mission.assignment import assign
 from continuum_grasp.mission.outcomes import Outcome, save_trials, summarize
 from continuum_grasp.mission.plant import Variation, mission_plant, mission_plant_model
-from continuum_grasp.mission.run import Crew
+from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.mission.timetable import Timetable
 from continuum_grasp.mission.verdict import Verdict, judge
 from continuum_grasp.plotting.mission.trials import plot_trials
@@ -49,13 +49,13 @@ def table(assignment):
 
 
 @pytest.fixture(scope="module")
-def crew(assignment):
-    return Crew(assignment)
+def runner(assignment):
+    return MissionRunner(assignment)
 
 
 @pytest.fixture(scope="module")
-def held(crew):
-    return crew.run()
+def held(runner):
+    return runner.run()
 
 
 # -- what is to be done -----------------------------------------------------------------------------------------------
@@ -78,14 +78,14 @@ def test_the_assignment_is_that_of_the_grasp(assignment, grasp):
 
 def test_the_finger_that_is_about_to_touch_is_near_the_object(assignment):
     """The free finger is an arc under its tip moment: its distance from the circle, sampled finely."""
-    finger, thing = assignment.control.finger, assignment.control.object
+    finger, body = assignment.control.finger, assignment.control.object
     moment = finger.tendons.offset * (assignment.before[0] - assignment.before[1])
     s = np.linspace(0.0, finger.rod.length, 2001)
     kappa, heading = moment / finger.rod.stiffness, finger.base.angle
     turned = heading + 0.5 * kappa * s  # a chord's direction
     chord = s * np.sinc(0.5 * kappa * s / np.pi)
     points = np.array(finger.base.position) + chord[:, None] * np.stack([-np.sin(turned), np.cos(turned)], axis=1)
-    gap = np.linalg.norm(points - thing.position, axis=1).min() - 0.04 - finger.thickness_radius
+    gap = np.linalg.norm(points - body.position, axis=1).min() - 0.04 - finger.thickness_radius
     assert 0.003 <= gap < 0.004
 
 
@@ -156,10 +156,10 @@ def test_plants_are_drawn_within_their_ranges():
     assert len({one.seed for one in drawn}) == 400
 
 
-def test_a_variation_is_that_of_the_equations(assignment, crew):
+def test_a_variation_is_that_of_the_equations(assignment, runner):
     """A mug in the air, which falls with its weight and goes with what pushes it, tells its mass."""
     model = mission_plant_model(assignment)
-    system, control = model.system, crew._controller.prediction
+    system, control = model.system, runner._controller.prediction
     nominal = np.array(system.p_nominal)
     w = np.zeros(system.nw)
     w[system.w_names.index("object_force_x [N]")] = 2.0
@@ -167,7 +167,7 @@ def test_a_variation_is_that_of_the_equations(assignment, crew):
     at = system.object_states
 
     def falling(variation):
-        plant = mission_plant(assignment, crew.timetable, control, variation, model)
+        plant = mission_plant(assignment, runner.timetable, control, variation, model)
         x = plant.x[: system.nx].copy()
         x[at.start] += 0.01  # clear of the palm
         found = np.array(system.forward_dynamics(x, [1.0, 1.0], w, model.p)).ravel()
@@ -185,7 +185,7 @@ def test_a_variation_is_that_of_the_equations(assignment, crew):
 # -- the verdict ------------------------------------------------------------------------------------------------------
 
 
-def told(t, *, height=None, normal=5.0, shear=1.0, status="solved"):
+def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved"):
     """A closed loop by hand: one contact of the finger and a palm, a force of 5 N; and the verdict on it."""
     asked = SimpleNamespace(
         controller=SimpleNamespace(contact="finger.1"),
@@ -231,20 +231,20 @@ INSTANTS = np.arange(0.0, 8.05, 0.1)
     ],
 )
 def test_verdicts_of_closed_loops_by_hand(given, expected):
-    found = told(INSTANTS, **given)
+    found = judged(INSTANTS, **given)
     assert {name: getattr(found, name) for name in expected} == pytest.approx(expected)
 
 
 def test_a_mission_that_was_stopped_is_not_held():
-    found = told(INSTANTS[:15])
+    found = judged(INSTANTS[:15])
     assert not found.held
     assert np.isnan(found.force_error)
     assert np.isnan(found.slip_margin)
-    assert not told(INSTANTS[:65]).released
+    assert not judged(INSTANTS[:65]).released
 
 
 def test_outcomes_are_counted_and_written(tmp_path):
-    good = told(INSTANTS)
+    good = judged(INSTANTS)
     bad = replace(good, held=False, sunk=0.05, force_error=0.5, fallbacks=3)
     drawn = trials.variations(Trials(count=4))
     outcomes = [Outcome(v, verdict) for v, verdict in zip(drawn[:3], (good, bad, good), strict=True)]
@@ -281,7 +281,7 @@ def test_a_short_mission_holds_and_lets_go(held, assignment):
     assert np.all((run.u <= run.u_max + 1e-9) & (run.u >= run.u_min - 1e-9))
 
 
-def test_it_is_saved_told_and_drawn(held, tmp_path):
+def test_it_is_saved_reported_and_drawn(held, tmp_path):
     held.save(tmp_path)
     stored, report = read_run(tmp_path), held.report()
     assert stored.meta["verdict"]["held"] is True
@@ -296,12 +296,12 @@ def test_it_is_saved_told_and_drawn(held, tmp_path):
     assert held.animate(tmp_path / "a.gif", fps=2).stat().st_size > 10_000
 
 
-def test_it_is_dropped_without_friction_and_repeats_bit_for_bit(crew, held):
+def test_it_is_dropped_without_friction_and_repeats_bit_for_bit(runner, held):
     """Other plants in between leave no trace."""
-    dropped = crew.run(Variation(friction=0.3))
+    dropped = runner.run(Variation(friction=0.3))
     assert not dropped.verdict.held
     assert dropped.verdict.sunk > 0.04
-    again = crew.run()
+    again = runner.run()
     assert np.array_equal(again.run.x, held.run.x)
     assert np.array_equal(again.run.u, held.run.u)
     assert again.verdict == held.verdict
@@ -362,7 +362,7 @@ def test_the_command_of_many_plants_fails_with_one(monkeypatch, held, tmp_path):
 
 
 def test_trials_stop_on_the_keyboard_with_what_was_done(assignment, grasp, monkeypatch):
-    class Worker:
+    class Runner:
         def __init__(self, assignment):
             self.count = 0
 
@@ -370,15 +370,15 @@ def test_trials_stop_on_the_keyboard_with_what_was_done(assignment, grasp, monke
             self.count += 1
             if self.count == 3:
                 raise KeyboardInterrupt
-            return Outcome(variation, None, "-")
+            raise NumericalError("-")
 
-    monkeypatch.setattr(trials, "_Worker", Worker)
+    monkeypatch.setattr(trials, "MissionRunner", Runner)
     with pytest.raises(Interrupted, match="2 of 100") as stopped:
         trials.run_trials(assignment.mission, grasp=grasp, jobs=1)
     assert [outcome.variation for outcome in stopped.value.result] == trials.variations(Trials(count=2))
 
 
-def test_a_run_that_is_stopped_comes_with_its_verdict(crew, monkeypatch):
+def test_a_run_that_is_stopped_comes_with_its_verdict(runner, monkeypatch):
     advance = Plant.advance
 
     def stopped(self, u):
@@ -388,7 +388,7 @@ def test_a_run_that_is_stopped_comes_with_its_verdict(crew, monkeypatch):
 
     monkeypatch.setattr(Plant, "advance", stopped)
     with pytest.raises(Interrupted) as error:
-        crew.run()
+        runner.run()
     assert len(error.value.result.run.u) == 4
     assert not error.value.result.verdict.held
 

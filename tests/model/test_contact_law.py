@@ -1,4 +1,4 @@
-"""How surfaces press and rub: closed forms, smoothness, the cone, and what neither creeps nor slips."""
+"""Contact pressure and friction: closed forms, smoothness, the cone, and what neither creeps nor slips."""
 
 from __future__ import annotations
 

@@ -53,9 +53,9 @@ OBJECTS = {
 }
 
 
-def distance(thing) -> ca.Function:
+def distance(body) -> ca.Function:
     at = ca.SX.sym("at", 2)
-    found = nearest(thing.parts, Vec(at[0], at[1]))
+    found = nearest(body.parts, Vec(at[0], at[1]))
     return ca.Function("distance", [at], [found.distance, found.normal.column(), ca.gradient(found.distance, at)])
 
 
@@ -71,7 +71,7 @@ def nearest_on(outline: np.ndarray, point: np.ndarray) -> np.ndarray:
 
 
 def nearest_on_superellipse(part, point: np.ndarray) -> np.ndarray:
-    """By scipy, over the angle of the direction from the centre."""
+    """By scipy, over the angle of the direction from the center."""
 
     def place(turn: float) -> np.ndarray:
         c, s = math.cos(turn), math.sin(turn)
@@ -91,10 +91,10 @@ def turned(v: np.ndarray) -> np.ndarray:
     return np.array([-v[1], v[0]])
 
 
-def truth(thing, point: np.ndarray) -> tuple[float, np.ndarray]:
+def truth(body, point: np.ndarray) -> tuple[float, np.ndarray]:
     """Signed distance and normal, by the nearest of the parts."""
     answers = []
-    for part in thing.parts:
+    for part in body.parts:
         if isinstance(part, SuperellipsePart):
             (a, b), p = part.semi_axes, part.exponent
             there, inside = nearest_on_superellipse(part, point), abs(point[0] / a) ** p + abs(point[1] / b) ** p < 1.0

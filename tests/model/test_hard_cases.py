@@ -98,7 +98,7 @@ OUTCOMES = {
     "an infinite one with a warning": (lambda: Found(math.inf, 3, ("beyond",)), WRONG, "WRONG: not a number"),
     "what it says itself": (lambda: Found(0.1, 3, ("beyond the range",)), WARNED, "warned: beyond the range"),
     "a warning of Python": (warning, WARNED, "warned: thin ice"),
-    "wrong input": (lambda: raising(InputError("no such thing")), REFUSED, "refused: no such thing"),
+    "wrong input": (lambda: raising(InputError("no such name")), REFUSED, "refused: no such name"),
     "numbers": (lambda: raising(NumericalError("lost\nmore")), REFUSED, "refused: lost"),
     "a solver": (lambda: raising(SolverError("none found", status="x")), REFUSED, "refused: none found (status: x)"),
     "a crash": (lambda: raising(KeyError("q")), WRONG, "WRONG: KeyError: 'q'"),

@@ -388,7 +388,7 @@ def test_order_of_convergence(family, least, most):
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_derivatives_are_smooth_through_zero(family):
-    """First and second derivatives of the acceleration along a line of straight shapes, by the twin's differences."""
+    """First and second derivatives of the acceleration on a line of straight shapes, by the reference's differences."""
     case = Case(loads=LOADS).with_finger(rest_curvature=0.0)
     model = case.model(family, accuracy=None if family == "arc" else 1e-13)
     at = state(model, 1.0)
@@ -397,7 +397,7 @@ def test_derivatives_are_smooth_through_zero(family):
     acceleration = model.forward_dynamics(ca.vertcat(line * way, at.qd), at.u, at.w, [])[model.n :]
     first = ca.jacobian(acceleration, line)
     values = ca.Function("d", [line], [ca.horzcat(acceleration, first, ca.jacobian(first, line))])
-    finger = case.twin(model)
+    finger = case.reference(model)
     tip = matched_tip(finger, *case.drive(model, at.u))
 
     def true(t):
@@ -420,7 +420,7 @@ DIVISIONS = {ca.OP_DIV, ca.OP_INV}
 @pytest.mark.parametrize("elements", [1, 2, 3, 5])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_dynamics_are_arithmetic_only(family, elements):
-    """No call, no branch, and no division but those of the factorisation of the mass matrix."""
+    """No call, no branch, and no division but those of the factorization of the mass matrix."""
     function = Case(loads=LOADS).model(family, elements).forward_dynamics
     operations = [function.instruction_id(k) for k in range(function.n_instructions())]
     divisions = sum(op in DIVISIONS for op in operations)
@@ -628,8 +628,8 @@ def test_defaults():
     assert model.ranges == pytest.approx((2 * math.pi / 3,) * 2)
     assert FingerModel(UNIT, contacts=(0.2, 0.7)).lengths == pytest.approx((0.2, 0.5, 0.3))
     assert FingerModel(UNIT, contacts=(0.2,), elements=3).lengths == pytest.approx((0.2, 0.4, 0.4))
-    rubbing = UNIT.model_copy(update={"tendons": Tendons(offset=0.01, max_tension=1.0, friction=0.1)})
-    assert FingerModel(rubbing).family == "clothoid"
+    sticky = UNIT.model_copy(update={"tendons": Tendons(offset=0.01, max_tension=1.0, friction=0.1)})
+    assert FingerModel(sticky).family == "clothoid"
     assert FingerModel(UNIT, input_rates=False).family == "matched_clothoid"
     bent = FingerModel(UNIT, family="matched_clothoid")
     assert float(bent.gravity([0.0, 0.0], [1.0], [])[0]) < 0.0  # it falls the way it is bent
@@ -652,7 +652,7 @@ def test_a_scene_supplies_and_keywords_override():
     assert (other.family, other.n, other.nw, other.np) == ("clothoid", 2, 0, 0)
 
 
-RUBBING = EVERYTHING.model_copy(update={"tendons": Tendons(offset=0.01, max_tension=9.0, friction=0.1)})
+WITH_FRICTION = EVERYTHING.model_copy(update={"tendons": Tendons(offset=0.01, max_tension=9.0, friction=0.1)})
 LAGGED = EVERYTHING.model_copy(update={"tendons": Tendons(offset=0.01, max_tension=9.0, time_constant=0.1)})
 WRONG = {
     "unknown parameter": (FULL, {"parameters": ("tip_mas",)}, "unknown parameter 'tip_mas'; did you mean tip_mass"),
@@ -676,7 +676,7 @@ WRONG = {
         {"family": "spline"},
         "unknown family 'spline': expected one of arc, clothoid, matched_clothoid",
     ),
-    "matched with friction": (RUBBING, {"family": "matched_clothoid"}, "cannot carry tendon friction"),
+    "matched with friction": (WITH_FRICTION, {"family": "matched_clothoid"}, "cannot carry tendon friction"),
     "rates for arcs": (FULL, {"family": "arc", "input_rates": True}, "needs family matched_clothoid"),
     "rates and lag": (LAGGED, {"family": "matched_clothoid", "input_rates": True}, "exclude each other"),
     "load beyond": (FULL, {"loads": (ForceLoad(at=0.61, force=(0.0, 0.0)),)}, "0.61 m is not on the finger"),

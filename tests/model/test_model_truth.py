@@ -1,4 +1,4 @@
-"""The model against its 50-digit twin: everything exact, for every bend, load and make-up."""
+"""The model against its 50-digit reference: everything exact, for every bend, load and structure."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_any_base_and_any_gravity(family, angle, gravity):
 @pytest.mark.parametrize("family", FAMILIES)
 def test_each_load_alone(family):
     case, model = shared_model(family, 3, RANGE)
-    at, finger = state(model, 1.3), case.twin(model)
+    at, finger = state(model, 1.3), case.reference(model)
     rod = Rod(finger, at.q, at.qd, matched_tip(finger, *case.drive(model, at.u)), NODES)
     assert model.nw == 2 * 2 + 3 * 2 + 1
     for w, label in zip(np.eye(model.nw), model.w_names, strict=True):
@@ -187,7 +187,7 @@ def test_the_tendons_time_constant_is_a_critically_damped_lag(family):
     pole = 1 / ctx.mpf(tendons.time_constant)
     acceleration = pole**2 * (commanded - moment) - 2 * pole * rate
     total = ctx.mpf(moment) + couple
-    finger = case.twin(model)
+    finger = case.reference(model)
     rod = Rod(finger, at.q, at.qd, matched_tip(finger, total, rate, acceleration))
     forces, moments = case.forces(model, rod, at.w)
     qdd = to_numpy(rod.acceleration(forces, total, moments))
@@ -254,7 +254,7 @@ def test_arcs_as_accurate_as_asked_for(accuracy, reach):
 def element(reach: float, nodes: int) -> ca.Function:
     """Mass matrix, bias, gravity and end point of one clothoid of length and density 1 along X."""
     q, qd, g = ca.SX.sym("q", 2), ca.SX.sym("qd", 2), ca.SX.sym("g", 2)
-    link = LoadedLink(Clothoid(q[0], q[1], 1.0, 1.0, 0.0, reach, nodes), ())
+    link = LoadedLink(Clothoid([q[0], q[1]], 1.0, 1.0, 0.0, reach, nodes), ())
     chain = Chain([link], [(0, 1)], 2)
     mass = ca.vertcat(*[ca.horzcat(*row) for row in chain.mass_matrix])
     bias = -column(chain.motion_forces([qd[0], qd[1]], ZERO))
@@ -268,7 +268,7 @@ WEIGHTS = ((1, 0), (0, 1))
 
 @lru_cache
 def element_truth(reach: float) -> tuple[np.ndarray, list[dict]]:
-    """Shapes of that element and what the twin says of them; its Y is the element's X."""
+    """Shapes of that element and what the reference says of them; its Y is the element's X."""
     rng = np.random.default_rng(5)
     extreme = [(1, 1), (1, -1), (1, 0), (0, 1), (1, -0.7), (-0.5, 1)]
     shapes = reach * np.array([*extreme, *rng.uniform(-1, 1, (4, 2))])
@@ -354,7 +354,7 @@ def test_economised_rotation(reach):
         assert sine == pytest.approx(float(mpmath.sin(float(angle))), abs=3e-15, rel=3e-15)
 
 
-def test_leaving_the_range_is_told():
+def test_leaving_the_range_is_reported():
     model = Case().model("arc", bending_range=0.5)
     assert evaluate(model.range_use, [0.25, -1.0], [0.0], []) == pytest.approx([0.5, 2.0])
     model = Case().model("clothoid", (0.2, 0.4), bending_range=0.5)

@@ -148,10 +148,10 @@ def test_a_fresh_process_and_a_copy_show_the_same(worker, name):
 
 def test_a_copy_of_a_controller_is_an_object_of_its_own():
     first = controller()
-    before, twin = first.save_state(), copy.copy(first)
-    twin.step(np.ones(len(first.measurement_names)))
+    before, second = first.save_state(), copy.copy(first)
+    second.step(np.ones(len(first.measurement_names)))
     assert first.save_state() == before
-    assert twin.save_state() != before
+    assert second.save_state() != before
 
 
 def test_a_controller_from_a_file_does_not_read_it_again(tmp_path):

@@ -160,7 +160,7 @@ def paths(value, path=()) -> list[tuple]:
 
 @st.composite
 def spoilt_scenes(draw):
-    """A right scene with up to three things changed."""
+    """A right scene with up to three entries changed."""
     data = copy.deepcopy(draw(scenes()))
     for _ in range(draw(st.integers(1, 3))):
         path = draw(st.sampled_from(paths(data)))

@@ -55,8 +55,8 @@ def finger(**keys) -> Finger:
     return Finger(rod=ROD, base=BASE, half_thickness=0.006, masses=(PointMass(at=0.2, mass=0.003),), **keys)
 
 
-def system(thing, *, law=LAW, given=None, family="matched_clothoid", gravity=(0.6, -2.0), **around) -> System:
-    surroundings = Surroundings(object=thing, contact_law=law, **{"object_moves": True, **around})
+def system(item, *, law=LAW, given=None, family="matched_clothoid", gravity=(0.6, -2.0), **around) -> System:
+    surroundings = Surroundings(object=item, contact_law=law, **{"object_moves": True, **around})
     return System(given or finger(), surroundings=surroundings, contacts=AT, family=family, elements=3, gravity=gravity)
 
 
@@ -80,19 +80,19 @@ def pressed_on(name: str, family: str, seed: int):
     return at(brentq(lambda reach: at(reach).distance(tuple(station)) - wanted, 0.0, 0.3))
 
 
-def supports_of(thing) -> dict:
+def supports_of(item) -> dict:
     """A support of each kind, pressed into the object by 1 mm."""
 
     def face(turn: float, depth: float = 0.001) -> tuple[float, float]:
-        reach = max(part.support(turn + math.pi - thing.angle) for part in thing.parts) - depth
-        return thing.position[0] - reach * math.cos(turn), thing.position[1] - reach * math.sin(turn)
+        reach = max(part.support(turn + math.pi - item.angle) for part in item.parts) - depth
+        return item.position[0] - reach * math.cos(turn), item.position[1] - reach * math.sin(turn)
 
     def beside(way: float, size: float) -> tuple[float, float]:
-        return thing.position[0] + size * math.cos(way), thing.position[1] + size * math.sin(way)
+        return item.position[0] + size * math.cos(way), item.position[1] + size * math.sin(way)
 
     x, y = face(2.0)
     across = (0.02 * math.sin(2.0), -0.02 * math.cos(2.0))
-    size = brentq(lambda size: thing.distance(beside(4.0, size)) - 0.004, 0.0, 0.2)
+    size = brentq(lambda size: item.distance(beside(4.0, size)) - 0.004, 0.0, 0.2)
     return {
         "palm": Palm(point=face(0.3), normal_angle=0.3),
         "edge": Line(type="line", start=(x - across[0], y - across[1]), end=(x + across[0], y + across[1])),
@@ -225,8 +225,8 @@ def test_surroundings_that_make_no_sense_are_refused(around, words):
 
 
 def test_the_moment_of_inertia_of_even_shapes():
-    """Of a disc, a rectangle about its centre, and the rectangle about a centre of mass beside it."""
-    for thing, expected in (
+    """Of a disc, a rectangle about its center, and the rectangle about a center of mass beside it."""
+    for item, expected in (
         (SHAPES["disc"], 0.5 * 0.2 * 0.03**2),
         (SHAPES["eccentric"], 0.2 * (0.5 * 0.03**2 + 0.01**2 + 0.005**2)),
         (Box(shape="box", width=0.07, height=0.05, **PLACED), 0.2 * (0.07**2 + 0.05**2) / 12),
@@ -239,11 +239,11 @@ def test_the_moment_of_inertia_of_even_shapes():
         ),
         (SHAPES["ellipse"], 0.2 * (0.04**2 + 0.025**2) / 4),
     ):
-        assert Surroundings(object=thing, contact_law=LAW, object_moves=True).inertia == pytest.approx(
+        assert Surroundings(object=item, contact_law=LAW, object_moves=True).inertia == pytest.approx(
             expected, rel=1e-4
         )
-    told = Surroundings(object=SHAPES["disc"], contact_law=LAW, object_moves=True, moment_of_inertia=0.7)
-    assert told.inertia == 0.7
+    stated = Surroundings(object=SHAPES["disc"], contact_law=LAW, object_moves=True, moment_of_inertia=0.7)
+    assert stated.inertia == 0.7
 
 
 # mechanics
@@ -313,9 +313,9 @@ def power(model: System, x: np.ndarray) -> float:
 def test_without_friction_and_damping_contacts_keep_the_energy(shape, family):
     """Gaps, normals, points and forces fit together, for every shape; with supports and a fixed object too."""
     for seed, kind in enumerate(({}, {"object_moves": False}, {"supports": True}, {"out_of_plane_gravity": 2.0})):
-        thing = pressed_on(shape, family, seed)
-        around = {"supports": supports_of(thing)} if "supports" in kind else kind
-        model = system(thing, law=CONSERVATIVE, family=family, **around)
+        item = pressed_on(shape, family, seed)
+        around = {"supports": supports_of(item)} if "supports" in kind else kind
+        model = system(item, law=CONSERVATIVE, family=family, **around)
         x = moving(model, seed)
         forces = touch(model, x)["normal_force"]
         assert np.count_nonzero(forces > 0.1) >= (5 if "supports" in around else 1)
@@ -326,8 +326,8 @@ def test_without_friction_and_damping_contacts_keep_the_energy(shape, family):
 @pytest.mark.parametrize("family", FAMILIES)
 def test_friction_and_dissipation_take_energy_and_never_give_any(family):
     law = ContactLaw(stiffness=900.0, friction=0.6, dissipation=2.0, rounding=1e-3, slip_speed=0.01)
-    thing = pressed_on("polygon", family, 0)
-    model = system(thing, law=law, family=family, supports=supports_of(thing), out_of_plane_gravity=2.0)
+    item = pressed_on("polygon", family, 0)
+    model = system(item, law=law, family=family, supports=supports_of(item), out_of_plane_gravity=2.0)
     lost = [power(model, moving(model, 0, speed)) for speed in (0.01, 0.1, 0.3, 1.0, -0.01, -0.1, -0.3, -1.0)]
     assert max(lost) < 0.0
     assert min(lost) < -1e-2
@@ -335,8 +335,8 @@ def test_friction_and_dissipation_take_energy_and_never_give_any(family):
 
 def test_damping_of_the_finger_takes_energy_at_a_contact_too():
     """The finger's own loss and nothing else where contacts lose none."""
-    thing = pressed_on("disc", "clothoid", 3)
-    model = system(thing, law=CONSERVATIVE, given=finger(damping=Damping(material=1e-4)), family="clothoid")
+    item = pressed_on("disc", "clothoid", 3)
+    model = system(item, law=CONSERVATIVE, given=finger(damping=Damping(material=1e-4)), family="clothoid")
     x, n = moving(model, 3), model.n
     own = numbers(model.finger_model.damping(x[:n], x[n : 2 * n], [0.0], []))
     assert power(model, x) == pytest.approx(-own @ x[n : 2 * n], rel=1e-6)
@@ -344,8 +344,8 @@ def test_damping_of_the_finger_takes_energy_at_a_contact_too():
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_linearization_is_the_slope_of_the_dynamics(family):
-    thing = pressed_on("superellipse", family, 5)
-    model = system(thing, family=family, supports=supports_of(thing), out_of_plane_gravity=2.0)
+    item = pressed_on("superellipse", family, 5)
+    model = system(item, family=family, supports=supports_of(item), out_of_plane_gravity=2.0)
     x = moving(model, 5)
     a, b = (np.array(v) for v in model.linearization(x, [0.0], np.zeros(model.nw), []))
     step = 1e-7
@@ -360,9 +360,9 @@ def test_linearization_is_the_slope_of_the_dynamics(family):
 
 def test_pressing_is_a_shift_of_the_gaps():
     """A disc that is larger by what is pressed has the same contacts, but for where on the surface they are."""
-    thing = pressed_on("disc", "clothoid", 2)
-    larger = thing.model_copy(update={"diameter": 0.064})
-    model = system(thing, family="clothoid", object_moves=False)
+    item = pressed_on("disc", "clothoid", 2)
+    larger = item.model_copy(update={"diameter": 0.064})
+    model = system(item, family="clothoid", object_moves=False)
     x = moving(model, 2, speed=0.0)
     pressed = np.array(model.pressed_linearization(x, [0.0], np.zeros(model.nw), [], [0.002] * 3))
     other = system(larger, family="clothoid", object_moves=False)
@@ -372,7 +372,7 @@ def test_pressing_is_a_shift_of_the_gaps():
 
 
 def test_weights_and_wrenches_move_a_free_body_as_they_should():
-    """Far from everything: free fall, and a wrench about the centre of mass."""
+    """Far from everything: free fall, and a wrench about the center of mass."""
     model = system(SHAPES["eccentric"], out_of_plane_gravity=9.81)
     x = np.array(model.state(pose=[5.0, 5.0, 0.4]))
     pose = model.object_states

@@ -1,4 +1,4 @@
-"""The high-precision twin against hand values, identities and itself: it judges all others."""
+"""The high-precision reference against hand values, identities and itself: it judges all others."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def test_energy_changes_by_the_power_of_forces_and_damping(family):
         )
         energies.append(moved.kinetic + moved.potential)
     power = sum(ctx.mpf(fx) * rod.velocity(s)[0] + ctx.mpf(fy) * rod.velocity(s)[1] for s, fx, fy in forces)
-    # The generalised force of a unit tip moment is the derivative of the tip's angle.
+    # The generalized force of a unit tip moment is the derivative of the tip's angle.
     ends = rod.applied(tip_moment=1)
     power += sum((tau * e - d) * v for e, d, v in zip(ends, rod.damping, qd, strict=True))
     assert close((energies[0] - energies[1]) / (2 * step), power, ctx.mpf(10) ** -24)

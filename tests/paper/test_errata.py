@@ -52,9 +52,9 @@ def package(theta, lengths, slips=()) -> dict[str, np.ndarray]:
     """All entries by the package's closed forms; (19) and (20) for a unit rate of their angle."""
     t, rate = ca.SX.sym("t", 2), ca.SX.sym("rate", 2)
     bent = Bent(TwoArcs(tuple(map(float, lengths)), 1.0), t, AsPrinted(slips))
-    matrices = {"Jt": bent.tip_jacobian, "Jg": bent.centre1_jacobian, "Jh": bent.centre2_jacobian}
+    matrices = {"Jt": bent.tip_jacobian, "Jg": bent.center1_jacobian, "Jh": bent.center2_jacobian}
     matrices["M"] = closed_forms.rod_mass_matrix(bent)
-    velocity = ca.horzcat(bent.centre1_velocity(rate), bent.centre2_velocity(rate))
+    velocity = ca.horzcat(bent.center1_velocity(rate), bent.center2_velocity(rate))
     f = ca.Function("f", [t, rate], [*matrices.values(), velocity])
     count = theta.shape[1]
     *values, velocities = [
@@ -162,7 +162,7 @@ def test_slip_alone_has_the_stated_effect(key):
         still = package(GRID, (0.3, 0.3), [key])["(19) y"] - entries(GRID)["Jg21"]
         assert np.abs(still).max() < 1e-9  # right for a unit rate only: it has no rate at all
         t, rate = ca.SX.sym("t", 2), ca.SX.sym("rate", 2)
-        assert not ca.depends_on(Bent(TwoArcs((0.3, 0.3), 1.0), t, AsPrinted([key])).centre1_velocity(rate), rate)
+        assert not ca.depends_on(Bent(TwoArcs((0.3, 0.3), 1.0), t, AsPrinted([key])).center1_velocity(rate), rate)
     else:
         prefix = PACKAGE[key[1:3]]
         found, wanted = package(GRID, (0.3, 0.3), [key]), entries(GRID)

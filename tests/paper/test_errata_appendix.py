@@ -106,6 +106,15 @@ def test_entry_errs_by_the_stated_effect(row):
         assert found == pytest.approx(percent(cell)[0], abs=1.02 * percent(cell)[1])
 
 
+def test_printed_mass_matrix_is_indefinite_on_a_third_of_the_range():
+    """Point 2 of the short list of the page."""
+    theta = square(101)
+    m11, m12, m22 = (polynomial(name, "printed", theta) for name in ("M11", "M12", "M22"))
+    indefinite = m11 * m22 < m12**2
+    assert 100 * indefinite.mean() == pytest.approx(32, abs=1)
+    assert np.abs(theta[:, indefinite]).max(axis=0).min() == pytest.approx(1.17, abs=0.04)
+
+
 @pytest.mark.parametrize("row", table("Corrected appendix"), ids=lambda row: row[0])
 def test_corrected_polynomial_of_the_page_is_the_taylor_polynomial(row):
     series = arc_series.exact()[internal(row[0])]

@@ -27,7 +27,7 @@ def test_positions_have_two_entries():
     assert found == pytest.approx(L1 / THETA[0] * np.array([np.cos(THETA[0]) - 1, np.sin(THETA[0])]), rel=1e-14)
 
 
-def test_mass_centre_of_the_second_arc_is_the_mean_from_the_contact_to_the_tip():
+def test_mass_center_of_the_second_arc_is_the_mean_from_the_contact_to_the_tip():
     """(11): its right-hand side."""
     bent, t2 = rod(), THETA[1]
     nodes, weights = np.polynomial.legendre.leggauss(12)
@@ -70,16 +70,16 @@ def test_velocity_products_are_not_the_derivative_of_the_kinetic_energy():
     for axis in (0, 1):
         moved = [entries(theta + sign * h * np.eye(2)[:, [axis]]) for sign in (-1, 1)]
         slopes.append({key: (moved[1][key] - moved[0][key]) / (2 * h) for key in ("M11", "M12", "M22")})
-    labelled, christoffel = {}, {}
+    labeled, christoffel = {}, {}
     for i, (slope, name) in enumerate(zip(slopes, "12", strict=True)):
-        labelled.update({f"V{name}1": slope["M11"] / 2, f"V{name}2": slope["M12"], f"V{name}3": slope["M22"] / 2})
+        labeled.update({f"V{name}1": slope["M11"] / 2, f"V{name}2": slope["M12"], f"V{name}3": slope["M22"] / 2})
         own, mixed = ("M11", "M12") if i == 0 else ("M12", "M22")
         christoffel[f"V{name}1"] = slopes[0][own] - slope["M11"] / 2
         christoffel[f"V{name}2"] = slopes[1][own] + slopes[0][mixed] - slope["M12"]
         christoffel[f"V{name}3"] = slopes[1][mixed] - slope["M22"] / 2
-    largest = max(np.abs(wanted[key]).max() for key in labelled)
-    assert max(np.abs(christoffel[key] - wanted[key]).max() for key in labelled) < 1e-8 * largest
-    worst = max(np.abs(labelled[key] - wanted[key]).max() for key in labelled)
+    largest = max(np.abs(wanted[key]).max() for key in labeled)
+    assert max(np.abs(christoffel[key] - wanted[key]).max() for key in labeled) < 1e-8 * largest
+    worst = max(np.abs(labeled[key] - wanted[key]).max() for key in labeled)
     assert 100 * worst / largest == pytest.approx(percent(ROWS["(38)"][4])[0], abs=0.5)
 
 

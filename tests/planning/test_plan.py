@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError, Interrupted, SolverError
-from continuum_grasp.planning import PlanStatus, load_plan, plan
+from continuum_grasp.planning import Plan, PlanStatus, plan
 from continuum_grasp.planning.fine import excess_over_intervals, simulated
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
@@ -331,7 +331,7 @@ def test_wrong_scenes_are_refused(changes, text):
 def test_saved_plan_comes_back_and_starts_the_next_one(tmp_path):
     found = plan(two_arcs())
     found.save(tmp_path)
-    back = load_plan(tmp_path)
+    back = Plan.load(tmp_path)
     for name in ("t", "x", "u", "tip", "bending"):
         assert getattr(back, name) == pytest.approx(getattr(found, name))
     assert (back.status, back.scene, back.deviation) == (found.status, found.scene, found.deviation)
@@ -379,10 +379,10 @@ def test_command(tmp_path):
     assert done.exit_code == 0
     printed = json.loads(done.stdout)
     assert printed["status"] == "optimal"
-    assert load_plan(tmp_path / "run").objective == pytest.approx(printed["objective"])
+    assert Plan.load(tmp_path / "run").objective == pytest.approx(printed["objective"])
     failed = CliRunner().invoke(app, [str(file), "--out", str(tmp_path / "no"), "--set", "duration=0.005"])
     assert isinstance(failed.exception, SolverError)
-    assert load_plan(tmp_path / "no").status is PlanStatus.INFEASIBLE
+    assert Plan.load(tmp_path / "no").status is PlanStatus.INFEASIBLE
 
 
 # -- contact -----------------------------------------------------------------------------------------------------------

@@ -16,16 +16,21 @@ from PIL import Image
 
 from continuum_grasp import plotting
 from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.results import MotionResult, save_picture
+from continuum_grasp.simulation import Trajectory
 
 LENGTH = 0.6
 
 
-class Motion:
+class Motion(MotionResult):
     """A finger that stays one circular arc: everything about it is known in closed form."""
 
+    pictures = Trajectory.pictures
+    frames = Trajectory.frames
     length = LENGTH
     n = 2
     name = "one arc"
+    object_pose = contacts = None
     x_names = ("theta_1 [rad]", "theta_2 [rad]", "theta_1 rate [rad/s]", "theta_2 rate [rad/s]")
 
     def __init__(self, count: int = 101, forces: bool = True, mass: float = 0.02) -> None:
@@ -37,7 +42,7 @@ class Motion:
         self.tip = self.backbone(range(count))[:, -1]
         self.forces = forces
         masses = (SimpleNamespace(at=LENGTH / 2, mass=mass), SimpleNamespace(at=LENGTH, mass=mass))
-        self.scene = SimpleNamespace(finger=SimpleNamespace(masses=masses))
+        self.scene = SimpleNamespace(finger=SimpleNamespace(masses=masses), object=None, supports={})
 
     def backbone(self, indices: object, points: int = 50) -> np.ndarray:
         s = np.linspace(0.0, 1.0, points)
@@ -85,7 +90,7 @@ PLOTS = {
 
 
 @pytest.mark.parametrize("name", PLOTS)
-def test_axes_are_labelled_with_units_and_used_where_given(motion: Motion, name: str) -> None:
+def test_axes_are_labeled_with_units_and_used_where_given(motion: Motion, name: str) -> None:
     plot, x_label, y_label = PLOTS[name]
     given = new_axes()[0]
     for ax in (plot(motion), plot(motion, ax=given)):
@@ -209,11 +214,11 @@ def test_modes_in_given_axes() -> None:
 def test_any_number_of_modes(count: int, tmp_path: Path) -> None:
     axes = plotting.plot_modes(some_modes(count))
     assert len(axes) == min(count, 6)
-    plotting.save_picture(axes, tmp_path / "modes.png")
+    save_picture(axes, tmp_path / "modes.png")
 
 
 def test_files_of_a_simulation(motion: Motion, tmp_path: Path) -> None:
-    files = plotting.save_simulation_pictures(motion, tmp_path / "run")
+    files = motion.plot(tmp_path / "run")
     assert [f.name for f in files] == ["snapshots.png", "tip_path.png", "coordinates.png", "energy.png"]
     assert sorted(tmp_path.joinpath("run").iterdir()) == sorted(files)
     for file in files:
@@ -226,17 +231,17 @@ def test_files_of_a_simulation(motion: Motion, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", ["pdf", "svg"])
 def test_other_formats(motion: Motion, tmp_path: Path, suffix: str) -> None:
-    file = plotting.save_picture(plotting.plot_energy(motion), tmp_path / f"energy.{suffix}")
+    file = save_picture(plotting.plot_energy(motion), tmp_path / f"energy.{suffix}")
     assert file.stat().st_size > 1000
 
 
 def test_one_instant_and_a_run_that_ended_in_nan(tmp_path: Path) -> None:
-    plotting.save_simulation_pictures(Motion(count=1), tmp_path)
+    Motion(count=1).plot(tmp_path)
     broken = Motion()
     for name in ("bend", "x", "tip", "kinetic", "potential"):
         getattr(broken, name)[60:] = np.nan
-    plotting.save_simulation_pictures(broken, tmp_path)
-    plotting.animate(broken, tmp_path / "a.gif", fps=5, width=200)
+    broken.plot(tmp_path)
+    broken.animate(tmp_path / "a.gif", fps=5, width=200)
 
 
 def gif(path: Path) -> tuple[list[int], list[np.ndarray]]:
@@ -251,7 +256,7 @@ def gif(path: Path) -> tuple[list[int], list[np.ndarray]]:
 
 def test_animation_plays_at_the_right_speed(motion: Motion, tmp_path: Path) -> None:
     for fps, speed, count in ((30.0, 1.0, 31), (12.0, 0.5, 25)):
-        durations, pictures = gif(plotting.animate(motion, tmp_path / "a.gif", fps, speed=speed, width=240))
+        durations, pictures = gif(motion.animate(tmp_path / "a.gif", fps, speed=speed, width=240))
         assert len(durations) == count
         assert abs(sum(durations[:-1]) - 1000.0 / speed) <= 5.0  # to the half of a hundredth of a second
         assert max(durations[:-1]) - min(durations[:-1]) <= 10
@@ -262,7 +267,7 @@ def test_animation_plays_at_the_right_speed(motion: Motion, tmp_path: Path) -> N
 def test_animation_shows_the_finger_where_it_is(tmp_path: Path) -> None:
     """Blue pixels of the backbone: highest at the start, where the bend is greatest, and mirrored later."""
     motion = Motion(forces=False, mass=0.0)
-    _, pictures = gif(plotting.animate(motion, tmp_path / "a.gif", 10.0, width=300))
+    _, pictures = gif(motion.animate(tmp_path / "a.gif", 10.0, width=300))
     heights = []
     for picture in pictures:
         rows, columns = np.nonzero((picture[..., 2] > 130) & (picture[..., 0] < 60))
@@ -287,7 +292,7 @@ def test_animation_shows_the_finger_where_it_is(tmp_path: Path) -> None:
 )
 def test_animation_refuses(motion: Motion, tmp_path: Path, name: str, settings: dict, key: str) -> None:
     with pytest.raises(InputError) as caught:
-        plotting.animate(motion, tmp_path / name, **settings)
+        motion.animate(tmp_path / name, **settings)
     assert caught.value.key == key
     assert list(tmp_path.iterdir()) == []
 
@@ -295,7 +300,7 @@ def test_animation_refuses(motion: Motion, tmp_path: Path, name: str, settings: 
 def test_mp4_without_ffmpeg_says_what_to_do(motion: Motion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(InputError, match=r"use \.gif"):
-        plotting.animate(motion, tmp_path / "a.mp4")
+        motion.animate(tmp_path / "a.mp4")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs a shell script on the path")
@@ -313,10 +318,10 @@ def test_mp4_gives_ffmpeg_every_frame(
     path = tmp_path / "out" / "a.mp4"
     if not works:
         with pytest.raises(SolverError, match="no coder"):
-            plotting.animate(motion, path, 10.0, width=161)
+            motion.animate(path, 10.0, width=161)
         assert list(path.parent.iterdir()) == []
         return
-    plotting.animate(motion, path, 10.0, width=161)
+    motion.animate(path, 10.0, width=161)
     said = (tools / "ffmpeg.said").read_text().split()
     width, height = (int(v) for v in said[said.index("-s") + 1].split("x"))
     assert width == 160
@@ -327,7 +332,7 @@ def test_mp4_gives_ffmpeg_every_frame(
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs ffmpeg")
 def test_mp4(motion: Motion, tmp_path: Path) -> None:
-    content = plotting.animate(motion, tmp_path / "a.mp4", width=160).read_bytes()
+    content = motion.animate(tmp_path / "a.mp4", width=160).read_bytes()
     assert content[4:8] == b"ftyp"
 
 
@@ -343,9 +348,9 @@ before = state()
 sys.path.insert(0, sys.argv[1])
 import test_plotting as given
 from pathlib import Path
-given.plotting.save_simulation_pictures(given.Motion(), Path(sys.argv[2]))
+given.Motion().plot(Path(sys.argv[2]))
 given.plotting.plot_modes(given.some_modes())
-given.plotting.animate(given.Motion(), Path(sys.argv[2]) / "a.gif", fps=5, width=160)
+given.Motion().animate(Path(sys.argv[2]) / "a.gif", fps=5, width=160)
 assert "matplotlib.pyplot" not in sys.modules, "pyplot keeps global figures"
 assert state() == before, "the global style changed"
 """

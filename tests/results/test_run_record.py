@@ -1,4 +1,4 @@
-"""A folder holds one run: what an earlier one wrote goes, what anybody else wrote stays; and full disks on the way."""
+"""A folder holds one run: what an earlier one wrote goes, what anybody else wrote stays; and full disks meanwhile."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def test_a_mass_inside_counts_with_the_square_of_the_mode():
 
     mass, at = 1e-5, 0.6
     scene = rod_scene(UNIT, gravity=FREE, finger={"masses": [{"at": at, "mass": mass}]})
-    # The mode is normalised: the integral of its square over the unit rod is one.
+    # The mode is normalized: the integral of its square over the unit rod is one.
     assert (exact(scene, 1)[0] / bare - 1.0) / mass == pytest.approx(-0.5 * mode(at) ** 2, rel=1e-4)
 
 

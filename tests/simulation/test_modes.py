@@ -31,7 +31,7 @@ def clamped_free(count: int, mass_ratio: float = 0.0) -> np.ndarray:
 
 
 def brackets(x, y):
-    """Neighbouring points with their values."""
+    """Neighboring points with their values."""
     return zip(x[:-1], x[1:], y[:-1], y[1:], strict=True)
 
 
@@ -144,7 +144,7 @@ def test_material_damping_gives_its_ratio(family, elements):
 
 
 @pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
-def test_modes_are_orthogonal_and_normalised(family):
+def test_modes_are_orthogonal_and_normalized(family):
     """About a bent equilibrium, where mass and stiffness are full."""
     scene = rod_scene(NITINOL, family, 3, tip_mass=0.02, loads=[force(0.6, (0.1, 0.4))])
     found = modes(scene, points=31)

@@ -29,7 +29,7 @@ def test_through_the_samples_and_held_outside(interpolation):
 
 
 @pytest.mark.parametrize("count", [2, 3, 5, 20])
-def test_smooth_stays_between_neighbouring_samples(count):
+def test_smooth_stays_between_neighboring_samples(count):
     for _ in range(50):
         given = samples(count)
         for k in range(count - 1):

@@ -64,8 +64,8 @@ def test_a_ball_bounces_as_the_law_says(dissipation):
     assert found.object_pose[:, 1] - 0.02 == pytest.approx(true[0], abs=2e-4)
     assert found.object_pose[:, [0, 2]] == pytest.approx(0.0, abs=1e-12)
     speed = math.sqrt(2 * G * 0.05)
-    kept = math.sqrt(found.object_pose[(found.t > 0.12) & (found.t < 0.28), 1].max() - 0.02) / math.sqrt(0.05)
-    assert kept == pytest.approx(1.0 - 2 / 3 * dissipation * speed, abs=0.35 * dissipation**2 + 1e-3)
+    retained = math.sqrt(found.object_pose[(found.t > 0.12) & (found.t < 0.28), 1].max() - 0.02) / math.sqrt(0.05)
+    assert retained == pytest.approx(1.0 - 2 / 3 * dissipation * speed, abs=0.35 * dissipation**2 + 1e-3)
 
 
 @pytest.mark.parametrize(("slope", "sticks"), [(0.2, True), (0.4, True), (0.55, False), (0.9, False)])
@@ -136,7 +136,7 @@ def test_supports_bear_the_weight_that_statics_gives_them(support, expected):
 
 
 def test_a_box_tips_over_the_end_of_an_edge():
-    """Its centre of mass is beside the edge: it turns, where over the edge it would rest."""
+    """Its center of mass is beside the edge: it turns, where over the edge it would rest."""
     shape = {"shape": "box", "width": 0.06, "height": 0.02}
     edge = {"edge": {"type": "line", "start": [-0.1, 0.0], "end": [0.0, 0.0]}}
     keys = {"supports": edge, "gravity": [0.0, -G]}
@@ -225,7 +225,7 @@ def test_stiffer_contacts_come_to_the_rigid_answer_with_order_one():
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.parametrize("method", ["implicit", "reference"])
+@pytest.mark.parametrize("method", ["rodas", "reference"])
 def test_methods_agree_where_the_finger_hits_and_slides(method):
     keys = {"friction": 0.3, "family": "matched_clothoid", "duration": 0.5}
     explicit, other = (
@@ -247,7 +247,7 @@ def test_a_stiffer_contact_is_given_more_steps():
 
 
 def test_a_grasp_that_was_found_holds_in_motion():
-    """Posture and tensions of the optimiser, let go with contacts that have yet to be pressed in."""
+    """Posture and tensions of the optimizer, let go with contacts that have yet to be pressed in."""
     grasp = optimize_grasp(ROOT / "configs/grasp/mug.yaml")
     planned, scene = grasp.fingers["finger"], grasp.scene
     length = scene.finger.rod.length
@@ -285,7 +285,7 @@ def test_without_tension_the_same_mug_drops():
     assert found.object_pose[-1, 3] < -0.1
 
 
-# what is kept, and what is refused
+# what is stored, and what is refused
 
 
 def test_results_have_the_contacts(tmp_path):
@@ -305,9 +305,9 @@ def test_results_have_the_contacts(tmp_path):
     assert touched == ["contact"]
 
 
-def test_a_finger_that_passes_through_between_its_stations_is_told():
-    thing = {"shape": "circle", "diameter": 0.08, "mass": 0.3, "position": [0.12, 0.06]}
-    changed = {"object": thing, "time.duration": 0.3, "time.step": 0.002}
+def test_a_finger_that_passes_through_between_its_stations_is_reported():
+    body_data = {"shape": "circle", "diameter": 0.08, "mass": 0.3, "position": [0.12, 0.06]}
+    changed = {"object": body_data, "time.duration": 0.3, "time.step": 0.002}
     (warning,) = simulate(load(ROOT / "configs/simulate/swing_against_disc.yaml", changed)).warnings
     assert "overlaps the object by 1" in warning
     assert "mm" in warning

@@ -124,7 +124,7 @@ REST = {"breaks": [0.3, 0.8], "values": [2.0, -1.0, 0.5]}
 )
 @pytest.mark.parametrize("elements", [None, (0.3, 0.5, 0.2)])
 def test_piecewise_rest_curvature_is_met_exactly(family, elements, q):
-    """Elements end at its jumps, unless they are told otherwise."""
+    """Elements end at its jumps, unless elements are given."""
     finger, fidelity = {"rest_curvature": REST}, {"accuracy": 1e-13}
     found = equilibrium(rod_scene(UNIT, family, elements, gravity=NONE, finger=finger, fidelity=fidelity))
     assert found.q == pytest.approx(q, abs=1e-12)
@@ -209,10 +209,10 @@ def test_after_buckling_two_mirrored_shapes_are_stable_and_the_straight_one_is_n
         assert left.q == pytest.approx(-right.q, rel=1e-7)
         assert left.q[0] > 0.0
         assert np.linalg.norm(left.tip * [-1.0, 1.0] - tip) <= error
-        kept = equilibrium(scene, stable=False)
-        assert not kept.stable
-        assert kept.margin < 0.0
-        assert np.array_equal(kept.q, np.zeros(kept.model.n))
+        straight = equilibrium(scene, stable=False)
+        assert not straight.stable
+        assert straight.margin < 0.0
+        assert np.array_equal(straight.q, np.zeros(straight.model.n))
 
 
 def test_a_guess_selects_the_shape_and_must_fit():
@@ -318,7 +318,7 @@ def test_an_absurd_load_says_so(family):
     with pytest.raises(SolverError, match="no equilibrium found") as caught:
         equilibrium(pushed(1e9, family))
     assert caught.value.status == "iteration limit"
-    assert "generalised force missing" in caught.value.violated[0]
+    assert "generalized force missing" in caught.value.violated[0]
     assert "lower them" in caught.value.advice
 
 

@@ -1,4 +1,4 @@
-"""``continuum-grasp sweep`` with the true optimiser: what it prints, writes and refuses."""
+"""``continuum-grasp sweep`` with the true optimizer: what it prints, writes and refuses."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def swept(tmp_path_factory):
     return config, folder / "out", json.loads(found.stdout)
 
 
-def test_rows_are_what_the_optimiser_finds(swept):
+def test_rows_are_what_the_optimizer_finds(swept):
     _, folder, _ = swept
     table = sweep_table(folder)
     assert list(table["status"]) == ["optimal", "invalid"] * 2

@@ -82,11 +82,11 @@ def test_a_scene_that_ends_its_worker_is_a_row(tmp_path):
 
 
 def test_no_scheduler_answers(tmp_path):
-    from continuum_grasp.sweeps.cluster import dask_crew
+    from continuum_grasp.sweeps.cluster import dask_pool
 
     with (
         pytest.raises(InputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"),
-        dask_crew("tcp://127.0.0.1:9", 0.5),
+        dask_pool("tcp://127.0.0.1:9", 0.5),
     ):
         pass
 

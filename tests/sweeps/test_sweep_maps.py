@@ -84,10 +84,10 @@ def test_the_front_is_what_no_point_beats(x_greatest, y_greatest):
     x, y = random.integers(0, 12, (2, 80)).astype(float)
     a, b = x * (-1 if x_greatest else 1), y * (-1 if y_greatest else 1)
 
-    def beaten(k):
+    def dominated(k):
         return np.any((a <= a[k]) & (b <= b[k]) & ((a < a[k]) | (b < b[k])))
 
-    expected = {(x[k], y[k]) for k in range(80) if not beaten(k)}
+    expected = {(x[k], y[k]) for k in range(80) if not dominated(k)}
     found = pareto(x, y, x_greatest, y_greatest)
     assert {(x[k], y[k]) for k in found} == expected
     assert len(found) == len(expected)

@@ -35,8 +35,8 @@ def calls(log):
 
 def test_a_table_of_grasps(tmp_path):
     config = masses(30, record=["quality.epsilon", "statistics.starts"])
-    told = []
-    table = sweep(config, folder=tmp_path, workers=2, evaluate=held, progress=told.append)
+    reported = []
+    table = sweep(config, folder=tmp_path, workers=2, evaluate=held, progress=reported.append)
     mass = np.arange(1.0, 31.0)
     assert table.finished
     assert len(table) == 30
@@ -52,7 +52,7 @@ def test_a_table_of_grasps(tmp_path):
     assert table.counts == {"optimal": 30}
     assert len(set(table["scene"])) == 30
     assert (table.run_folder(7) / "result.txt").read_text() == "8.0"
-    assert told[-1].done == told[-1].total == 30
+    assert reported[-1].done == reported[-1].total == 30
     rows = list(csv.DictReader((tmp_path / "table.csv").open(encoding="utf-8")))
     assert [float(row["tension_max"]) for row in rows] == list(table["tension_max"])
     assert [int(row["index"]) for row in rows] == list(range(30))
@@ -77,7 +77,7 @@ def test_failures_are_rows(tmp_path):
     assert table["finger.base.position"][0] == "[0.04,0.0]"
 
 
-def test_a_scene_that_ends_its_process_is_a_row_and_nobody_else_suffers(tmp_path, monkeypatch):
+def test_a_scene_that_ends_its_process_is_a_row_and_no_other_is_lost(tmp_path, monkeypatch):
     monkeypatch.setenv(LOG, str(tmp_path / "log"))
     values = [1.0 + k for k in range(40)]
     values[5] = values[31] = DEADLY
@@ -196,7 +196,7 @@ def test_ctrl_c_stops_and_says_how_to_go_on(tmp_path):
         process.send_signal(signal.SIGINT)
         _, said = process.communicate(timeout=20)
     assert process.returncode == 130
-    assert said.startswith("interrupted: ")
+    assert said.splitlines()[-1].startswith("interrupted: ")  # after lines of progress, where it took long
     assert f"of 2000 scenes are in {folder / 'table.jsonl'}; the same command goes on from there" in said
     assert 3 <= len(sweep_table(folder)) < 2000
 
@@ -230,10 +230,10 @@ def test_one_sweep_at_a_time_in_a_folder(tmp_path):
         with_threads(masses(3), tmp_path)
 
 
-@pytest.mark.parametrize(("keep", "kept"), [("all", {0, 1}), ("failed", {1}), ("none", set())])
-def test_files_of_the_runs_that_are_wanted(keep, kept, tmp_path):
+@pytest.mark.parametrize(("keep", "stored"), [("all", {0, 1}), ("failed", {1}), ("none", set())])
+def test_files_of_the_runs_that_are_wanted(keep, stored, tmp_path):
     table = with_threads(masses(1, vary={"object.mass": {"values": [1.0, STUCK]}}), tmp_path, keep=keep)
-    assert {k for k in range(2) if (table.run_folder(k) / "result.txt").exists()} == kept
+    assert {k for k in range(2) if (table.run_folder(k) / "result.txt").exists()} == stored
 
 
 def test_leftovers_of_a_killed_sweep_are_replaced(tmp_path):

@@ -1,4 +1,4 @@
-"""An independent high-precision twin of the finger: quadrature of the definitions with 50 digits, no CasADi.
+"""The finger in high precision, independent of the package: quadrature of the definitions with 50 digits, no CasADi.
 
 It shares no formula with the package under test. Conventions: tangent (-sin, cos) of the bending angle in
 base axes, positive angles bend towards -X, world = base position + rotation by the base angle.

@@ -1,4 +1,4 @@
-"""What the twin needs to know of a finger, and the curvature bases."""
+"""What the reference implementation needs to know of a finger, and the curvature bases."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from tests.truth.quadrature import ctx
 
-FAMILIES = ("arc", "clothoid", "matched_clothoid")
+FAMILIES = ("arc", "clothoid", "matched_clothoid", "quadratic")
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,8 @@ class TruthFinger:
     """A planar inextensible rod with a finite curvature basis; SI units, numbers taken exactly as given.
 
     The unknowns q are the bending angles of the elements [rad] ("arc"), all nodal curvatures [1/m]
-    ("clothoid"), or all nodal curvatures but the last, which is prescribed ("matched_clothoid").
+    ("clothoid"), all nodal curvatures but the last, which is prescribed ("matched_clothoid"), or the
+    curvatures at start, middle and end of each element ("quadratic").
     """
 
     lengths: Sequence
@@ -50,12 +51,14 @@ class TruthFinger:
     @property
     def count(self) -> int:
         """Number of coordinates including a prescribed one."""
+        if self.family == "quadratic":
+            return 3 * len(self.lengths)
         return len(self.lengths) + (self.family != "arc")
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns q."""
-        return len(self.lengths) + (self.family == "clothoid")
+        return self.count - (self.family == "matched_clothoid")
 
     @property
     def edges(self) -> list:
@@ -74,23 +77,24 @@ class TruthFinger:
 
 
 class Shape(NamedTuple):
-    """One coordinate's share of the angle: c0 + c1 x + c2 x^2 / 2, x from the element's start."""
+    """One coordinate's share of the angle: c0 + c1 x + c2 x^2 / 2 + c3 x^3 / 3, x from the element's start."""
 
     c0: object
     c1: object
     c2: object
+    c3: object = ctx.mpf(0)
 
     def angle(self, x):
         """d(angle)/dq at x."""
-        return self.c0 + x * (self.c1 + x * self.c2 / 2)
+        return self.c0 + x * (self.c1 + x * (self.c2 / 2 + x * self.c3 / 3))
 
     def curvature(self, x):
         """d(curvature)/dq at x."""
-        return self.c1 + x * self.c2
+        return self.c1 + x * (self.c2 + x * self.c3)
 
     @property
     def active(self) -> bool:
-        return bool(self.c0 or self.c1 or self.c2)
+        return any(bool(c) for c in self)
 
 
 def shapes(finger: TruthFinger) -> list[list[Shape]]:
@@ -103,6 +107,11 @@ def shapes(finger: TruthFinger) -> list[list[Shape]]:
         row = [Shape(c0, zero, zero) for c0 in start]
         if finger.family == "arc":
             row[e] = Shape(start[e], 1 / h, zero)
+        elif finger.family == "quadratic":
+            # One at the place itself and zero at the two others.
+            values = ((1, -3 / h, 2 / h**2), (0, 4 / h, -4 / h**2), (0, -1 / h, 2 / h**2))
+            for j, (c1, c2, c3) in enumerate(values, 3 * e):
+                row[j] = Shape(start[j], ctx.mpf(c1), c2, c3)
         else:
             row[e] = Shape(start[e], ctx.mpf(1), -1 / h)
             row[e + 1] = Shape(start[e + 1], zero, 1 / h)

@@ -21,7 +21,7 @@ class Rod:
     nodes : int
         Gauss nodes per element.
 
-    Attributes (mpmath numbers; all generalised forces on the left of M qdd + bias + ... = forces)
+    Attributes (mpmath numbers; all generalized forces on the left of M qdd + bias + ... = forces)
     ----------
     mass : matrix (n, n); bias, gravity, elastic, damping : matrices (n, 1); kinetic, potential : numbers
         ``bias`` contains the prescribed curvature's rate and acceleration.
@@ -236,7 +236,7 @@ class Rod:
     # applied forces and motion
 
     def applied(self, forces: Sequence = (), tip_moment=0, moments: Sequence = ()):
-        """Generalised force (n, 1) of world forces (s, Fx, Fy), the tip moment and moments (s, value)."""
+        """Generalized force (n, 1) of world forces (s, Fx, Fy), the tip moment and moments (s, value)."""
         total = ctx.zeros(self.n, 1)
         for s, fx, fy in forces:
             at = self._at(s)

@@ -74,7 +74,7 @@ static void supervisor_average(supervisor_state *state, const supervisor_setting
     if (elapsed >= 0) {
       real off = (elapsed - 1) / (real)SUPERVISOR_JITTER;
       off *= off;
-      cg_limit(&off, 0, 30);
+      cg_limit(&off, 0, 30); /* like a row of a sensor, EKF_NIS_CAP: one late call alone must not detune */
       supervisor_mean(o, &state->mismatch[CONTROLLER_NS], off);
     }
   }
@@ -91,6 +91,7 @@ static void supervisor_average(supervisor_state *state, const supervisor_setting
  * */
 static void supervisor_climb(supervisor_state *state, const supervisor_settings *o, real mismatch)
 {
+  /* at most 128-fold, 2 min: the shift must not overflow */
   const int doubled = state->raises > 8 ? 7 : state->raises > 0 ? state->raises - 1 : 0;
   const int calm = mismatch < (real)SUPERVISOR_TRUST && state->activity < (real)SUPERVISOR_ACTIVE;
   const int settled = supervisor_lasted(&state->calm, calm, (5 * o->window) << doubled);

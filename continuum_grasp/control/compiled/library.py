@@ -16,7 +16,7 @@ from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
 from continuum_grasp.errors import InputError
 
-__all__ = ["Compiled"]
+__all__ = ["Compiled", "load_library"]
 
 Array = NDArray[np.float64]
 
@@ -24,6 +24,23 @@ _HEAD = struct.Struct("<8s16sqqq")
 _MAGIC = b"cgstate1"
 _ALIGNMENT = 64
 """Of the object's memory [bytes]: a cache line, and the widest vector register (AVX-512)."""
+
+
+def load_library(source: str, users: str) -> ctypes.CDLL:
+    """Compile a C source, or find it in the cache, and load it.
+
+    Raises
+    ------
+    InputError
+        If there is no C compiler, or it fails; ``users`` need it.
+    """
+    compiler = find_compiler()
+    if compiler is None:
+        raise InputError(f"{users} need a C compiler: {why_no_compiler()}")
+    try:
+        return ctypes.CDLL(str(library_for(source, compiler)))
+    except (CompileError, OSError) as error:
+        raise InputError(f"{users} need a C compiler, and compiling failed: {error}") from error
 
 
 class Compiled:
@@ -50,13 +67,7 @@ class Compiled:
     """
 
     def __init__(self, source: str, fields: Sequence[Field], inputs: int, outputs: int) -> None:
-        compiler = find_compiler()
-        if compiler is None:
-            raise InputError(f"controllers and estimators need a C compiler: {why_no_compiler()}")
-        try:
-            self._library = ctypes.CDLL(str(library_for(source, compiler)))
-        except (CompileError, OSError) as error:
-            raise InputError(f"controllers and estimators need a C compiler, and compiling failed: {error}") from error
+        self._library = load_library(source, "controllers and estimators")
         for name in ("cg_size", "cg_state_size"):
             getattr(self._library, name).restype = ctypes.c_size_t
         self._key = hashlib.sha256(source.encode() + settings_values(fields).tobytes()).digest()[:16]

@@ -7,7 +7,7 @@ from os import PathLike
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.arguments import control_scene, slices, vector
+from continuum_grasp.control.arguments import slices, vector
 from continuum_grasp.control.compiled.library import Compiled
 from continuum_grasp.control.compiled.settings import delay_periods, estimator_fields
 from continuum_grasp.control.compiled.source import estimator_source
@@ -20,12 +20,14 @@ from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.load import scene_of
 
 __all__ = ["Estimator", "Filtered"]
 
 Array = NDArray[np.float64]
 
 _RESTARTED = 1
+"""``EKF_RESTARTED`` of ``c/ekf.h``."""
 _OF_VERDICTS = {
     Verdict.MISSING: Anomaly.MISSING,
     Verdict.ABSURD: Anomaly.ABSURD,
@@ -128,7 +130,7 @@ class Estimator(Remade):
     """
 
     def __init__(self, scene: ControlScene | str | PathLike[str], *, precision: str = "double") -> None:
-        self.scene = control_scene(scene)
+        self.scene = scene_of(scene, ControlScene)
         self._arguments = (self.scene,), {"precision": precision}  # no path, whose file may change
         self.prediction = Prediction(self.scene)
         stages = stages_of(self.scene, self.prediction)

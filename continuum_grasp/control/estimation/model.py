@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.ocp.implicit import implicit_step
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 
@@ -21,6 +23,15 @@ _SLOPES = ((1.0 / 6.0, 5.0 / 24.0, 0.5), (2.0 / 6.0, 4.0 / 24.0, 0.5), (2.0 / 6.
 _LAST_SLOPE = (1.0 / 6.0, -1.0 / 24.0, 0.0)
 """Coefficients of RK4 [1]: weight of a slope at the end of the step, its weight half-way (continuous extension of order
 3), and the position of the next slope; Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6."""
+
+_DISTURBANCES = (
+    ("contact_force", r"(contact_\w+) \[N\]", r"unknown_\1 [N]"),
+    ("tip_force", r"(tip_[xy]) \[N\]", r"unknown_\1 [N]"),
+    ("object_position", r"(object_[xy]) \[m\]", r"\1_error [m]"),
+    ("tip_moment", r"missing_tip_moment \[N m\]", r"missing_tip_moment [N m]"),
+    ("bending_stiffness", r"bending_stiffness \[N m2\]", r"bending_stiffness_error [1]"),
+)
+"""Key in ``estimator.disturbances``, the parameters that the disturbances add to, and their names."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +56,8 @@ class Estimation:
         Number of continuous states.
     z_names, y_names, measurement_names : tuple of str
         Name and unit of each state, of each compared quantity, and of each entry of a measurement.
+    drifts : (nz - nx,) ndarray
+        Drift of each disturbance per square root of a second.
     mixing : (ny, nm) ndarray
         Compared quantities as sums of measurements: of two tensions, their difference.
     sensors : tuple of str
@@ -58,6 +71,7 @@ class Estimation:
     parameters: ca.Function
     nx: int
     z_names: tuple[str, ...]
+    drifts: Array
     y_names: tuple[str, ...]
     measurement_names: tuple[str, ...]
     mixing: Array
@@ -98,8 +112,8 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
         The scene, with an estimator.
     model : Prediction
         Its prediction model.
-    method : {"rk4", "implicit"}
-        Integrator; that of the stages.
+    method : str
+        Integrator, by name in ``CONTROL_METHODS``; that of the stages.
 
     Returns
     -------
@@ -112,19 +126,19 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     """
     if scene.estimator is None:
         raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
-    names, where, relative = _disturbances(scene, model)
-    d, h = ca.SX.sym("d", len(names)), ca.SX.sym("h")
+    disturbances = _disturbances(scene, model)
+    d, h = ca.SX.sym("d", len(disturbances)), ca.SX.sym("h")
     z, u, p = ca.vertcat(model.x, d), model.u, model.p
     full = ca.SX(p)
-    for k, index in enumerate(where):
-        full[index] += p[index] * d[k] if relative[k] else d[k]
+    for k, (_, index, _, relative) in enumerate(disturbances):
+        full[index] += p[index] * d[k] if relative else d[k]
     rate = model.dynamics(model.x, u, full)
     y_names, outputs, measurement_names, mixing, sensors = _measured(scene, model, full)
 
     def function(name: str, inputs: list[ca.SX], labels: list[str], **found: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [ca.densify(e) for e in ca.cse(list(found.values()))], labels, list(found))
 
-    zn, f, g = (_implicit_step if method == "implicit" else _step)(z, u, p, h, rate, model.nx)
+    zn, f, g = (_step if method == "rk4" else partial(_implicit_step, method))(z, u, p, h, rate, model.nx)
     given, labels = [z, u, p, h], ["z", "u", "p", "h"]
     return Estimation(
         step=function("estimator_step", given, labels, zn=zn, F=f, G=g),
@@ -132,7 +146,8 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
         outputs=function("estimator_outputs", given[:3], labels[:3], y=outputs, H=ca.jacobian(outputs, z)),
         parameters=function("estimated_parameters", [z, p], ["z", "p"], full=full),
         nx=model.nx,
-        z_names=(*model.x_names, *names),
+        z_names=(*model.x_names, *(name for name, _, _, _ in disturbances)),
+        drifts=np.array([drift for _, _, drift, _ in disturbances]),
         y_names=y_names,
         measurement_names=measurement_names,
         mixing=mixing,
@@ -158,45 +173,29 @@ def _step(z: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX, rate: ca.SX, nx: int) -> tuple
     return ca.vertcat(ends[0][0], d), whole, half_way
 
 
-def _implicit_step(z: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX, rate: ca.SX, nx: int) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _implicit_step(
+    method: str, z: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX, rate: ca.SX, nx: int
+) -> tuple[ca.SX, ca.SX, ca.SX]:
     """The same by an L-stable method."""
     x, d = z[:nx], z[nx:]
     slope = ca.Function("slope", [z, u, p], ca.cse([rate, ca.jacobian(rate, x), ca.jacobian(rate, d)]))
     below = ca.horzcat(ca.SX(d.numel(), nx), ca.SX.eye(d.numel()))
-    following, *whole = implicit_step(slope, x, (u, p), h, d)
-    half_way = implicit_step(slope, x, (u, p), 0.5 * h, d)[1:]
+    following, *whole = differentiated_step(method, slope, x, (u, p), h, d)
+    half_way = differentiated_step(method, slope, x, (u, p), 0.5 * h, d)[1:]
     ends = [ca.vertcat(ca.horzcat(*part), below) for part in (whole, half_way)]
     return ca.vertcat(following, d), ends[0], ends[1]
 
 
-def _disturbances(scene: ControlScene, model: Prediction) -> tuple[list[str], list[int], list[bool]]:
-    """Names of the disturbances, the parameters that they add to, and whether they are relative."""
-    asked = scene.estimator.disturbances if scene.estimator is not None else None
-    names: list[str] = []
-    where: list[int] = []
-    relative: list[bool] = []
-
-    def add(parameter: str, name: str, share: bool = False) -> None:
-        names.append(name)
-        where.append(model.p_names.index(parameter))
-        relative.append(share)
-
-    if asked is None:
-        return names, where, relative
-    if asked.contact_force is not None:
-        for label in [n for n in model.p_names if n.startswith("contact_")]:
-            add(label, f"unknown_{label}")
-    if asked.tip_force is not None:
-        for axis in "xy":
-            add(f"tip_{axis} [N]", f"unknown_tip_{axis} [N]")
-    if asked.object_position is not None:
-        for axis in "xy":
-            add(f"object_{axis} [m]", f"object_{axis}_error [m]")
-    if asked.tip_moment is not None:
-        add("missing_tip_moment [N m]", "missing_tip_moment [N m]")
-    if asked.bending_stiffness is not None:
-        add("bending_stiffness [N m2]", "bending_stiffness_error [1]", share=True)
-    return names, where, relative
+def _disturbances(scene: ControlScene, model: Prediction) -> list[tuple[str, int, float, bool]]:
+    """Name of each disturbance, index of the parameter that it adds to, drift, and whether it is relative."""
+    wanted = scene.estimator.disturbances if scene.estimator is not None else None
+    return [
+        (found.expand(name), index, drift, key == "bending_stiffness")
+        for key, parameter, name in _DISTURBANCES
+        if (drift := getattr(wanted, key, None)) is not None
+        for index, label in enumerate(model.p_names)
+        if (found := re.fullmatch(parameter, label))
+    ]
 
 
 def _measured(

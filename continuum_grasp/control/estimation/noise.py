@@ -106,14 +106,14 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
     per_angle = 1.0 / _bending_slopes(model)
     process[n : 2 * n] = (asked.acceleration_std * per_angle) ** 2
     initial[:n] = (asked.initial_std * per_angle) ** 2
+    # A mode that swings by that deviation has a rate of its angular frequency times that: 16 rad/s for a 60 cm rod.
     initial[n : 2 * n] = (10.0 * asked.initial_std * per_angle) ** 2
     if scene.lag is not None:
         at, most = model.x_names.index("tip_moment [N m]"), _greatest_moment(scene)
         # A critically damped lag of time T under white noise s has the variance s^2 T^3 / 4.
         process[at + 1] = 4.0 * (_DRIVE * most) ** 2 / scene.lag**3
         initial[at], initial[at + 1] = (_DRIVE_AT_START * most) ** 2, (_DRIVE_AT_START * most / scene.lag) ** 2
-    drift = _drifts(scene, estimation)
-    process[model.nx :] = initial[model.nx :] = drift**2
+    process[model.nx :] = initial[model.nx :] = estimation.drifts**2
     variances = np.array([measurement_std(scene, name) ** 2 for name in estimation.measurement_names])
     return Noise(process, initial, estimation.mixing**2 @ variances)
 
@@ -172,22 +172,6 @@ def _greatest_moment(scene: ControlScene) -> float:
     return (tendons.max_tension - tendons.min_tension) * tendons.offset
 
 
-def _drifts(scene: ControlScene, estimation: Estimation) -> Array:
-    """Drift of each disturbance per square root of a second."""
-    asked = scene.estimator.disturbances if scene.estimator is not None else None
-    by_start = {
-        "unknown_contact": "contact_force",
-        "unknown_tip": "tip_force",
-        "object_": "object_position",
-        "missing_tip_moment": "tip_moment",
-        "bending_stiffness_error": "bending_stiffness",
-    }
-    unknown = estimation.z_names[estimation.nx :]
-    return np.array(
-        [getattr(asked, field) for n in unknown for start, field in by_start.items() if n.startswith(start)]
-    )
-
-
 def measurement_std(scene: ControlScene, name: str) -> float:
     """Return the standard deviation of a measurement, by its name."""
     if scene.estimator is None:
@@ -201,22 +185,21 @@ def measurement_std(scene: ControlScene, name: str) -> float:
 def _state_range(scene: ControlScene, model: Prediction, stages: Stages) -> Array:
     """Coordinates well beyond the bending range, and rates of the fastest mode at that amplitude."""
     finger, n = model.system.finger_model, model.system.finger_model.n
-    arcs = finger.family == "arc"
-    bend = max(finger.ranges) if arcs else max(r / h for r, h in zip(finger.ranges, finger.lengths, strict=True))
+    bend = max(map(finger.structure.family.coordinate_size, finger.ranges, finger.lengths))
     most = np.full(model.nx, UNLIMITED)
     moment = _greatest_moment(scene)
     most[:n] = _MARGIN * bend
     most[n : 2 * n] = _MARGIN * bend * model.fastest_rate(stages.u_min, stages.u_max)
     if scene.lag is not None:
         at = model.x_names.index("tip_moment [N m]")
-        most[at], most[at + 1] = 2.0 * moment, 10.0 * moment / scene.lag
+        most[at], most[at + 1] = 2.0 * moment, 10.0 * moment / scene.lag  # a step of the command: 0.37 moment / lag
     return np.stack([-most, most], axis=1)
 
 
 def _disturbance_range(scene: ControlScene, name: str) -> tuple[float, float]:
     rod = scene.finger.rod
     if name.startswith("bending_stiffness"):
-        return (-0.9, 9.0)
+        return (-0.9, 9.0)  # from a tenth to ten times the nominal stiffness
     if name.startswith("object_"):
         return (-rod.length, rod.length)
     moment = name.endswith("[N m]")
@@ -231,7 +214,7 @@ def _measurable(scene: ControlScene, model: Prediction, name: str) -> tuple[floa
         return (base - _MARGIN * finger.rod.length, base + _MARGIN * finger.rod.length)
     if name.startswith("tension_") and finger.tendons is not None:
         most = finger.tendons.max_tension
-        return (-0.5 * most, 2.0 * most)
+        return (-0.5 * most, 2.0 * most)  # a slack tendon may read below zero, and a drive overshoot
     if name.startswith("angle_"):
         most = math.pi + _MARGIN * sum(model.system.finger_model.ranges)
         return (finger.base.angle - most, finger.base.angle + most)

@@ -77,7 +77,7 @@ def state_bounds(bounds: Bounds, curvature_limit: float, model: Prediction) -> B
     given = (model.x, model.u, model.p)
     if bounds.curvature is not None:
         kappa = model.curvature(*given)
-        limits = np.minimum(_range_of_nodes(model, kappa.numel()), curvature_limit)
+        limits = np.minimum(model.system.finger_model.structure.curvature_limits, curvature_limit)
         names = [f"curvature_{k + 1}" for k in range(kappa.numel())]
         found.add(names, kappa / ca.DM(limits), -1.0, 1.0, penalty)
     if bounds.speed is not None:
@@ -115,13 +115,3 @@ def _gap(zone: HalfPlaneZone | DiscZone, at: ca.SX) -> ca.SX:
 
 def _penalty(given: Penalty | str) -> Penalty:
     return given if isinstance(given, Penalty) else HARD
-
-
-def _range_of_nodes(model: Prediction, count: int) -> Array:
-    """Greatest curvature that the bending range allows at each node, or on each arc [1/m]."""
-    finger = model.system.finger_model
-    per_length: Array = np.array(finger.ranges) / np.array(finger.lengths)
-    if count == len(per_length):
-        return per_length
-    nodes: Array = np.minimum(np.append(per_length, per_length[-1]), np.append(per_length[0], per_length))
-    return nodes

@@ -79,7 +79,8 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
     >>> from continuum_grasp.scene.load import load
     >>> scene = load("configs/mpc/steady_tip.yaml")
     >>> outputs = Outputs.of(scene.controller.cost, Prediction(scene))
-    >>> rows = setpoints(outputs, scene.reference, {"tip": lambda t: (-0.05, 0.15 + 0.01 * t)}).rows([0.0, 1.0])
+    >>> raised = {"tip": lambda t: (-0.05, 0.15 + 0.01 * t)}
+    >>> rows = setpoints(outputs, scene.reference, raised).rows([0.0, 1.0])
     >>> rows[:, :2].round(3).tolist()
     [[-0.05, 0.15], [-0.05, 0.16]]
     """

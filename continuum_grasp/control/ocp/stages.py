@@ -59,8 +59,8 @@ class Stages:
         (x, u, p) -> c (nc).
     stages, substeps : int
         N, and steps per stage.
-    method : {"rk4", "implicit"}
-        The Runge-Kutta method of order 4, or an L-stable one of order 2.
+    method : str
+        Name in ``CONTROL_METHODS``.
     stage : float
         Length of a stage h [s].
     nd, ns, nt : int
@@ -69,14 +69,6 @@ class Stages:
         Name and unit of each entry; rows are relative to their bounds.
     u_min, u_max, c_min, c_max, linear, quadratic, weights, terminal_weights, p_nominal : ndarray
         Nominal values, which may be changed at run time; +-1e30 is no bound.
-
-    Examples
-    --------
-    >>> from continuum_grasp.control.ocp.stages import stages_of
-    >>> from continuum_grasp.scene.load import load
-    >>> stages = stages_of(load("configs/mpc/steady_tip.yaml"))
-    >>> stages.nx, stages.nu, stages.r_names[:2]
-    (8, 2, ('tip_x [m]', 'tip_y [m]'))
     """
 
     step: ca.Function
@@ -157,6 +149,14 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     ------
     InputError
         If the pieces do not fit together.
+
+    Examples
+    --------
+    >>> from continuum_grasp.control.ocp.stages import stages_of
+    >>> from continuum_grasp.scene.load import load
+    >>> stages = stages_of(load("configs/mpc/steady_tip.yaml"))
+    >>> stages.nx, stages.nu, stages.r_names[:2]
+    (8, 2, ('tip_x [m]', 'tip_y [m]'))
     """
     model = Prediction(scene) if prediction is None else prediction
     horizon, limits = scene.controller.horizon, scene.controller.input
@@ -211,14 +211,14 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
 
 def _integration(horizon: Horizon, model: Prediction, u_min: Array, u_max: Array) -> tuple[str, int]:
     """Choose method and steps per stage; from the stiffness where the scene has ``auto``."""
-    if horizon.method == "implicit":
-        return "implicit", horizon.substeps or math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+    if horizon.method == "sdirk2":
+        return "sdirk2", horizon.substeps or math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
     if horizon.substeps is not None:
         return "rk4", horizon.substeps
     wanted = max(1, math.ceil(horizon.stage * model.fastest_rate(u_min, u_max) / _TARGET))
     if horizon.method == "rk4" or wanted <= _EXPLICIT_UP_TO:
         return "rk4", wanted
-    return "implicit", math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+    return "sdirk2", math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
 
 
 def _input_limits(scene: ControlScene) -> tuple[Array, Array]:

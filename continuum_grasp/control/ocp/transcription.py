@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from continuum_grasp.control.ocp.implicit import implicit_step
+from continuum_grasp.core.integrators import differentiated_step
 
 __all__ = ["cost_function", "step_function", "terminal_function"]
 
@@ -21,8 +21,8 @@ def step_function(dynamics: ca.Function, nx: int, method: str = "rk4") -> ca.Fun
         (x, u, p) -> xd of the first entries of x; the last ones, if any, become the input (the first nu of them).
     nx : int
         Number of states.
-    method : {"rk4", "implicit"}
-        The Runge-Kutta method of order 4, or an L-stable one of order 2 for stiff models.
+    method : str
+        Name in ``CONTROL_METHODS``.
 
     Returns
     -------
@@ -34,28 +34,12 @@ def step_function(dynamics: ca.Function, nx: int, method: str = "rk4") -> ca.Fun
     rate = dynamics(x, u, p)
     nd = rate.numel()
     slope = ca.Function("slope", [x, u, p], ca.cse([rate, ca.jacobian(rate, x)[:, :nd], ca.jacobian(rate, u)]))
-    step = implicit_step if method == "implicit" else _explicit_step
-    following, by_x, by_u = step(slope, x[:nd], (u, p), h, x[nd:])
+    following, by_x, by_u = differentiated_step(method, slope, x[:nd], (u, p), h, x[nd:])
     following = ca.vertcat(following, u[: nx - nd, :])
     a = ca.diagcat(by_x, ca.SX(nx - nd, nx - nd))
     b = ca.vertcat(by_u, ca.SX.eye(u.numel())[: nx - nd, :])
     expressions = [ca.densify(e) for e in ca.cse([following, a, b])]
     return ca.Function("stage_step", [x, u, p, h], expressions, ["x", "u", "p", "h"], ["xn", "A", "B"])
-
-
-def _explicit_step(
-    slope: ca.Function, x: ca.SX, others: tuple[ca.SX, ...], h: ca.SX, held: ca.SX
-) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The Runge-Kutta method of order 4; arguments and results as of ``implicit_step``."""
-    n, m = x.numel(), slope.size2_out(2)
-    state, by_x, by_u = x, ca.SX.eye(n), ca.SX(n, m)
-    total, total_x, total_u = ca.SX(n, 1), ca.SX(n, n), ca.SX(n, m)
-    for weight, ahead in ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)):
-        k, f_x, f_u = slope(ca.vertcat(state, held), *others)
-        k_x, k_u = ca.mtimes(f_x, by_x), ca.mtimes(f_x, by_u) + f_u
-        total, total_x, total_u = total + weight * k, total_x + weight * k_x, total_u + weight * k_u
-        state, by_x, by_u = x + ahead * h * k, ca.SX.eye(n) + ahead * h * k_x, ahead * h * k_u
-    return x + h / 6 * total, ca.SX.eye(n) + h / 6 * total_x, h / 6 * total_u
 
 
 def cost_function(outputs: ca.Function, rows: ca.Function, stage: float) -> ca.Function:

@@ -8,11 +8,10 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.control.compiled.library import load_library
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.rti.settings import Settings
 from continuum_grasp.control.rti.source import PROBLEM, library_source
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError, SolverError
 
@@ -106,7 +105,8 @@ class RealTimeIteration:
     def __init__(self, stages: Stages, *, precision: str = "double", lanes: bool = True) -> None:
         self.stages = stages
         self.precision = precision_of(precision)
-        self._library = library = _library(library_source(stages, real=self.precision, lanes=lanes))
+        source = library_source(stages, real=self.precision, lanes=lanes)
+        self._library = library = load_library(source, "real-time iterations")
         real: Any = np.float64 if self.precision == "double" else np.float32
         self._number = ctypes.c_double if self.precision == "double" else ctypes.c_float
         n, nx, nu = stages.stages, stages.nx, stages.nu
@@ -287,13 +287,3 @@ def _record(number: Any) -> Any:
     reals = [(name, number) for name in ("kkt", "violation", "cost")]
     fields = [("status", ctypes.c_int), ("iterations", ctypes.c_int), *reals]
     return type("_Record", (ctypes.Structure,), {"_fields_": fields})()
-
-
-def _library(source: str) -> ctypes.CDLL:
-    compiler = find_compiler()
-    if compiler is None:
-        raise InputError(f"real-time iterations need a C compiler: {why_no_compiler()}")
-    try:
-        return ctypes.CDLL(str(library_for(source, compiler)))
-    except (CompileError, OSError) as error:
-        raise InputError(f"real-time iterations need a C compiler, and compiling failed: {error}") from error

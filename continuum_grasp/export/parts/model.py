@@ -52,7 +52,7 @@ def dynamics(subject: Subject) -> Part:
 
 def statics(subject: Subject) -> Part:
     """The part for a subject."""
-    n, unit = subject.n, "N m" if subject.model.family == "arc" else "N m2"
+    n, unit = subject.n, subject.model.structure.family.force_unit
     balance = Struct(
         "balance",
         "Balance of the finger at rest: what is missing for equilibrium.",

@@ -10,7 +10,7 @@ heights; the certificate reports by how much.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -72,6 +72,17 @@ class Certificate:
         """The checks that did not pass."""
         return tuple(check for check in self.checks if not check.passed)
 
+    def data(self) -> dict[str, Any]:
+        """The certificate as plain data."""
+        error = self.model_error
+        return {
+            "passed": self.passed,
+            "checks": [{**asdict(check), "passed": check.passed} for check in self.checks],
+            "friction_margin": self.friction_margin,
+            "model_error": {**asdict(error), "found": error.found, "small": error.small, "limit": error.limit},
+            "stability": asdict(self.stability),
+        }
+
     @property
     def friction_margin(self) -> float:
         """Least of the friction margins; NaN where nothing is known."""
@@ -112,9 +123,9 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
     scene : GraspScene
     arrays : mapping
         As `continuum_grasp.grasp.GraspResult.arrays` gives and a run folder stores. For each finger F: ``F.family``,
-        ``F.q``, ``F.lengths``, ``F.tip_curvature``, ``F.tensions``, ``F.base``, ``F.backbone``; ``object.pose``; and
-        for the contacts ``contact_names``, ``contact_positions``, ``contact_normals``, ``contact_forces`` (normal,
-        friction, lift), ``contact_stations``, ``contact_parts``.
+        ``F.q``, ``F.lengths``, ``F.curvature_shapes``, ``F.tip_curvature``, ``F.tensions``, ``F.base``,
+        ``F.backbone``; ``object.pose``; and for the contacts ``contact_names``, ``contact_positions``,
+        ``contact_normals``, ``contact_forces`` (normal, friction, lift), ``contact_stations``, ``contact_parts``.
 
     Returns
     -------
@@ -165,8 +176,8 @@ def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
     scale = finger.moment_scale(force)
     reference = f"{scale:.4g} N m"
     yield Check(f"finger equilibrium, {finger.name}", finger.imbalance() / scale, EQUILIBRIUM, "1", reference)
-    if finger.family == "matched_clothoid":
-        bent = finger.ends[-1, 1] - finger.rod.rest[-1]
+    if finger.matches_tip:
+        bent = finger.profile[-1, -1] - finger.rod.rest[-1]
         gap = finger.stiffness * bent - finger.tip_moment - finger.tip_couple
         yield Check(f"tip moment balance, {finger.name}", abs(gap) / scale, EQUILIBRIUM, "1", reference)
 
@@ -174,7 +185,7 @@ def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
 def _storage(finger: RecomputedFinger) -> Iterator[Check]:
     stored, length = finger.stored_backbone, finger.length
     s = np.clip(stored[:, 0], 0.0, finger.rod.joints[-1])
-    points, angles = finger.rod.at(finger.ends, s)
+    points, angles = finger.rod.at(finger.profile, s)
     off = worst(
         float(np.abs(stored[:, 0] - s).max()) / length,
         abs(stored[0, 0]) / length,
@@ -184,7 +195,7 @@ def _storage(finger: RecomputedFinger) -> Iterator[Check]:
         float(np.abs(stored[:, 3] - angles).max()),
     )
     yield Check(f"stored backbone, {finger.name}", off, GAP, "1", f"{length:.4g} m")
-    off = abs(finger.stored_tip_curvature - finger.ends[-1, 1]) * length
+    off = abs(finger.stored_tip_curvature - finger.profile[-1, -1]) * length
     yield Check(f"stored tip curvature, {finger.name}", off, GAP, "1", f"{1 / length:.4g} 1/m")
     base = finger.finger.base
     off = _beyond((*base.position, base.angle), finger.finger.base_free, finger.base, length)
@@ -208,9 +219,9 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
             over_length = worst(low - at, at - high) / length
             yield Check(f"position along the finger, {contact.name}", over_length, LIMIT, "1", f"{length:.4g} m")
     if np.isfinite(most := finger.finger.curvature_limit):
-        kappa = float(np.abs(finger.ends).max())
+        kappa = float(np.abs(finger.profile).max())
         yield Check(f"bending strain, {finger.name}", kappa / most - 1, LIMIT, "1", f"{most:.4g} 1/m")
-    bends = float(np.abs(finger.lengths[:, None] * finger.ends).max())
+    bends = float(np.abs(finger.lengths[:, None] * finger.profile).max())
     most = setup.bending_range
     yield Check(f"bending range, {finger.name}", bends / most - 1, LIMIT, "1", f"{most:.4g} rad")
 

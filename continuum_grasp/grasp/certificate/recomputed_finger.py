@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.dense_rod import DenseRod
+from continuum_grasp.rod.dense_rod import DenseRod, curvature_profile
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.grasp_options import GraspGravity, PlanarGravity
 
@@ -55,35 +55,34 @@ class RecomputedFinger:
     """
 
     def __init__(self, setup: FingerSetup, gravity: GraspGravity, arrays: Mapping[str, Any]) -> None:
-        self.setup, self.name, self.finger, self.family = setup, setup.name, setup.finger, setup.family
+        self.setup, self.name, self.finger = setup, setup.name, setup.finger
 
         def stored(key: str) -> Array:
             return np.asarray(arrays[f"{setup.name}.{key}"], dtype=float)
 
         self.q, self.lengths, self.tensions = stored("q"), stored("lengths"), stored("tensions")
         self.stored_tip_curvature, self.stored_backbone = float(stored("tip_curvature")), stored("backbone")
-        self.base = stored("base")
+        self.base, self._shapes = stored("base"), stored("curvature_shapes")
         self.length = self.finger.rod.length
         self.stiffness = self.finger.rod.stiffness
         self.thickness = self.finger.thickness_radius
         self.gravity = gravity_vector(gravity)
         self.rod = DenseRod(self.finger, self.lengths, base=self.base)
-        self.ends = self.curvature_ends(self.q)
-        self.angles = self.rod.edge_angle(self.ends)
-        self.points = self.rod.edge_points(self.ends)
+        self.profile = self.curvatures(self.q)
+        self.angles = self.rod.edge_angle(self.profile)
+        self.points = self.rod.edge_points(self.profile)
         self.joint_edges = np.searchsorted(self.rod.edges, self.rod.joints)
         self.tendon_shares = self._capstan()
         self.loads: list[FingerLoad] = []
 
-    def curvature_ends(self, q: Array) -> Array:
-        """Curvature at start and end of each element (..., N, 2) [1/m] from coordinates (..., n)."""
-        if self.family == "arc":
-            return np.repeat((q / self.lengths)[..., None], 2, axis=-1)
-        nodes = q
-        if self.family == "matched_clothoid":
-            tip = np.full((*q.shape[:-1], 1), self.stored_tip_curvature, dtype=q.dtype)
-            nodes = np.concatenate([q, tip], axis=-1)
-        return np.stack([nodes[..., :-1], nodes[..., 1:]], axis=-1)
+    def curvatures(self, q: Array) -> Array:
+        """Curvature (..., N, D) [1/m] at places along each element, from coordinates (..., n)."""
+        return curvature_profile(self._shapes, q, self.stored_tip_curvature)
+
+    @property
+    def matches_tip(self) -> bool:
+        """Whether the curvature at the tip is no coordinate, but set by the moment balance there."""
+        return bool(self._shapes.shape[-1] > self.q.size)
 
     @property
     def tip_moment(self) -> float:
@@ -102,7 +101,7 @@ class RecomputedFinger:
 
     def moment_scale(self, force: float) -> float:
         """Greatest moment in play [N m], with a floor for straight fingers under forces of up to ``force`` [N]."""
-        bent = float(np.abs(self.rod.curvature(self.ends) - self.rod.rest).max())
+        bent = float(np.abs(self.rod.curvature(self.profile) - self.rod.rest).max())
         least = 0.01 * max(force * self.length, self.stiffness / self.length)
         return float(np.max([abs(self.tip_moment), self.stiffness * bent, least]))
 
@@ -120,21 +119,21 @@ class RecomputedFinger:
         step = 1e-30
         rod = DenseRod(self.finger, self.lengths, _COARSE, self.base)
         shifted = self.q + 1j * step * np.eye(self.q.size)
-        ends = self.curvature_ends(shifted)
-        angles = rod.edge_angle(ends)
-        slopes = self._potential(rod, ends, angles).imag / step
+        profile = self.curvatures(shifted)
+        angles = rod.edge_angle(profile)
+        slopes = self._potential(rod, profile, angles).imag / step
         turns = np.abs(angles.imag).max(axis=-1) / step
         return np.asarray(slopes / turns)
 
-    def _potential(self, rod: DenseRod, ends: Array, edge_angles: Array) -> Array:
+    def _potential(self, rod: DenseRod, profile: Array, edge_angles: Array) -> Array:
         """Energy of bending and of all loads, contact forces and couples frozen (...,) [J]."""
-        bent = rod.curvature(ends) - rod.rest
-        angle = rod.angle(ends)
-        points = rod.edge_points(ends, angle)
-        bends = 0.5 * self.lengths * ends.sum(axis=-1)
+        bent = rod.curvature(profile) - rod.rest
+        angle = rod.angle(profile)
+        points = rod.edge_points(profile, angle)
+        bends = rod.bends(profile)
         energy = 0.5 * self.stiffness * (bent**2 @ rod.weights) - self.tip_moment * (bends @ self.tendon_shares)
         if self.gravity.any():
-            energy = energy - self.finger.rod.mass_per_length * (rod.mean_point(ends, angle) @ self.gravity)
+            energy = energy - self.finger.rod.mass_per_length * (rod.mean_point(profile, angle) @ self.gravity)
             for mass in self.finger.masses:
                 energy = energy - mass.mass * (points[..., rod.edge_index(mass.at), :] @ self.gravity)
         for load in self.loads:
@@ -147,7 +146,7 @@ class RecomputedFinger:
         tendons = self.finger.tendons
         if tendons is None or tendons.friction == 0.0:
             return np.ones(self.lengths.size)
-        bends = 0.5 * self.lengths * self.ends.sum(axis=1)
+        bends = self.rod.bends(self.profile)
         rounded = 1e-3 * self.lengths / self.lengths.sum()
         turned = bends**2 / np.sqrt(bends**2 + rounded**2)  # without sign, rounded off where straight
         return np.asarray(np.exp(-tendons.friction * (np.cumsum(turned) - 0.5 * turned)))

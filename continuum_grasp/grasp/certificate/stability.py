@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.dense_rod import DenseRod
 from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, RecomputedGrasp, across
 from continuum_grasp.grasp.certificate.recomputed_finger import RecomputedFinger
+from continuum_grasp.rod.dense_rod import DenseRod
 
 __all__ = ["Stability", "contact_stability"]
 
@@ -118,7 +118,7 @@ class _Chain:
         self.edges = _cut(marks, cells)
         self.ds = np.diff(self.edges)
         rod: DenseRod = finger.rod
-        angle = rod.at(finger.ends, 0.5 * (self.edges[1:] + self.edges[:-1]))[1]
+        angle = rod.at(finger.profile, 0.5 * (self.edges[1:] + self.edges[:-1]))[1]
         self.tangent = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
         self.arm = -np.stack([np.cos(angle), np.sin(angle)], axis=-1) * self.ds[:, None]
 

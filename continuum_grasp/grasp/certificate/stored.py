@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 __all__ = ["misfits", "not_finite"]
 
-_OF_FINGERS = ("q", "lengths", "tip_curvature", "tensions", "base", "backbone")
+_OF_FINGERS = ("q", "lengths", "curvature_shapes", "tip_curvature", "tensions", "base", "backbone")
 _SHARED = ("object.pose", "contact_positions", "contact_normals", "contact_forces", "contact_parts")
 
 
@@ -31,8 +32,8 @@ def _examined(
     scene: GraspScene, setups: tuple[FingerSetup, ...], arrays: Mapping[str, Any]
 ) -> Iterator[tuple[str, bool]]:
     for setup in setups:
-        n = setup.elements
-        coordinates = n + 1 if setup.family == "clothoid" else n
+        n, shapes = setup.elements, _shape(arrays, f"{setup.name}.curvature_shapes") or ()
+        coordinates = (shapes[-1] if shapes else 0) - FAMILIES[setup.family].matches_tip
         family = f"{setup.name}.family"
         yield family, str(arrays.get(family)) != setup.family
         own: dict[str, tuple[int, ...]] = {
@@ -44,6 +45,7 @@ def _examined(
         }
         for name, shape in own.items():
             yield f"{setup.name}.{name}", _shape(arrays, f"{setup.name}.{name}") != shape
+        yield f"{setup.name}.curvature_shapes", len(shapes) != 3 or shapes[0] != n or 0 in shapes
         backbone = _shape(arrays, f"{setup.name}.backbone")
         yield f"{setup.name}.backbone", backbone is None or len(backbone) != 2 or backbone[0] < 2 or backbone[1] != 4
     yield "object.pose", _shape(arrays, "object.pose") != (3,)

@@ -105,8 +105,8 @@ def _curvatures(problem: Unknowns, contact: TouchState) -> tuple[ca.SX, ca.SX]:
     if spec.joint < 0:
         return ours, 1.0 / problem.thickness(finger)
     unit, end = finger.unit, finger.end_of(spec)
-    nodes = unit.curvatures(finger.q, finger.u, finger.p)
-    bent = nodes[end + 1] if finger.spec.family != "arc" else 0.5 * (nodes[end] + nodes[end + 1])
+    at = unit.curvatures_at_places(finger.q, finger.u, finger.p)
+    bent = 0.5 * (at[-1, end] + at[0, end + 1])
     side = ca.dot(contact.normal, ca.vertcat(ca.cos(finger.angles[end]), ca.sin(finger.angles[end])))
     bent = side * bent / unit.number("length")
     return ours, -bent / (1.0 - problem.thickness(finger) * bent)

@@ -55,10 +55,12 @@ def _finger_start(setup: FingerSetup, state: FingerState, whole: Start, units: U
     lengths = np.array(state.unit.element_lengths(joints))
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     knots, curvatures = np.array([start.knots]) / length, np.array([start.curvatures]) * length
-    nodes = curvature_at(knots, curvatures, ends[None])[0]
+    model = state.unit.model
+    family = model.structure.family
+    places = ends[:-1, None] + lengths[:, None] * family.places
+    at = curvature_at(knots, curvatures, places.reshape(1, -1)).reshape(places.shape)
     bends = np.diff(turning(knots, curvatures, ends[None])[0])
-    q = {"arc": bends, "clothoid": nodes, "matched_clothoid": nodes[:-1]}
-    moment = float(nodes[-1]) - finger.curvature_pieces[0][2] * length
+    moment = float(curvature_at(knots, curvatures, ends[None, -1:])[0, 0]) - finger.curvature_pieces[0][2] * length
     tendons = finger.tendons
     least = 0.0 if tendons is None else tendons.min_tension * tendons.offset * length / finger.rod.stiffness
     pulls = [least + max(moment, 0.1), least] if moment >= 0.0 else [least, least - min(moment, -0.1)]
@@ -66,7 +68,7 @@ def _finger_start(setup: FingerSetup, state: FingerState, whole: Start, units: U
         pulls = [t * tendons.offset * length / finger.rod.stiffness for t in whole.tensions[name]]
     x, y, turn = start.base
     values: Values = {
-        f"{name}.q": q[setup.family],
+        f"{name}.q": family.coordinates(bends, at)[: model.n],
         f"{name}.pulls": pulls,
         f"{name}.base": [x / units.length, y / units.length, turn],
     }
@@ -96,11 +98,13 @@ class PointReader:
             q, shares, tip, pulls, base, line = rest[6 * k : 6 * k + 6]
             name, finger, length = setup.name, setup.finger, setup.finger.rod.length
             lengths[k] = length
+            family, elements = self._problem.fingers[k].unit.model.structure.family, shares.ravel() * length
             offset = 1.0 if finger.tendons is None else finger.tendons.offset
             out |= {
                 f"{name}.family": np.array(setup.family),
-                f"{name}.q": q.ravel() / (1.0 if setup.family == "arc" else length),
-                f"{name}.lengths": shares.ravel() * length,
+                f"{name}.q": family.coordinate_size(q.ravel(), length),
+                f"{name}.lengths": elements,
+                f"{name}.curvature_shapes": family.curvature_shapes(elements.tolist()),
                 f"{name}.tip_curvature": np.array(float(tip.ravel()[0]) / length),
                 f"{name}.tensions": pulls.ravel() * finger.rod.stiffness / length / offset,
                 f"{name}.base": base.ravel() * [m, m, 1.0],

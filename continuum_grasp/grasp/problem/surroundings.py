@@ -84,7 +84,7 @@ class Surroundings:
             count = points.shape[1] - finger.unit.probes * finger.spec.elements
             self._elements.append(elements[:count])
             self._touches.append(np.array(touches))
-            curvatures = finger.unit.curvatures(finger.q, finger.u, finger.p)
+            curvatures = finger.unit.curvatures_at_places(finger.q, finger.u, finger.p)
             out += [points[:, :count], curvatures, finger.p[: finger.spec.elements], finger.base]
         self._places = ca.Function("places", [x, numbers], out)
 
@@ -125,7 +125,7 @@ class Surroundings:
         """Look along one finger; supports and object may be ``given`` deep in it."""
         finger, name = self._problem.fingers[index], setup.name
         points, curvatures, lengths, base = values
-        line = _Line(finger, curvatures.ravel(), lengths.ravel(), base.ravel(), setup, units)
+        line = _Line(finger, curvatures, lengths.ravel(), base.ravel(), setup, units)
         obstacles = _obstacles(scene)
 
         def look(at: Array, owner: Array) -> list[tuple[Nearest, Array]]:
@@ -200,9 +200,14 @@ class _Line:
         self._ends = np.concatenate([[0.0], np.cumsum(lengths)])
         self._lengths, self._base = lengths, base
         self._scale = setup.finger.rod.length / units.length
-        arcs = finger.spec.family == "arc"
-        self._knots = np.repeat(self._ends, 2)[1:-1] if arcs else self._ends
-        self._curvatures = np.repeat(curvatures, 2) if arcs else curvatures
+        family = finger.unit.model.structure.family
+        places = family.places if family.degree else np.array([0.0, 1.0])
+        knots = self._ends[:-1, None] + lengths[:, None] * places
+        values = np.broadcast_to(curvatures.T, knots.shape)
+        if family.continuous:
+            self._knots, self._curvatures = (np.append(v[:, :-1], v[-1, -1]) for v in (knots, values))
+        else:
+            self._knots, self._curvatures = knots.ravel(), values.ravel()
 
     def at(self, fractions: Array) -> tuple[Array, Array]:
         """World positions (N * M, 2) at increasing fractions (N, M) of the elements, and their elements (N * M,)."""

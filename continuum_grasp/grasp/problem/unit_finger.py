@@ -163,27 +163,25 @@ class UnitFinger:
             force += self.number(f"mass_{k}") * arm.T @ rotation(-turn) @ self.number("weight", 2)
         return force
 
+    @cached_property
+    def _curvatures(self) -> ca.Function:
+        return self.model.curvatures()
+
     def curvatures(self, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
         """Curvature of each arc, or at each node of the clothoids."""
-        if self.spec.family == "arc":
-            return q / p[: self.spec.elements]
-        return q if self.spec.family == "clothoid" else ca.vertcat(q, self.tip_curvature(q, u, p))
+        return self._curvatures(q, u, p)[0]
+
+    def curvatures_at_places(self, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+        """Curvature (degree + 1, N) at the family's places on each element."""
+        return self._curvatures(q, u, p)[1]
 
     def greatest_bends(self, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
-        """Bends of arcs; for clothoids their lengths times the curvatures at both ends."""
-        if self.spec.family == "arc":
-            return q
-        lengths, nodes = p[: self.spec.elements], self.curvatures(q, u, p)
-        return ca.vertcat(lengths * nodes[:-1], lengths * nodes[1:])
+        """Lengths of the elements times the curvatures at the family's places on them."""
+        return ca.vec(self._curvatures(q, u, p)[2].T)
 
     def tip_curvature(self, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
         """Curvature at the tip; where it is matched, what the moment balance imposes."""
-        if self.spec.family == "arc":
-            return q[-1] / p[self.spec.elements - 1]
-        if self.spec.family == "clothoid":
-            return q[-1]
-        rest = self.number("rest_curvature") if self.spec.preshaped else 0.0
-        return _OFFSET * (u[0] - u[1]) + u[2] + rest
+        return self.curvatures_at_places(q, u, p)[-1, -1]
 
     @property
     def probes(self) -> int:

@@ -137,7 +137,7 @@ def _cost(motion: Array, matrix: Array, greatest: float) -> float:
 
 
 def _mobility(setup: FingerSetup, arrays: Mapping[str, Any], contacts: ContactSet, mine: Sequence[int]) -> _Mobility:
-    own = {key: arrays[f"{setup.name}.{key}"] for key in ("family", "q", "lengths", "tip_curvature", "base")}
+    own = {key: arrays[f"{setup.name}.{key}"] for key in ("q", "lengths", "curvature_shapes", "tip_curvature", "base")}
     finger = BentFinger(setup.finger, own, [float(contacts.stations[k]) for k in mine])
     thickness = setup.finger.thickness_radius
     rows, grasp = [], []

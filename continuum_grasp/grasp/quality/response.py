@@ -119,7 +119,9 @@ class GraspResponse:
     # -- making ----------------------------------------------------------------------------------------------
 
     def _bent(self, setup: FingerSetup, arrays: Mapping[str, Any]) -> BentFinger:
-        own = {key: arrays[f"{setup.name}.{key}"] for key in ("family", "q", "lengths", "tip_curvature", "base")}
+        own = {
+            key: arrays[f"{setup.name}.{key}"] for key in ("q", "lengths", "curvature_shapes", "tip_curvature", "base")
+        }
         mine = [k for k in range(self.contacts.count) if self.contacts.finger_of(k) == setup.name]
         return BentFinger(setup.finger, own, [float(self.contacts.stations[k]) for k in mine])
 

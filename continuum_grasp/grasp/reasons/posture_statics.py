@@ -95,14 +95,14 @@ def _finger_rows(
     """Rows and right-hand side of a finger's equilibrium: the virtual work of each cause alone."""
     loads, tensions = finger.loads, finger.tensions
     scale = finger.moment_scale(max((float(np.hypot(*load.force)) for load in loads), default=0.0))
-    matched = finger.family == "matched_clothoid"
+    matched = finger.matches_tip
 
     def work(pulls: tuple[float, float] = (0.0, 0.0), load: FingerLoad | None = None) -> Array:
         finger.loads, finger.tensions = [] if load is None else [load], np.asarray(pulls)
         slopes = finger.virtual_work()
         if not matched:
             return slopes
-        bent = finger.stiffness * (finger.ends[-1, 1] - finger.rod.rest[-1])
+        bent = finger.stiffness * (finger.profile[-1, -1] - finger.rod.rest[-1])
         return np.append(slopes, bent - finger.tip_moment - finger.tip_couple)
 
     try:

@@ -1,19 +1,14 @@
-"""A grasp result as text, and its files."""
+"""A grasp result as text, for people and as YAML."""
 
 from __future__ import annotations
 
-import os
 import textwrap
-from dataclasses import asdict
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from continuum_grasp.grasp.report.shown import (
-    certificate_data,
     disturbance_rows,
     fine_rows,
     further_advice,
-    quality_of,
     quality_rows,
     result_data,
 )
@@ -25,7 +20,7 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.model_error import ModelError
     from continuum_grasp.grasp.result import GraspResult
 
-__all__ = ["result_meta", "result_text", "result_yaml", "save_result"]
+__all__ = ["result_text", "result_yaml"]
 
 _HEAD = """\
 # How the object is held, or why it is not. World frame, SI units. Forces at contacts are those on what touches the
@@ -50,54 +45,9 @@ def result_text(result: GraspResult) -> str:
     return "\n".join(lines)
 
 
-def result_meta(result: GraspResult, *, quality: bool = False) -> dict[str, Any]:
-    """Everything about the result that is not an array; ``quality=True`` adds the indices of quality."""
-    held = quality_of(result) if quality else None
-    return {
-        "kind": "grasp",
-        "config": result.scene.model_dump(mode="json"),
-        "seed": result.scene.solver.random_seed,
-        "status": result.status.value,
-        "message": result.message,
-        "warnings": list(result.warnings),
-        "certificate": None if result.certificate is None else certificate_data(result.certificate),
-        "quality": None if held is None else held.data(),
-        "violated": list(result.violated),
-        "reasons": [asdict(reason) for reason in result.reasons],
-        "advice": result.advice,
-        "statistics": dict(result.statistics),
-    }
-
-
 def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
     """The result as YAML for people and other programs; SI units, which the names carry."""
     return _HEAD + yaml_text(result_data(result, quality=quality))
-
-
-def save_result(result: GraspResult, folder: str | os.PathLike[str], *, quality: bool = True) -> Path:
-    """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, each whole or not at all.
-
-    Parameters
-    ----------
-    result : GraspResult
-    folder : path-like
-        Created where missing; a run in it is replaced.
-    quality : bool, optional
-        Save the indices of quality too, which take some tenths of a second.
-
-    Raises
-    ------
-    OSError
-        The files cannot be written.
-    """
-    from continuum_grasp.results import replacing, write_run
-
-    target = Path(folder)
-    text = result_yaml(result, quality=quality)
-    write_run(target, dict(result.arrays), result_meta(result, quality=quality))
-    with replacing(target / "result.yaml") as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    return target
 
 
 def _finger_lines(result: GraspResult) -> list[str]:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
 
 __all__ = [
-    "certificate_data",
     "disturbance_rows",
     "fine_rows",
     "further_advice",
@@ -25,20 +24,10 @@ __all__ = [
     "result_data",
 ]
 
-_RETAINED = "_quality"
-
 
 def quality_of(result: GraspResult) -> Quality | None:
-    """The indices of a verified grasp, computed once for each result; None where there is none."""
-    if not result.solved:
-        return None
-    from continuum_grasp.grasp.quality.quality import grasp_quality
-
-    retained = vars(result)
-    if _RETAINED not in retained:
-        retained[_RETAINED] = grasp_quality(result.scene, result.arrays)
-    found: Quality = retained[_RETAINED]
-    return found
+    """The indices of a verified grasp; None where there is none."""
+    return result.quality if result.solved else None
 
 
 def resisted_forces(result: GraspResult) -> NDArray[Any] | None:
@@ -55,18 +44,6 @@ def resisted_forces(result: GraspResult) -> NDArray[Any] | None:
     """
     quality = quality_of(result)
     return None if quality is None else quality.resistance_polygon
-
-
-def certificate_data(certificate: Certificate) -> dict[str, Any]:
-    """A certificate as plain data."""
-    error = certificate.model_error
-    return {
-        "passed": certificate.passed,
-        "checks": [{**asdict(check), "passed": check.passed} for check in certificate.checks],
-        "friction_margin": certificate.friction_margin,
-        "model_error": {**asdict(error), "found": error.found, "small": error.small, "limit": error.limit},
-        "stability": asdict(certificate.stability),
-    }
 
 
 def quality_rows(result: GraspResult) -> list[tuple[str, str, str]]:

@@ -13,7 +13,7 @@ __all__ = ["yaml_text"]
 _BARE = re.compile(r"[A-Za-z][A-Za-z0-9_./+-]*( [A-Za-z0-9_./+-]+)*")
 _WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
 _WIDTH = 110
-"""Characters of a line up to which a list stays on it."""
+"""Of a line [characters]: fits terminals and the page of a report without a bar to scroll."""
 
 
 def yaml_text(value: Any, *, exact: bool = False) -> str:

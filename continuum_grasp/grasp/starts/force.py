@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.starts.candidates import Candidates
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, sample
 from continuum_grasp.grasp.starts.values import ContactStart
+from continuum_grasp.model.family import family_class
+from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
@@ -232,7 +234,9 @@ class _Mesh:
     """Positions (P, 4 M + 1), the last one the tip's."""
     shares: Array
     """Lengths of the elements (P, M)."""
-    family: str
+    constant: bool
+    """Whether the shapes are constant on each element, not hats over the ends of elements."""
+    matches_tip: bool
 
     @staticmethod
     def of(setup: FingerSetup, found: Candidates) -> _Mesh:
@@ -249,21 +253,22 @@ class _Mesh:
         )
         starts = np.cumsum(shares, axis=1) - shares
         at = (starts[..., None] + shares[..., None] * _NODES).reshape(count, -1)
-        family = "clothoid" if setup.family == "arc" and not few else setup.family
-        return _Mesh(np.concatenate([at, np.ones((count, 1))], axis=1), shares, family)
+        constant = few and family_class(setup.family).degree == 0
+        sections = np.concatenate([at, np.ones((count, 1))], axis=1)
+        return _Mesh(sections, shares, constant, FAMILIES[setup.family].matches_tip)
 
     def project(self, values: Array) -> Array:
         """Means (P, R, n) of values (P, 4 M + 1, n) over the shapes."""
         count, size = self.shares.shape
         inner = values[:, :-1].reshape(count, size, len(_NODES), -1) * self.shares[..., None, None]
-        if self.family == "arc":
+        if self.constant:
             return np.asarray((inner * _WEIGHTS[:, None]).sum(axis=2))
         left = (inner * (_WEIGHTS * (1.0 - _NODES))[:, None]).sum(axis=2)
         right = (inner * (_WEIGHTS * _NODES)[:, None]).sum(axis=2)
         rows = np.zeros((count, size + 1, values.shape[2]))
         rows[:, :-1] += left
         rows[:, 1:] += right
-        if self.family == "matched_clothoid":
+        if self.matches_tip:
             rows[:, -1] = 0.5 * values[:, -1]
         return rows
 

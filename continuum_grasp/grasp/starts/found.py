@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
+from continuum_grasp.rod.dense_rod import curvature_profile
 from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["start_from"]
@@ -36,7 +37,8 @@ def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
         ends = np.concatenate([[0.0], np.cumsum(lengths)])
         joints = tuple(float(ends[count]) for count in setup.before)
         tip = float(arrays[f"{setup.name}.tip_curvature"])
-        knots, curvatures = _profile(setup.family, arrays[f"{setup.name}.q"], ends, tip)
+        shapes = arrays[f"{setup.name}.curvature_shapes"]
+        knots, curvatures = _knots(curvature_profile(shapes, arrays[f"{setup.name}.q"], tip), ends)
         line, sides = arrays[f"{setup.name}.backbone"], []
         for name, joint in zip(setup.middle_names, joints, strict=True):
             angle = float(np.interp(joint, line[:, 0], line[:, 3]))
@@ -55,12 +57,15 @@ def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
     return Start("found", (x, y, turn), fingers, contacts)
 
 
-def _profile(family: str, q: Array, ends: Array, tip: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Knots and curvatures of a continuous profile near that of a finger."""
-    if family == "arc":
-        middle = 0.5 * (ends[1:] + ends[:-1])
-        bent = q / np.diff(ends)
-        knots, values = np.concatenate([[0.0], middle, ends[-1:]]), np.concatenate([bent[:1], bent, bent[-1:]])
+def _knots(profile: Array, ends: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Knots and curvatures of a continuous profile near that of a finger, whose elements have D curvatures each."""
+    first, last = ends[:-1, None], ends[1:, None]
+    if profile.shape[1] == 1:
+        knots = np.concatenate([ends[:1], 0.5 * (ends[1:] + ends[:-1]), ends[-1:]])
+        values = np.concatenate([profile[0], profile[:, 0], profile[-1]])
     else:
-        knots, values = ends, np.append(q, tip) if family == "matched_clothoid" else q
-    return tuple(float(s) for s in knots), tuple(float(k) for k in values)
+        inner = first + (last - first) * np.linspace(0.0, 1.0, profile.shape[1])[1:-1]
+        joints = np.concatenate([profile[:1, 0], 0.5 * (profile[:-1, -1] + profile[1:, 0]), profile[-1:, -1]])
+        knots = np.append(np.concatenate([first, inner], axis=1), ends[-1])
+        values = np.append(np.concatenate([joints[:-1, None], profile[:, 1:-1]], axis=1), joints[-1])
+    return tuple(knots.tolist()), tuple(values.tolist())

@@ -1,4 +1,4 @@
-"""Figures, axes, colours and labels that all pictures share, without matplotlib's global state."""
+"""Figures, axes, colors and labels that all pictures share, without matplotlib's global state."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.plotting.drawing.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, YELLOW
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
@@ -18,14 +20,9 @@ if TYPE_CHECKING:
 Box = tuple[float, float, float, float]
 
 __all__ = [
-    "BLUE",
-    "GREEN",
-    "GREY",
-    "INK",
-    "ORANGE",
-    "SPARE",
     "Box",
     "bend_box",
+    "color_bar",
     "colors",
     "head",
     "new_axes",
@@ -34,14 +31,10 @@ __all__ = [
     "quiet",
     "split_unit",
     "symbol",
-    "time_bar",
+    "time_axes",
     "time_map",
 ]
 
-# told apart also by colour-blind readers (Okabe and Ito)
-BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
-INK, GREY = "#222222", "#8A8A8A"
-SPARE = (PURPLE, YELLOW, SKY)
 _SYMBOL = re.compile(r"(theta|kappa|tau|phi)_?(\d*)")
 
 
@@ -61,7 +54,7 @@ def new_axes(ax: Axes | None, width: float = 6.4, height: float = 4.2) -> Axes:
 
 
 def plane_axes(ax: Axes | None, box: Box, colorbar: bool = True) -> Axes:
-    """World axes in metres, one scale for both: those given, or new ones in a figure that fits."""
+    """World axes in meters, one scale for both: those given, or new ones in a figure that fits."""
     wide = (box[1] - box[0]) / (box[3] - box[2])
     height = min(4.4, 5.4 / wide)
     ax = new_axes(ax, wide * height + (1.9 if colorbar else 0.8), height + 1.1)
@@ -73,10 +66,10 @@ def plane_axes(ax: Axes | None, box: Box, colorbar: bool = True) -> Axes:
     return ax
 
 
-def time_bar(ax: Axes, drawn: ScalarMappable) -> None:
-    """A colour bar for artists coloured by time [s]."""
+def color_bar(ax: Axes, drawn: ScalarMappable, label: str = "time [s]") -> None:
+    """A bar beside the axes for what is colored by a quantity."""
     bar = ax.figure.colorbar(drawn, ax=ax, pad=0.03)
-    bar.set_label("time [s]", color=INK)
+    bar.set_label(label, color=INK)
     bar.ax.tick_params(colors=INK, labelsize=9)
     bar.outline.set_visible(False)
 
@@ -112,6 +105,14 @@ def head(ax: Axes, name: str | None, entries: int = 0, columns: int = 4) -> None
         ax.set_title(name or " ", fontsize=10, color=INK, loc="left", pad=7.0 + 15.0 * rows)
 
 
+def time_axes(ax: Axes, label: str, name: str | None, entries: int = 0, columns: int = 4) -> Axes:
+    """Finish axes over time: what is drawn, with its unit, and what stands above."""
+    ax.set_xlabel("time [s]", color=INK)
+    ax.set_ylabel(label, color=INK)
+    head(ax, name, entries, columns)
+    return ax
+
+
 def split_unit(name: str) -> tuple[str, str]:
     """Name and unit of ``"name [unit]"``; the unit is empty where there is none."""
     head, bracket, rest = name.partition("[")
@@ -128,7 +129,7 @@ def symbol(name: str) -> str:
 
 
 def colors(count: int) -> list[Any]:
-    """Colours for so many curves: distinct ones for a few, an ordered scale for many."""
+    """Colors for so many curves: distinct ones for a few, an ordered scale for many."""
     few = [BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY]
     if count <= len(few):
         return few[:count]

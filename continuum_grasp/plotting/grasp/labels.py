@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.plotting.drawing.style import Z
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Text
@@ -20,12 +22,18 @@ __all__ = ["Label", "place_labels"]
 Array = NDArray[Any]
 
 _CELL = 2.0
-"""Side of a cell of the map of what is taken [points]."""
+"""Side of a cell of the map of what is taken [points]: as wide as the widest line."""
 _PAD = 2.5
-"""Kept free around a label [points]."""
+"""Free margin around a label [points]."""
 _TURNS = np.linspace(0.0, math.tau, 32, endpoint=False)
+"""Directions in which a label is tried."""
 _NEAR, _FAR, _STEP = 7.0, 170.0, 7.0
-"""Distances of a label from what it names that are tried [points]."""
+"""Distances of a label from what it names that are tried [points]: up to half of the drawing, by a line's height."""
+_ASIDE, _DRAWN, _WRITTEN, _TOUCHING, _CROSSED = 9.0, 400.0, 2000.0, 250.0, 60.0
+"""What a place costs, as points of distance: pointing away from the wished side, share of it on the drawing and on
+other labels, touching either at all, and a leader over a label. A label on another cannot be read: any distance is
+better.
+"""
 
 
 @dataclass(frozen=True)
@@ -108,8 +116,10 @@ class _Sheet:
         return np.asarray((pixels - self.corner) * self.points_per_pixel)
 
     def write(self, label: Label, size: float) -> Text:
-        """Place one label and take its room."""
-        text = self.ax.text(0, 0, label.text, color=label.color, fontsize=size, ha="center", va="center", zorder=8)
+        """Place one label and mark its box as taken."""
+        text = self.ax.text(
+            0, 0, label.text, color=label.color, fontsize=size, ha="center", va="center", zorder=Z.LABEL
+        )
         text.set_multialignment("center")
         text.set_linespacing(1.15)
         shown = text.get_window_extent()
@@ -125,7 +135,9 @@ class _Sheet:
         if float(np.hypot(*(end - at))) > 1.6 * _NEAR:
             tail = self.ax.transData.inverted().transform(end / self.points_per_pixel + self.corner)
             path = np.array([label.at, tail])
-            self.ax.plot(*path.T, color=label.color, linewidth=0.7, alpha=0.8, zorder=5.5, scalex=False, scaley=False)
+            self.ax.plot(
+                *path.T, color=label.color, linewidth=0.7, alpha=0.8, zorder=Z.LEADER, scalex=False, scaley=False
+            )
             self._trace(np.array([at, end]))
         return text
 
@@ -136,7 +148,7 @@ class _Sheet:
         return math.atan2(way[1], way[0])
 
     def _best(self, taken: Array, at: Array, half: Array, wanted: float | None) -> Array:
-        """Centre of the box that costs least [points]."""
+        """Center of the box that costs least [points]."""
         full, words = _sums(taken), _sums(self.texts)
         best, least = at, math.inf
         for turn in _TURNS:
@@ -144,7 +156,7 @@ class _Sheet:
             edge = min(half[0] / max(abs(way[0]), 1e-9), half[1] / max(abs(way[1]), 1e-9))
             aside = 0.0 if wanted is None else 1.0 - math.cos(turn - wanted)
             for distance in np.arange(_NEAR, _FAR, _STEP):
-                cost = distance + 9.0 * aside
+                cost = distance + _ASIDE * aside
                 if cost >= least:
                     break
                 center = at + (distance + edge) * way
@@ -152,8 +164,8 @@ class _Sheet:
                 if (low < 0).any() or (high > self.size).any():
                     break
                 drawn, written = self._share(full, low, high), self._share(words, low, high)
-                cost += 400.0 * drawn + 2000.0 * written + (250.0 if drawn + written > 0 else 0.0)
-                cost += 60.0 * self._crossed(at, np.clip(at, low, high))
+                cost += _DRAWN * drawn + _WRITTEN * written + (_TOUCHING if drawn + written > 0 else 0.0)
+                cost += _CROSSED * self._crossed(at, np.clip(at, low, high))
                 if cost < least:
                     best, least = center, cost
         return best
@@ -184,7 +196,7 @@ class _Sheet:
                     self.taken[wide[:, 0], wide[:, 1]] = True
 
     def _inside(self, outline: Array) -> Array:
-        """Cells whose centres lie inside an outline."""
+        """Cells whose centers lie inside an outline."""
         from matplotlib.path import Path
 
         nx, ny = self.taken.shape

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from continuum_grasp.plotting.drawing.axes import GREY, INK
+from continuum_grasp.plotting.drawing.style import GREY, INK
 from continuum_grasp.plotting.grasp.view import GraspView
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
@@ -18,12 +18,13 @@ __all__ = ["ROW", "Row", "panel_rows", "write_panel"]
 ROW = 0.17
 """Height of a row [inch]."""
 _SIZE = 8.0
+"""Of the font [points]: a row of 0.17 inch is 12 points high."""
 _Cell = tuple[str, str]
 Row = tuple[_Cell, ...]
 
 
 def panel_rows(view: GraspView) -> list[Row]:
-    """Rows of (text, colour); the first of a row stands on the left, the others to the right; none without numbers."""
+    """Rows of (text, color); the first of a row stands on the left, the others to the right; none without numbers."""
     if not view.found:
         return []
     lifted = isinstance(view.result.scene.gravity, OutOfPlaneGravity)

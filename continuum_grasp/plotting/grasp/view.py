@@ -1,4 +1,4 @@
-"""What a picture of a grasp shows: shapes in millimetres, colours, scales."""
+"""What a picture of a grasp shows: shapes in millimeters, colors, scales."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import BLUE, GREEN, ORANGE
+from continuum_grasp.plotting.drawing.fingers import finger_outline
+from continuum_grasp.plotting.drawing.forces import force_scale
+from continuum_grasp.plotting.drawing.objects import object_outlines
+from continuum_grasp.plotting.drawing.style import BLUE, GREEN, ORANGE
 from continuum_grasp.scene.grasp_options import GraspFinger, PlanarGravity
 
 if TYPE_CHECKING:
@@ -22,9 +25,16 @@ __all__ = ["MM", "GraspView", "lighter", "turned"]
 Array = NDArray[Any]
 
 MM = 1e3
+"""Grasps are drawn in millimeters: objects for hands have some tens of them."""
 _FINGERS = (BLUE, GREEN, "#9A4C80", "#7A6200")
+"""Colors of fingers: dark enough for text, of which every finger has some."""
 _SUPPORT = ORANGE
 _PLACES = 81
+"""Points of an unloaded backbone: chords of a quarter circle stray by 5e-5 of its length, a tenth of a pixel."""
+_LONGEST_FORCE = 0.36
+"""Length of the greatest force as a part of the object's width: it stays near, and the least is still seen."""
+_LEAST_MARGIN_MM, _MARGIN = 14.0, 0.13
+"""Around everything, for labels; the second as a part of the greater side."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +79,8 @@ class GraspView:
     @cached_property
     def outlines(self) -> tuple[Array, ...]:
         """Outlines of the object's parts in the world, (points, 2) each [mm]."""
-        parts = self.result.scene.object.parts
-        return tuple(self.pose[:2] + turned(MM * np.array(part.outline()), self.pose[2]) for part in parts)
+        pose = self.pose / [MM, MM, 1.0]
+        return tuple(MM * outline for outline in object_outlines(self.result.scene.object, pose))
 
     @cached_property
     def backbones(self) -> dict[str, Array]:
@@ -82,16 +92,12 @@ class GraspView:
 
     def body(self, name: str) -> Array:
         """Outline of a finger with its rounded end, (points, 2) [mm]."""
-        backbone, half = self.backbones[name], MM * self.fingers[name].thickness_radius
-        line, angle = backbone[:, 1:3], backbone[:, 3]
-        across = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        cap = angle[-1] + np.linspace(0.0, math.pi, 25)
-        end = line[-1] + half * np.stack([np.cos(cap), np.sin(cap)], axis=1)
-        return np.concatenate([line + half * across, end, (line - half * across)[::-1]])
+        backbone = self.backbones[name]
+        return finger_outline(backbone[:, 1:3], MM * self.fingers[name].thickness_radius, backbone[:, 3])
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
-        """Lower left and upper right corner of what must be seen, with room for labels [mm]."""
+        """Lower left and upper right corner of what must be seen, with a margin for labels [mm]."""
         points = [*self.outlines, *(self.body(name) for name in self.fingers)]
         for wall in self.result.scene.walls:
             if math.isfinite(wall.half_length):
@@ -100,7 +106,7 @@ class GraspView:
         points += [MM * np.array([peg.position]) + MM * peg.radius * _ROUND for peg in self.result.scene.pegs]
         points.append(self.center_of_mass[None, :] + self.force_scale * self.weight[None, :])
         low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
-        margin = max(14.0, 0.13 * float((high - low).max()))
+        margin = max(_LEAST_MARGIN_MM, _MARGIN * float((high - low).max()))
         return low - margin, high + margin
 
     @cached_property
@@ -125,11 +131,11 @@ class GraspView:
 
     @cached_property
     def force_scale(self) -> float:
-        """Drawn length per force [mm/N]: the greatest is a third as long as the object is wide."""
-        return 0.36 * self.extent / self.greatest_force if self.greatest_force > 0 else 0.0
+        """Drawn length per force [mm/N]."""
+        return force_scale([self.greatest_force], _LONGEST_FORCE * self.extent)
 
     def color(self, name: str) -> str:
-        """Colour of a finger, a support, or what a contact's name begins with."""
+        """Color of a finger, a support, or what a contact's name begins with."""
         names = list(self.fingers)
         owner = name.split(".")[0]
         return _FINGERS[names.index(owner)] if owner in names else _SUPPORT
@@ -142,12 +148,13 @@ def turned(points: Array, angle: float) -> Array:
 
 
 def lighter(color: str, share: float) -> str:
-    """A colour mixed with white; 1 is white."""
+    """A color mixed with white; 1 is white."""
     parts = [int(color[k : k + 2], 16) for k in (1, 3, 5)]
     return "#" + "".join(f"{round(p + (255 - p) * share):02X}" for p in parts)
 
 
 _ROUND = np.stack([np.cos(np.linspace(0, math.tau, 25)), np.sin(np.linspace(0, math.tau, 25))], axis=1)
+"""Points of a unit circle: enough for the limits of a picture."""
 
 
 def _unloaded(finger: GraspFinger) -> Array:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting.drawing.axes import BLUE, INK, ORANGE, new_figure, quiet
+from continuum_grasp.plotting.drawing.axes import new_figure, quiet
+from continuum_grasp.plotting.drawing.style import BLUE, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from continuum_grasp.mission.outcomes import Outcome
+
 __all__ = ["plot_trials"]
 
 
-def plot_trials(outcomes: Sequence[Any]) -> list[Axes]:
+def plot_trials(outcomes: Sequence[Outcome]) -> list[Axes]:
     """Draw error of the held force and least slip margin of many plants over what differs between them.
 
     Parameters
@@ -28,6 +31,7 @@ def plot_trials(outcomes: Sequence[Any]) -> list[Axes]:
         Two rows: force errors, then slip margins; plants that failed are crosses.
     """
     judged = [outcome for outcome in outcomes if outcome.verdict is not None]
+    verdicts = [outcome.verdict for outcome in outcomes if outcome.verdict is not None]
     good = np.array([outcome.succeeded for outcome in judged], dtype=bool)
     given = {
         "stiffness [1]": [o.variation.stiffness for o in judged],
@@ -38,8 +42,8 @@ def plot_trials(outcomes: Sequence[Any]) -> list[Axes]:
         "shift y [mm]": [1e3 * o.variation.shift[1] for o in judged],
     }
     found = {
-        "force error [%]": np.array([100.0 * o.verdict.force_error for o in judged], dtype=float),
-        "least slip margin [1]": np.array([o.verdict.slip_margin for o in judged], dtype=float),
+        "force error [%]": np.array([100.0 * verdict.force_error for verdict in verdicts], dtype=float),
+        "least slip margin [1]": np.array([verdict.slip_margin for verdict in verdicts], dtype=float),
     }
     figure = new_figure(10.2, 4.4)
     grid = figure.subplots(2, len(given), sharex="col", sharey="row", squeeze=False)

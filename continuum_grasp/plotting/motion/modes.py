@@ -10,28 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.drawable import DrawableModes
-from continuum_grasp.plotting.drawing.axes import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    Box,
-    bend_box,
-    new_figure,
-    plane_axes,
-    quiet,
-)
-from continuum_grasp.plotting.drawing.finger_shape import draw_clamp
+from continuum_grasp.plotting.drawing.axes import Box, bend_box, new_figure, plane_axes, quiet
+from continuum_grasp.plotting.drawing.fingers import draw_clamp
+from continuum_grasp.plotting.drawing.style import BLUE, GREY, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from continuum_grasp.simulation.modes import Modes
 
 __all__ = ["plot_modes"]
 
 
 def plot_modes(
-    modes: DrawableModes,
+    modes: Modes,
     *,
     count: int | None = None,
     amplitude: float = 0.15,
@@ -59,6 +51,14 @@ def plot_modes(
     ------
     InputError
         There are fewer axes than modes asked for, or fewer modes.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> found = cg.modes("configs/simulate/standing.yaml")
+    >>> [ax.get_xlabel() for ax in plotting.plot_modes(found, count=1)]
+    ['x [m]']
     """
     present = len(modes.frequencies_hz)
     given = None if ax is None else list(np.ravel(np.asarray(ax, dtype=object)))

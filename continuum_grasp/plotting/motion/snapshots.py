@@ -8,38 +8,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.drawable import DrawableTrajectory
-from continuum_grasp.plotting.drawing.axes import bend_box, plane_axes, time_bar, time_map
-from continuum_grasp.plotting.drawing.finger_shape import (
-    draw_clamp,
-    draw_forces,
-    explain,
-    force_scale,
-    mass_positions,
-    masses_of,
-)
-from continuum_grasp.plotting.drawing.objects import (
-    draw_body,
-    draw_object,
-    draw_surroundings,
-    finger_outline,
-    object_outlines,
-    object_poses,
-)
+from continuum_grasp.plotting.drawing.axes import bend_box, color_bar, plane_axes, time_map
+from continuum_grasp.plotting.drawing.fingers import draw_body, draw_clamp, finger_outline, mass_positions, masses_of
+from continuum_grasp.plotting.drawing.forces import draw_forces, explain, force_scale, sizes_of
+from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
+from continuum_grasp.plotting.drawing.style import Z
+from continuum_grasp.plotting.drawing.surroundings import draw_supports
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from continuum_grasp.simulation.trajectory import Trajectory
 
 __all__ = ["plot_snapshots"]
 
 
 def plot_snapshots(
-    trajectory: DrawableTrajectory,
+    trajectory: Trajectory,
     *,
     times: Sequence[float] | int = 12,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw the finger at several instants, coloured by time, with clamp, point masses and forces to scale.
+    """Draw the finger at several instants, colored by time, with clamp, point masses and forces to scale.
 
     An object is drawn at the same instants, filled at the last of them, with its supports.
 
@@ -62,38 +52,46 @@ def plot_snapshots(
     ------
     InputError
         No instant is asked for, or one outside the trajectory.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
+    >>> len(plotting.plot_snapshots(motion, times=[0.0, 0.05]).collections[0].get_segments())
+    2
     """
     from matplotlib.collections import LineCollection
 
-    t, length = np.asarray(trajectory.t), trajectory.length
+    t, length, scene = np.asarray(trajectory.t), trajectory.length, trajectory.scene
     indices = _nearest(t, times)
     shapes = np.asarray(trajectory.backbone(indices, points=60))
-    loads = [load for k in indices for load in trajectory.loads_at(int(k)) if np.hypot(*load[1]) > 0]
-    scale = force_scale(loads, length)
-    ends = [np.asarray(position) + scale * np.asarray(force) for position, force, _ in loads]
-    poses = object_poses(trajectory, indices)
-    outlines = [] if poses is None else [object_outlines(trajectory.scene, pose) for pose in poses]
-    bodies = [outline for one in outlines for outline in one]
-    ax = plane_axes(ax, bend_box([shapes, *ends, *bodies], 0.09 * length))
-    draw_surroundings(ax, trajectory.scene)
-    for k, one in enumerate(outlines):
-        draw_object(ax, one, faint=k < len(outlines) - 1)
+    forces = [one for k in indices for one in trajectory.loads_at(int(k)) if np.hypot(*one[1]) > 0]
+    scale = force_scale(sizes_of(forces), 0.25 * length)
+    ends = [np.asarray(position) + scale * np.asarray(force) for position, force, _ in forces]
+    outlines = []
+    if trajectory.object_pose is not None and scene.object is not None:
+        outlines = [object_outlines(scene.object, pose) for pose in np.asarray(trajectory.object_pose)[indices, :3]]
+    ax = plane_axes(ax, bend_box([shapes, *ends, *(one for some in outlines for one in some)], 0.09 * length))
+    draw_supports(ax, scene.supports)
+    for k, some in enumerate(outlines):
+        draw_object(ax, some, faint=k < len(outlines) - 1)
     if outlines:
-        draw_body(ax, finger_outline(trajectory.scene, shapes[-1]))
+        draw_body(ax, finger_outline(shapes[-1], scene.finger.thickness_radius))
 
-    lines = LineCollection(list(shapes), cmap=time_map(), linewidths=2.0, capstyle="round", zorder=2)
+    lines = LineCollection(list(shapes), cmap=time_map(), linewidths=2.0, capstyle="round", zorder=Z.SHAPE)
     lines.set_array(t[indices])
     lines.set_clim(float(t[0]), float(t[-1]) if t[-1] > t[0] else float(t[0]) + 1.0)
     ax.add_collection(lines)
     draw_clamp(ax, shapes[0], length)
-    masses = masses_of(trajectory.scene)
+    masses = masses_of(scene.finger)
     if masses:
         spots = np.concatenate([mass_positions(shape, masses, length) for shape in shapes])
         shade = lines.to_rgba(np.repeat(t[indices], len(masses)))
-        ax.scatter(spots[:, 0], spots[:, 1], s=34, c=shade, edgecolors="white", linewidths=0.7, zorder=4)
-    draw_forces(ax, loads, scale)
-    explain(ax, masses, loads, trajectory.name)
-    time_bar(ax, lines)
+        ax.scatter(spots[:, 0], spots[:, 1], s=34, c=shade, edgecolors="white", linewidths=0.7, zorder=Z.MASS)
+    draw_forces(ax, forces, scale)
+    explain(ax, masses, forces, trajectory.name)
+    color_bar(ax, lines)
     return ax
 
 

@@ -6,17 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting.drawable import DrawableTrajectory
-from continuum_grasp.plotting.drawing.axes import INK, bend_box, head, plane_axes, time_bar, time_map
+from continuum_grasp.plotting.drawing.axes import bend_box, color_bar, head, plane_axes, time_map
+from continuum_grasp.plotting.drawing.style import INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from continuum_grasp.simulation.trajectory import Trajectory
+
 __all__ = ["plot_tip_path"]
 
 
-def plot_tip_path(trajectory: DrawableTrajectory, *, ax: Axes | None = None) -> Axes:
-    """Draw where the tip goes in the plane, coloured by time.
+def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
+    """Draw where the tip goes in the plane, colored by time.
 
     Parameters
     ----------
@@ -29,6 +31,14 @@ def plot_tip_path(trajectory: DrawableTrajectory, *, ax: Axes | None = None) -> 
     -------
     matplotlib.axes.Axes
         The axes; the path is their first collection.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
+    >>> plotting.plot_tip_path(motion).get_xlabel()
+    'x [m]'
     """
     from matplotlib.collections import LineCollection
 
@@ -43,6 +53,6 @@ def plot_tip_path(trajectory: DrawableTrajectory, *, ax: Axes | None = None) -> 
     ax.add_collection(path)
     ax.plot(*tip[0], "o", color="white", markeredgecolor=INK, markersize=6, label="start", zorder=4)
     ax.plot(*tip[-1], "s", color=INK, markersize=5, label="end", zorder=4)
-    time_bar(ax, path)
+    color_bar(ax, path)
     head(ax, trajectory.name, entries=2)
     return ax

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
@@ -27,7 +25,7 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate
     from continuum_grasp.grasp.result import GraspResult
 
-__all__ = ["result_page", "save_page"]
+__all__ = ["result_page"]
 
 
 def result_page(result: GraspResult, *, resisted: ArrayLike | None = None) -> str:
@@ -70,22 +68,6 @@ def result_page(result: GraspResult, *, resisted: ArrayLike | None = None) -> st
     )
 
 
-def save_page(result: GraspResult, path: str | os.PathLike[str], *, resisted: ArrayLike | None = None) -> Path:
-    """Write `result_page` into a file, whole or not at all.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    """
-    from continuum_grasp.results import replacing
-
-    text, target = result_page(result, resisted=resisted), Path(path)
-    with replacing(target) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    return target
-
-
 def _why(result: GraspResult) -> str:
     if result.solved:
         return f"<p>{escaped(result.advice)}</p>" if result.advice else ""
@@ -100,7 +82,7 @@ def _why(result: GraspResult) -> str:
 
 def _picture(result: GraspResult) -> str:
     from continuum_grasp.plotting.drawing.inline import inline_svg
-    from continuum_grasp.plotting.grasp.grasp import plot_grasp
+    from continuum_grasp.plotting.grasp.picture import plot_grasp
 
     drawing = inline_svg(plot_grasp(result, numbers=False), "drawing", "drawing of object, fingers and forces")
     caption = (
@@ -148,7 +130,7 @@ def _quality(result: GraspResult) -> str:
 
 def _resistance(resisted: ArrayLike | None) -> str:
     from continuum_grasp.plotting.drawing.inline import inline_svg
-    from continuum_grasp.plotting.grasp.polygon import plot_resistance, resistance_extremes, resistance_words
+    from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
 
     if resisted is None or resistance_extremes(resisted)[1] <= 0:
         return ""

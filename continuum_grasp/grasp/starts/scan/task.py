@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan.curves import bends, sample
+from continuum_grasp.model.family import family_class
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
@@ -196,7 +197,7 @@ def make_task(scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, sid
         counts=tuple(b - a for a, b in pairwise(marks)),
         nodes=tuple(k / few for k in range(few + 1)),
         friction=setup.friction,
-        arcs=setup.family == "arc",
+        arcs=family_class(setup.family).degree == 0,
         bending_range=setup.bending_range,
         bounds=(setup.middle_bounds[0] * scale, setup.middle_bounds[1] * scale),
         walls=tuple(

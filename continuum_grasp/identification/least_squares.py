@@ -1,0 +1,175 @@
+"""Nonlinear least squares with bounds, for predictions that exist for some parameters only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import NumericalError, SolverError
+
+__all__ = ["Minimum", "least_squares"]
+
+Array = NDArray[np.float64]
+Function = Callable[[Array], tuple[Array, Array]]
+
+_STEP = 1e-9
+"""Step per typical size below which the search has converged [1]: measured rods have deviations of 4e-4 and more."""
+_DECREASE = 1e-14
+"""Relative decrease of the sum of squares below which it has converged [1]: some 50 roundings of a double."""
+_AT_BOUND = 1e-6
+"""Distance from a bound per typical size at which a value is put on it [1]; the iterates themselves stay inside."""
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where the sum of squares is least.
+
+    Attributes
+    ----------
+    values : (n,) ndarray
+    residuals : (m,) ndarray
+    jacobian : (m, n) ndarray
+    iterations : int
+    evaluations : int
+    status : str
+        ``converged``, ``iteration limit`` or ``no step possible``.
+    """
+
+    values: Array
+    residuals: Array
+    jacobian: Array
+    iterations: int
+    evaluations: int
+    status: str
+
+    @property
+    def converged(self) -> bool:
+        """Whether the sum of squares is least here, to the tolerances."""
+        return self.status == "converged"
+
+
+def least_squares(
+    function: Function,
+    start: Array,
+    lower: Array,
+    upper: Array,
+    sizes: Array,
+    *,
+    evaluations: int = 200,
+) -> Minimum:
+    """Minimize the sum of squares of residuals between bounds.
+
+    Parameters
+    ----------
+    function : callable
+        Residuals (m,) and their Jacobian (m, n) at values (n,). Where it raises ``SolverError`` or ``NumericalError``
+        other than at the start, shorter steps are tried.
+    start, lower, upper : (n,) ndarray
+        First values and bounds.
+    sizes : (n,) ndarray
+        Typical sizes of the values, which scale the search.
+    evaluations : int
+        Most evaluations of the function.
+
+    Returns
+    -------
+    Minimum
+
+    Raises
+    ------
+    NumericalError
+        If residuals or derivatives at the start are not finite.
+
+    Notes
+    -----
+    The trust-region reflective method of ``scipy.optimize.least_squares`` (M. A. Branch, T. F. Coleman, Y. Li, 1999,
+    doi:10.1137/S1064827595289108) stays inside the bounds; values that end beside one which the gradient pushes
+    against are put on it, and the others are sought once more.
+    """
+    values = np.clip(start, lower, upper)
+    found = _at(function, values)
+    free = np.ones(len(values), dtype=bool)
+    while True:
+        found = _search(function, found, lower, upper, sizes, free, evaluations)
+        values, gradient = found.values, (found.jacobian * sizes).T @ found.residuals
+        beside = np.where(gradient > 0.0, values - lower, upper - values) <= _AT_BOUND * sizes
+        pushed = free & beside & (gradient != 0.0)
+        if not (found.converged and pushed.any()):
+            return found
+        free = free & ~pushed
+        bounds = np.where(gradient > 0.0, lower, upper)
+        found = _at(function, np.where(pushed, bounds, values), found.iterations, found.evaluations)
+        if not free.any():
+            return found
+
+
+def _at(function: Function, values: Array, iterations: int = 0, evaluations: int = 0) -> Minimum:
+    """What is found without a search."""
+    residuals, jacobian = function(values)
+    if not (np.isfinite(residuals).all() and np.isfinite(jacobian).all()):
+        raise NumericalError("the predictions at the start values, or their derivatives, are not finite")
+    return Minimum(values, residuals, jacobian, iterations, evaluations + 1, "converged")
+
+
+class _NoStepPossibleError(Exception):
+    """Even the shortest steps lead to values without predictions."""
+
+
+def _search(
+    function: Function,
+    start: Minimum,
+    lower: Array,
+    upper: Array,
+    sizes: Array,
+    free: NDArray[np.bool_],
+    evaluations: int,
+) -> Minimum:
+    """Search in the values that are free, in units of their typical sizes."""
+    from scipy.optimize import least_squares
+
+    scale, count = sizes[free], start.evaluations
+    accepted = start.values[free] / scale
+    known = {accepted.tobytes(): (start.values, start.residuals, start.jacobian)}
+
+    def residuals(scaled: Array) -> Array:
+        nonlocal count
+        key = scaled.tobytes()
+        if key not in known:
+            values = start.values.copy()
+            values[free] = scaled * scale
+            count += 1
+            with suppress(SolverError, NumericalError):
+                y, jacobian = function(values)
+                if np.isfinite(y).all() and np.isfinite(jacobian).all():
+                    known[key] = values, y, jacobian
+        if key in known:
+            return known[key][1]
+        if np.abs(scaled - accepted).max() <= _STEP:
+            raise _NoStepPossibleError
+        return np.full_like(start.residuals, np.nan)  # which makes the search try a shorter step
+
+    def slopes(scaled: Array) -> Array:
+        nonlocal accepted
+        accepted = scaled.copy()
+        return np.asarray((known[scaled.tobytes()][2] * sizes)[:, free])
+
+    iterations, status = start.iterations, "no step possible"
+    with suppress(_NoStepPossibleError):
+        found = least_squares(
+            residuals,
+            accepted,
+            slopes,
+            (lower[free] / scale, upper[free] / scale),
+            x_scale="jac",
+            ftol=_DECREASE,
+            xtol=_STEP,
+            gtol=None,
+            max_nfev=max(evaluations - count, 1),
+        )
+        iterations += found.njev - 1
+        status = "converged" if found.status > 0 else "iteration limit"
+    return Minimum(*known[accepted.tobytes()], iterations, count, status)

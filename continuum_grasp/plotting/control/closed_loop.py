@@ -1,0 +1,180 @@
+"""Pictures of closed loops: path of the tip, inputs, tracking, bounds, estimates and times."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from continuum_grasp.plotting.drawing.axes import bend_box, colors, head, new_axes, plane_axes, split_unit, time_axes
+from continuum_grasp.plotting.drawing.fingers import draw_clamp
+from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
+from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GREY, INK, ORANGE, Z
+from continuum_grasp.plotting.drawing.surroundings import draw_supports, draw_zones, zone_points
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from continuum_grasp.closed_loop.result import ControlRun
+
+__all__ = [
+    "draw_surroundings",
+    "plot_bounds",
+    "plot_control_path",
+    "plot_controller_times",
+    "plot_disturbances",
+    "plot_inputs",
+    "plot_tracking",
+    "plot_tracking_error",
+    "shown_points",
+]
+
+_SNAPSHOTS = 9
+"""Shapes drawn: of a run of a few seconds about two per second, which stay apart."""
+
+
+def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw the path of the tip in the plane with its setpoints, some shapes of the finger and what must be avoided.
+
+    Parameters
+    ----------
+    run : ControlRun
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None: axes in a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    tip, wanted = np.asarray(run.tip), run.tip_reference
+    shown = np.unique(np.linspace(0, len(tip) - 1, _SNAPSHOTS).astype(int))
+    shapes = run.backbone(shown, points=60)
+    ax = plane_axes(ax, bend_box(shown_points(run, shapes), 0.07 * run.length), colorbar=False)
+    draw_surroundings(ax, run)
+    draw_clamp(ax, shapes[0], run.length)
+    for shape in shapes:
+        ax.plot(*shape.T, color=GREY, linewidth=0.8, alpha=0.7, zorder=1)
+    if wanted is not None:
+        jumps = _jumps(wanted)
+        whole = np.insert(wanted, jumps + 1, np.nan, axis=0)
+        ax.plot(*whole.T, color=ORANGE, linewidth=1.0, linestyle="--", zorder=5)
+        ends = wanted[np.unique([0, *jumps, *(jumps + 1), len(wanted) - 1])]
+        ax.plot(*ends.T, "o", color=ORANGE, markersize=4, label="setpoint", zorder=5)
+    ax.plot(*tip.T, color=BLUE, linewidth=1.6, label="tip", zorder=4)
+    head(ax, run.name, entries=1 + (wanted is not None))
+    return ax
+
+
+def shown_points(run: ControlRun, shapes: Any) -> list[Any]:
+    """World points that a picture of a run should show, beside the finger's shapes (n, points, 2)."""
+    wanted = run.tip_reference
+    zones = zone_points(run.scene.controller.bounds.keep_out)
+    return [shapes, np.asarray(run.tip), *([] if wanted is None else [wanted]), *zones]
+
+
+def draw_surroundings(ax: Axes, run: ControlRun) -> None:
+    """Draw zones, supports, and the object where it is at the start, into axes whose limits are set."""
+    scene = run.scene
+    draw_zones(ax, scene.controller.bounds.keep_out)
+    draw_supports(ax, scene.supports)
+    if scene.object is not None:
+        pose = np.asarray(scene.object.pose if run.object_pose is None else run.object_pose[0, :3])
+        draw_object(ax, object_outlines(scene.object, pose))
+
+
+def _jumps(wanted: Any) -> Any:
+    """After which setpoints the next one is far away."""
+    steps = np.linalg.norm(np.diff(wanted, axis=0), axis=1)
+    return np.flatnonzero(steps > max(20.0 * float(np.median(steps)), 1e-6))
+
+
+def plot_inputs(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw the commands over time, with their limits."""
+    ax = new_axes(ax)
+    for column, name, color in zip(np.asarray(run.u).T, run.u_names, colors(len(run.u_names)), strict=True):
+        ax.stairs(column, run.t, color=color, linewidth=1.4, baseline=None, label=split_unit(name)[0].replace("_", " "))
+    for limit in np.unique([*run.u_min, *run.u_max]):
+        ax.axhline(limit, color=GREY, linewidth=0.9, linestyle="--", zorder=1)
+    return time_axes(ax, f"input [{split_unit(run.u_names[0])[1]}]", run.name, len(run.u_names))
+
+
+def plot_tracking(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw tracked quantities and setpoints over time; of several units, the first on the left, the second on the
+    right.
+    """
+    ax = new_axes(ax)
+    groups = run.tracked_groups
+    units = list(dict.fromkeys(group.unit for group in groups))[:2]
+    columns = [(k, group.unit) for group in groups for k in group.columns if group.unit in units]
+    right = ax.twinx() if len(units) > 1 else ax
+    for (k, unit), color in zip(columns, colors(len(columns)), strict=True):
+        label = split_unit(run.r_names[k])[0].replace("_", " ")
+        axis = ax if unit == units[0] else right
+        axis.plot(run.t, run.r[:, k], color=color, linewidth=1.0, linestyle="--")
+        axis.plot(run.t, run.tracked[:, k], color=color, linewidth=1.4, label=label)
+        if axis is not ax:  # the legend is of the left axes
+            ax.plot([], [], color=color, linewidth=1.4, label=label)
+    ax.plot([], [], color=GREY, linewidth=1.0, linestyle="--", label="setpoint")
+    if right is not ax:
+        right.set_ylabel(f"tracked [{units[1]}]", color=INK)
+    return time_axes(ax, f"tracked [{units[0]}]", run.name, len(columns) + 1)
+
+
+def plot_tracking_error(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw the distance of the tip from its setpoint over time, or else the greatest error of the first tracked
+    quantity.
+    """
+    ax = new_axes(ax)
+    if run.tip_reference is not None:
+        size, label, unit = 1e3 * np.linalg.norm(run.tip - run.tip_reference, axis=1), "tip", "mm"
+    else:
+        label, unit = split_unit(run.r_names[0])
+        label = label.rstrip("0123456789_")
+        columns = [k for k, name in enumerate(run.r_names) if name.startswith(label)]
+        size = np.abs(run.tracked[:, columns] - run.r[:, columns]).max(axis=1)
+    ax.plot(run.t, size, color=BLUE, linewidth=1.4)
+    ax.set_ylim(bottom=0.0)
+    return time_axes(ax, f"error of the {label.replace('_', ' ')} [{unit}]", run.name)
+
+
+def plot_bounds(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw how far each bound is away over time, as a share of its scale; above zero it is exceeded."""
+    ax = new_axes(ax)
+    for bound, color in zip(run.bounds, colors(len(run.bounds)), strict=True):
+        ax.plot(run.t, bound.excess / bound.scale, color=color, linewidth=1.3, label=bound.name.replace("_", " "))
+    top = max(0.02, 1.1 * max(float(np.max(b.excess)) / b.scale for b in run.bounds))
+    bottom = min(-0.3, ax.get_ylim()[0])
+    ax.axhspan(0.0, top, color=FORBIDDEN["facecolor"], alpha=0.75, zorder=Z.ZONE)
+    ax.set_ylim(max(bottom, -1.05), top)
+    return time_axes(ax, "beyond the bound [share of its scale]", run.name, len(run.bounds))
+
+
+def plot_disturbances(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw the estimated disturbances, with two standard deviations either way."""
+    ax = new_axes(ax)
+    names = run.disturbance_names
+    unit = split_unit(names[0])[1] if names else ""
+    chosen = [k for k, name in enumerate(names) if split_unit(name)[1] == unit]
+    for k, color in zip(chosen, colors(len(chosen)), strict=True):
+        value, spread = run.disturbance[:, k], 2.0 * run.disturbance_std[:, k]
+        ax.fill_between(run.t[:-1], value - spread, value + spread, color=color, alpha=0.15, linewidth=0.0)
+        ax.plot(run.t[:-1], value, color=color, linewidth=1.4, label=split_unit(names[k])[0].replace("_", " "))
+    return time_axes(ax, f"estimated disturbance [{unit}]", run.name, len(chosen), columns=2)
+
+
+def plot_controller_times(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw a histogram of the time that each phase of the controller took."""
+    ax = new_axes(ax)
+    times = 1e6 * np.asarray(run.phase_times)
+    positive = times[times > 0.0]
+    if positive.size:
+        edges = np.geomspace(positive.min() / 1.05, positive.max() * 1.05, 60).tolist()
+        for column, name, color in zip(times.T, run.phase_names, colors(len(run.phase_names)), strict=True):
+            ax.hist(column, bins=edges, histtype="stepfilled", color=color, alpha=0.35)
+            label = f"{name}: median {np.median(column):.3g}, 99 % {np.quantile(column, 0.99):.3g}"
+            ax.hist(column, bins=edges, histtype="step", color=color, linewidth=1.3, label=label)
+        ax.set_xscale("log")
+    ax.set_xlabel(r"time of a step [$\mathrm{\mu}$s]", color=INK)
+    ax.set_ylabel("steps [1]", color=INK)
+    head(ax, run.name, entries=len(run.phase_names), columns=2)
+    return ax

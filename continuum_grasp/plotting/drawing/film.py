@@ -1,0 +1,64 @@
+"""Frames of an animation: what does not move is drawn once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.plotting.drawing.axes import Box, new_figure, plane_axes, quiet
+from continuum_grasp.plotting.drawing.style import INK
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.text import Text
+
+__all__ = ["Film"]
+
+_DPI = 100
+"""Pixels per inch: labels of 9 points are 12 pixels high, which suits a frame of 640 pixels."""
+_BESIDE, _BELOW = 80, 110
+"""Taken by labels and ticks beside the axes, and by these and the title above and below them [pixels]."""
+
+
+class Film:
+    """World axes of a width [pixels], made even as video coders want it, round a box; draw what does not move first."""
+
+    def __init__(self, box: Box, width: int) -> None:
+        across = 2 * max(1, width // 2)
+        high = 2 * round(((across - _BESIDE) * (box[3] - box[2]) / (box[1] - box[0]) + _BELOW) / 2)
+        self._figure = new_figure(across / _DPI, high / _DPI)
+        self._figure.set_dpi(_DPI)
+        self.ax = plane_axes(quiet(self._figure.add_subplot()), box)
+
+    def corner_text(self) -> Text:
+        """A text in the upper right corner that moves on."""
+        style: dict[str, Any] = {"ha": "right", "va": "top", "color": INK, "animated": True}
+        return self.ax.text(0.985, 0.975, "", transform=self.ax.transAxes, **style)
+
+    def frames(
+        self, numbers: Iterable[int], moving: Callable[[int], tuple[Sequence[Artist], Sequence[Artist]]]
+    ) -> Iterator[NDArray[np.uint8]]:
+        """Draw frame after frame.
+
+        ``moving`` is given the number of a frame and returns the artists that it moved, and those that it added to the
+        axes for this frame alone.
+
+        Yields
+        ------
+        ndarray of uint8 (height, width, 3)
+        """
+        canvas: Any = self._figure.canvas
+        canvas.draw()
+        self._figure.set_layout_engine("none")  # frames must not shift
+        background = canvas.copy_from_bbox(self._figure.bbox)
+        for number in numbers:
+            canvas.restore_region(background)
+            lasting, passing = moving(number)
+            for artist in sorted([*lasting, *passing], key=lambda artist: float(artist.get_zorder())):
+                self.ax.draw_artist(artist)
+            for artist in passing:
+                artist.remove()
+            yield np.asarray(canvas.buffer_rgba())[..., :3].copy()

@@ -1,0 +1,84 @@
+"""The pure forces that a grasp resists, direction by direction."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.plotting.drawing.axes import new_axes
+from continuum_grasp.plotting.drawing.style import BLUE, INK, ORANGE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["plot_resistance", "resistance_extremes", "resistance_words"]
+
+Array = NDArray[Any]
+
+
+def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
+    """Draw how great a force in each direction the grasp resists, on top of the weight.
+
+    Parameters
+    ----------
+    resisted : array_like, shape (D, 2)
+        The greatest force in each of D directions, in order around the circle, in the world's axes [N]. Rows that
+        are not finite are left out.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None: axes in a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The outline encloses the forces that are resisted; the dashed circle those of any direction.
+
+    Examples
+    --------
+    >>> from continuum_grasp import plotting
+    >>> plotting.plot_resistance([[2.0, 0.0], [0.0, 1.0], [-2.0, 0.0], [0.0, -1.0]]).get_xlabel()
+    'force x [N]'
+    """
+    from matplotlib.patches import Circle, Polygon
+
+    ax = new_axes(ax, 3.2, 3.2)
+    forces = _finite(resisted)
+    least, greatest = resistance_extremes(forces)
+    if len(forces) > 2:
+        ax.add_patch(Polygon(forces, facecolor=BLUE, alpha=0.16, linewidth=0.0, zorder=2))
+        ax.add_patch(Polygon(forces, facecolor="none", edgecolor=BLUE, linewidth=1.4, joinstyle="round", zorder=3))
+    if least > 0.02 * greatest:
+        ax.add_patch(Circle((0, 0), least, facecolor="none", edgecolor=ORANGE, linestyle=(0, (4, 2)), zorder=4))
+    ax.plot(0, 0, "+", color=INK, markersize=7, zorder=5)
+    corners = np.concatenate([forces, np.zeros((1, 2))])
+    center, reach = 0.5 * (corners.min(axis=0) + corners.max(axis=0)), 0.56 * float(np.ptp(corners, axis=0).max())
+    reach = reach or 1.0
+    ax.set_xlim(center[0] - reach, center[0] + reach)
+    ax.set_ylim(center[1] - reach, center[1] + reach)
+    ax.set_aspect("equal", adjustable="box")
+    ax.locator_params(nbins=5)
+    ax.set_xlabel("force x [N]", color=INK, fontsize=8)
+    ax.set_ylabel("force y [N]", color=INK, fontsize=8)
+    ax.tick_params(labelsize=8)
+    return ax
+
+
+def resistance_extremes(resisted: ArrayLike) -> tuple[float, float]:
+    """Least and greatest of the resisted forces [N]; zeros where there is none."""
+    sizes = np.hypot(*_finite(resisted).T)
+    return (float(sizes.min()), float(sizes.max())) if sizes.size and math.isfinite(sizes.max()) else (0.0, 0.0)
+
+
+def resistance_words(resisted: ArrayLike) -> str:
+    """What the outline of the resisted forces says, in a sentence of two lines."""
+    least, greatest = resistance_extremes(resisted)
+    unlimited = np.isinf(np.asarray(resisted, dtype=float)).any()
+    most = "without limit in the best" if unlimited else f"up to {greatest:.2g} N in the best"
+    return f"resisted force: {least:.2g} N in any direction,\n{most}"
+
+
+def _finite(resisted: ArrayLike) -> Array:
+    forces = np.asarray(resisted, dtype=float).reshape(-1, 2)
+    return np.asarray(forces[np.isfinite(forces).all(axis=1)])

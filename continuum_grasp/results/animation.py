@@ -1,0 +1,135 @@
+"""Frames into an animation file."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.results.atomic import replacing
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+__all__ = ["write_animation"]
+
+_RANGES = {".gif": 50.0, ".mp4": 240.0}
+"""Greatest frames per second: browsers show no frame of a GIF shorter than 20 ms; 240 is the fastest screen."""
+_WIDTHS = 159, 4096
+"""Between which a width lies [pixels]: labels fill a narrower frame, H.264 takes no wider one."""
+_REST_MS = 700
+"""A GIF rests before it starts again [ms]: long enough to see that it ended."""
+_COLORS_APART = 12
+"""Levels of 255 by which colors of a palette differ: closer ones look alike, and make still areas flicker."""
+
+
+def write_animation(
+    path: str | os.PathLike[str],
+    t: ArrayLike,
+    draw: Callable[[NDArray[np.int64]], Iterator[NDArray[Any]]],
+    fps: float,
+    *,
+    speed: float = 1.0,
+    width: int = 640,
+) -> Path:
+    """Write an animation of what happens at instants ``t`` (T,) [s]; see `MotionResult.animate`.
+
+    ``draw`` is given the indices of the instants to show, one per frame, and yields (height, width, 3) arrays of uint8.
+    """
+    target = Path(path)
+    suffix = target.suffix.lower()
+    for name, value, low, high in (
+        ("fps", fps, 0.0, _RANGES.get(suffix, 240.0)),
+        ("speed", speed, 0.0, 1e9),
+        ("width", width, *_WIDTHS),
+    ):
+        if not low < value <= high:
+            raise InputError(f"expected more than {low:g} and at most {high:g}, got {value}", key=name)
+    if suffix not in _RANGES:
+        raise InputError(f"expected a file name ending in .gif or .mp4, got {target.name!r}", key="path")
+    ffmpeg = shutil.which("ffmpeg") if suffix == ".mp4" else None
+    if suffix == ".mp4" and ffmpeg is None:
+        raise InputError("MP4 needs ffmpeg, which is not found on this machine; use .gif", key="path")
+
+    instants = np.asarray(t, dtype=float)
+    duration = float(instants[-1] - instants[0]) / speed
+    # a duration that is a whole number of frames must not lose the last one to rounding
+    count = max(1, int(np.floor(duration * fps * (1 + 1e-12))) + 1)
+    moments = instants[0] + speed * np.arange(count) / fps
+    pictures = draw(np.abs(instants[None, :] - moments[:, None]).argmin(axis=1))
+    with replacing(target) as temporary:
+        if ffmpeg is None:
+            _write_gif(temporary, pictures, count, fps)
+        else:
+            _write_mp4(temporary, pictures, fps, ffmpeg)
+    return target
+
+
+def _write_gif(path: Path, pictures: Iterator[NDArray[Any]], count: int, fps: float) -> None:
+    from PIL import Image
+
+    ends = np.round(100.0 * np.arange(1, count + 1) / fps).astype(int)
+    shown = (10 * np.diff(ends, prepend=0)).tolist()
+    shown[-1] += _REST_MS
+    images = [Image.fromarray(picture) for picture in pictures]
+    palette = _palette(images)
+    paletted = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+    paletted[0].save(
+        path, format="GIF", save_all=True, append_images=paletted[1:], duration=shown, loop=0, optimize=False
+    )
+
+
+def _palette(images: list[Image]) -> Image:
+    """One palette for all frames, from a few of them side by side, so that colors do not flicker."""
+    from PIL import Image
+
+    chosen = [images[k] for k in np.unique(np.linspace(0, len(images) - 1, 6).astype(int))]
+    sheet = Image.new("RGB", (chosen[0].width, sum(image.height for image in chosen)))
+    top = 0
+    for image in chosen:
+        sheet.paste(image, (0, top))
+        top += image.height
+    found = sheet.quantize(colors=256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    chosen_colors = np.full((1, 3), 255)  # the ground stays white: none is near it, nor near another color
+    for color in np.array(found.getpalette(), dtype=int).reshape(-1, 3):
+        if np.abs(chosen_colors - color).max(axis=1).min() > _COLORS_APART:
+            chosen_colors = np.vstack([chosen_colors, color])
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(chosen_colors.ravel().tolist())
+    return palette
+
+
+def _write_mp4(path: Path, pictures: Iterator[NDArray[Any]], fps: float, ffmpeg: str) -> None:
+    first = next(pictures)
+    height, width = first.shape[:2]
+    command = [ffmpeg, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]
+    command += ["-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-", "-an"]
+    command += ["-vcodec", "libx264", "-pix_fmt", "yuv420p", "-crf", "18", "-f", "mp4", str(path)]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
+    try:
+        if process.stdin is None:  # pragma: no cover - Popen was asked for a pipe
+            raise OSError("no pipe to ffmpeg")
+        try:
+            process.stdin.write(first.tobytes())
+            for picture in pictures:
+                process.stdin.write(picture.tobytes())
+        except BrokenPipeError:
+            pass  # ffmpeg ended early and says why below
+        _, said = process.communicate()
+    except BaseException:
+        process.kill()
+        process.wait()
+        raise
+    if process.returncode != 0:
+        raise SolverError(
+            f"no animation: ffmpeg failed with {said.decode(errors='replace').strip()!r}",
+            status="ffmpeg",
+            advice="the run itself is saved; try a GIF",
+        )

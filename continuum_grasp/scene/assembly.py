@@ -1,0 +1,193 @@
+"""From a file, and those that it names, to one checked document."""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from continuum_grasp.scene.document import Change, Document, KeyPath, dotted
+from continuum_grasp.scene.overrides import apply_override
+from continuum_grasp.scene.yaml_loader import read_yaml
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    Model = TypeVar("Model", bound=BaseModel)
+
+__all__ = ["assembled", "changed", "kind_of", "take_version", "validated"]
+
+_VERSION = 1
+"""Of the format of configurations, the only one so far."""
+
+
+def validated(document: Document, model: type[Model]) -> Model:
+    """What a document says, checked.
+
+    Raises
+    ------
+    InputError
+        With file, line, column and key of everything that is wrong.
+    """
+    from pydantic import ValidationError
+
+    from continuum_grasp.scene.problems import explain, raise_problems
+
+    try:
+        return model.model_validate(document.value)
+    except ValidationError as error:
+        raise_problems(explain(error, model, document.value), document)
+        raise
+
+
+def kind_of(data: Any) -> str:
+    """What kind of configuration it is, as in ``KINDS`` of ``scene.schema``."""
+    if isinstance(data, dict):
+        if "controller" in data:
+            return "mission" if "grasp" in data else "mpc"
+        if "goal" in data:
+            return "plan"
+        if "scene" in data or "vary" in data or "sample" in data:
+            return "sweep"
+        if "object" in data and "contact_law" not in data:
+            return "grasp"
+        if "estimate" in data:
+            return "identify"
+        if "rod" in data and "finger" not in data:
+            return "finger"
+    return "simulate"
+
+
+def assembled(path: str | Path, changes: Iterable[Change]) -> Document:
+    """The data of a file, with changes applied and fingers from other files put in.
+
+    Raises
+    ------
+    InputError
+        Where a file cannot be read, or a change has no place in it.
+    """
+    document = read_yaml(path)
+    if not isinstance(document.value, dict):
+        place = document.places[()]
+        got = "an empty file" if document.value is None else "no keys"
+        raise place.error(f"expected a mapping of keys to values, got {got}")
+    _apply(document, changes, Path(path))
+    if "schema_version" in document.value:
+        _check_version(document)
+    return document
+
+
+def changed(document: Document, changes: Iterable[Change], path: str | Path) -> Document:
+    """A copy of an assembled document with changes applied; ``path`` is its file.
+
+    Raises
+    ------
+    InputError
+        As `assembled`.
+    """
+    result = Document(copy.deepcopy(document.value), dict(document.places))
+    _apply(result, changes, Path(path))
+    return result
+
+
+def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
+    for where, new in changes:
+        if len(where) > 1:
+            if where[-1] != "extends":
+                _put_in_files(document, main)
+            elif not _extends(document, where[:-1]):
+                key = dotted(where[:-1])
+                raise new.places[()].error(f"{key} extends no file: expected {key}={{extends: FILE, ...}}", where)
+        apply_override(document, where, new)
+    _put_in_files(document, main)
+
+
+def _extends(document: Document, path: KeyPath) -> bool:
+    """Whether at a path there is a mapping that names the file it changes."""
+    value = document.value
+    for part in path:
+        value = value.get(part) if isinstance(value, dict) else None
+    return isinstance(value, dict) and "extends" in value
+
+
+def _put_in_files(document: Document, main: Path) -> None:
+    """Put in place what stands in other files: the grasp of a mission or plan, and fingers, its own too."""
+    target = document.value.get("grasp")
+    if isinstance(target, str):
+        place = document.places[("grasp",)]
+        file = place.beside(target, main)
+        if not file.is_file():
+            raise place.error(f"no such grasp file: {os.path.normpath(file)}", ("grasp",))
+        inner = assembled(file, ())
+        if kind_of(inner.value) != "grasp":
+            raise place.error(
+                f"expected a grasp (finger, object, ...), got a file of kind {kind_of(inner.value)}", ("grasp",)
+            )
+        document.put(("grasp",), inner)
+    for path in ((), ("grasp",)):
+        if path == () or isinstance(document.value.get("grasp"), dict):
+            _put_in_fingers(document, path, main)
+
+
+def _put_in_fingers(document: Document, scene: KeyPath, main: Path) -> None:
+    """Put in place the fingers of the scene at a path, that stand in other files."""
+    data = document.get(scene)
+    many = data.get("fingers")
+    paths: list[KeyPath] = [(*scene, "finger")] if "finger" in data else []
+    paths += [(*scene, "fingers", name) for name in many if isinstance(name, str)] if isinstance(many, dict) else []
+    if "extends" in data and scene == ():
+        paths.append(())
+    for path in paths:
+        value = document.get(path)
+        if isinstance(value, str) or (isinstance(value, dict) and "extends" in value):
+            document.put(path, _resolved(document, path, main, (os.path.realpath(main),)))
+
+
+def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, ...]) -> Document:
+    """The finger at ``path``, read from the file that it names."""
+    own = document.part(path)
+    key: KeyPath = ("extends",) if isinstance(own.value, dict) else ()
+    place, target = own.places[key], own.get(key)
+    if not isinstance(target, str):
+        raise place.error("expected the path of a finger file", path + key)
+    file = place.beside(target, main)
+    if os.path.realpath(file) in within:
+        raise place.error(f"{target} leads back to itself", path + key)
+    if not file.is_file():
+        raise place.error(f"no such finger file: {os.path.normpath(file)}", path + key)
+    base = read_yaml(file, name=os.path.normpath(file))
+    if not isinstance(base.value, dict) or "finger" in base.value:
+        raise base.places[()].error("expected a finger (rod, damping, tendons, ...)")
+    take_version(base)
+    if "extends" in base.value:
+        base = _resolved(base, (), file, (*within, os.path.realpath(file)))
+    if isinstance(own.value, dict):
+        del own.value["extends"]
+        own.forget(("extends",))
+        return base.merged(own)
+    return base
+
+
+def _check_version(document: Document) -> None:
+    version, place = document.value["schema_version"], document.places[("schema_version",)]
+    if isinstance(version, bool) or not isinstance(version, int) or version != _VERSION:
+        message = f"not a format that is read here: expected {_VERSION}, got {version!r}"
+        raise place.error(message, ("schema_version",))
+
+
+def take_version(document: Document) -> None:
+    """Check and remove the version of a finger file.
+
+    Raises
+    ------
+    InputError
+        It is missing, or one that is not read here.
+    """
+    if "schema_version" not in document.value:
+        message = f"missing; a file says which format it is in: schema_version: {_VERSION}"
+        raise document.places[()].error(message, ("schema_version",))
+    _check_version(document)
+    del document.value["schema_version"]
+    document.forget(("schema_version",))

@@ -1,0 +1,67 @@
+"""The fixed-step integrators: one line each for whoever chooses, describes or bounds a step.
+
+The steps themselves are expressions in ``core/integrators/NAME.py``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["CONTROL_METHODS", "INTEGRATORS", "SIMULATION_METHODS", "Integrator"]
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """What is known of a method without its equations.
+
+    Attributes
+    ----------
+    text : str
+        The method in words.
+    order : int
+        Power of the step in the error of a smooth motion.
+    evaluations : int
+        Of the dynamics per step; of iterative methods the usual number.
+    stable : float or None
+        Greatest product of step and spectral radius at which it is stable; None: it is implicit, any step is stable.
+    simulates : bool
+        Offered as ``time.method``; its file has ``step``.
+    differentiates : bool
+        Offered as ``horizon.method``; its file has ``differentiated_step``.
+    symplectic : bool
+        Whether it preserves the symplectic form, and so the energy of a conservative motion within a bound.
+    double_only : bool
+        Whether its iterations end at a tolerance that single precision does not reach.
+    failure : str
+        What is wrong where a step gives no finite state.
+    """
+
+    text: str
+    order: int
+    evaluations: int
+    stable: float | None = None
+    simulates: bool = True
+    differentiates: bool = False
+    symplectic: bool = False
+    double_only: bool = False
+    failure: str = "the motion is not finite"
+
+
+# rk4 is stable up to 2.83 where eigenvalues are imaginary (undamped) and up to 2.79 where they are real (overdamped);
+# between them, at a damping ratio of 0.54, up to 2.62.
+INTEGRATORS = {
+    "rk4": Integrator("the classical explicit Runge-Kutta method", 4, 4, stable=2.7, differentiates=True),
+    "rodas": Integrator("linearly implicit, L-stable, stiffly accurate", 4, 6),
+    "implicit_midpoint": Integrator(
+        "symplectic; the energy of undamped motions does not drift",
+        2,
+        5,
+        symplectic=True,
+        double_only=True,
+        failure="Newton's method did not converge within a step",
+    ),
+    "ros2": Integrator("implicit in the finger's own elasticity and damping alone", 2, 2, simulates=False),
+    "sdirk2": Integrator("diagonally implicit, L-stable", 2, 4, simulates=False, differentiates=True),
+}
+SIMULATION_METHODS = tuple(name for name, method in INTEGRATORS.items() if method.simulates)
+CONTROL_METHODS = tuple(name for name, method in INTEGRATORS.items() if method.differentiates)

@@ -1,0 +1,251 @@
+"""Worker pools: processes on this machine, or any executor."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any, Protocol
+
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.interrupt import ignored_by_children
+
+__all__ = ["ExecutorPool", "ProcessPool", "WorkerPool", "checked_count", "cores"]
+
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+
+
+class WorkerPool(Protocol):
+    """Takes tasks."""
+
+    @property
+    def workers(self) -> int:
+        """Number of workers."""
+
+    @property
+    def most(self) -> int:
+        """Greatest number of tasks to have submitted at a time."""
+
+    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Submit a task; fewer than ``most`` are pending."""
+
+    def lost(self, future: Future[Any]) -> bool:
+        """Whether a task failed because its worker died, and another may be tried.
+
+        Raises
+        ------
+        SolverError
+            There are no workers left.
+        """
+
+    def close(self, at_once: bool) -> None:
+        """Shut the workers down, at once or when they are done."""
+
+
+@dataclass
+class _Worker:
+    pool: ProcessPoolExecutor
+    started: Future[Any]
+    busy: Future[Any]
+
+
+class ProcessPool:
+    """Processes on this machine, one executor each: a task that ends its process ends no other task.
+
+    Each worker has one task at a time and one thread for linear algebra, ignores Ctrl-C, and ends when this process
+    does, however that ends.
+
+    Parameters
+    ----------
+    count : int
+        Number of processes.
+    start : callable, optional
+        Called in each new process with ``arguments``, before its first task.
+    """
+
+    def __init__(self, count: int, start: Callable[..., None] | None = None, *arguments: Any) -> None:
+        self.workers = self.most = count
+        self._context = multiprocessing.get_context("spawn")
+        self._watched, self._alive = self._context.Pipe(duplex=False)
+        self._started: list[_Worker | None] = [None] * count
+        self._prepared = (self._watched, start, arguments)
+
+    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Submit a task to an idle worker; one that died is replaced."""
+        k = next(k for k, worker in enumerate(self._started) if worker is None or worker.busy.done())
+        worker = self._started[k]
+        try:
+            if worker is not None:
+                worker.busy = worker.pool.submit(work, *arguments)
+                return worker.busy
+        except BrokenExecutor:  # its process died
+            pass
+        with _one_thread(), ignored_by_children():
+            pool = ProcessPoolExecutor(1, self._context, _prepare, self._prepared)
+            started = pool.submit(_confirm_start)
+        self._started[k] = worker = _Worker(pool, started, pool.submit(work, *arguments))
+        return worker.busy
+
+    def as_completed(self, work: Callable[..., Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Future[Any]]]:
+        """Number and future of each task, in the order in which they end."""
+        pending: dict[Future[Any], int] = {}
+        left = deque(enumerate(tasks))
+        while left or pending:
+            while left and len(pending) < self.most:
+                k, task = left.popleft()
+                pending[self.submit(work, task)] = k
+            for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                yield pending.pop(future), future
+
+    def lost(self, future: Future[Any]) -> bool:
+        """Whether the worker's process ended.
+
+        Raises
+        ------
+        SolverError
+            It ended before it had begun.
+        """
+        if not isinstance(future.exception(), BrokenExecutor):
+            return False
+        worker = next(worker for worker in self._started if worker is not None and worker.busy is future)
+        if worker.started.exception() is not None:
+            raise SolverError(
+                "worker processes cannot be started",
+                status="not_started",
+                advice="A script that calls this needs its main part under: if __name__ == '__main__':",
+            )
+        return True
+
+    def close(self, at_once: bool) -> None:
+        """End the processes: when they are idle, or at once."""
+        if at_once:
+            self._alive.close()
+        for worker in self._started:
+            if worker is not None:
+                worker.pool.shutdown(wait=True, cancel_futures=True)
+        self._alive.close()
+        self._watched.close()
+
+
+class ExecutorPool:
+    """Any `concurrent.futures.Executor`, which stays its owner's.
+
+    Parameters
+    ----------
+    executor : concurrent.futures.Executor
+    workers : callable
+        Returns their number; asked again and again, since clusters grow and shrink.
+    """
+
+    def __init__(self, executor: Executor, workers: Callable[[], int]) -> None:
+        self._executor, self._count = executor, workers
+        self._out: set[Future[Any]] = set()
+
+    @property
+    def workers(self) -> int:
+        """Number of workers now."""
+        return max(1, self._count())
+
+    @property
+    def most(self) -> int:
+        """Two tasks for each, so that none waits for the next."""
+        return 2 * self.workers
+
+    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Submit a task.
+
+        Raises
+        ------
+        SolverError
+            The executor takes no more.
+        """
+        try:
+            future = self._executor.submit(work, *arguments)
+        except RuntimeError as error:  # broken, or shut down
+            raise _stopped(error) from error
+        self._out.add(future)
+        future.add_done_callback(self._out.discard)
+        return future
+
+    def lost(self, future: Future[Any]) -> bool:
+        """Whether a cluster gave a task up because workers died of it.
+
+        Raises
+        ------
+        SolverError
+            The executor is broken.
+        """
+        error = future.exception()
+        if isinstance(error, BrokenExecutor):
+            raise _stopped(error) from error
+        return type(error).__name__ == "KilledWorker"
+
+    def close(self, at_once: bool) -> None:
+        """Cancel tasks that have not begun."""
+        for future in list(self._out):
+            future.cancel()
+
+
+def cores() -> int:
+    """Processor cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def checked_count(workers: Any) -> int:
+    """A number of workers.
+
+    Raises
+    ------
+    InputError
+        It is none.
+    """
+    if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= 4096:
+        raise InputError(f"expected a number of workers from 1 to 4096, got {workers!r:.60}", key="workers")
+    return workers
+
+
+def _stopped(error: BaseException) -> SolverError:
+    return SolverError(
+        f"the executor takes no more work: {error}",
+        status="stopped",
+        advice="What was computed is in the table; the same call with a new executor resumes from there.",
+    )
+
+
+def _prepare(watched: Connection, start: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:
+    """In a new worker: leave Ctrl-C to the parent, and end with it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, args=(watched,), daemon=True).start()
+    if start is not None:
+        start(*arguments)
+
+
+def _end_with_parent(watched: Connection) -> None:
+    with suppress(OSError, EOFError):
+        watched.poll(None)
+    os._exit(1)
+
+
+def _confirm_start() -> None:
+    """Run as the first task, so that a process which ends before any task is distinguished."""
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Processes started here compute with one thread, unless the environment states another number."""
+    own = [name for name in _THREADS if name not in os.environ]
+    os.environ.update(dict.fromkeys(own, "1"))
+    try:
+        yield
+    finally:
+        for name in own:
+            os.environ.pop(name, None)

@@ -1,0 +1,99 @@
+"""A curvature family of the tests' own: on each element a quadratic curvature, which may jump between elements.
+
+All that the package needs of a family is in this file and in its line of the table, ``ENTRY``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from continuum_grasp.model.collocated import CollocatedLink
+from continuum_grasp.model.family import Array, Family, Pieces, Rod
+from continuum_grasp.model.link import LoadedLink
+from continuum_grasp.model.planar import Scalar
+from continuum_grasp.model.quadrature import node_count
+from continuum_grasp.scene.families import CurvatureFamily
+
+NAME = "quadratic"
+ENTRY = CurvatureFamily("tests.quadratic_family:QuadraticFamily", one_turn=True)
+
+_OVERSHOOT = 1.25
+"""Greatest value of a quadratic on [0, 1] whose values at 0, 1/2 and 1 are within one."""
+_SHAPES = np.array([[1.0, -3.0, 2.0], [0.0, 4.0, -4.0], [0.0, -1.0, 2.0]])
+"""Coefficients of 1, u, u^2 in the shapes that are one at 0, 1/2 and 1 in turn."""
+_GRAM = np.array([[4.0, 2.0, -1.0], [2.0, 16.0, 2.0], [-1.0, 2.0, 4.0]]) / 30.0
+"""Integrals of the products of the shapes over [0, 1]."""
+_SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
+
+
+class QuadraticLink(CollocatedLink):
+    """Its local coordinates are the curvatures at its start, middle and end [1/m]."""
+
+    def _angles(self, fraction: Scalar) -> list[Scalar]:
+        u = fraction
+        return [u * (a + u * (b / 2 + u * (c / 3))) for a, b, c in _SHAPES.tolist()]
+
+
+class QuadraticFamily(Family):
+    """Curvature quadratic on each element."""
+
+    degree = 2
+    continuous = False
+    order = 6
+
+    @property
+    def size(self) -> int:
+        return 3 * self.elements
+
+    @property
+    def labels(self) -> list[str]:
+        return [f"kappa_{k + 1}_{at} [1/m]" for k in range(self.elements) for at in ("start", "middle", "end")]
+
+    @property
+    def default_accuracy(self) -> float:
+        return 1e-8
+
+    def local(self, element: int) -> tuple[int, ...]:
+        return (3 * element, 3 * element + 1, 3 * element + 2)
+
+    def coordinates(self, bends: Array, curvatures: Array) -> Array:
+        return curvatures.ravel()
+
+    def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
+        links = []
+        for k, (h, reach) in enumerate(zip(rod.lengths, rod.ranges, strict=True)):
+            nodes = node_count(reach, self.accuracy or self.default_accuracy) + 2
+            link = QuadraticLink(
+                self.shape(k, q), h, rod.linear_density, rod.rotary_inertia, _OVERSHOOT * reach, min(nodes, 16)
+            )
+            links.append(LoadedLink(link, tuple((at, mass) for element, at, mass in rod.masses if element == k)))
+        return links
+
+    def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
+        matrix: list[list[Scalar]] = [[0.0] * self.size for _ in range(self.size)]
+        for k, h in enumerate(lengths):
+            for i in range(3):
+                for j in range(3):
+                    matrix[3 * k + i][3 * k + j] = float(_GRAM[i, j]) * h
+        return matrix
+
+    def rest(self, lengths: Sequence[float], pieces: Pieces) -> list[float]:
+        result, start = np.zeros(self.size), 0.0
+        powers = np.array([1.0, 2.0, 3.0])
+        for k, h in enumerate(lengths):
+            for a, b, value in pieces:
+                low, high = (min(max((at - start) / h, 0.0), 1.0) for at in (a, b))
+                result[3 * k : 3 * k + 3] += value * h * _SHAPES @ ((high**powers - low**powers) / powers)
+            start += h
+        return list(result.tolist())
+
+    def rest_uniform(self, lengths: Sequence[Scalar]) -> list[Scalar]:
+        return [float(weight) * h for h in lengths for weight in _SIMPSON]
+
+    def bend_gradient(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
+        gradient: list[Scalar] = [0.0] * self.size
+        for a, weight in zip(self.local(element), _SIMPSON.tolist(), strict=True):
+            gradient[a] = weight * lengths[element]
+        return gradient
