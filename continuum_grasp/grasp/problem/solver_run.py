@@ -174,7 +174,7 @@ class GraspSolverRun:
     def _rounds(
         self, scene: GraspScene, known: nlp.Start, values: dict[str, Any], part: Budget
     ) -> tuple[list[nlp.Attempt], Array]:
-        """Solve until no finger is deep between the places that are kept clear; all runs, and the last numbers."""
+        """Solve until no finger is deep between the places that must stay clear; all runs, and the last numbers."""
         method, pack = self.prepare(scene), self.problem.numbers.pack
         attempts: list[nlp.Attempt] = []
         acceptable = False
