@@ -13,7 +13,9 @@ import pytest
 import continuum_grasp
 
 MODULES = ["continuum_grasp"] + [
-    f"continuum_grasp.{module.name}" for module in pkgutil.iter_modules(continuum_grasp.__path__) if module.ispkg
+    f"continuum_grasp.{module.name}"
+    for module in pkgutil.iter_modules(continuum_grasp.__path__)
+    if module.ispkg and module.name != "cli"
 ]
 
 
@@ -30,7 +32,12 @@ def public() -> dict[str, object]:
 
 
 PUBLIC = public()
-FUNCTIONS = [name for name, value in PUBLIC.items() if inspect.isfunction(value)]
+FUNCTIONS = [
+    name
+    for name, value in PUBLIC.items()
+    if inspect.isfunction(value) and "; see `continuum_grasp." not in (inspect.getdoc(value) or "")
+]
+"""All but those that point at the function for users that they are behind."""
 WITH_EXAMPLES = [name for name, value in PUBLIC.items() if ">>>" in (inspect.getdoc(value) or "")]
 
 

@@ -92,6 +92,14 @@ def run_closed_loop(
         If the plant's motion does not stay finite; ``result`` is the run until then.
     Interrupted
         On Ctrl-C; ``result`` is the run until then.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> scene = cg.load("configs/mpc/steady_tip.yaml", ["fidelity.family=arc", "duration=0.1"])
+    >>> run = cg.run_closed_loop(scene)
+    >>> round(float(run.t[-1]), 3), run.u.shape  # s; two tendon tensions per period [N]
+    (0.1, (10, 2))
     """
     scene = scene_of(scene, ControlScene)
     began = perf_counter()

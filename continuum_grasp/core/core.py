@@ -57,6 +57,14 @@ def compile(model: FingerModel | System, functions: Sequence[str] | None = None,
     ------
     InputError
         If it is no model, a function is unknown, or single precision cannot be had.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> finger = cg.Finger(rod=cg.Rod(length=0.18, linear_density=0.02, bending_stiffness=0.01))
+    >>> core = cg.compile(cg.FingerModel(finger, family="arc", elements=2))
+    >>> abs(core.tip([0.0, 0.0]).round(6)).tolist()  # straight, pointing along +y [m]
+    [0.0, 0.18]
     """
     core = Core(model, precision=precision)
     if isinstance(functions, str) or not isinstance(functions, Iterable | None):

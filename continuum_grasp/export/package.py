@@ -109,6 +109,16 @@ def export_c(
         If the model is not finite within the ranges.
     SolverError
         If no model keeps the scene's tolerance, or the package failed on the emulated target.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import continuum_grasp as cg
+    >>> finger = cg.Finger(rod=cg.Rod(length=0.18, linear_density=0.02, bending_stiffness=0.01))
+    >>> model = cg.FingerModel(finger, family="arc", elements=2)
+    >>> package = cg.export_c(model, tempfile.mkdtemp(), what=["kinematics"], real="float")
+    >>> [name for name in package.files if name.startswith("src/")]
+    ['src/finger.c', 'src/finger_internal.h', 'src/finger_kernels.c']
     """
     asked = positive(error, "error")
     aim = target_of(target)

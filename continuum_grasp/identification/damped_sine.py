@@ -60,6 +60,8 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
     t : (T,) array_like
         Instants, increasing [s].
     signal : (T,) array_like
+    name : str
+        What messages call it.
 
     Raises
     ------
@@ -67,6 +69,15 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
         If there are too few samples, or they do not fit.
     SolverError
         If there is no vibration to be found.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from continuum_grasp.identification import fit_damped_sine
+    >>> t = np.linspace(0.0, 2.0, 401)
+    >>> fit = fit_damped_sine(t, 0.01 * np.exp(-0.5 * t) * np.cos(2 * np.pi * 3.0 * t))
+    >>> round(fit.frequency, 6), round(fit.decay_rate, 6)
+    (3.0, 0.5)
     """
     instants = column(f"{name}.t", t)
     values = column(name, signal, instants.size)

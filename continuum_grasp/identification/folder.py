@@ -12,7 +12,15 @@ VARIABLE = "CONTINUUM_GRASP_DATA"
 
 
 def data_folder() -> Path | None:
-    """The folder that ``CONTINUUM_GRASP_DATA`` names, or ``../shared/data`` beside a checkout; None: there is none."""
+    """The folder that ``CONTINUUM_GRASP_DATA`` names, or ``../shared/data`` beside a checkout; None: there is none.
+
+    Examples
+    --------
+    >>> from continuum_grasp.identification import data_folder
+    >>> folder = data_folder()
+    >>> folder is None or folder.is_dir()
+    True
+    """
     named = os.environ.get(VARIABLE)
     folder = Path(named) if named else Path(__file__).resolve().parents[3] / "shared" / "data"
     return folder if folder.is_dir() else None

@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 
 
 def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
-    """Measurements of all sets that a configuration describes.
+    r"""Measurements of all sets that a configuration describes.
 
     Parameters
     ----------
@@ -49,6 +49,18 @@ def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
     ------
     InputError
         If a set has no file, a file no set, or something in a file is wrong.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.identification import read_data
+    >>> scene = cg.load("configs/identify/belendez_strip.yaml", ["data[0].holdout_rows=[]"])
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "tip_drop.csv"
+    >>> _ = file.write_text("tip_load_N,measured_tip_drop_m\n0.0,0.089\n0.098,0.149\n")
+    >>> (poses,) = read_data(scene, [file])
+    >>> len(poses.readings)
+    2
     """
     if not scene.data:
         raise InputError("a configuration that reads files says how: data: [{kind: ...}]", key="data")

@@ -149,12 +149,26 @@ class Table:
 
 
 def read_table(path: str | Path) -> Table:
-    """Read a CSV file: UTF-8, commas, one line of headings; empty lines and lines that begin with # are left out.
+    r"""Read a CSV file: UTF-8, commas, one line of headings; empty lines and lines that begin with # are skipped.
+
+    Parameters
+    ----------
+    path : path-like
 
     Raises
     ------
     InputError
         With the line, where it is not of that form.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from continuum_grasp.identification import read_table
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "tip.csv"
+    >>> _ = file.write_text("t [s],x [mm]\n0.0,1.5\n0.1,1.2\n")
+    >>> table = read_table(file)
+    >>> table.headings, table.units, table.rows[0]
+    (('t', 'x'), ('s', 'mm'), ('0.0', '1.5'))
     """
     name = str(path)
     refuse_what_is_no_file(path)

@@ -61,6 +61,15 @@ def run_mission(
         If the plant's motion does not stay finite; ``result`` is the mission until then.
     Interrupted
         On Ctrl-C; ``result`` is the mission until then.
+
+    Examples
+    --------
+    The controller of a mission takes half a minute to compile where it is not in the cache:
+
+    >>> import continuum_grasp as cg
+    >>> run = cg.run_mission("configs/mission/mug.yaml")  # doctest: +SKIP
+    >>> run.verdict.held  # doctest: +SKIP
+    True
     """
     return MissionRunner(assign(scene_of(scene, MissionScene), grasp)).run(variation, progress)
 

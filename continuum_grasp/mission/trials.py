@@ -74,6 +74,15 @@ def run_trials(
         If the mission does not make sense.
     Interrupted
         On Ctrl-C; ``result`` is the list of those that were done.
+
+    Examples
+    --------
+    Each trial takes some seconds, the first one what its controller takes to compile:
+
+    >>> import continuum_grasp as cg
+    >>> outcomes = cg.run_trials("configs/mission/mug.yaml", jobs=2)  # doctest: +SKIP
+    >>> sum(outcome.succeeded for outcome in outcomes)  # doctest: +SKIP
+    100
     """
     mission = scene_of(scene, MissionScene)
     drawn = variations(mission.trials)

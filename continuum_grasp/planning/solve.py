@@ -67,6 +67,13 @@ def plan(
         There is no plan; it names what is violated and what stops it, and ``result`` comes nearest.
     Interrupted
         Ctrl-C; ``result`` is the best plan so far, or the last iterate.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> found = cg.plan("configs/plan/tip_to_point.yaml")
+    >>> found.status.value, found.u.shape == (len(found.t), 2)  # tensions of two tendons [N] per node
+    ('optimal', True)
     """
     began = time.perf_counter()
     asked, near = closing(scene_of(scene, PlanScene), grasp)

@@ -79,6 +79,13 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
     ------
     InputError
         With file, line, column and key of everything that is wrong.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> scene = cg.load("configs/simulate/hanging.yaml", ["time.duration=0.5"])
+    >>> type(scene).__name__, scene.time.duration, scene.finger.rod.length  # s, m
+    ('Scene', 0.5, 0.6)
     """
     return load_placed(path, overrides)[0]
 

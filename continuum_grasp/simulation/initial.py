@@ -39,6 +39,15 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         If ``initial.q`` or ``initial.qd`` has the wrong size.
     SolverError
         If an initial equilibrium is not found.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.simulation import initial_state
+    >>> scene = cg.load("configs/simulate/hanging.yaml")
+    >>> model = cg.FingerModel(scene)
+    >>> initial_state(scene, model).shape == (model.nx,)
+    True
     """
     if isinstance(model, System):
         own = initial_state(scene, model.finger_model)

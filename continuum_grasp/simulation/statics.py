@@ -49,7 +49,7 @@ def equilibrium_under(
     stable: bool = True,
     side: int = 1,
 ) -> Equilibrium:
-    """The equilibrium of a model under constant input and forces; see ``equilibrium``.
+    """Find the equilibrium of a model under constant input and forces.
 
     Parameters
     ----------
@@ -59,8 +59,21 @@ def equilibrium_under(
         Input.
     w : (nw,) array_like
         Forces.
-    guess, stable, side
-        As in ``equilibrium``.
+    guess : (n,) array_like, optional
+        Coordinates from which the search begins.
+    stable : bool
+        Whether to leave an unstable equilibrium for a stable one.
+    side : {1, -1}
+        Side to which it is left.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.simulation import equilibrium_under
+    >>> finger = cg.Finger(rod=cg.Rod(length=0.2, linear_density=0.02, bending_stiffness=0.01))
+    >>> model = cg.FingerModel(finger, family="arc", elements=1, tip_force=False)
+    >>> equilibrium_under(model, [0.05], []).q.round(6).tolist()  # bend = moment L / EI [rad]
+    [1.0]
     """
     if side not in (1, -1):
         raise InputError(f"side: expected 1 or -1, got {side!r}")
@@ -88,6 +101,14 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     Returns
     -------
     list of Equilibrium
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.simulation import equilibrium_path
+    >>> scene = cg.load("configs/simulate/hanging.yaml")
+    >>> [found.stable for found in equilibrium_path(scene, [0.5, 1.0])]
+    [True, True]
     """
     names = tuple(dict.fromkeys((*scene.parameters, "gravity")))
     model = FingerModel(scene, parameters=names, input_rates=False)

@@ -90,6 +90,15 @@ def sweep(
         The workers are gone, or cannot do the work.
     Interrupted
         Ctrl-C; what was computed is in the table.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import continuum_grasp as cg
+    >>> config = {"schema_version": 1, "scene": "configs/grasp/mug_arcs.yaml", "vary": {"object.mass": {"values": [0.1, 0.2]}}}
+    >>> table = cg.sweep(config, folder=tempfile.mkdtemp(), workers=1, keep="none")
+    >>> table["status"].tolist()
+    ['optimal', 'optimal']
     """
     if keep not in ("all", "failed", "none"):
         raise InputError(f"expected all, failed or none, got {keep!r}", key="keep")

@@ -132,6 +132,8 @@ def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any]
     ----------
     folder : path-like
         The sweep's folder.
+    statistics : mapping, optional
+        Statistics of the run that has just ended; none where the table is read later.
 
     Returns
     -------
@@ -141,6 +143,16 @@ def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any]
     ------
     InputError
         There is no sweep in the folder.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import continuum_grasp as cg
+    >>> folder = tempfile.mkdtemp()
+    >>> config = {"schema_version": 1, "scene": "configs/grasp/mug_arcs.yaml", "vary": {"object.mass": {"values": [0.1]}}}
+    >>> _ = cg.sweep(config, folder=folder, workers=1, keep="none")
+    >>> cg.sweep_table(folder)["object.mass"].tolist()  # kg
+    [0.1]
     """
     target = Path(folder)
     plan = read_plan(target)

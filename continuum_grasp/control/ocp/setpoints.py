@@ -75,6 +75,7 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
     Examples
     --------
     >>> from continuum_grasp.control.ocp.cost_terms import Outputs
+    >>> from continuum_grasp.control.ocp.setpoints import setpoints
     >>> from continuum_grasp.control.prediction import Prediction
     >>> from continuum_grasp.scene.load import load
     >>> scene = load("configs/mpc/steady_tip.yaml")
