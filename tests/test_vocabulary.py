@@ -36,7 +36,7 @@ REPLACED = {
     r"beaten by|beaten": "dominated",
     r"on the way": "en route",
     r"rooms?|houses?": "package, module",
-    r"set-points?|setpoints?": "setpoint",
+    r"set-points?|set_points?": "setpoint",
 }
 """Regular expressions of words that are not used, and what is written in their place."""
 BRITISH = (
