@@ -90,12 +90,12 @@ STORED = tuple(
 """How results with ``contacts`` store them."""
 
 
-def overlaps(thing: GraspObject, poses: Array, backbones: Array, half_thickness: float) -> Array:
+def overlaps(body: GraspObject, poses: Array, backbones: Array, half_thickness: float) -> Array:
     """Deepest overlap of a finger and an object at some instants (T,) [m]; zero where they are apart.
 
     Parameters
     ----------
-    thing : GraspObject
+    body : GraspObject
     poses : (T, 3) ndarray
         Its pose: world x, y [m] and angle [rad].
     backbones : (T, points, 2) ndarray
@@ -107,6 +107,6 @@ def overlaps(thing: GraspObject, poses: Array, backbones: Array, half_thickness:
     away = backbones - poses[:, None, :2]
     local = np.stack([c * away[..., 0] + s * away[..., 1], c * away[..., 1] - s * away[..., 0]], axis=-1)
     at = ca.SX.sym("at", 2)
-    distance = ca.Function("distance", [at], [nearest(thing.parts, Vec(at[0], at[1])).distance])
+    distance = ca.Function("distance", [at], [nearest(body.parts, Vec(at[0], at[1])).distance])
     found = np.array(distance(local.reshape(-1, 2).T)).reshape(local.shape[:2])
     return np.asarray(np.maximum(0.0, half_thickness - found.min(axis=1)))
