@@ -38,13 +38,13 @@ from benchmarks.report import Report
 
 ROOT = Path(__file__).resolve().parents[1]
 DIGITS = 12
-"""Significant digits that are kept."""
+"""Significant digits that are stored."""
 NEGLIGIBLE = 1e-12
 """Differences below it are rounding, in SI units: residuals of what is zero."""
 RATIOS = 0.15
 """Part by which ratios of times may move unmentioned."""
 SAMPLES = 16
-"""Entries of an array that are kept beside its sums."""
+"""Entries of an array that are stored beside its sums."""
 DROPPED = re.compile(
     r"__meta__|created|seed|versions?|platform|folder|files|table|config|compiled|late|check_?sum|"
     r"(.*_)?seconds|made_s|total_s|integration_s|.*times|real.time.factor|.*\[[nu]s\].*"
@@ -81,14 +81,14 @@ def digest(values: Any) -> Values:
         words = [str(word) for word in array.ravel()]
         return {"shape": array.shape, "sha": sha(" ".join(words)), "words": dict(Counter(words).most_common(8))}
     entries = array.ravel().astype(float)
-    kept = np.array([float(f"{v:.{DIGITS}g}") + 0.0 for v in entries])  # + 0.0: no negative zero
+    rounded = np.array([float(f"{v:.{DIGITS}g}") + 0.0 for v in entries])  # + 0.0: no negative zero
     finite = np.where(np.isfinite(entries), entries, 0.0)
     peak = float(np.abs(finite).max(initial=0.0))
     part = finite / (peak or 1.0)
     sums = [part.sum(), part @ np.cos(np.arange(part.size)), np.linalg.norm(part)]  # no entry can change without them
     chosen = part[:: max(part.size // SAMPLES, 1)]
     shape = [*array.shape, f"{np.isfinite(entries).sum()} finite"]
-    return {"shape": shape, "sha": sha(kept.tobytes()), "peak": peak, "probes": [float(v) for v in (*sums, *chosen)]}
+    return {"shape": shape, "sha": sha(rounded.tobytes()), "peak": peak, "probes": [float(v) for v in (*sums, *chosen)]}
 
 
 def flat(value: Any, path: str) -> Iterator[tuple[str, Any]]:

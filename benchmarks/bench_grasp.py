@@ -1,4 +1,4 @@
-"""How often the grasp optimiser finds the grasp that there is, and says why there is none.
+"""How often the grasp optimizer finds the grasp that there is, and says why there is none.
 
 Run ``python -m benchmarks.bench_grasp`` in the root of the repository. Random scenes whose answers are known from
 solvers that share nothing with the package (``benchmarks.grasp_oracle``): one finger, pinches of two fingers, and
@@ -39,7 +39,7 @@ REASONS = {"bend": "bending range", "clearance": "clearance at the supports"}
 
 @dataclass
 class Outcome:
-    """What the optimiser made of one scene."""
+    """What the optimizer made of one scene."""
 
     seed: int
     what: str

@@ -193,7 +193,7 @@ def add_cost(report: Report, arguments: argparse.Namespace) -> None:
             if label in ONCE_OR_TWICE and (name, label) != ("jumps", ONCE_OR_TWICE[0]):
                 report.claim(f"{name}, {label}: closed-loop cost beyond converged [%]", more, "<=", 0.1)
     note = (
-        "Violations at their penalty included. jumps: a setpoint that jumps farther than one linearisation reaches; of "
+        "Violations at their penalty included. jumps: a setpoint that jumps farther than one linearization reaches; of "
         "one iteration per step stated with no limit (controller.sqp_iterations: 2 is the second one)."
     )
     columns = ["problem", "solver", "closed-loop cost", "more than converged [%]", "worst excess of a row", "solved"]

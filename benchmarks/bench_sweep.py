@@ -4,7 +4,7 @@ Run ``python -m benchmarks.bench_sweep`` in the root of the repository. A thousa
 drawn at random, are solved one after the other by one call per scene in a fresh process (nothing is saved; what solving
 costs), by a sweep with one worker and by a sweep with two (all runs saved), in turn, several rounds. Ratios are formed
 within rounds. The processor's time is given beside the clock's: it says what a sweep costs also while others use the
-machine. ``--waiting`` puts a wait of 25 ms in the optimiser's place.
+machine. ``--waiting`` puts a wait of 25 ms in the optimizer's place.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def waiting(scene: Any, result: Any = None) -> Any:
 
 
 def evaluate(wait: bool) -> Any:
-    """The optimiser, or what waits in its place and gives back one true result."""
+    """The optimizer, or what waits in its place and gives back one true result."""
     from continuum_grasp import optimize_grasp
     from continuum_grasp.sweeps.worker import solve
 
@@ -135,7 +135,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--scenes", type=int, default=1000)
     parser.add_argument("--rounds", type=int, default=ROUNDS)
-    parser.add_argument("--waiting", action="store_true", help="a wait in the optimiser's place")
+    parser.add_argument("--waiting", action="store_true", help="a wait in the optimizer's place")
     arguments = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     what = (arguments.scenes, arguments.seed, arguments.waiting)

@@ -45,7 +45,7 @@ double loop(const double* const* in, double* x, long long int count) {{
 class CLoop:
     """A compiled loop around one function; call it with the number of evaluations.
 
-    The function is compiled on its own and linked to the loop without optimisation across them, so the
+    The function is compiled on its own and linked to the loop without optimization across them, so the
     compiler cannot hoist, merge or leave out evaluations. Every evaluation reads other arguments (``STATES``
     of them, in turn) and all its results are summed.
 

@@ -40,7 +40,7 @@ class LoopRun:
     good: NDArray[np.bool_]
     """Whether the step's problem was solved, (steps)."""
     guess: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    """Point of linearisation, (steps, plan)."""
+    """Point of linearization, (steps, plan)."""
     plan: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """Solution, (steps, plan)."""
 
@@ -63,7 +63,7 @@ class CLoop:
     functions : sequence of casadi.Function
         Generated apart and linked to it.
     late : bool
-        Whether it linearises once the state is known, with that state in its guess.
+        Whether it linearizes once the state is known, with that state in its guess.
     primal : float
         Largest violation of the problem's equations and input limits that counts as solved.
     """
@@ -129,7 +129,7 @@ class CLoop:
 
 
 def primal_residuals(case: Case, run: LoopRun) -> Array:
-    """By how much each step's solution misses the linearised dynamics, its initial state, and the input limits."""
+    """By how much each step's solution misses the linearized dynamics, its initial state, and the input limits."""
     stages, n = case.stages, case.stages.stages
     step, slope = stages.step, stages.stage / stages.substeps
     found = np.zeros(len(run.plan))

@@ -77,5 +77,5 @@ def rti_loop(case: Case, *, lanes: bool = True, real: str = "double", iterations
         p="given_p" if narrow else "p",
         refs="given_refs" if narrow else "refs",
     )
-    primal = math.inf if iterations > 1 else 1e-3 if narrow else 1e-6  # of one problem, linearised at the guess
+    primal = math.inf if iterations > 1 else 1e-3 if narrow else 1e-6  # of one problem, linearized at the guess
     return CLoop(case, iteration_source(case.stages, real=real, lanes=lanes) + hooks, primal=primal)

@@ -1,4 +1,4 @@
-"""Sweeps to run in tests, and what stands in for the optimiser there.
+"""Sweeps to run in tests, and what stands in for the optimizer there.
 
 ``python -m tests.sweep_cases FOLDER`` runs the slow sweep, to be killed.
 """

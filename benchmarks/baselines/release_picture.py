@@ -25,7 +25,7 @@ STYLES = {
     "soromox": ("SoRoMoX", "#2e8b57", "^"),
     "jsrm": ("JSRM", "#e09f3e", "v"),
 }
-"""Name, colour and marker of each library."""
+"""Name, color and marker of each library."""
 
 
 @dataclass(frozen=True)
@@ -62,13 +62,13 @@ def _panel(ax: Axes, points: Sequence[Point]) -> None:
     ax.set_yscale("log")
     ax.grid(True, which="major", color="0.9", linewidth=0.8)
     ax.spines[["top", "right"]].set_visible(False)
-    for library, (name, colour, marker) in STYLES.items():
+    for library, (name, color, marker) in STYLES.items():
         own = [p for p in points if p.library == library]
         if not own:
             continue
         best = _front(own)
-        ax.plot([p.factor for p in best], [1e3 * p.error for p in best], color=colour, alpha=0.45, linewidth=1.5)
-        ax.scatter([p.factor for p in own], [1e3 * p.error for p in own], 38, colour, marker, label=name, zorder=3)
+        ax.plot([p.factor for p in best], [1e3 * p.error for p in best], color=color, alpha=0.45, linewidth=1.5)
+        ax.scatter([p.factor for p in own], [1e3 * p.error for p in own], 38, color, marker, label=name, zorder=3)
     ax.margins(x=0.18, y=0.1)
     ax.legend(loc="lower left", frameon=False, fontsize=9)
 
@@ -88,16 +88,16 @@ def _label(ax: Axes, points: Sequence[Point]) -> None:
     at = ax.transData.transform([(p.factor, 1e3 * p.error) for p in points])
     taken = [mpl.transforms.Bbox.from_extents(x - 7, y - 7, x + 7, y + 7) for x, y in at]
     inside = ax.get_window_extent(renderer)
-    for point, centre in zip(points, at, strict=True):
+    for point, center in zip(points, at, strict=True):
         text = ax.annotate(
             point.label, (point.factor, 1e3 * point.error), xytext=(0, 0), textcoords="offset pixels", fontsize=7.5
         )
         text.set_color(STYLES[point.library][1])
         text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
         size = text.get_window_extent(renderer)
-        best = min(_places(size.width, size.height), key=lambda d: _cost(centre, d, size, taken, inside))
+        best = min(_places(size.width, size.height), key=lambda d: _cost(center, d, size, taken, inside))
         text.set_position(best)
-        taken.append(mpl.transforms.Bbox.from_bounds(*(centre + best), size.width, size.height))
+        taken.append(mpl.transforms.Bbox.from_bounds(*(center + best), size.width, size.height))
 
 
 def _places(width: float, height: float) -> list[tuple[float, float]]:
@@ -108,13 +108,13 @@ def _places(width: float, height: float) -> list[tuple[float, float]]:
 
 
 def _cost(
-    centre: np.ndarray,
+    center: np.ndarray,
     offset: tuple[float, float],
     size: mpl.transforms.Bbox,
     taken: Sequence[mpl.transforms.Bbox],
     inside: mpl.transforms.Bbox,
 ) -> float:
-    box = mpl.transforms.Bbox.from_bounds(*(centre + offset), size.width, size.height)
+    box = mpl.transforms.Bbox.from_bounds(*(center + offset), size.width, size.height)
     cost = 0.02 * float(np.hypot(*offset))
     for other in taken:
         shared = mpl.transforms.Bbox.intersection(box, other)

@@ -135,9 +135,9 @@ class Fingers:
         """Deepest into the object (n,) and into each wall (n, W) [m]."""
         ends, lengths = np.stack([p.ends for p in postures]), np.stack([p.lengths for p in postures])
         points, _ = trace(self.base, self.hand.angle, ends, lengths, count)
-        centre = np.array(self.numbers.com)
+        center = np.array(self.numbers.com)
         near = self.numbers.size + self.hand.thickness + 3.0 * self.hand.length / count
-        close = np.linalg.norm(points - centre, axis=-1) < near
+        close = np.linalg.norm(points - center, axis=-1) < near
         gap = np.full(close.shape, np.inf)
         if close.any():
             gap[close] = self.outline.gap(points[close])
@@ -224,10 +224,10 @@ class Fingers:
             ends = np.stack([first, last], axis=1)
             return [Posture(float(p), side, e, np.array([a, b])) for p, e, a, b in zip(u, ends, l1, l2, strict=True)]
         grid = np.linspace(-MOST, MOST, 141)
-        centre, reach = np.array(self.numbers.com), self.numbers.size + hand.thickness
+        center, reach = np.array(self.numbers.com), self.numbers.size + hand.thickness
         begin = (grid if bends else first[:, 1:] * l2[:, None]) / l2[:, None]
         tips = joint[:, None] + walk(angle[:, None], begin, grid / l2[:, None], l2[:, None])
-        gap = np.linalg.norm(tips - centre, axis=-1) - reach
+        gap = np.linalg.norm(tips - center, axis=-1) - reach
         close = gap < 0.0  # within the circle around the object, where the true gap is worth its cost
         if close.any():
             gap[close] = self.outline.gap(tips[close])
@@ -288,7 +288,7 @@ def _wrap(angle: Array) -> Array:
 
 
 def _valleys(gap: Array) -> Array:
-    """Samples (..., K) lowered to the bottom of the parabola through each and its neighbours, where it has one."""
+    """Samples (..., K) lowered to the bottom of the parabola through each and its neighbors, where it has one."""
     before, here, after = gap[..., :-2], gap[..., 1:-1], gap[..., 2:]
     with np.errstate(invalid="ignore"):
         curve, slope = before - 2.0 * here + after, before - after

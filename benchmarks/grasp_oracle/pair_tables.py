@@ -38,7 +38,7 @@ class Table:
     forces : ndarray (n, 2)
         N and f [N].
     wrenches : ndarray (n, 3)
-        On the object: force, and moment about its centre of mass by its size [N].
+        On the object: force, and moment about its center of mass by its size [N].
     """
 
     shapes: Array
@@ -94,13 +94,13 @@ def _table(pinches: Pinches, k: int) -> Table:
     first, second = (g.ravel() for g in np.meshgrid(line, line))
     joint = finger.base + walk(hand.angle, first / hand.length, second / hand.length, half)
     angle = hand.angle + 0.25 * (first + second)
-    centre = np.array(numbers.com)
+    center = np.array(numbers.com)
     reach = numbers.size + hand.thickness + half
-    some = np.linalg.norm(joint - centre, axis=1) < reach
+    some = np.linalg.norm(joint - center, axis=1) < reach
     first, second, joint, angle = first[some], second[some], joint[some], angle[some]
     grid = np.linspace(-2.0 * RANGE, 2.0 * RANGE, 57)
     tips = joint[:, None] + walk(angle[:, None], second[:, None] / hand.length, grid / hand.length, half)
-    gap = np.linalg.norm(tips - centre, axis=-1) - numbers.size - hand.thickness
+    gap = np.linalg.norm(tips - center, axis=-1) - numbers.size - hand.thickness
     close = gap < 0.0  # within the circle around the object: where the true gap is worth its cost
     gap[close] = finger.outline.gap(tips[close])
     row, column = np.nonzero(np.sign(gap[:, :-1]) != np.sign(gap[:, 1:]))

@@ -1,6 +1,6 @@
 """C for many states at once: the instructions of an SX function on vectors of lanes.
 
-CasADi's own generator writes scalar code that compilers do not vectorise across calls. This one walks the same
+CasADi's own generator writes scalar code that compilers do not vectorize across calls. This one walks the same
 instructions and writes them for the vector types that gcc and clang share.
 """
 

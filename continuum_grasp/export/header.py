@@ -94,8 +94,8 @@ def header(subject: Subject, parts: Sequence[Part], words: Mapping[str, str]) ->
         "NW": "force components",
         "NP": "run-time parameters",
     }
-    modelled = bool(calls_of(parts))
-    lines = [f"#define {big}_{name} {size} /* {notes[name]} */" for name, size in dimensions.items() if modelled]
+    modeled = bool(calls_of(parts))
+    lines = [f"#define {big}_{name} {size} /* {notes[name]} */" for name, size in dimensions.items() if modeled]
     constants = {name: value for part in parts for name, value in part.constants.items()}
     lines += [f"#define {big}_{name} {value}" for name, value in constants.items()]
     codes = codes_of_package(parts)
@@ -109,8 +109,8 @@ def header(subject: Subject, parts: Sequence[Part], words: Mapping[str, str]) ->
         "dimensions": "\n".join(lines),
         "codes": table,
         "structs": "\n".join(struct.declaration(prefix) for struct in structs_of(subject, parts)),
-        "use": fill("use_model.h", words) if modelled else _use_of_stateful(stateful_of(parts)[-1], words),
-        "model": fill("model.h", {**words, "model_parameters": _parameters_member(subject)}) if modelled else "",
+        "use": fill("use_model.h", words) if modeled else _use_of_stateful(stateful_of(parts)[-1], words),
+        "model": fill("model.h", {**words, "model_parameters": _parameters_member(subject)}) if modeled else "",
         "functions": "\n".join(
             [
                 *(_documented(call, prefix) for call in calls_of(parts)),

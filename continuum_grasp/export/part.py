@@ -56,7 +56,7 @@ class Code(IntEnum):
     ERR_RANGE = -3, "an input or a parameter is out of its range"
     ERR_STEP = -4, "the step is not above zero or too long to be stable"
     ERR_RESULT = -5, "the result is not finite"
-    ERR_ABI = -6, "what is passed was not initialised, or by another version of this library"
+    ERR_ABI = -6, "what is passed was not initialized, or by another version of this library"
     ERR_CONFIGURATION = -7, "the library was made from another configuration than its caller was compiled for"
 
 

@@ -161,7 +161,7 @@ def _stateful(subject: Subject, parts: Sequence[Part], words: Mapping[str, str])
 
 
 def _iterations(controller: Controller) -> str:
-    """How often a call linearises the problem."""
+    """How often a call linearizes the problem."""
     usual, first = controller.sqp_iterations, controller.start_iterations
     return f"{_times(usual)} at the last plan, or {_times(first)} where there is none: at first, and after blindness"
 

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 
 def greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Sequence[Field]) -> float:
-    """Greatest spectral radius of the linearised motion [1/s].
+    """Greatest spectral radius of the linearized motion [1/s].
 
     Taken at rest, without input and forces, over shapes within the bending range and the corners of the ranges of the
     parameters (some of them where they are many).
@@ -51,7 +51,7 @@ def greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Seq
             jacobian = np.array(model.linearization(x, u, w, p)[0])
             if not np.isfinite(jacobian).all():
                 raise NumericalError(
-                    "the linearised motion is not finite at a corner of the parameters' ranges", state=x
+                    "the linearized motion is not finite at a corner of the parameters' ranges", state=x
                 )
             radius = max(radius, float(np.abs(np.linalg.eigvals(jacobian)).max()))
     return radius

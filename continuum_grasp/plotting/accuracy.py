@@ -8,7 +8,7 @@ from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.plotting.drawing.axes import new_figure, quiet
-from continuum_grasp.plotting.drawing.style import BLUE, GREEN, GREY, INK, ORANGE
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE
 from continuum_grasp.scene.families import FAMILIES
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -
     for one, (cost, error, label) in zip(ax, panels, strict=False):
         i, j = columns.index(cost), columns.index(error)
         front = report.front(cost, error)
-        one.plot([row[i] for row in front], [row[j] for row in front], color=GREY, linewidth=5.0, alpha=0.35, zorder=1)
+        one.plot([row[i] for row in front], [row[j] for row in front], color=GRAY, linewidth=5.0, alpha=0.35, zorder=1)
         for family, (color, marker) in zip(FAMILIES, cycle(_LOOKS), strict=False):
             own = [row for row in rows if row[0].split(",")[0] == family and _drawn(row[i]) and _drawn(row[j])]
             one.plot(

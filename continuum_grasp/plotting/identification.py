@@ -9,7 +9,7 @@ import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.plotting.drawing.axes import head, new_axes, new_figure, quiet
-from continuum_grasp.plotting.drawing.style import BLUE, GREY, INK, ORANGE
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +39,7 @@ def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
     size = 22.0 if scaled.size <= 200 else 7.0
     inside, outside = np.asarray(fit.fitted), ~np.asarray(fit.fitted)
     ax.axhspan(-2.0, 2.0, color=BLUE, alpha=0.08, linewidth=0)
-    ax.axhline(0.0, color=GREY, linewidth=0.8)
+    ax.axhline(0.0, color=GRAY, linewidth=0.8)
     ax.scatter(number[inside], scaled[inside], s=size, color=BLUE, linewidth=0, label="fitted", zorder=3)
     if outside.any():
         ax.scatter(
@@ -48,7 +48,7 @@ def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
     end = 0
     for _, count in fit.blocks[:-1]:
         end += count
-        ax.axvline(end + 0.5, color=GREY, linewidth=0.6, linestyle=":")
+        ax.axvline(end + 0.5, color=GRAY, linewidth=0.6, linestyle=":")
     reach = 1.15 * max(3.0, float(np.abs(scaled).max(initial=0.0)))
     ax.set_ylim(-reach, reach)
     ax.locator_params(axis="x", integer=True)
@@ -90,7 +90,7 @@ def plot_predictions(fit: Fit, group: str, *, ax: Axes | None = None) -> Axes:
     size = 22.0 if members.sum() <= 200 else 7.0
     margin = 0.05 * max(float(np.ptp(numbers)), 1e-12)
     ends = [float(numbers.min()) - margin, float(numbers.max()) + margin]
-    ax.plot(ends, ends, color=GREY, linewidth=0.9, zorder=1)
+    ax.plot(ends, ends, color=GRAY, linewidth=0.9, zorder=1)
     ax.scatter(fit.measured[inside], fit.predictions[inside], s=size, color=BLUE, linewidth=0, label="fitted", zorder=3)
     if outside.any():
         ax.scatter(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.axes import color_bar, head, new_axes, time_map
-from continuum_grasp.plotting.drawing.style import BLUE, GREY, INK, ORANGE
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -123,7 +123,7 @@ def _draw_grid(ax: Axes, drawn: GridMap | ScatterMap, kinds: list[str]) -> Scala
             here,
             cmap=_one_color(_SHADES[k % len(_SHADES)]),
             hatch=_HATCHES[k % len(_HATCHES)],
-            edgecolor=GREY,
+            edgecolor=GRAY,
             linewidth=0.0,
         )
         _patch(
@@ -152,7 +152,7 @@ def _draw_points(ax: Axes, drawn: GridMap | ScatterMap, kinds: list[str]) -> Sca
             drawn.y[here],
             s=0.7 * size,
             marker=_MARKERS[k % len(_MARKERS)],
-            color=GREY,
+            color=GRAY,
             linewidths=1.0,
             label=f"no grasp, {kind}: {int(here.sum())}",
         )
@@ -162,7 +162,7 @@ def _draw_points(ax: Axes, drawn: GridMap | ScatterMap, kinds: list[str]) -> Sca
 
 def _patch(ax: Axes, color: str, hatch: str, label: str) -> None:
     """An entry of the legend."""
-    ax.fill([], [], facecolor=color, edgecolor=GREY, hatch=hatch, linewidth=0.0, label=label)
+    ax.fill([], [], facecolor=color, edgecolor=GRAY, hatch=hatch, linewidth=0.0, label=label)
 
 
 def _one_color(color: str) -> Any:

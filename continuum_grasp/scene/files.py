@@ -11,7 +11,7 @@ __all__ = ["refuse_what_is_no_file"]
 
 
 def refuse_what_is_no_file(path: str | os.PathLike[str], name: str | None = None) -> None:
-    """Refuse folders, pipes and devices, which have no end or wait for somebody; a missing file is not looked at.
+    """Refuse folders, pipes and devices, which have no end or wait for a writer; a missing file is not looked at.
 
     Raises
     ------

@@ -58,12 +58,12 @@ class Rod(Value):
     def _magnitudes(self) -> Rod:
         if self.diameter is not None and self.diameter >= self.length:
             raise ValueError(
-                f"diameter = {self.diameter} m is not smaller than the length of {self.length} m (both are in metres)"
+                f"diameter = {self.diameter} m is not smaller than the length of {self.length} m (both are in meters)"
             )
         for key, most in (("length", 10.0), ("diameter", 0.3)):
             if (getattr(self, key) or 0.0) > most:
                 doubt(
-                    f"rod.{key} = {getattr(self, key):g} m is large for a finger; is it in millimetres? (expected: m)"
+                    f"rod.{key} = {getattr(self, key):g} m is large for a finger; is it in millimeters? (expected: m)"
                 )
         if self.youngs_modulus is not None and not 1e3 <= self.youngs_modulus <= 2e12:
             doubt(

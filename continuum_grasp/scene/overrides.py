@@ -86,7 +86,7 @@ def placed(value: Any, place: Place) -> Document:
 
 
 def apply_override(document: Document, path: KeyPath, new: Document) -> None:
-    """Set one entry; mappings on the way to it that are missing are made.
+    """Set one entry; mappings above it that are missing are made.
 
     Raises
     ------

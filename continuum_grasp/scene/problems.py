@@ -40,7 +40,7 @@ _LIMITS = {
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing wrong: where in the data, and what; ``at_key`` points at the key rather than at its value."""
+    """One fault: where in the data, and what; ``at_key`` points at the key rather than at its value."""
 
     path: KeyPath
     message: str

@@ -140,7 +140,7 @@ class Map(Value):
     y: Key
     """Column of the table upwards."""
     color: Key
-    """Column of the table that is shown in colour."""
+    """Column of the table that is shown in color."""
     reduce: Literal["median", "mean", "least", "greatest"] = "median"
     """What is shown where several grasps share a place, as they do where more than these two keys are varied."""
 
@@ -157,7 +157,7 @@ class Front(Value):
     y_best: Literal["least", "greatest"] = "least"
     """Which y is better."""
     color: Key | None = None
-    """Column of the table that is shown in colour."""
+    """Column of the table that is shown in color."""
 
 
 class Sweep(Value):

@@ -95,7 +95,8 @@ def sweep(
     --------
     >>> import tempfile
     >>> import continuum_grasp as cg
-    >>> config = {"schema_version": 1, "scene": "configs/grasp/mug_arcs.yaml", "vary": {"object.mass": {"values": [0.1, 0.2]}}}
+    >>> masses = {"object.mass": {"values": [0.1, 0.2]}}  # kg
+    >>> config = {"schema_version": 1, "scene": "configs/grasp/mug_arcs.yaml", "vary": masses}
     >>> table = cg.sweep(config, folder=tempfile.mkdtemp(), workers=1, keep="none")
     >>> table["status"].tolist()
     ['optimal', 'optimal']

@@ -1,4 +1,4 @@
-"""The programme on which other solvers are compared with the real-time iteration, and the figures made of runs."""
+"""The NLP on which other solvers are compared with the real-time iteration, and the figures made of runs."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_gauss_newton_hessian_is_that_of_the_squares(case):
 
 
 def test_bounds_of_variables_and_rows_that_stay_are_all_rows(case):
-    """At any point the hard programme is violated as far as the rows themselves are."""
+    """At any point the hard problem is violated as far as the rows themselves are."""
     nlp, s = Nlp(case.stages, soft=False), case.stages
     w, p = point(nlp, case)
     w = 300.0 * w
@@ -78,7 +78,7 @@ def test_bounds_of_variables_and_rows_that_stay_are_all_rows(case):
     assert (found > 0.0).sum() == (np.concatenate(expected) > 0.0).sum() > 0
 
 
-def test_soft_and_hard_programmes_agree_where_bounds_can_be_kept():
+def test_soft_and_hard_problems_agree_where_bounds_can_be_satisfied():
     case = mpc_cases.arcs(steps=4, horizon=8)
     runs = [converged(case, soft=soft) for soft in (True, False)] + [converged(case, exact=True)]
     assert all(run.good.all() for run in runs)
@@ -112,7 +112,7 @@ def test_cost_of_a_violated_row():
     assert case.excess(np.vstack([x, x]), np.zeros((1, 1))) == pytest.approx(0.2)
 
 
-def linearised(s):
+def linearized(s):
     """End of a stage and its derivatives, by CasADi's differentiation of the Runge-Kutta steps."""
     x, u, p = (ca.SX.sym(name, size) for name, size in (("x", s.nx), ("u", s.nu), ("p", s.np)))
     end = x
@@ -121,12 +121,12 @@ def linearised(s):
     return ca.Function("linear", [x, u, p], [end, ca.jacobian(end, x), ca.jacobian(end, u)])
 
 
-def test_residuals_of_a_plan_that_obeys_its_linearisation(case):
+def test_residuals_of_a_plan_that_obeys_its_linearization(case):
     s, rng = case.stages, np.random.default_rng(5)
     n, nx, nu = s.stages, s.nx, s.nu
     x0, u0 = 0.1 * rng.normal(size=(n + 1, nx)), rng.uniform(s.u_min, s.u_max, (n, nu))
     du = 0.5 * (rng.uniform(s.u_min, s.u_max, (n, nu)) - u0)
-    linear = linearised(s)
+    linear = linearized(s)
     x = x0.copy()
     x[0] += 0.01
     for k in range(n):

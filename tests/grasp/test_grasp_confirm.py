@@ -120,7 +120,7 @@ def test_tension_of_a_wrapped_disc(mirrored):
 
 
 def test_statics_are_those_of_the_stored_forces():
-    """What a hand-made grasp stores fulfils every row; where it is disturbed, no longer."""
+    """What a hand-made grasp stores fulfills every row; where it is disturbed, no longer."""
     scene, arrays = wrapped_disc(gravity=UPRIGHT)
     statics = PostureStatics.of(scene, arrays)
     off = statics.rows @ statics.own + statics.weight - statics.right

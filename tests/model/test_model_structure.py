@@ -75,7 +75,7 @@ def test_bias_is_that_of_the_christoffel_symbols(family, elements):
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_mass_rate_less_twice_coriolis_is_skew(family):
-    """The matrix C with C a = B(qd, a) is read off the model's bias, a quadratic form, by polarisation."""
+    """The matrix C with C a = B(qd, a) is read off the model's bias, a quadratic form, by polarization."""
     _, model, at = full(family)
 
     def bias(rates):

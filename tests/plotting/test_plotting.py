@@ -224,9 +224,9 @@ def test_files_of_a_simulation(motion: Motion, tmp_path: Path) -> None:
     for file in files:
         with Image.open(file) as picture:
             picture.load()
-            grey = np.asarray(picture.convert("L"))
-        assert min(grey.shape) > 300
-        assert 0.005 < np.mean(grey < 250) < 0.5
+            gray = np.asarray(picture.convert("L"))
+        assert min(gray.shape) > 300
+        assert 0.005 < np.mean(gray < 250) < 0.5
 
 
 @pytest.mark.parametrize("suffix", ["pdf", "svg"])

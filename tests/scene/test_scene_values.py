@@ -98,7 +98,7 @@ def test_all_that_is_wrong_is_said_at_once():
     assert caught.value.key == "length"
 
 
-def test_values_can_be_copied_and_kept():
+def test_values_can_be_copied_and_stored():
     assert pickle.loads(pickle.dumps(FINGER)) == copy.deepcopy(FINGER) == FINGER
     assert FINGER.model_copy(update={"strain_limit": 0.01}).strain_limit == 0.01
     assert hash(copy.deepcopy(FINGER)) == hash(FINGER)
@@ -126,7 +126,7 @@ def test_the_bounds_are_within_what_the_equations_bear(family, length, stiffness
 
 
 def test_doubts_name_the_line_of_the_user():
-    with pytest.warns(UserWarning, match=r"rod.length = 600 m .* millimetres") as caught:
+    with pytest.warns(UserWarning, match=r"rod.length = 600 m .* millimeters") as caught:
         cg.Rod(**{**ROD, "length": 600.0})
     assert caught[0].filename == __file__
 

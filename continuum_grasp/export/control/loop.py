@@ -36,7 +36,7 @@ CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max",
 """Members of ``rti_settings`` that the public settings have, in their order."""
 DIAGNOSIS = (
     ("uint32_t", "anomalies", "what was noticed, bits of ..._ANOMALY_..."),
-    ("int", "iterations", "factorisations beyond the first"),
+    ("int", "iterations", "factorizations beyond the first"),
     ("real", "violation", "largest share by which a soft bound is left in the plan"),
     ("real", "residual", "of the optimality conditions, relative"),
     ("real", "cost", "of the plan"),

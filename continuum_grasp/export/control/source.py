@@ -155,19 +155,19 @@ class _Writer:
         if self.mpc:
             texts += [self.array("settings_nominal", loop.nominal_settings), self.bounds(loop.settings)]
             texts.append(self.array("first_setpoints", loop.wanted))
-            texts.append(f"static const {p}_loop_settings loop_settings = {self.initialiser(loop.members)};")
+            texts.append(f"static const {p}_loop_settings loop_settings = {self.initializer(loop.members)};")
         else:
             own = [
                 Member(m.member.removeprefix("ekf."), m.values, m.whole) for m in loop.members if m.member[:4] == "ekf."
             ]
-            texts.append(f"static const {p}_ekf_settings ekf_settings = {self.initialiser(own)};")
+            texts.append(f"static const {p}_ekf_settings ekf_settings = {self.initializer(own)};")
         if "estimator" in loop.parts:
             names = ("MISSING", "ABSURD", "OUTLIER", "REOPENED")
             bits = ", ".join(["0", *(f"{p.upper()}_ANOMALY_{name}" for name in names), "0"])
             texts.append(f"static const uint32_t anomaly_of_verdict[] = {{{bits}}};")
         return "\n".join(texts)
 
-    def initialiser(self, members: Sequence[Member]) -> str:
+    def initializer(self, members: Sequence[Member]) -> str:
         lines = []
         for member in members:
             values = np.asarray(member.values)

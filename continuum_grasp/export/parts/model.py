@@ -57,7 +57,7 @@ def statics(subject: Subject) -> Part:
         "balance",
         "Balance of the finger at rest: what is missing for equilibrium.",
         (
-            Field("residual", unit, "generalised force that is missing, by coordinate", shape=(n,)),
+            Field("residual", unit, "generalized force that is missing, by coordinate", shape=(n,)),
             Field("stiffness", f"{unit} per unit of the coordinate", "derivative of the residual", shape=(n, n)),
         ),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from continuum_grasp.plotting.drawing.axes import bend_box, colors, head, new_axes, plane_axes, split_unit, time_axes
 from continuum_grasp.plotting.drawing.fingers import draw_clamp
 from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
-from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GREY, INK, ORANGE, Z
+from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GRAY, INK, ORANGE, Z
 from continuum_grasp.plotting.drawing.surroundings import draw_supports, draw_zones, zone_points
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     draw_surroundings(ax, run)
     draw_clamp(ax, shapes[0], run.length)
     for shape in shapes:
-        ax.plot(*shape.T, color=GREY, linewidth=0.8, alpha=0.7, zorder=1)
+        ax.plot(*shape.T, color=GRAY, linewidth=0.8, alpha=0.7, zorder=1)
     if wanted is not None:
         jumps = _jumps(wanted)
         whole = np.insert(wanted, jumps + 1, np.nan, axis=0)
@@ -94,7 +94,7 @@ def plot_inputs(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     for column, name, color in zip(np.asarray(run.u).T, run.u_names, colors(len(run.u_names)), strict=True):
         ax.stairs(column, run.t, color=color, linewidth=1.4, baseline=None, label=split_unit(name)[0].replace("_", " "))
     for limit in np.unique([*run.u_min, *run.u_max]):
-        ax.axhline(limit, color=GREY, linewidth=0.9, linestyle="--", zorder=1)
+        ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle="--", zorder=1)
     return time_axes(ax, f"input [{split_unit(run.u_names[0])[1]}]", run.name, len(run.u_names))
 
 
@@ -114,7 +114,7 @@ def plot_tracking(run: ControlRun, *, ax: Axes | None = None) -> Axes:
         axis.plot(run.t, run.tracked[:, k], color=color, linewidth=1.4, label=label)
         if axis is not ax:  # the legend is of the left axes
             ax.plot([], [], color=color, linewidth=1.4, label=label)
-    ax.plot([], [], color=GREY, linewidth=1.0, linestyle="--", label="setpoint")
+    ax.plot([], [], color=GRAY, linewidth=1.0, linestyle="--", label="setpoint")
     if right is not ax:
         right.set_ylabel(f"tracked [{units[1]}]", color=INK)
     return time_axes(ax, f"tracked [{units[0]}]", run.name, len(columns) + 1)

@@ -12,7 +12,7 @@ from continuum_grasp.plotting.control.closed_loop import draw_surroundings, show
 from continuum_grasp.plotting.drawing.axes import bend_box, head
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.fingers import draw_clamp, mass_positions, masses_of
-from continuum_grasp.plotting.drawing.style import BLUE, GREEN, GREY, INK, ORANGE, Z
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE, Z
 
 if TYPE_CHECKING:
     from continuum_grasp.closed_loop.result import ControlRun
@@ -32,7 +32,7 @@ def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterat
     if wanted is not None:
         ax.plot(*wanted.T, color=ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT)
     style: dict[str, Any] = {"animated": True}
-    (trail,) = ax.plot([], [], color=GREY, linewidth=0.9, zorder=Z.SUPPORT, **style)
+    (trail,) = ax.plot([], [], color=GRAY, linewidth=0.9, zorder=Z.SUPPORT, **style)
     (finger,) = ax.plot([], [], color=BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE, **style)
     (ahead,) = ax.plot([], [], color=GREEN, linewidth=1.4, zorder=Z.CLAMP_FACE, **style)
     (target,) = ax.plot([], [], "+", color=ORANGE, markersize=11, markeredgewidth=1.8, zorder=Z.FORCE, **style)

@@ -19,7 +19,7 @@ from continuum_grasp.plotting.drawing.axes import (
 )
 from continuum_grasp.plotting.drawing.fingers import draw_clamp
 from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
-from continuum_grasp.plotting.drawing.style import BLUE, GREY, ORANGE, Z
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, ORANGE, Z
 from continuum_grasp.plotting.drawing.surroundings import draw_supports, draw_zones, zone_points
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def plot_plan_inputs(plan: Plan, *, ax: Axes | None = None) -> Axes:
     """
     ax = new_axes(ax)
     for limit in plan.scene.input_limits:
-        ax.axhline(limit, color=GREY, linewidth=0.9, linestyle="--", zorder=1)
+        ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle="--", zorder=1)
     style = "default" if plan.scene.input.form == "linear" else "steps-post"
     for column, name, color in zip(plan.u.T, plan.u_names, colors(plan.u.shape[1]), strict=True):
         label = split_unit(name)[0].replace("_", " ")

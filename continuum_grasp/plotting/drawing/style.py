@@ -10,8 +10,8 @@ __all__ = [
     "EDGE",
     "FAINT",
     "FORBIDDEN",
+    "GRAY",
     "GREEN",
-    "GREY",
     "INK",
     "MATERIAL",
     "OBJECT",
@@ -24,12 +24,12 @@ __all__ = [
 
 # Okabe and Ito's palette, which color-blind readers tell apart
 BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
-INK, GREY = "#222222", "#8A8A8A"
+INK, GRAY = "#222222", "#8A8A8A"
 """Text and outlines; what only helps to read: limits, axes, scales. Both have the contrast that WCAG asks for."""
 
 OBJECT, EDGE = "#F3E9D6", "#A58A55"
 """Filling and edge of the object: pale, since forces and fingers are drawn on it, and none of the curves' colors."""
-FAINT: dict[str, Any] = {"fill": False, "edgecolor": GREY, "linewidth": 0.7}
+FAINT: dict[str, Any] = {"fill": False, "edgecolor": GRAY, "linewidth": 0.7}
 """The object where it was before."""
 MATERIAL: dict[str, Any] = {"facecolor": "#E3E3E3", "edgecolor": "#9A9A9A", "hatch": "////", "linewidth": 0.0}
 CLAMP: dict[str, Any] = {"facecolor": "#DDDDDD", "edgecolor": "#777777", "hatch": "////", "linewidth": 0.0}

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.forces import draw_arrow
-from continuum_grasp.plotting.drawing.style import GREY, INK, Z
+from continuum_grasp.plotting.drawing.style import GRAY, INK, Z
 from continuum_grasp.plotting.grasp.view import MM, GraspView, turned
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
@@ -81,8 +81,8 @@ def draw_scale(ax: Axes, view: GraspView) -> list[Array]:
     (low, high) = view.box
     unit = 0.01 * float((high - low).max())
     right, bottom, length = high[0] - 2.5 * unit, low[1] + 2.5 * unit, size * view.force_scale
-    draw_arrow(ax, np.array([right - length, bottom]), np.array([right, bottom]), GREY)
-    ax.text(right, bottom + unit, f"{size:g} N", fontsize=8, color=GREY, ha="right", va="bottom", zorder=Z.SCALE)
+    draw_arrow(ax, np.array([right - length, bottom]), np.array([right, bottom]), GRAY)
+    ax.text(right, bottom + unit, f"{size:g} N", fontsize=8, color=GRAY, ha="right", va="bottom", zorder=Z.SCALE)
     wide = max(length, 9 * unit) + unit
     corners = [
         [right - wide, low[1]],

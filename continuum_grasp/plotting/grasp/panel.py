@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from continuum_grasp.plotting.drawing.style import GREY, INK
+from continuum_grasp.plotting.drawing.style import GRAY, INK
 from continuum_grasp.plotting.grasp.view import GraspView
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
@@ -29,11 +29,11 @@ def panel_rows(view: GraspView) -> list[Row]:
         return []
     lifted = isinstance(view.result.scene.gravity, OutOfPlaneGravity)
     heads = ["normal", "friction", *(["lift"] if lifted else []), "margin"]
-    rows: list[Row] = [(("contact [N]", GREY), *((word, GREY) for word in heads))]
+    rows: list[Row] = [(("contact [N]", GRAY), *((word, GRAY) for word in heads))]
     for c in view.contacts:
         words = [f"{c.normal_force:.2f}", f"{abs(c.friction_force):.2f}", *([f"{c.lift:.2f}"] if lifted else [])]
         rows.append(((c.name, view.color(c.name)), *((word, INK) for word in (*words, _margin(c)))))
-    rows += [(("", INK),), (("tendons [N]", GREY), ("left", GREY), ("right", GREY), ("of", GREY))]
+    rows += [(("", INK),), (("tendons [N]", GRAY), ("left", GRAY), ("right", GRAY), ("of", GRAY))]
     for name, finger in view.result.fingers.items():
         tendons = view.fingers[name].tendons
         most = "" if tendons is None else f"{tendons.max_tension:g}"

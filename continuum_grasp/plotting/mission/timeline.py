@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from continuum_grasp.plotting.drawing.axes import colors, head, new_figure, quiet
-from continuum_grasp.plotting.drawing.style import GREY, INK
+from continuum_grasp.plotting.drawing.style import GRAY, INK
 from continuum_grasp.plotting.mission.instants import pull_label
 
 if TYPE_CHECKING:
@@ -104,10 +104,10 @@ def _draw_tensions(ax: Axes, mission: MissionRun) -> None:
         )
         if name in run.r_names:
             ax.plot(run.t, run.r[:, run.r_names.index(name)], color=color, linewidth=0.9, linestyle="--")
-    ax.plot([], [], color=GREY, linewidth=0.9, linestyle="--", label="setpoint")
+    ax.plot([], [], color=GRAY, linewidth=0.9, linestyle="--", label="setpoint")
     for limit in np.unique([*run.u_min, *run.u_max]):
-        ax.axhline(limit, color=GREY, linewidth=0.9, linestyle=":", zorder=1)
-    ax.plot([], [], color=GREY, linewidth=0.9, linestyle=":", label="limit")
+        ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle=":", zorder=1)
+    ax.plot([], [], color=GRAY, linewidth=0.9, linestyle=":", label="limit")
     ax.set_ylabel("tension [N]", color=INK)
     _legend(ax, run.u.shape[1] + 2)
 
@@ -120,7 +120,7 @@ def _draw_forces(ax: Axes, mission: MissionRun) -> None:
         ax.plot(run.t, contacts.normal_force[:, k], color=color, linewidth=1.3, label=contacts.names[k])
     wanted = run.r[:, run.r_names.index(f"contact_force_{mission.held_contact} [N]")]
     ax.plot(run.t, wanted, color=INK, linewidth=1.0, linestyle="--", label=f"setpoint of {mission.held_contact}")
-    ax.plot(run.t[:-1], mission.force_estimate, color=GREY, linewidth=0.9, label="its estimate", zorder=1.9)
+    ax.plot(run.t[:-1], mission.force_estimate, color=GRAY, linewidth=0.9, label="its estimate", zorder=1.9)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel("normal force [N]", color=INK)
     _legend(ax, len(shown) + 2)
@@ -133,8 +133,8 @@ def _draw_friction(ax: Axes, mission: MissionRun) -> None:
     everything = [k for k, name in enumerate(names) if np.any(mission.contacts.normal_force[:, k] > 0.0)]
     shade = dict(zip(everything, colors(len(everything)), strict=True))
     for k in shown:
-        ax.plot(run.t, mission.friction_use[:, k], color=shade.get(k, GREY), linewidth=1.3, label=names[k])
-    ax.axhline(1.0, color=GREY, linewidth=0.9, linestyle=":", zorder=1, label="whole friction cone")
+        ax.plot(run.t, mission.friction_use[:, k], color=shade.get(k, GRAY), linewidth=1.3, label=names[k])
+    ax.axhline(1.0, color=GRAY, linewidth=0.9, linestyle=":", zorder=1, label="whole friction cone")
     ax.set_ylim(0.0, 1.08)
     ax.set_ylabel("friction used [1]", color=INK)
     _legend(ax, len(shown) + 1)

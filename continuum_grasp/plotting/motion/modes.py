@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.plotting.drawing.axes import Box, bend_box, new_figure, plane_axes, quiet
 from continuum_grasp.plotting.drawing.fingers import draw_clamp
-from continuum_grasp.plotting.drawing.style import BLUE, GREY, INK, ORANGE
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,7 +99,7 @@ def _new_axes(count: int, box: Box, stable: bool) -> list[Axes]:
 
 
 def _draw_mode(ax: Axes, rest: NDArray[Any], swing: NDArray[Any], length: float) -> None:
-    ax.plot(*rest.T, color=GREY, linewidth=1.4, linestyle="--", zorder=2)
+    ax.plot(*rest.T, color=GRAY, linewidth=1.4, linestyle="--", zorder=2)
     ax.plot(*(rest + swing).T, color=BLUE, linewidth=2.0, zorder=3)
     ax.plot(*(rest - swing).T, color=ORANGE, linewidth=2.0, zorder=3)
     outline = np.concatenate([rest + swing, (rest - swing)[::-1]])

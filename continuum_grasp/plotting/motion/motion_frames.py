@@ -13,7 +13,7 @@ from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.fingers import draw_body, draw_clamp, finger_outline, mass_positions, masses_of
 from continuum_grasp.plotting.drawing.forces import draw_forces, explain, force_scale, sizes_of
 from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
-from continuum_grasp.plotting.drawing.style import BLUE, GREY, INK, Z
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, Z
 from continuum_grasp.plotting.drawing.surroundings import draw_supports
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def motion_frames(trajectory: Trajectory | Plan, indices: NDArray[Any], width: i
     if bodies:
         patches.append(draw_body(ax, bodies[0], animated=True))
     draw_clamp(ax, shapes[0], length)
-    (trail,) = ax.plot([], [], color=GREY, linewidth=0.9, zorder=Z.SUPPORT, animated=True)
+    (trail,) = ax.plot([], [], color=GRAY, linewidth=0.9, zorder=Z.SUPPORT, animated=True)
     (finger,) = ax.plot([], [], color=BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE, animated=True)
     masses = masses_of(scene.finger)
     (dots,) = ax.plot([], [], "o", color=INK, markersize=7, zorder=Z.MASS, animated=True)

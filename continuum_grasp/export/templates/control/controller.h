@@ -7,7 +7,7 @@ typedef struct {
   <<p>>_controller_memory memory; /* its own */
 } <<p>>_controller;
 
-/* Scratch of a call, which need not be initialised; controllers of one thread may share it. */
+/* Scratch of a call, which need not be initialized; controllers of one thread may share it. */
 typedef struct {
   <<p>>_loop_work loop;
   <<p>>_loop_settings settings;

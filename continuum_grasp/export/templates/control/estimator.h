@@ -6,7 +6,7 @@ typedef struct {
   <<p>>_estimator_memory memory; /* its own */
 } <<p>>_estimator;
 
-/* Scratch of a call, which need not be initialised; estimators of one thread may share it. */
+/* Scratch of a call, which need not be initialized; estimators of one thread may share it. */
 typedef <<p>>_ekf_work <<p>>_estimator_work;
 
 /* Bytes of both at most, as <<p>>_estimator and <<p>>_estimator_work have them. */
