@@ -32,6 +32,7 @@ class Violation:
 
     Examples
     --------
+    >>> from continuum_grasp.nlp import Violation
     >>> print(Violation("contact gap, tip", 0, 0.0021, "m", "contacts.tip", 0.01))
     contact gap, tip: off by 0.0021 m (contacts.tip)
     """

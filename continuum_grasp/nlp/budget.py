@@ -27,6 +27,7 @@ class Budget:
 
     Examples
     --------
+    >>> from continuum_grasp.nlp import Budget
     >>> budget = Budget(left=100)
     >>> with budget.share(60) as part:
     ...     part.left -= 11

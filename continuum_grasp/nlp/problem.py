@@ -31,6 +31,7 @@ class NLP:
     Examples
     --------
     >>> import casadi as ca
+    >>> from continuum_grasp.nlp import NLP
     >>> x = ca.SX.sym("x", 2)
     >>> problem = NLP("circle", x, x[0] + x[1], ca.dot(x, x) - 2)
     >>> problem.functions["grad_f"]([1, 1], [])[1]

@@ -149,12 +149,22 @@ class Solver(ABC):
 
 
 def new_solver(settings: Settings) -> Solver:
-    """The solver of a name.
+    """Make the solver that settings name.
+
+    Parameters
+    ----------
+    settings : Settings
+        Its name, tolerances and options.
+
+    Returns
+    -------
+    Solver
 
     Examples
     --------
     >>> import casadi as ca
     >>> import numpy as np
+    >>> from continuum_grasp.nlp import NLP, Budget, Settings, Start, new_solver
     >>> x = ca.SX.sym("x", 2)
     >>> start = Start(np.array([0.0, -1.0]), *np.array([[-9.0, -9.0], [9.0, 9.0]]), *np.zeros((2, 1)))
     >>> found = new_solver(Settings()).solve(NLP("circle", x, x[0] + x[1], ca.dot(x, x) - 2), start, Budget())
