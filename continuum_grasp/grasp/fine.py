@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.result import Change, GraspResult
 from continuum_grasp.grasp.search import Search, Tried
-from continuum_grasp.grasp.starts.found import start_from
+from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene

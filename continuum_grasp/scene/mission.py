@@ -6,10 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from continuum_grasp.scene.controller import Bounds, Horizon, InputLimits
-from continuum_grasp.scene.estimator import Estimator
+from continuum_grasp.scene.controller import Bounds, Estimator, Horizon, InputLimits, Plant
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.plant import Plant
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Value
 

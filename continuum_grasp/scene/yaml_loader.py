@@ -12,8 +12,7 @@ from typing import Any
 import yaml
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Document, KeyPath, Place, dotted
-from continuum_grasp.scene.files import refuse_what_is_no_file
+from continuum_grasp.scene.document import Document, KeyPath, Place, dotted, refuse_what_is_no_file
 
 __all__ = ["parse_yaml", "read_yaml"]
 

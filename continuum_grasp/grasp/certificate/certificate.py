@@ -17,14 +17,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.check import EQUILIBRIUM, GAP, LIMIT, Check, worst
-from continuum_grasp.grasp.certificate.clearance import clearance_checks, overlap
-from continuum_grasp.grasp.certificate.contact_checks import contact_checks, mode_check
-from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
+from continuum_grasp.grasp.certificate.check import (
+    EQUILIBRIUM,
+    GAP,
+    LIMIT,
+    Check,
+    clearance_checks,
+    contact_checks,
+    mode_check,
+    overlap,
+    worst,
+)
+from continuum_grasp.grasp.certificate.model_error import ModelError, misfits, model_error, not_finite
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.recomputed_finger import RecomputedFinger, gravity_vector
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
-from continuum_grasp.grasp.certificate.stored import misfits, not_finite
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.objects.body import Freedom, pose_bounds

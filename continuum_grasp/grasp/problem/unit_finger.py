@@ -6,21 +6,22 @@ solver. Its base is at the origin, pointing along +Y.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.grasp.problem.numbers import Numbers
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import Finger, PointMass, Rod, Tendons
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.loads import MomentLoad
 
-__all__ = ["FingerSpec", "UnitFinger", "finger_numbers", "inner_masses"]
+__all__ = ["APEX", "FingerSpec", "Numbers", "UnitFinger", "finger_numbers", "inner_masses"]
+
 
 ACCURACY = 1e-7
 """Relative accuracy of the model's quadrature by default; its positions are some ten times better."""
@@ -246,3 +247,46 @@ def _on_tip(at: float, length: float) -> bool:
 def _rounded_up(angle: float) -> float:
     """A range of the model's own that holds a bending range, one of a few so that scenes share solvers [rad]."""
     return next((r for r in (1.0, 2.1, 3.15, 4.5, 6.3) if angle <= r), angle)
+
+
+Array = NDArray[Any]
+
+APEX = 2e-4
+"""Rounding of the apex of spatial friction cones, as a part of the weight; it lies inside the true one."""
+
+
+class Numbers:
+    """Symbols by name, in the order in which they were asked for."""
+
+    def __init__(self) -> None:
+        self._symbols: dict[str, ca.SX] = {}
+
+    def __call__(self, name: str, size: int = 1) -> ca.SX:
+        """The symbol of a name; created on the first call."""
+        if name not in self._symbols:
+            self._symbols[name] = ca.SX.sym(name, size)
+        return self._symbols[name]
+
+    @property
+    def symbol(self) -> ca.SX:
+        """All of them as a column."""
+        return ca.vertcat(*self._symbols.values()) if self._symbols else ca.SX(0, 1)
+
+    def pack(self, values: Mapping[str, ArrayLike], default: float | None = None) -> Array:
+        """The column of numbers for these values; what is missing is the default, if there is one.
+
+        Raises
+        ------
+        KeyError
+            A number is missing.
+        """
+        parts = []
+        for name, symbol in self._symbols.items():
+            if default is not None and name not in values:
+                parts.append(np.full(symbol.numel(), default))
+                continue
+            part = np.asarray(values[name], dtype=float).ravel()
+            if part.size != symbol.numel():
+                raise KeyError(f"{name}: expected {symbol.numel()} numbers, got {part.size}")
+            parts.append(part)
+        return np.concatenate(parts) if parts else np.empty(0)

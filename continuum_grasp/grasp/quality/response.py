@@ -15,9 +15,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.quality.bent_finger import BentFinger
+from continuum_grasp.grasp.quality.bent_finger import BentFinger, Rolling, finger_rolling, support_rolling
 from continuum_grasp.grasp.quality.contact_set import ContactSet
-from continuum_grasp.grasp.quality.rolling import Rolling, finger_rolling, support_rolling
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
 

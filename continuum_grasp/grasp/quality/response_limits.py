@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.quality.lp import Cones, solve_socp
 from continuum_grasp.grasp.quality.response import Change, GraspResponse, Tendons
-from continuum_grasp.grasp.quality.socp import Cones, solve_socp
 from continuum_grasp.scene.grasp import FingerSetup
 
 __all__ = ["ResponseLimits", "difference_range"]
@@ -39,7 +39,7 @@ class ResponseLimits:
     response : GraspResponse
     tendons : {"retensioned", "locked"}
     displacement_limit : float
-        As in `continuum_grasp.grasp.quality.resistance.resistance`; infinite for none.
+        As in `continuum_grasp.grasp.quality.quality.resistance`; infinite for none.
     """
 
     def __init__(self, response: GraspResponse, tendons: Tendons, displacement_limit: float) -> None:

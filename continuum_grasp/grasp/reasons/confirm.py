@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.check import EQUILIBRIUM
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.quality.lp import LPOutcome
-from continuum_grasp.grasp.quality.socp import Cones, solve_socp
+from continuum_grasp.grasp.quality.lp import Cones, LPOutcome, solve_socp
 from continuum_grasp.grasp.reasons.posture_statics import PostureStatics
 from continuum_grasp.scene.grasp import GraspScene
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates
 from continuum_grasp.grasp.starts.force import Loads, finger_block
+from continuum_grasp.grasp.starts.scan.curves import touch
 from continuum_grasp.grasp.starts.scan.task import FingerTask, make_task, violation
-from continuum_grasp.grasp.starts.scan.touch import touch
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 __all__ = ["polished"]

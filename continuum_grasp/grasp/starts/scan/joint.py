@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import guess_table, sample, segment_end
+from continuum_grasp.grasp.starts.scan.curves import arc_tangent, guess_table, sample, segment_end, tangent
 from continuum_grasp.grasp.starts.scan.task import ALLOWED, FingerTask, Postures, join, touching_family, unique
-from continuum_grasp.grasp.starts.scan.touch import arc_tangent, tangent
 from continuum_grasp.model.surfaces.outline import Outline
 
 __all__ = ["ends_of", "first_joint", "moved_joint", "next_joint"]

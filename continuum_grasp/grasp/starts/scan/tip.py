@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import guess_table, segment_end, table_of
+from continuum_grasp.grasp.starts.scan.curves import guess_table, segment_end, table_of, touch
 from continuum_grasp.grasp.starts.scan.elastica import elastica_table, projection
 from continuum_grasp.grasp.starts.scan.joint import ends_of
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, touching_family, unique
-from continuum_grasp.grasp.starts.scan.touch import touch
 from continuum_grasp.model.surfaces.outline import Outline
 
 __all__ = ["bent_by_tip", "moved_tip", "tip_only", "with_tip"]
