@@ -1,4 +1,4 @@
-"""The search: starts of every set of contacts, faces and corners next to those found, each answer verified."""
+"""The search: starts of every set of contacts that the switches leave, faces and corners next to those found, each answer verified."""
 
 from __future__ import annotations
 
@@ -46,6 +46,11 @@ PRUNE_FACTOR = 1.5
 bounds, and those of rough starts are off by tens of percent."""
 SLIDES = 12
 """How often contacts may pass on to the next face or corner: as often as a box has faces and corners, and more."""
+
+MOST = 64
+"""Sets of contacts that are tried, those with the most contacts first:
+all choices of six contacts."""
+_CHOICES = {"on": (True,), "off": (False,), "auto": (True, False)}
 
 
 @dataclass(frozen=True)
@@ -232,13 +237,6 @@ def _neighbors(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feat
                 else:
                     x[variable.start : variable.stop] = 1.0 if step < 0 else 0.0, new.lower[1]
                 yield {**attempt.features, contact.name: new}, x
-
-
-MOST = 64
-"""Sets of contacts that are tried, those with the most contacts first:
-all choices of six contacts."""
-
-_CHOICES = {"on": (True,), "off": (False,), "auto": (True, False)}
 
 
 def contact_modes(scene: GraspScene) -> list[frozenset[str]]:

@@ -1,4 +1,4 @@
-"""From a file, and those that it names, to one checked document."""
+"""From a file, those that it names, and changes from outside (``--set``) to one checked document."""
 
 from __future__ import annotations
 
@@ -39,6 +39,9 @@ __all__ = [
 
 _VERSION = 1
 """Of the format of configurations, the only one so far."""
+
+Overrides = Iterable[str] | Mapping[str, Any]
+_PART = re.compile(r"([^.\[\]\s]+)|\[(\d+)\]")
 
 
 def validated(document: Document, model: type[Model]) -> Model:
@@ -209,10 +212,6 @@ def take_version(document: Document) -> None:
     _check_version(document)
     del document.value["schema_version"]
     document.forget(("schema_version",))
-
-
-Overrides = Iterable[str] | Mapping[str, Any]
-_PART = re.compile(r"([^.\[\]\s]+)|\[(\d+)\]")
 
 
 def read_overrides(overrides: Overrides) -> list[Change]:

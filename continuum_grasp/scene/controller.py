@@ -1,4 +1,4 @@
-"""Bounds, horizon and input limits of a nonlinear model predictive controller."""
+"""A nonlinear model predictive controller, its estimator, and the plant: bounds, horizon, sensors, differences."""
 
 from __future__ import annotations
 
@@ -8,21 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field, model_validator
 
 from continuum_grasp.scene.cost import Cost
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import CONTROL_METHODS
-from continuum_grasp.scene.value import NonNegative, Positive, Real, Value, Vector2
-
-if TYPE_CHECKING:
-    Method = str
-else:
-    Method = Literal["auto", *CONTROL_METHODS]
-
-
-from typing import Literal
-
-from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Fidelity
-from continuum_grasp.scene.value import Length
+from continuum_grasp.scene.value import Length, NonNegative, Positive, Real, Value, Vector2
 
 __all__ = [
     "BendingSensors",
@@ -39,6 +29,11 @@ __all__ = [
     "Plant",
     "Zone",
 ]
+
+if TYPE_CHECKING:
+    Method = str
+else:
+    Method = Literal["auto", *CONTROL_METHODS]
 
 
 class Penalty(Value):

@@ -1,4 +1,4 @@
-"""Plain data that remembers where each part of it was written."""
+"""Plain data that remembers where each part of it was written; what can be read as a file."""
 
 from __future__ import annotations
 

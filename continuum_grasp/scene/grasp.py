@@ -150,6 +150,11 @@ class GraspScene(Value):
         )
 
     @property
+    def aims(self) -> tuple[str, ...]:
+        """The objectives with a weight."""
+        return tuple(name for name, weight in self.weights if weight > 0.0)
+
+    @property
     def torque_scale(self) -> float:
         """Length that turns a force into a moment that counts as much [m]."""
         return self.disturbances.torque_scale or self.object.size

@@ -28,7 +28,6 @@ __all__ = ["kind_of_scene", "load", "load_placed", "model_of", "other_kind", "sc
 
 Kind = TypeVar("Kind")
 
-"""``schema_version`` of the configurations that this version reads."""
 _MODELS = {
     "simulate": ("simulate", "Scene"),
     "identify": ("identify", "IdentifyScene"),

@@ -1,4 +1,4 @@
-"""One verified property of a grasp, and the limits of all checks."""
+"""The checks of contacts and clearances, one verified property each, and the limits of all checks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, Reco
 from continuum_grasp.grasp.certificate.recomputed_finger import RecomputedFinger
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject, segment_distance
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
-from continuum_grasp.scene.supports import Peg, Wall
+from continuum_grasp.scene.supports import Wall
 
 __all__ = [
     "EQUILIBRIUM",
@@ -44,6 +44,13 @@ PENETRATION = 1e-4
 some eight places per element; between them a finger may touch."""
 LIMIT = 1e-6
 """By what part of it a limit may be exceeded; IPOPT meets active limits to 1e-9 (scaled)."""
+
+Array = NDArray[Any]
+
+_SHARP = 20.0
+"""Radius of curvature, in distances of two samples, below which a surface may reach between them."""
+_FINE = np.linspace(0.0, 1.0, 33)
+"""Places along a panel that passes a corner closely: one of them is within 1/64 of the panel from it."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +94,7 @@ def mode_check(grasp: RecomputedGrasp) -> Check:
     present = Counter(grasp.names)
     wrong = sum(count - 1 for count in present.values())
     wrong += len(set(present) - set(known_contacts(grasp.setups, grasp.walls, grasp.pegs)))
-    supports: list[Wall | Peg] = [*grasp.walls, *grasp.pegs]
-    for body in supports:
+    for body in grasp.scene.places:
         ends = (f"{body.name}.1" in present) + (f"{body.name}.2" in present)
         whole = body.name in present
         wrong += ends == 1 or (ends == 2 and whole)
@@ -131,14 +137,6 @@ def _geometry(grasp: RecomputedGrasp, c: RecomputedContact) -> Iterator[Check]:
 
 def _amiss(switch: str, present: bool) -> bool:
     return (switch == "on" and not present) or (switch == "off" and present)
-
-
-Array = NDArray[Any]
-
-_SHARP = 20.0
-"""Radius of curvature, in distances of two samples, below which a surface may reach between them."""
-_FINE = np.linspace(0.0, 1.0, 33)
-"""Places along a panel that passes a corner closely: one of them is within 1/64 of the panel from it."""
 
 
 def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:

@@ -1,4 +1,6 @@
-"""How far the true rods would be from a grasp's shape: the exact elastic rods under the forces found."""
+"""What stored numbers can be trusted with: whether they are whole, and how far the exact elastic rods under the forces
+found would be from the grasp's shape.
+"""
 
 from __future__ import annotations
 
@@ -32,6 +34,9 @@ SECTIONS = 200
 """
 LEAST_MOMENT = 1e-6
 """Of the moments in play [1]: less than this is rounding, and the share of a straight finger's moment means nothing."""
+
+_OF_FINGERS = ("q", "lengths", "curvature_shapes", "tip_curvature", "tensions", "base", "backbone")
+_SHARED = ("object.pose", "contact_positions", "contact_normals", "contact_forces", "contact_parts")
 
 
 @dataclass(frozen=True)
@@ -134,10 +139,6 @@ def _moment_left_out(bent: RecomputedFinger, problem: RodProblem) -> float:
     gap = equations.balance(shape).missing
     least = LEAST_MOMENT * bent.moment_scale(0.0) * bent.length / bent.stiffness
     return float(np.abs(gap).max() / max(np.abs(shape - equations.rest - gap).max(), least))
-
-
-_OF_FINGERS = ("q", "lengths", "curvature_shapes", "tip_curvature", "tensions", "base", "backbone")
-_SHARED = ("object.pose", "contact_positions", "contact_normals", "contact_forces", "contact_parts")
 
 
 def not_finite(setups: tuple[FingerSetup, ...], arrays: Mapping[str, Any]) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,11 @@ class RecomputedContact:
         Of the round body that touches the object: half the finger's thickness, the peg's; infinite for a wall [m].
     length : float
         What gaps are compared with [m].
+    stored_position, stored_normal : ndarray, shape (2,)
+    normal_force, friction_force, lift : float
+        [N]
+    friction, normal_force_max : float
+        Friction coefficient [1] and limit [N] in the scene.
     normal, point : ndarray, shape (2,)
         Outward normal of the object, and where its surface is touched [m], in the world.
     surface_radius : float
@@ -52,11 +57,6 @@ class RecomputedContact:
         How far the point lies from where a body with this normal would touch, seen from ``length`` away [m].
     buried : float
         How deep the point lies inside another part of the object [m].
-    stored_position, stored_normal : ndarray, shape (2,)
-    normal_force, friction_force, lift : float
-        [N]
-    friction, normal_force_max : float
-        Friction coefficient [1] and limit [N] in the scene.
     """
 
     name: str
@@ -68,12 +68,6 @@ class RecomputedContact:
     part: int
     radius: float
     length: float
-    normal: Array
-    point: Array
-    surface_radius: float
-    gap: float
-    tilt: float
-    buried: float
     stored_position: Array
     stored_normal: Array
     stored_station: float
@@ -82,6 +76,12 @@ class RecomputedContact:
     lift: float
     friction: float
     normal_force_max: float
+    normal: Array = field(init=False)
+    point: Array = field(init=False)
+    surface_radius: float = field(init=False)
+    gap: float = field(init=False)
+    tilt: float = field(init=False)
+    buried: float = field(init=False)
 
     @property
     def force(self) -> Array:
@@ -146,7 +146,6 @@ class RecomputedGrasp:
             support = self.walls[owner] if kind == "wall" else self.pegs[owner] if kind == "peg" else None
             rounded = np.inf if finger is None else finger.thickness
             n, f, lift = (float(value) for value in self.forces[k])
-            friction, most = self._limits(finger, support)
             found.append(
                 RecomputedContact(
                     name,
@@ -158,32 +157,18 @@ class RecomputedGrasp:
                     int(parts[k]),
                     support.radius if isinstance(support, Peg) else rounded,
                     max(reach, self.size) if finger is None else finger.length,
-                    np.zeros(2),
-                    np.zeros(2),
-                    0.0,
-                    0.0,
-                    0.0,
-                    0.0,
                     positions[k],
                     normals[k],
                     float(stations[k]),
                     n,
                     f,
                     lift,
-                    friction,
-                    most,
+                    self.scene.friction(name),
+                    self.scene.normal_force_max(name),
                 )
             )
         self._touch(found)
         return found
-
-    def _limits(self, finger: RecomputedFinger | None, support: Wall | Peg | None) -> tuple[float, float]:
-        """Friction coefficient and greatest normal force."""
-        shared = self.scene.contacts
-        if finger is not None:
-            return finger.setup.friction, finger.setup.normal_force_max
-        own = None if support is None else support.friction
-        return shared.friction if own is None else own, shared.normal_force_max
 
     def _touch(self, contacts: list[RecomputedContact]) -> None:
         """Normals and points of contact from the geometry, and what does not fit."""

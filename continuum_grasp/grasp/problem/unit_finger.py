@@ -28,6 +28,11 @@ ACCURACY = 1e-7
 _OFFSET = 0.5
 """Tendon offset of the unit finger; tensions are scaled so that any value does."""
 
+Array = NDArray[Any]
+
+APEX = 2e-4
+"""Rounding of the apex of spatial friction cones, as a part of the weight; it lies inside the true one."""
+
 
 @dataclass(frozen=True)
 class FingerSpec:
@@ -247,12 +252,6 @@ def _on_tip(at: float, length: float) -> bool:
 def _rounded_up(angle: float) -> float:
     """A range of the model's own that holds a bending range, one of a few so that scenes share solvers [rad]."""
     return next((r for r in (1.0, 2.1, 3.15, 4.5, 6.3) if angle <= r), angle)
-
-
-Array = NDArray[Any]
-
-APEX = 2e-4
-"""Rounding of the apex of spatial friction cones, as a part of the weight; it lies inside the true one."""
 
 
 class Numbers:

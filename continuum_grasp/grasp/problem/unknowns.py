@@ -1,4 +1,4 @@
-"""Unknowns and run-time numbers of a grasp, and the expressions of fingers and contacts that follow from them."""
+"""Unknowns, named constraints and run-time numbers of a grasp, and the expressions of fingers and contacts."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from continuum_grasp.model.surfaces.surface import SurfacePoint
 from continuum_grasp.nlp import Constraints, Violation
 
 __all__ = ["BlockList", "FingerState", "TouchState", "Unknowns", "Variable"]
+
+Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -175,9 +177,6 @@ class Unknowns:
         turn = rotation(self.pose[2])
         point = self.pose[:2] + turn @ local.point
         return TouchState(contact, point, turn @ local.normal, local, self._forces[contact.name])
-
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)

@@ -151,19 +151,14 @@ def tension_weight(scene: GraspScene) -> float:
     """Of the sum of all tensions in the objective [1/N]; a little where it is no aim, so that they are unique."""
     tendons = [f.tendons for f in scene.named_fingers.values() if f.tendons is not None]
     limit = sum(t.max_tension for t in tendons)
-    if _aims(scene) == ["least_tension"]:
+    if scene.aims == ("least_tension",):
         moments = (f.rod.stiffness / f.rod.length / f.tendons.offset for f in scene.named_fingers.values() if f.tendons)
         return 1.0 / max(moments)
     return max(scene.weights.least_tension, LITTLE) / limit
 
 
-def _aims(scene: GraspScene) -> list[str]:
-    weights = scene.weights
-    return [name for name in type(weights).model_fields if getattr(weights, name) > 0.0]
-
-
 def _objective_values(scene: GraspScene, units: Units) -> Values:
-    weights, alone = scene.weights, len(_aims(scene)) == 1
+    weights, alone = scene.weights, len(scene.aims) == 1
     most = scene.contacts.normal_force_max / units.force
     per_force = max(scene.weight, units.force)
     return {

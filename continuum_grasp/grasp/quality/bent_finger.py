@@ -1,4 +1,4 @@
-"""Small motions of a bent finger about its stored shape, on a mesh of its own."""
+"""Small motions of a bent finger about its stored shape, on a mesh of its own, and how its contacts roll."""
 
 from __future__ import annotations
 
@@ -25,6 +25,12 @@ CELLS = 32
 _NODES = 4
 """Gauss points per cell: exact for the stiffness, and to rounding for the motions of cells that bend by some 0.1
 rad."""
+
+CONFORMING = 1e-3
+"""Least relative curvature of two surfaces that touch in a point, over the object's size: below it they count
+as lying against each other and do not turn."""
+_CORNER = 1e-6
+"""Distance from a corner, as a part of the object's size, that counts as on it: the tolerance of stored contacts."""
 
 
 @dataclass(frozen=True)
@@ -160,13 +166,6 @@ class BentFinger:
         for k in np.flatnonzero(self.rod.joints[1:-1] == s):
             return float(0.5 * (self._profile[k, 1] + self._profile[k + 1, 0]))
         return float(self.rod.curvature(self._profile, s))
-
-
-CONFORMING = 1e-3
-"""Least relative curvature of two surfaces that touch in a point, over the object's size: below it they count
-as lying against each other and do not turn."""
-_CORNER = 1e-6
-"""Distance from a corner, as a part of the object's size, that counts as on it: the tolerance of stored contacts."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The contacts of a stored grasp as arrays: where, which way, how rough, how strong."""
+"""The contacts of a stored grasp as arrays (where, which way, how rough, how strong), and their wrench space."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ __all__ = ["ContactSet", "WrenchSpace", "object_part", "wrench_space"]
 
 
 Array = NDArray[Any]
+
+_FLAT = 1e-12
+"""Below this part of the greatest, a length is rounding."""
 
 
 @dataclass(frozen=True)
@@ -116,10 +119,6 @@ def object_part(scene: GraspScene, contacts: ContactSet, contact: int) -> tuple[
     return scene.object.parts[int(contacts.parts[contact])], local
 
 
-_FLAT = 1e-12
-"""Below this part of the greatest, a length is rounding."""
-
-
 @dataclass(frozen=True)
 class WrenchSpace:
     """Wrenches of the contacts' friction cones at unit normal force.
@@ -203,8 +202,10 @@ class WrenchSpace:
 
 
 def wrench_space(scene: GraspScene, arrays: Mapping[str, Any]) -> WrenchSpace:
-    """Cone edges of all contacts of a grasp.
+    """Cone edges of all contacts of a grasp: which wrenches they can put on the object.
 
+    Contacts alone: every one of them, supports included, may push with any normal force up to one; that fingers bend
+    and tendons have limits is the business of `continuum_grasp.grasp.quality.quality.resistance`.
     In a scene with the weight out of the plane the whole planar cones count, as though nothing were lifted.
 
     Parameters

@@ -1,4 +1,6 @@
-"""Linear problems (LP), solved by HiGHS through casadi; what comes back is checked before it is called optimal."""
+"""Linear problems (LP), and second-order cone problems (SOCP) by tangent planes, solved by HiGHS through casadi; what
+comes back is checked before it is called optimal.
+"""
 
 from __future__ import annotations
 
@@ -33,6 +35,15 @@ _OPTIONS: dict[str, Any] = {
     },
 }
 _NAMES: dict[str, Outcome] = {"Optimal": "optimal", "Infeasible": "infeasible", "Unbounded": "unbounded"}
+
+VIOLATION = 1e-8
+"""Cones may be violated by this part of one and the greatest width of a cone: ten times what the LP's
+tolerance lets through."""
+ROUNDS = 200
+"""Most LPs for one answer."""
+_INWARD = 1e-7
+"""What a point well inside a cone is worth beside the cost: where many points are best, corners of the planes, which
+lie outside the cones, are not taken."""
 
 
 @dataclass(frozen=True)
@@ -135,16 +146,6 @@ def _residual(x: Array, rows: Array, low: Array, high: Array, least: Array, most
     off = np.maximum(np.maximum(low - values, values - high), 0.0) / size
     out = np.maximum(np.maximum(least - x, x - most), 0.0) / (1.0 + np.abs(x))
     return float(max(off.max(initial=0.0), out.max(initial=0.0)))
-
-
-VIOLATION = 1e-8
-"""Cones may be violated by this part of one and the greatest width of a cone: ten times what the LP's
-tolerance lets through."""
-ROUNDS = 200
-"""Most LPs for one answer."""
-_INWARD = 1e-7
-"""What a point well inside a cone is worth beside the cost: where many points are best, corners of the planes, which
-lie outside the cones, are not taken."""
 
 
 @dataclass

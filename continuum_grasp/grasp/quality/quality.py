@@ -22,6 +22,9 @@ __all__ = ["Quality", "Resistance", "grasp_quality", "resistance", "resistance_p
 
 Array = NDArray[Any]
 
+DISPLACEMENT_LIMIT = 0.1
+"""Greatest motion of the object: as a part of its size, and in rad; finger tips may turn three times as much."""
+
 
 @dataclass(frozen=True)
 class Quality:
@@ -174,10 +177,6 @@ def grasp_quality(scene: GraspScene, arrays: Mapping[str, Any]) -> Quality:
     return Quality(scene, arrays)
 
 
-DISPLACEMENT_LIMIT = 0.1
-"""Greatest motion of the object: as a part of its size, and in rad; finger tips may turn three times as much."""
-
-
 @dataclass(frozen=True)
 class Resistance:
     """Answer of `resistance`.
@@ -221,7 +220,12 @@ def resistance(
     displacement_limit: float | None = DISPLACEMENT_LIMIT,
     response: GraspResponse | None = None,
 ) -> Resistance:
-    """Greatest multiples of disturbances that a grasp resists, one disturbance at a time.
+    """Greatest multiples of disturbances that a grasp resists, one disturbance at a time: until a contact slips, parts
+    or is pressed too hard, a tendon is at its limit, or the grasp yields too much.
+
+    The fingers move as `continuum_grasp.grasp.quality.response` computes: to first order, contacts sticking until the
+    first one does not. It does not hold far from the stored grasp of soft fingers, so motions are limited too. Forces
+    out of the plane stay as they are.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""Why a scene has no grasp: each limit is relaxed alone, and the amount that then suffices is the reason."""
+"""Why a scene has no grasp: each limit is relaxed alone as little as possible, from many starts, and the amount that
+then suffices, verified and confirmed, is the reason.
+"""
 
 from __future__ import annotations
 
@@ -30,6 +32,17 @@ FIRST, MORE = 4, 8
 """Starts per limit, and per limit that gives a grasp, or per limit again if none does."""
 RARE = 1.0
 """Friction coefficient that few surfaces have: reasons that ask for more are listed last."""
+
+Array = NDArray[Any]
+
+SHORT = 1e-3
+"""By what part of it an amount must stay short of the most that makes sense."""
+HASTY = 200
+"""Iterations from one start, all renewals of the guarded places included: most limits are no reason."""
+SAME = 1e-4
+"""Relative difference up to which two amounts are taken for the same point."""
+BETTER = 1e-3
+"""By what part of a number linear programming must improve it for its own to be taken."""
 
 
 def out_of_reach(scene: GraspScene) -> Reason | None:
@@ -148,18 +161,6 @@ def _sensible(scene: GraspScene) -> Iterator[Relaxation]:
 def _balances_tilt(scene: GraspScene) -> bool:
     gravity = scene.gravity
     return isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance" and scene.object.mass > 0
-
-
-Array = NDArray[Any]
-
-SHORT = 1e-3
-"""By what part of it an amount must stay short of the most that makes sense."""
-HASTY = 200
-"""Iterations from one start, all renewals of the guarded places included: most limits are no reason."""
-SAME = 1e-4
-"""Relative difference up to which two amounts are taken for the same point."""
-BETTER = 1e-3
-"""By what part of a number linear programming must improve it for its own to be taken."""
 
 
 @dataclass(frozen=True)

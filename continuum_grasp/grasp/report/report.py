@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import math
+import re
 import textwrap
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.grasp.report.shown import (
     disturbance_rows,
@@ -19,12 +23,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.model_error import ModelError
     from continuum_grasp.grasp.result import GraspResult
 
-import json
-import math
-import re
-from collections.abc import Mapping
-from typing import Any
-
 __all__ = ["result_text", "result_yaml", "yaml_text"]
 
 
@@ -33,6 +31,11 @@ _HEAD = """\
 # object: along its outward normal, and friction along the normal turned by +90 degrees; lift is on the object, out of
 # the plane. result.npz holds all numbers, meta.json the configuration and every check.
 """
+
+_BARE = re.compile(r"[A-Za-z][A-Za-z0-9_./+-]*( [A-Za-z0-9_./+-]+)*")
+_WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
+_WIDTH = 110
+"""Of a line [characters]: fits terminals and the page of a report without a bar to scroll."""
 
 
 def result_text(result: GraspResult) -> str:
@@ -172,12 +175,6 @@ def _why_lines(result: GraspResult) -> list[str]:
     if result.arrays:
         lines += ["", "The closest point, which is no grasp:", *_finger_lines(result), "", *_contact_lines(result)]
     return lines
-
-
-_BARE = re.compile(r"[A-Za-z][A-Za-z0-9_./+-]*( [A-Za-z0-9_./+-]+)*")
-_WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
-_WIDTH = 110
-"""Of a line [characters]: fits terminals and the page of a report without a bar to scroll."""
 
 
 def yaml_text(value: Any, *, exact: bool = False) -> str:

@@ -1,4 +1,6 @@
-"""Postures of one finger at one pose of the object, from both sides and all poses of its base."""
+"""Postures of one finger that touch an object at one pose, from both sides and all poses of its base, by scans over
+curvatures and contact positions.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +15,17 @@ from continuum_grasp.grasp.starts.scan.joint import first_joint, moved_joint, ne
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, make_task, violation
 from continuum_grasp.grasp.starts.scan.tip import bent_by_tip, moved_tip, tip_only, with_tip
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.objects.body import Pose
 
 __all__ = ["Candidates", "find_candidates", "near_candidates", "neighbors", "postures"]
 
 
 Array = NDArray[Any]
-Pose = tuple[float, float, float]
+
+_SHIFTS = 0.01 * np.array([-1.5, -0.5, 0.5, 1.5])
+"""Shifts of the first contact along the finger [L] in a refinement of size one: a sixth of the spacing of the scan."""
+_CHANGE = 0.4
+"""Change of a knot's curvature [1/L] in a refinement of size one: the spacing of the scans of tips, about."""
 
 
 @dataclass(frozen=True)
@@ -143,12 +150,6 @@ def _as_candidates(
         angles=task.frame.angle_back(family.angles),
         violation=family.violation,
     )
-
-
-_SHIFTS = 0.01 * np.array([-1.5, -0.5, 0.5, 1.5])
-"""Shifts of the first contact along the finger [L] in a refinement of size one: a sixth of the spacing of the scan."""
-_CHANGE = 0.4
-"""Change of a knot's curvature [1/L] in a refinement of size one: the spacing of the scans of tips, about."""
 
 
 def postures(task: FingerTask, middles: tuple[bool, ...], tip: bool) -> Postures | None:

@@ -23,11 +23,11 @@ from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.objects.body import Pose
 
 __all__ = ["Block", "Loads", "contact_forces", "finger_block", "imbalance", "loads_of", "support_block"]
 
 Array = NDArray[Any]
-Pose = tuple[float, float, float]
 
 _FINE = 6
 """Elements up to which all are balanced; of more, two between contacts."""

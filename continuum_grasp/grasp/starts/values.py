@@ -1,4 +1,4 @@
-"""What a starting point of the search is."""
+"""What a starting point of the search is, and a grasp that was found as one: for other elements, or another aim."""
 
 from __future__ import annotations
 

@@ -1,18 +1,16 @@
-"""Tables of a grasp's web page."""
+"""Tables and other parts of a grasp's web page: texts of HTML, and their style."""
 
 from __future__ import annotations
 
+import html
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
-
-import html
-from collections.abc import Iterable, Sequence
 
 __all__ = [
     "PAGE_STYLE",
@@ -27,6 +25,43 @@ __all__ = [
     "statistics_table",
     "table",
 ]
+
+PAGE_STYLE = """
+:root { --ink: #222; --quiet: #666; --line: #ddd; --good: #00694b; --bad: #a03000; --accent: #0072b2; }
+* { box-sizing: border-box; }
+body { margin: 0 auto; padding: 1rem 1rem 3rem; max-width: 62rem; color: var(--ink); background: #fff;
+  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; }
+h1 { font-size: 1.6rem; line-height: 1.2; margin: .6rem 0 .2rem; }
+h2 { font-size: 1.15rem; margin: 2.2rem 0 .5rem; padding-top: .6rem; border-top: 1px solid var(--line); }
+p { margin: .4rem 0 .8rem; max-width: 46rem; }
+.quiet, figcaption, dt { color: var(--quiet); }
+.badge { display: inline-block; padding: .1rem .6rem; border-radius: 1rem; font-size: .85rem; color: #fff;
+  background: var(--bad); vertical-align: middle; }
+.badge.good { background: var(--good); }
+.why, .warning { border-left: 4px solid var(--bad); padding: .1rem 0 .1rem 1rem; }
+.warning { border-color: #b38600; }
+.cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(9.5rem, 1fr)); gap: .7rem; margin: 1rem 0; }
+.cards div { border: 1px solid var(--line); border-radius: .5rem; padding: .5rem .8rem; }
+.cards dd { margin: 0; font-size: 1.3rem; font-variant-numeric: tabular-nums; }
+.cards dt { font-size: .85rem; }
+figure { margin: 1rem 0; }
+figure svg { display: block; width: 100%; height: auto; }
+figure.drawing { max-width: 42rem; }
+figure.polygon { max-width: 24rem; }
+figcaption { font-size: .9rem; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
+th, td { text-align: left; padding: .28rem .9rem .28rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
+th { font-weight: 600; color: var(--quiet); white-space: nowrap; }
+td.n, th.n { text-align: right; white-space: nowrap; }
+td.bad { color: var(--bad); font-weight: 600; }
+td.good { color: var(--good); }
+pre { overflow-x: auto; background: #f6f6f4; padding: .8rem; border-radius: .4rem; font-size: .82rem;
+  line-height: 1.4; }
+summary { cursor: pointer; margin: .6rem 0; }
+@media (max-width: 30rem) { body { font-size: 15px; padding: .6rem .8rem 2rem; } h1 { font-size: 1.35rem; } }
+@media print { h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
+"""
 
 
 def fingers_table(result: GraspResult) -> str:
@@ -94,44 +129,6 @@ def _said(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return ", ".join(_said(v) for v in value)
     return str(value)
-
-
-PAGE_STYLE = """
-:root { --ink: #222; --quiet: #666; --line: #ddd; --good: #00694b; --bad: #a03000; --accent: #0072b2; }
-* { box-sizing: border-box; }
-body { margin: 0 auto; padding: 1rem 1rem 3rem; max-width: 62rem; color: var(--ink); background: #fff;
-  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; }
-h1 { font-size: 1.6rem; line-height: 1.2; margin: .6rem 0 .2rem; }
-h2 { font-size: 1.15rem; margin: 2.2rem 0 .5rem; padding-top: .6rem; border-top: 1px solid var(--line); }
-p { margin: .4rem 0 .8rem; max-width: 46rem; }
-.quiet, figcaption, dt { color: var(--quiet); }
-.badge { display: inline-block; padding: .1rem .6rem; border-radius: 1rem; font-size: .85rem; color: #fff;
-  background: var(--bad); vertical-align: middle; }
-.badge.good { background: var(--good); }
-.why, .warning { border-left: 4px solid var(--bad); padding: .1rem 0 .1rem 1rem; }
-.warning { border-color: #b38600; }
-.cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(9.5rem, 1fr)); gap: .7rem; margin: 1rem 0; }
-.cards div { border: 1px solid var(--line); border-radius: .5rem; padding: .5rem .8rem; }
-.cards dd { margin: 0; font-size: 1.3rem; font-variant-numeric: tabular-nums; }
-.cards dt { font-size: .85rem; }
-figure { margin: 1rem 0; }
-figure svg { display: block; width: 100%; height: auto; }
-figure.drawing { max-width: 42rem; }
-figure.polygon { max-width: 24rem; }
-figcaption { font-size: .9rem; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
-th, td { text-align: left; padding: .28rem .9rem .28rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
-th { font-weight: 600; color: var(--quiet); white-space: nowrap; }
-td.n, th.n { text-align: right; white-space: nowrap; }
-td.bad { color: var(--bad); font-weight: 600; }
-td.good { color: var(--good); }
-pre { overflow-x: auto; background: #f6f6f4; padding: .8rem; border-radius: .4rem; font-size: .82rem;
-  line-height: 1.4; }
-summary { cursor: pointer; margin: .6rem 0; }
-@media (max-width: 30rem) { body { font-size: 15px; padding: .6rem .8rem 2rem; } h1 { font-size: 1.35rem; } }
-@media print { h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
-"""
 
 
 def escaped(value: object) -> str:

@@ -1,4 +1,4 @@
-"""Backbones for the search: curvature linear between knots, many curves at once.
+"""Backbones for the search: curvature linear between knots, many curves at once; those that touch by Newton's method.
 
 Lengths are in units of the finger's length; planar vectors are complex; a curve starts at 0 with tangent i. B curves
 with K knots: ``knots`` (B, K), ``curvatures`` (B, K).
@@ -37,6 +37,15 @@ _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 """Gauss-Legendre rule of 12 nodes on [0, 1]: one interval may bend by more than a turn."""
 _TWO = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 """Gauss-Legendre rule of 2 nodes on [0, 1], between samples that lie close to each other."""
+
+Equations = Callable[[Array, Array], tuple[list[Array], list[list[Array]]]]
+_EXACT = 1e-12
+"""Residual, in lengths of the finger and rad, at which a curve touches: rounding after a few operations."""
+_STEPS, _EARLY, _HOPEFUL = 14, 5, 0.05
+"""Newton steps; after the first five, systems with a larger residual are given up: a start in the basin of a root has
+converged quadratically below it by then."""
+_BEND_STEP = 3.0
+"""Greatest change of a curvature in one step [1/L]: half of the range of the scans, so that no step leaves it."""
 
 
 def segment_end(lengths: Array, curvatures: Array) -> tuple[Array, Array, Array, Array]:
@@ -154,17 +163,6 @@ def table_of(firsts: Array, lasts: Array, joint: float | None = None) -> tuple[A
         pairs, lengths = pairs[:, [0, 0, 1, 1]], np.array([joint, 0.0, 1.0 - joint])
     end, turn, _, _ = segment_end(np.broadcast_to(lengths, (len(pairs), len(lengths))), pairs)
     return end.reshape(first.shape), turn.reshape(first.shape), np.ones(first.shape, bool)
-
-
-Equations = Callable[[Array, Array], tuple[list[Array], list[list[Array]]]]
-
-_EXACT = 1e-12
-"""Residual, in lengths of the finger and rad, at which a curve touches: rounding after a few operations."""
-_STEPS, _EARLY, _HOPEFUL = 14, 5, 0.05
-"""Newton steps; after the first five, systems with a larger residual are given up: a start in the basin of a root has
-converged quadratically below it by then."""
-_BEND_STEP = 3.0
-"""Greatest change of a curvature in one step [1/L]: half of the range of the scans, so that no step leaves it."""
 
 
 def tangent(
