@@ -1,4 +1,7 @@
-"""The search: starts of every set of contacts that the switches leave, faces and corners next to those found, each answer verified."""
+"""The search: starts of every set of contacts, faces and corners next to those found, each answer verified.
+
+Which contacts are on: every choice that the switches of a scene leave.
+"""
 
 from __future__ import annotations
 

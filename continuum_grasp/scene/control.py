@@ -175,11 +175,6 @@ class ControlScene(Surroundings):
         return self.controller.cost.tracked_contacts(self.contact_names)
 
     @property
-    def surroundings(self) -> Surroundings | None:
-        """Object and supports, if there is an object."""
-        return None if self.object is None else self
-
-    @property
     def disturbances(self) -> frozenset[str]:
         """Names of the disturbances that are estimated."""
         return frozenset() if self.estimator is None else self.estimator.disturbances.names

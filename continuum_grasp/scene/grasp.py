@@ -120,6 +120,10 @@ class GraspScene(Value):
             return dict(self.fingers)
         return {} if self.finger is None else {"finger": self.finger}
 
+    def with_fingers(self, fingers: dict[str, GraspFinger]) -> GraspScene:
+        """A copy with other fingers of the same names, which are not checked against the rest."""
+        return self.model_copy(update={"finger": fingers["finger"]} if self.fingers is None else {"fingers": fingers})
+
     @property
     def setups(self) -> tuple[FingerSetup, ...]:
         """The fingers with everything resolved."""
