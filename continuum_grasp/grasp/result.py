@@ -236,8 +236,8 @@ class GraspResult(Result):
     kind: ClassVar[str] = "grasp"
     texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.report:result_yaml"),)
     pictures: ClassVar[tuple[File, ...]] = (
-        File("grasp.png", "grasp.report.shown:picture"),
-        File("report.html", "grasp.report.shown:page"),
+        File("grasp.png", "grasp.report.files:picture"),
+        File("report.html", "grasp.report.files:page"),
     )
 
     scene: GraspScene

@@ -1,47 +1,20 @@
-"""How the answer changes with friction, mass and pose: from the multipliers of the solution, without solving again.
-
-And the grasp solved again with other elements: how much a fine model changes it, and which satisfies a tolerance.
-"""
+"""How the answer changes with friction, mass and pose: from the multipliers of the solution, without solving again."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.problem.values import problem_values, tension_weight
-from continuum_grasp.grasp.result import Change, GraspResult
-from continuum_grasp.grasp.search import Search, Tried
-from continuum_grasp.grasp.starts.values import start_from
-from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.families import default_family
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import GraspFinger
-from continuum_grasp.scene.simulate import Fidelity
+from continuum_grasp.grasp.search import Tried
+from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = [
-    "ELEMENTS",
-    "Sensitivity",
-    "asked_tolerance",
-    "compare",
-    "resolve_elements",
-    "sensitivities",
-    "solve_again",
-    "with_elements",
-    "with_fine",
-]
-
+__all__ = ["Sensitivity", "sensitivities"]
 
 Array = NDArray[Any]
-
-FINE = 6
-"""Elements per segment between base, middle contacts and tip of the model that a grasp is compared with:
-with four matched clothoids the tip of a cantilever is off by 3e-7 to 9e-5 of its length (tip loads of 1 to
-10 E I / L^2)."""
-ELEMENTS = (1, 2, 3, 4)
-"""Elements per segment among which the cheapest is chosen that satisfies a tolerance."""
 
 
 @dataclass(frozen=True)
@@ -133,152 +106,3 @@ def _moved(scene: GraspScene, x: float, y: float, turn: float) -> GraspScene:
         pose = {"position": (float(at[0]), float(at[1])), "angle": finger.base.angle - turn}
         fingers[name] = finger.model_copy(update={"base": finger.base.model_copy(update=pose)})
     return scene.with_fingers(fingers)
-
-
-def with_elements(scene: GraspScene, per_segment: int, family: str | None = None) -> GraspScene:
-    """The scene with this many elements per segment between base, middle contacts and tip.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    per_segment : int
-    family : str, optional
-        None: each finger keeps its own.
-    """
-
-    def changed(setup: FingerSetup) -> GraspFinger:
-        count = per_segment * (len(setup.middles) + 1)
-        own = setup.finger.fidelity or scene.fidelity
-        fidelity = own.replaced(tolerance=None, elements=count, family=family or setup.family, bending_range=None)
-        after = tuple(per_segment * (k + 1) for k in range(len(setup.middles)))
-        contacts = setup.finger.contacts.replaced(middle_after=after)
-        return setup.finger.replaced(fidelity=fidelity, contacts=contacts)
-
-    fingers = {setup.name: changed(setup) for setup in scene.setups}
-    return scene.with_fingers(fingers).replaced(fidelity=Fidelity())
-
-
-def solve_again(scene: GraspScene, found: GraspScene, arrays: dict[str, Array], budget: Budget) -> Tried | None:
-    """The grasp next to one that was found with other elements; None where there is none.
-
-    Parameters
-    ----------
-    scene : GraspScene
-        With the elements wanted.
-    found : GraspScene
-        With those of the grasp.
-    arrays : dict
-    budget : Budget
-    """
-    search = Search(scene, budget)
-    if budget.over:
-        return None
-    search.attempt(start_from(found, arrays))
-    search.slide()
-    return None if budget.stopped else search.best
-
-
-def compare(scene: GraspScene, here: dict[str, Array], there: dict[str, Array]) -> Change:
-    """What changes from one model of a grasp to another.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    here, there : dict
-        Numbers of the grasp with either model.
-    """
-    one, two = _tension(scene, here), _tension(scene, there)
-    names = [str(name) for name in there["contact_names"]]
-    places = dict(zip(names, there["contact_positions"], strict=True))
-    moved = [
-        float(np.linalg.norm(at - places[str(name)]))
-        for name, at in zip(here["contact_names"], here["contact_positions"], strict=True)
-        if str(name) in places
-    ]
-    elements = {setup.name: int(there[f"{setup.name}.lengths"].size) for setup in scene.setups}
-    length = min(setup.finger.rod.length for setup in scene.setups)
-    return Change(elements, two, two / one - 1.0 if one else 0.0, max(moved, default=0.0), length)
-
-
-def _tension(scene: GraspScene, arrays: dict[str, Array]) -> float:
-    return float(sum(arrays[f"{name}.tensions"].sum() for name in scene.named_fingers))
-
-
-def with_fine(result: GraspResult, budget: Budget) -> GraspResult:
-    """The result with what a fine model changes; as it is where that has no grasp next to it.
-
-    Parameters
-    ----------
-    result : GraspResult
-        A grasp.
-    budget : Budget
-    """
-    scene, arrays = result.scene, dict(result.arrays)
-    found = solve_again(with_elements(scene, FINE, _smooth(scene)), scene, arrays, budget)
-    if found is None:
-        return replace(result, statistics={**result.statistics, "fine_model": _none(budget)})
-    change = compare(scene, arrays, found.arrays)
-    return replace(result, fine=change, statistics={**result.statistics, "fine_model": str(change)})
-
-
-def asked_tolerance(scene: GraspScene) -> float | None:
-    """The least tolerance that the scene or one of its fingers asks for."""
-    fidelities = [finger.fidelity or scene.fidelity for finger in scene.named_fingers.values()]
-    return min((f.tolerance for f in fidelities if f.tolerance is not None), default=None)
-
-
-def resolve_elements(
-    scene: GraspScene, first: GraspResult, tolerance: float, budget: Budget
-) -> tuple[GraspScene, str, Change | None]:
-    """The scene with the fewest elements whose grasp differs from a fine model's by no more than a tolerance.
-
-    Parameters
-    ----------
-    scene : GraspScene
-        As asked.
-    first : GraspResult
-        Its grasp with some elements.
-    tolerance : float
-        Greatest change of the tension (relative) and of contact points (per length).
-    budget : Budget
-
-    Returns
-    -------
-    scene : GraspScene
-        With the elements found.
-    note : str
-        The choice in words.
-    change : Change or None
-        What the fine model changes about it.
-    """
-    arrays = dict(first.arrays)
-    reference = solve_again(with_elements(scene, FINE, _smooth(scene)), first.scene, arrays, budget)
-    if reference is None:
-        return first.scene, f"the fine model: {_none(budget)}, so no tolerance can be checked", None
-    note, change, chosen = "", None, first.scene
-    for count in ELEMENTS:
-        chosen = with_elements(scene, count)
-        found = solve_again(chosen, first.scene, arrays, budget)
-        if found is None:
-            continue
-        change = compare(scene, found.arrays, reference.arrays)
-        if change.size <= tolerance:
-            return chosen, f"{_words(chosen)}: {change}; tolerance {tolerance:.2%} satisfied", change
-        note = f"{_words(chosen)}: {change}; tolerance {tolerance:.2%} NOT satisfied"
-    return chosen, note, change
-
-
-def _none(budget: Budget) -> str:
-    """Why a grasp was not found again."""
-    cut = {"clock": "stopped by the clock", "iterations": "the iterations were used up"}
-    return cut.get(budget.cut, "no grasp next to this one")
-
-
-def _words(scene: GraspScene) -> str:
-    return ", ".join(f"{setup.name} with {setup.elements} elements ({setup.family})" for setup in scene.setups)
-
-
-def _smooth(scene: GraspScene) -> str:
-    """The finest family that all fingers can have."""
-    has_friction = any(f.tendons is not None and f.tendons.friction > 0.0 for f in scene.named_fingers.values())
-    return default_family(free_tip=has_friction)

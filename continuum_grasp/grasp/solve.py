@@ -9,18 +9,12 @@ from typing import Any
 
 from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, Interrupted, SolverError
+from continuum_grasp.grasp.fine import ELEMENTS, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.grasp.search import Search, Tried
-from continuum_grasp.grasp.sensitivity import (
-    ELEMENTS,
-    asked_tolerance,
-    resolve_elements,
-    sensitivities,
-    with_elements,
-    with_fine,
-)
+from continuum_grasp.grasp.sensitivity import sensitivities
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.load import scene_of

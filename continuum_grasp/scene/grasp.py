@@ -6,12 +6,12 @@ import math
 import re
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast
 
 from pydantic import Field, model_validator
 
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
-from continuum_grasp.scene.finger import PiecewiseCurvature
+from continuum_grasp.scene.finger import PiecewiseCurvature, Tendons
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
@@ -77,6 +77,11 @@ class FingerSetup:
     middle_bounds: tuple[float, float]
     friction: float
     normal_force_max: float
+
+    @property
+    def tendons(self) -> Tendons:
+        """The finger's tendons, which every finger of a grasp has."""
+        return cast(Tendons, self.finger.tendons)
 
     @property
     def middle_names(self) -> tuple[str, ...]:

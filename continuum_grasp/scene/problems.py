@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.document import Document, KeyPath, Place
-from continuum_grasp.scene.schema import Shape
+from continuum_grasp.scene.shape import Shape
 
 __all__ = ["Problem", "explain", "input_error", "nearest", "raise_problems"]
 

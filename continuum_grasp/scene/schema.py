@@ -1,20 +1,14 @@
-"""JSON Schema of the configurations, for editors and for what errors say: keys, choices and descriptions."""
+"""JSON Schema of the configurations, for editors."""
 
 from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Iterator
-from functools import cached_property
 from typing import Any
 
-from pydantic import BaseModel
-
-from continuum_grasp.scene.document import KeyPath
 from continuum_grasp.scene.load import model_of
 
-__all__ = ["KINDS", "Shape", "json_schema", "schema_text"]
-
+__all__ = ["KINDS", "json_schema", "schema_text"]
 
 KINDS = ("simulate", "identify", "grasp", "mpc", "mission", "plan", "sweep", "finger")
 
@@ -120,116 +114,3 @@ def _optional(node: Any, definitions: _Node) -> Any:
             return {**node, "$ref": f"#/$defs/{_changes(name, definitions)}"}
         return node
     return {key: _optional(child, definitions) if key in {"anyOf", "allOf"} else child for key, child in node.items()}
-
-
-class Shape:
-    """Answers questions about a model from its JSON Schema, following the data into the branch it chose."""
-
-    def __init__(self, model: type[BaseModel]) -> None:
-        self._model = model
-
-    @cached_property
-    def _root(self) -> _Node:
-        return self._model.model_json_schema()
-
-    @cached_property
-    def discriminators(self) -> tuple[str, ...]:
-        """Names of the keys that select a branch of a union."""
-        found: dict[str, None] = {}
-
-        def search(node: Any) -> None:
-            if isinstance(node, dict):
-                tag = node.get("discriminator")
-                if isinstance(tag, dict) and "propertyName" in tag:
-                    found[tag["propertyName"]] = None
-                for child in node.values():
-                    search(child)
-            elif isinstance(node, list):
-                for child in node:
-                    search(child)
-
-        search(self._root)
-        return tuple(found)
-
-    def keys(self, path: KeyPath, data: Any) -> list[str]:
-        """The keys that a mapping at ``path`` may have."""
-        return list(dict.fromkeys(key for node in self._at(path, data) for key in node.get("properties", {})))
-
-    def model_keys(self, name: str) -> list[str]:
-        """The keys of the model of that class name."""
-        node = self._root if self._root.get("title") == name else self._root.get("$defs", {}).get(name, {})
-        return list(node.get("properties", {}))
-
-    def choices(self, path: KeyPath, data: Any) -> list[str]:
-        """The words allowed at ``path``."""
-        found = (word for node in self._at(path, data) for word in [*node.get("enum", []), node.get("const")])
-        return [word for word in dict.fromkeys(found) if isinstance(word, str)]
-
-    def tags(self, path: KeyPath, data: Any) -> list[str]:
-        """The branches of a tagged union at ``path``."""
-        nodes = self._follow(path, data)
-        found = (tag for node in nodes for tag in node.get("discriminator", {}).get("mapping", {}))
-        return list(dict.fromkeys(found))
-
-    def description(self, path: KeyPath, data: Any) -> str:
-        """The first line of what is written about the key at ``path``, in lower case at its start."""
-        for node in self._follow(path, data):
-            text = str(node.get("description", "")).strip().split("\n")[0].rstrip(".")
-            if text:
-                return text if text[1:2].isupper() else text[0].lower() + text[1:]
-        return ""
-
-    def size(self, path: KeyPath, data: Any) -> int | None:
-        """How many entries a list at ``path`` must have, where that is fixed."""
-        for node in self._at(path, data):
-            if node.get("type") == "array" and node.get("minItems") == node.get("maxItems") is not None:
-                return int(node["minItems"])
-        return None
-
-    def _at(self, path: KeyPath, data: Any) -> list[_Node]:
-        value = data
-        for part in path:
-            value = _child(value, part)
-        return [node for start in self._follow(path, data) for node in self._branches(start, value)]
-
-    def _follow(self, path: KeyPath, data: Any) -> list[_Node]:
-        nodes, value = [self._root], data
-        for part in path:
-            nodes = [child for node in nodes for b in self._branches(node, value) for child in _children(b, part)]
-            value = _child(value, part)
-        return nodes
-
-    def _branches(self, node: _Node, value: Any) -> Iterator[_Node]:
-        if "$ref" in node:
-            yield from self._branches(self._root["$defs"][node["$ref"].rpartition("/")[2]], value)
-            return
-        tag = node.get("discriminator", {})
-        word = _child(value, tag["propertyName"]) if "propertyName" in tag else None
-        if isinstance(word, str) and word in tag.get("mapping", {}):
-            yield from self._branches({"$ref": tag["mapping"][word]}, value)
-            return
-        inner = [*node.get("anyOf", []), *node.get("oneOf", []), *node.get("allOf", [])]
-        for branch in inner:
-            yield from self._branches(branch, value)
-        if not inner:
-            yield node
-
-
-def _children(node: _Node, part: str | int) -> Iterator[_Node]:
-    if isinstance(part, str):
-        if part in node.get("properties", {}):
-            yield node["properties"][part]
-        elif isinstance(node.get("additionalProperties"), dict):
-            yield node["additionalProperties"]
-    elif part < len(node.get("prefixItems", [])):
-        yield node["prefixItems"][part]
-    elif isinstance(node.get("items"), dict):
-        yield node["items"]
-
-
-def _child(value: Any, part: str | int) -> Any:
-    if isinstance(value, dict):
-        return value.get(part)
-    if isinstance(value, list) and isinstance(part, int) and part < len(value):
-        return value[part]
-    return None

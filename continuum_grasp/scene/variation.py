@@ -17,7 +17,7 @@ from continuum_grasp.scene.assembly import assembled, changed, kind_of, path_of,
 from continuum_grasp.scene.document import Change, Document, KeyPath, Place
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.problems import explain, nearest, raise_problems
-from continuum_grasp.scene.schema import Shape
+from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.sweep import Draw, Sweep
 
 __all__ = ["Axis", "Random", "Tie", "Variation", "variation_of"]

@@ -12,9 +12,9 @@ from grasp_scenes import CONFIGS, PALM, UPRIGHT, WEIGHTLESS, make_scene
 from numpy.testing import assert_allclose
 
 from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.grasp.fine import with_elements
 from continuum_grasp.grasp.quality.quality import resistance
 from continuum_grasp.grasp.search import Search, contact_modes
-from continuum_grasp.grasp.sensitivity import with_elements
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.surfaces import surface_of

@@ -210,15 +210,14 @@ def _storage(finger: RecomputedFinger) -> Iterator[Check]:
 
 
 def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator[Check]:
-    tendons, setup, length = finger.finger.tendons, finger.setup, finger.length
-    if tendons is not None:
-        most, used = tendons.max_tension, finger.finger.tendons_used
-        over = [(t - most, tendons.min_tension - t) for t in finger.tensions]
-        if used != "both":
-            unused = 1 if used == "left" else 0
-            over[unused] = abs(finger.tensions[unused]), 0.0
-        value = worst(*(v for pair in over for v in pair)) / most
-        yield Check(f"tendon tension, {finger.name}", value, LIMIT, "1", f"{most:.4g} N")
+    setup, length = finger.setup, finger.length
+    most, used = setup.tendons.max_tension, finger.finger.tendons_used
+    over = [(t - most, setup.tendons.min_tension - t) for t in finger.tensions]
+    if used != "both":
+        unused = 1 if used == "left" else 0
+        over[unused] = abs(finger.tensions[unused]), 0.0
+    value = worst(*(v for pair in over for v in pair)) / most
+    yield Check(f"tendon tension, {finger.name}", value, LIMIT, "1", f"{most:.4g} N")
     low, high = setup.middle_bounds
     for contact in grasp.of(finger):
         if contact.kind == "middle":

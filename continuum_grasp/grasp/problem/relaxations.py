@@ -95,13 +95,10 @@ def _each_finger(scene: GraspScene, change: Callable[[GraspFinger], GraspFinger]
 
 
 def _tension(scene: GraspScene, amount: float) -> GraspScene:
-    def stronger(finger: GraspFinger) -> GraspFinger:
-        tendons = finger.tendons
-        if tendons is None:
-            return finger
-        return _with(finger, tendons=_with(tendons, max_tension=tendons.max_tension + amount))
+    def stronger(setup: FingerSetup) -> GraspFinger:
+        return _with(setup.finger, tendons=_with(setup.tendons, max_tension=setup.tendons.max_tension + amount))
 
-    return _each_finger(scene, stronger)
+    return scene.with_fingers({setup.name: stronger(setup) for setup in scene.setups})
 
 
 def _raised(key: str) -> Callable[[GraspScene, float], GraspScene]:
@@ -164,7 +161,7 @@ def _without_obstacles(scene: GraspScene) -> GraspScene:
 
 
 def _max_tension(scene: GraspScene) -> float:
-    return max((f.tendons.max_tension for f in scene.named_fingers.values() if f.tendons is not None), default=0.0)
+    return max(setup.tendons.max_tension for setup in scene.setups)
 
 
 def _normal_max(scene: GraspScene) -> float:

@@ -82,7 +82,6 @@ class FingerSpec:
     def of(setup: FingerSetup, on: frozenset[str], weighs: bool) -> FingerSpec:
         """The structure of a finger with some of its contacts on."""
         finger = setup.finger
-        tendons, length = finger.tendons, finger.rod.length
         return FingerSpec(
             name=setup.name,
             family=setup.family,
@@ -90,10 +89,10 @@ class FingerSpec:
             before=setup.before,
             touching=tuple(name in on for name in setup.middle_names),
             tip=setup.tip_name in on,
-            has_tendon_friction=tendons is not None and tendons.friction > 0.0,
+            has_tendon_friction=setup.tendons.friction > 0.0,
             weighs=weighs,
             preshaped=finger.curvature_pieces[0][2] != 0.0,
-            tip_heavy=weighs and any(_on_tip(m.at, length) for m in finger.masses),
+            tip_heavy=weighs and any(_on_tip(m.at, finger.rod.length) for m in finger.masses),
             masses=len(inner_masses(finger)) if weighs else 0,
             strained=finger.strain_limit is not None,
             free=finger.base_free is not None,
@@ -215,7 +214,7 @@ def finger_numbers(setup: FingerSetup, gravity: tuple[float, float]) -> dict[str
     values: dict[str, object] = {
         f"{name}.weight": [g * rod.mass_per_length * rod.length**3 / rod.stiffness for g in gravity],
         f"{name}.rest_curvature": finger.curvature_pieces[0][2] * rod.length,
-        f"{name}.tendon_friction": 0.0 if finger.tendons is None else finger.tendons.friction,
+        f"{name}.tendon_friction": setup.tendons.friction,
         f"{name}.tip_mass": sum(m.mass for m in finger.masses if _on_tip(m.at, rod.length)) / own,
         f"{name}.curvature_limit": finger.curvature_limit * rod.length if finger.strain_limit is not None else 0.0,
         f"{name}.bending_range": setup.bending_range,

@@ -98,12 +98,10 @@ class Quality:
     @cached_property
     def tension_margin(self) -> float:
         """Least of 1 - tension / greatest tension over the tendons [1]."""
-        margins = [
-            1.0 - float(np.max(self.arrays[f"{setup.name}.tensions"])) / setup.finger.tendons.max_tension
+        return min(
+            1.0 - float(np.max(self.arrays[f"{setup.name}.tensions"])) / setup.tendons.max_tension
             for setup in self.scene.setups
-            if setup.finger.tendons is not None
-        ]
-        return min(margins, default=1.0)
+        )
 
     @cached_property
     def normal_force_spread(self) -> float:

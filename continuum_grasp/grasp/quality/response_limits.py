@@ -165,9 +165,7 @@ def difference_range(setup: FingerSetup, tensions: Array, tendons: Tendons) -> t
     Locked antagonists share a change equally, until one would fall below the least tension; it stays there and the
     other takes the rest.
     """
-    held = setup.finger.tendons
-    if held is None:
-        return 0.0, 0.0
+    held = setup.tendons
     least, most, used = held.min_tension, held.max_tension, setup.finger.tendons_used
     now = float(tensions[0] - tensions[1])
     if used != "both":

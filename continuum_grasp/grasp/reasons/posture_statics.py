@@ -144,9 +144,7 @@ def _bounds(grasp: RecomputedGrasp, size: int, force: float) -> tuple[Array, Arr
     """Least and most of tensions and forces; friction forces have none of their own."""
     least, most = np.zeros(size), np.zeros(size)
     for k, finger in enumerate(grasp.fingers):
-        tendons, used = finger.finger.tendons, finger.finger.tendons_used
-        if tendons is None:
-            continue
+        tendons, used = finger.setup.tendons, finger.finger.tendons_used
         for side, name in enumerate(("left", "right")):
             if used in ("both", name):
                 least[2 * k + side], most[2 * k + side] = tendons.min_tension / force, tendons.max_tension / force

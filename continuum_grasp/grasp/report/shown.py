@@ -1,4 +1,4 @@
-"""What is shown of a result beyond its own numbers, for text, files, pictures and pages alike; its picture and page."""
+"""What is shown of a result beyond its own numbers, for text, files, pictures and pages alike."""
 
 from __future__ import annotations
 
@@ -10,19 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from continuum_grasp.grasp.certificate.certificate import Certificate
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.result import GraspResult
-
 
 __all__ = [
     "disturbance_rows",
     "fine_rows",
     "further_advice",
-    "page",
-    "picture",
     "quality_of",
     "quality_rows",
     "resisted_forces",
@@ -171,17 +166,3 @@ def _summary(certificate: Certificate) -> dict[str, Any]:
         "model_error_m": certificate.model_error.greatest,
         "overlap_of_fingers_m": certificate.overlap,
     }
-
-
-def picture(result: GraspResult) -> Axes:
-    """Draw a grasp, or the closest point to one, or neither: the scene is drawn then."""
-    from continuum_grasp.plotting.grasp.picture import plot_grasp
-
-    return plot_grasp(result, resisted=resisted_forces(result))
-
-
-def page(result: GraspResult) -> str:
-    """Write the web page of a result."""
-    from continuum_grasp.grasp.report.html.page import result_page
-
-    return result_page(result, resisted=resisted_forces(result))
