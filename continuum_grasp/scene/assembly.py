@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from continuum_grasp.scene.document import Change, Document, KeyPath, dotted
-from continuum_grasp.scene.yaml_loader import read_yaml
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.document import Change, Document, KeyPath, Place, dotted
+from continuum_grasp.scene.yaml_loader import parse_yaml, read_yaml
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
     Model = TypeVar("Model", bound=BaseModel)
-
-import re
-from collections.abc import Mapping
-
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Place
-from continuum_grasp.scene.yaml_loader import parse_yaml
 
 __all__ = [
     "Overrides",

@@ -170,10 +170,10 @@ class _Resolver:
             path, new = self._change((*where, k) if listed else where, key, value)
             tried = changed(self.base, [(path, new)], self.file)
             found.append(tried.get(path))
-            self._check(tried, path, only_key)
+            self._check(tried, only_key)
         return path, tuple(found)
 
-    def _check(self, tried: Document, path: KeyPath, only_key: bool) -> None:
+    def _check(self, tried: Document, only_key: bool) -> None:
         try:
             GraspScene.model_validate(tried.value)
         except ValidationError as error:

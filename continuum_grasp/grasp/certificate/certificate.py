@@ -152,18 +152,17 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
     >>> [check.name for check in changed.failed]
     ['finger equilibrium, finger']
     """
-    setups = scene.setups
     with np.errstate(all="ignore"):
         start = (
-            Check("numbers that are not finite", float(not_finite(setups, arrays)), 0.0),
-            Check("stored arrays that are missing or do not fit", float(len(misfits(scene, setups, arrays))), 0.0),
+            Check("numbers that are not finite", float(not_finite(scene, arrays)), 0.0),
+            Check("stored arrays that are missing or do not fit", float(len(misfits(scene, arrays))), 0.0),
         )
         if not all(check.passed for check in start):
             return Certificate(start)
-        lengths = tuple(_lengths(setup.name, setup.finger.rod.length, arrays) for setup in setups)
+        lengths = tuple(_lengths(setup.name, setup.finger.rod.length, arrays) for setup in scene.setups)
         if not all(check.passed for check in lengths):
             return Certificate((*start, *lengths))
-        grasp = RecomputedGrasp(scene, setups, arrays)
+        grasp = RecomputedGrasp(scene, arrays)
         checks = [*start, mode_check(grasp), *lengths]
         for finger in grasp.fingers:
             checks += [*_equilibrium(finger), *_storage(finger), *_finger_limits(grasp, finger)]

@@ -93,7 +93,7 @@ def mode_check(grasp: RecomputedGrasp) -> Check:
         switches |= dict(zip(setup.middle_names, setup.middles, strict=True)) | {setup.tip_name: setup.tip}
     present = Counter(grasp.names)
     wrong = sum(count - 1 for count in present.values())
-    wrong += len(set(present) - set(known_contacts(grasp.setups, grasp.walls, grasp.pegs)))
+    wrong += len(set(present) - set(known_contacts(grasp.scene)))
     for body in grasp.scene.places:
         ends = (f"{body.name}.1" in present) + (f"{body.name}.2" in present)
         whole = body.name in present

@@ -20,7 +20,7 @@ from continuum_grasp.rod.elastica import deformed
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.rod.mesh import Mesh, panel_edges
 from continuum_grasp.scene.families import FAMILIES
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["ModelError", "misfits", "model_error", "not_finite"]
 
@@ -141,22 +141,20 @@ def _moment_left_out(bent: RecomputedFinger, problem: RodProblem) -> float:
     return float(np.abs(gap).max() / max(np.abs(shape - equations.rest - gap).max(), least))
 
 
-def not_finite(setups: tuple[FingerSetup, ...], arrays: Mapping[str, Any]) -> int:
+def not_finite(scene: GraspScene, arrays: Mapping[str, Any]) -> int:
     """How many of the numbers of a grasp are NaN or infinite; the stations of supports are NaN by right."""
-    names = [f"{setup.name}.{name}" for setup in setups for name in _OF_FINGERS]
+    names = [f"{setup.name}.{name}" for setup in scene.setups for name in _OF_FINGERS]
     found = [_numbers(arrays.get(name, 0.0)) for name in (*names, *_SHARED)]
     return sum(int((~np.isfinite(values)).sum()) for values in found if values is not None)
 
 
-def misfits(scene: GraspScene, setups: tuple[FingerSetup, ...], arrays: Mapping[str, Any]) -> list[str]:
+def misfits(scene: GraspScene, arrays: Mapping[str, Any]) -> list[str]:
     """What is missing, misshapen or of another family than the scene's, by name."""
-    return [name for name, wrong in _examined(scene, setups, arrays) if wrong]
+    return [name for name, wrong in _examined(scene, arrays) if wrong]
 
 
-def _examined(
-    scene: GraspScene, setups: tuple[FingerSetup, ...], arrays: Mapping[str, Any]
-) -> Iterator[tuple[str, bool]]:
-    for setup in setups:
+def _examined(scene: GraspScene, arrays: Mapping[str, Any]) -> Iterator[tuple[str, bool]]:
+    for setup in scene.setups:
         n, shapes = setup.elements, _shape(arrays, f"{setup.name}.curvature_shapes") or ()
         coordinates = (shapes[-1] if shapes else 0) - FAMILIES[setup.family].matches_tip
         family = f"{setup.name}.family"

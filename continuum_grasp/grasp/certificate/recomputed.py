@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.recomputed_finger import FingerLoad, RecomputedFinger
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.supports import Peg, Wall
 
 __all__ = ["RecomputedContact", "RecomputedGrasp", "across", "known_contacts"]
@@ -102,16 +102,14 @@ class RecomputedGrasp:
     Parameters
     ----------
     scene : GraspScene
-    setups : tuple of FingerSetup
-        As ``scene.setups`` gives.
     arrays : mapping
         See `continuum_grasp.grasp.certify`; complete and of the right shapes.
     """
 
-    def __init__(self, scene: GraspScene, setups: tuple[FingerSetup, ...], arrays: Mapping[str, Any]) -> None:
-        self.scene, self.setups = scene, setups
+    def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
+        self.scene, self.setups = scene, scene.setups
         self.walls, self.pegs = scene.walls, scene.pegs
-        self.fingers = tuple(RecomputedFinger(setup, scene.gravity, arrays) for setup in setups)
+        self.fingers = tuple(RecomputedFinger(setup, scene.gravity, arrays) for setup in self.setups)
         self.pose = np.asarray(arrays["object.pose"], dtype=float)
         self.object = PlacedObject(scene.object, self.pose)
         self.size = scene.object.size
@@ -131,7 +129,7 @@ class RecomputedGrasp:
         return [contact for contact in self.contacts if contact.finger is finger]
 
     def _contacts(self, arrays: Mapping[str, Any]) -> list[RecomputedContact]:
-        known = known_contacts(self.setups, self.walls, self.pegs)
+        known = known_contacts(self.scene)
         positions = np.asarray(arrays["contact_positions"], dtype=float)
         normals = np.asarray(arrays["contact_normals"], dtype=float)
         stations = np.asarray(arrays["contact_stations"], dtype=float)
@@ -202,18 +200,16 @@ class RecomputedGrasp:
             c.buried = float(np.max(depths[:, k]))
 
 
-def known_contacts(
-    setups: tuple[FingerSetup, ...], walls: tuple[Wall, ...], pegs: tuple[Peg, ...]
-) -> dict[str, tuple[str, int, int]]:
+def known_contacts(scene: GraspScene) -> dict[str, tuple[str, int, int]]:
     """Contacts that a scene can have by name: kind, index of finger, wall or peg, joint."""
     known: dict[str, tuple[str, int, int]] = {}
-    for k, setup in enumerate(setups):
+    for k, setup in enumerate(scene.setups):
         for name, joint in zip(setup.middle_names, setup.before, strict=True):
             known[name] = "middle", k, joint
         known[setup.tip_name] = "tip", k, setup.elements
-    for k, wall in enumerate(walls):
+    for k, wall in enumerate(scene.walls):
         known |= dict.fromkeys((wall.name, f"{wall.name}.1", f"{wall.name}.2"), ("wall", k, -1))
-    for k, peg in enumerate(pegs):
+    for k, peg in enumerate(scene.pegs):
         known[peg.name] = "peg", k, -1
     return known
 

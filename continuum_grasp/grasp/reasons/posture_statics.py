@@ -64,7 +64,7 @@ class PostureStatics:
     @classmethod
     def of(cls, scene: GraspScene, arrays: Mapping[str, Any]) -> PostureStatics:
         """The statics of a scene at the posture of a grasp's stored numbers."""
-        grasp = RecomputedGrasp(scene, scene.setups, arrays)
+        grasp = RecomputedGrasp(scene, arrays)
         force = float(np.abs(grasp.forces).max(initial=0.0)) or grasp.force_scale  # what holds, not what was too heavy
         moment = force * grasp.size
         first, size = 2 * len(grasp.fingers), 2 * len(grasp.fingers) + 3 * len(grasp.contacts)

@@ -171,7 +171,7 @@ def postures(task: FingerTask, middles: tuple[bool, ...], tip: bool) -> Postures
         family = first_joint(task, middles)
         for k in range(middles.index(True) + 1, len(middles)):
             if middles[k] and family is not None:
-                family = next_joint(task, family, middles, k)
+                family = next_joint(task, family)
         if family is None:
             return None
         family = with_tip(task, family) if tip else _free_end(family)

@@ -66,8 +66,8 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.rando
         first = np.cumsum([0, *(len(at.score) for at in found)])
         starts = [_as_start(weighing, found[owner[k]], k - int(first[owner[k]])) for k in order]
     if not starts:
-        starts = [fallback(scene, weighing.setups, on)]
-    return shaken(scene, weighing.setups, on, starts, count, rng)
+        starts = [fallback(scene, on)]
+    return shaken(weighing.setups, starts, count, rng)
 
 
 def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
@@ -111,12 +111,12 @@ def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
     return Start("near" if at.wrong[row] > 0.0 else "scan", at.pose, fingers, contacts, forces, tensions)
 
 
-def fallback(scene: GraspScene, setups: tuple[FingerSetup, ...], on: frozenset[str]) -> Start:
+def fallback(scene: GraspScene, on: frozenset[str]) -> Start:
     """Fingers slightly bent towards the object, and the nearest places on it."""
     pose = scene.object.pose
     fingers: dict[str, FingerStart] = {}
     contacts: dict[str, ContactStart] = {}
-    for setup in setups:
+    for setup in scene.setups:
         base, length = setup.finger.base, setup.finger.rod.length
         low, high = setup.middle_bounds
         size = len(setup.middles)
@@ -136,14 +136,7 @@ def fallback(scene: GraspScene, setups: tuple[FingerSetup, ...], on: frozenset[s
     return Start("near", pose, fingers, contacts)
 
 
-def shaken(
-    scene: GraspScene,
-    setups: tuple[FingerSetup, ...],
-    on: frozenset[str],
-    starts: list[Start],
-    count: int,
-    rng: np.random.Generator,
-) -> list[Start]:
+def shaken(setups: tuple[FingerSetup, ...], starts: list[Start], count: int, rng: np.random.Generator) -> list[Start]:
     """The starts, and random changes of them up to ``count``."""
     out = list(starts[:count])
     while len(out) < count:

@@ -170,7 +170,7 @@ def _to_joint(part: int, shape: Outline, ell: Array, bent: Array, walk: Array) -
     return unique(touching_family(knots, bent, ell[:, None], part, shape, walk))
 
 
-def next_joint(task: FingerTask, family: Postures, middles: tuple[bool, ...], here: int) -> Postures | None:
+def next_joint(task: FingerTask, family: Postures) -> Postures | None:
     """Curves on from the last contact to one more, with a knot half-way."""
     high = task.bounds[1]
     last = family.knots[:, -1]
