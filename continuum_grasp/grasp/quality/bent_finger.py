@@ -164,7 +164,7 @@ class BentFinger:
         """Of the section at an edge [1/m], the mean of both sides where it jumps."""
         s = self.rod.edges[edge]
         for k in np.flatnonzero(self.rod.joints[1:-1] == s):
-            return float(0.5 * (self._profile[k, 1] + self._profile[k + 1, 0]))
+            return float(0.5 * (self._profile[k, -1] + self._profile[k + 1, 0]))
         return float(self.rod.curvature(self._profile, s))
 
 
