@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.result import Change, GraspResult
 from continuum_grasp.grasp.search import Search, Tried
-from continuum_grasp.grasp.starts.found import start_from
+from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
@@ -57,9 +57,7 @@ def with_elements(scene: GraspScene, per_segment: int, family: str | None = None
         return setup.finger.replaced(fidelity=fidelity, contacts=contacts)
 
     fingers = {setup.name: changed(setup) for setup in scene.setups}
-    if scene.fingers is None:
-        return scene.replaced(finger=fingers["finger"], fidelity=Fidelity())
-    return scene.replaced(fingers=fingers, fidelity=Fidelity())
+    return scene.with_fingers(fingers).replaced(fidelity=Fidelity())
 
 
 def solve_again(scene: GraspScene, found: GraspScene, arrays: dict[str, Array], budget: Budget) -> Tried | None:
@@ -184,5 +182,5 @@ def _words(scene: GraspScene) -> str:
 
 def _smooth(scene: GraspScene) -> str:
     """The finest family that all fingers can have."""
-    has_friction = any(f.tendons is not None and f.tendons.friction > 0.0 for f in scene.named_fingers.values())
+    has_friction = any(setup.tendons.friction > 0.0 for setup in scene.setups)
     return default_family(free_tip=has_friction)

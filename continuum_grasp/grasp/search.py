@@ -1,26 +1,30 @@
-"""The search: starts of every set of contacts, faces and corners next to those found, each answer verified."""
+"""The search: starts of every set of contacts, faces and corners next to those found, each answer verified.
+
+Which contacts are on: every choice that the switches of a scene leave.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify
-from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.starts.found import start_from
-from continuum_grasp.grasp.starts.starts import Start, make_starts
+from continuum_grasp.grasp.starts.starts import Start, make_starts, touching_supports
+from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["Search", "Tried", "branch_of"]
+__all__ = ["MOST", "Search", "Tried", "branch_of", "contact_modes"]
+
 
 Array = NDArray[Any]
 
@@ -45,6 +49,11 @@ PRUNE_FACTOR = 1.5
 bounds, and those of rough starts are off by tens of percent."""
 SLIDES = 12
 """How often contacts may pass on to the next face or corner: as often as a box has faces and corners, and more."""
+
+MOST = 64
+"""Sets of contacts that are tried, those with the most contacts first:
+all choices of six contacts."""
+_CHOICES = {"on": (True,), "off": (False,), "auto": (True, False)}
 
 
 @dataclass(frozen=True)
@@ -231,3 +240,38 @@ def _neighbors(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feat
                 else:
                     x[variable.start : variable.stop] = 1.0 if step < 0 else 0.0, new.lower[1]
                 yield {**attempt.features, contact.name: new}, x
+
+
+def contact_modes(scene: GraspScene) -> list[frozenset[str]]:
+    """The sets of contacts that may be on, those with the most contacts first.
+
+    Parameters
+    ----------
+    scene : GraspScene
+
+    Returns
+    -------
+    list of frozenset of str
+        Names of contacts of fingers, and of the supports that the object touches; every finger touches somewhere. At
+        most `MOST`.
+    """
+    fingers: list[list[frozenset[str]]] = []
+    for setup in scene.setups:
+        names = (*setup.middle_names, setup.tip_name)
+        switches = (*setup.middles, setup.tip)
+        sets = [
+            frozenset(n for n, on in zip(names, choice, strict=True) if on)
+            for choice in product(*(_CHOICES[s] for s in switches))
+        ]
+        fingers.append([s for s in sets if s])
+    supports = [(body.name, body.touch) for body in scene.places]
+    if scene.object.free is None:
+        touching = touching_supports(scene, scene.object.pose)
+        chosen = [frozenset(name for name, touch in supports if touch != "off" and name in touching)]
+    else:
+        chosen = [
+            frozenset(name for (name, _), on in zip(supports, choice, strict=True) if on)
+            for choice in product(*(_CHOICES[touch] for _, touch in supports))
+        ]
+    modes = [frozenset().union(*sets) for sets in product(*fingers, chosen)]
+    return sorted(modes, key=lambda mode: (-len(mode), sorted(mode)))[:MOST]

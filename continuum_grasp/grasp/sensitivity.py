@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.problem.values import problem_values, tension_weight
 from continuum_grasp.grasp.search import Tried
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import GraspFinger
 
 __all__ = ["Sensitivity", "sensitivities"]
 
@@ -86,17 +85,12 @@ def _changes(scene: GraspScene) -> list[tuple[str, str, float, GraspScene]]:
     return found
 
 
-def _each(scene: GraspScene, fingers: dict[str, GraspFinger]) -> GraspScene:
-    update = {"finger": fingers["finger"]} if scene.fingers is None else {"fingers": fingers}
-    return scene.model_copy(update=update)
-
-
 def _rougher(scene: GraspScene, step: float) -> GraspScene:
     fingers = {}
     for setup in scene.setups:
         contacts = setup.finger.contacts.model_copy(update={"friction": setup.friction + step})
         fingers[setup.name] = setup.finger.model_copy(update={"contacts": contacts})
-    return _each(scene, fingers)
+    return scene.with_fingers(fingers)
 
 
 def _moved(scene: GraspScene, x: float, y: float, turn: float) -> GraspScene:
@@ -111,4 +105,4 @@ def _moved(scene: GraspScene, x: float, y: float, turn: float) -> GraspScene:
         at = com + back @ (np.asarray(finger.base.position) - com) - [x, y]
         pose = {"position": (float(at[0]), float(at[1])), "angle": finger.base.angle - turn}
         fingers[name] = finger.model_copy(update={"base": finger.base.model_copy(update=pose)})
-    return _each(scene, fingers)
+    return scene.with_fingers(fingers)

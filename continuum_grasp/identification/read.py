@@ -16,6 +16,7 @@ from continuum_grasp.identification.folder import VARIABLE, located
 from continuum_grasp.identification.table import Table, read_table
 from continuum_grasp.identification.units import unit_of_quantity
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.assembly import apply_override, read_overrides
 from continuum_grasp.scene.document import Document, Place
 from continuum_grasp.scene.identify import (
     Column,
@@ -28,7 +29,6 @@ from continuum_grasp.scene.identify import (
     StaticPoses,
     TipTrajectory,
 )
-from continuum_grasp.scene.overrides import apply_override, read_overrides
 from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["read_data"]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.units import factor_to_si
-from continuum_grasp.scene.files import refuse_what_is_no_file
+from continuum_grasp.scene.document import refuse_what_is_no_file
 
 __all__ = ["Table", "read_table"]
 

@@ -12,19 +12,18 @@ from continuum_grasp._lazy import lazy_names
 _MODULES = {
     "continuum_grasp.scene.control": ("ControlScene",),
     "continuum_grasp.scene.controller": (
+        "BendingSensors",
         "Bounds",
         "Controller",
         "DiscZone",
+        "Disturbed",
+        "Estimator",
         "HalfPlaneZone",
         "Horizon",
         "InputLimits",
-        "Penalty",
-    ),
-    "continuum_grasp.scene.estimator": (
-        "BendingSensors",
-        "Disturbed",
-        "Estimator",
         "Measured",
+        "Penalty",
+        "Plant",
     ),
     "continuum_grasp.scene.mission": (
         "MissionController",
@@ -41,7 +40,6 @@ _MODULES = {
         "PlanScene",
         "PlanSolver",
     ),
-    "continuum_grasp.scene.plant": ("Plant",),
     "continuum_grasp.scene.cost": (
         "CircleReference",
         "Cost",
@@ -98,13 +96,18 @@ __all__ = [name for names in _MODULES.values() for name in names]
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.control import ControlScene as ControlScene
+    from continuum_grasp.scene.controller import BendingSensors as BendingSensors
     from continuum_grasp.scene.controller import Bounds as Bounds
     from continuum_grasp.scene.controller import Controller as Controller
     from continuum_grasp.scene.controller import DiscZone as DiscZone
+    from continuum_grasp.scene.controller import Disturbed as Disturbed
+    from continuum_grasp.scene.controller import Estimator as Estimator
     from continuum_grasp.scene.controller import HalfPlaneZone as HalfPlaneZone
     from continuum_grasp.scene.controller import Horizon as Horizon
     from continuum_grasp.scene.controller import InputLimits as InputLimits
+    from continuum_grasp.scene.controller import Measured as Measured
     from continuum_grasp.scene.controller import Penalty as Penalty
+    from continuum_grasp.scene.controller import Plant as Plant
     from continuum_grasp.scene.cost import CircleReference as CircleReference
     from continuum_grasp.scene.cost import Cost as Cost
     from continuum_grasp.scene.cost import ForceWeight as ForceWeight
@@ -112,10 +115,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.cost import RowSamples as RowSamples
     from continuum_grasp.scene.cost import ShapeWeight as ShapeWeight
     from continuum_grasp.scene.cost import Weight as Weight
-    from continuum_grasp.scene.estimator import BendingSensors as BendingSensors
-    from continuum_grasp.scene.estimator import Disturbed as Disturbed
-    from continuum_grasp.scene.estimator import Estimator as Estimator
-    from continuum_grasp.scene.estimator import Measured as Measured
     from continuum_grasp.scene.finger import BasePose as BasePose
     from continuum_grasp.scene.finger import Damping as Damping
     from continuum_grasp.scene.finger import Finger as Finger
@@ -159,7 +158,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.plan import PlanInput as PlanInput
     from continuum_grasp.scene.plan import PlanScene as PlanScene
     from continuum_grasp.scene.plan import PlanSolver as PlanSolver
-    from continuum_grasp.scene.plant import Plant as Plant
     from continuum_grasp.scene.simulate import Fidelity as Fidelity
     from continuum_grasp.scene.simulate import Initial as Initial
     from continuum_grasp.scene.simulate import Scene as Scene

@@ -7,12 +7,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from continuum_grasp.scene.controller import Controller
+from continuum_grasp.scene.controller import Controller, Estimator, Plant
 from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
-from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.plant import Plant
 from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.value import Length, Positive, Vector2, doubt
@@ -175,11 +173,6 @@ class ControlScene(Surroundings):
     def tracked_contacts(self) -> tuple[str, ...]:
         """Names of the contacts whose normal force is tracked."""
         return self.controller.cost.tracked_contacts(self.contact_names)
-
-    @property
-    def surroundings(self) -> Surroundings | None:
-        """Object and supports, if there is an object."""
-        return None if self.object is None else self
 
     @property
     def disturbances(self) -> frozenset[str]:

@@ -1,4 +1,4 @@
-"""Bounds, horizon and input limits of a nonlinear model predictive controller."""
+"""A nonlinear model predictive controller, its estimator, and the plant: bounds, horizon, sensors, differences."""
 
 from __future__ import annotations
 
@@ -8,18 +8,25 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field, model_validator
 
 from continuum_grasp.scene.cost import Cost
+from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import CONTROL_METHODS
-from continuum_grasp.scene.value import NonNegative, Positive, Real, Value, Vector2
+from continuum_grasp.scene.simulate import Fidelity
+from continuum_grasp.scene.value import Length, NonNegative, Positive, Real, Value, Vector2
 
 __all__ = [
+    "BendingSensors",
     "Bounds",
     "Controller",
     "DiscZone",
+    "Disturbed",
+    "Estimator",
     "HalfPlaneZone",
     "Horizon",
     "InputLimits",
+    "Measured",
     "Penalty",
+    "Plant",
     "Zone",
 ]
 
@@ -146,3 +153,96 @@ class Controller(Value):
     def step(self) -> float:
         """Time from one command to the next [s]."""
         return self.horizon.stage if self.period is None else self.period
+
+
+class BendingSensors(Value):
+    """Angles of sections."""
+
+    at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
+    """Positions along the finger [m]."""
+    std: Positive
+    """Standard deviation of a measured angle [rad]."""
+
+
+class Measured(Value):
+    """Measured quantities, each with the standard deviation of its noise."""
+
+    tip: Positive | None = None
+    """Of each coordinate of the tip's world position, by a camera [m]."""
+    tension: Positive | None = None
+    """Of each tendon's tension, or of the tip moment of a finger without tendons [N or N m]; needs a lag, since without
+    one it is the input itself."""
+    bending: BendingSensors | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> Measured:
+        if self.tip is None and self.bending is None:
+            raise ValueError(
+                "measure the tip, the bending, or both: the shape cannot be estimated from a tension alone"
+            )
+        return self
+
+
+class Disturbed(Value):
+    """Slowly varying unknowns estimated with the state, each with its drift per square root of a second."""
+
+    tip_moment: Positive | None = None
+    """Tip moment missing in the model, from wrong stiffness or friction [N m / s^0.5]."""
+    tip_force: Positive | None = None
+    """Unknown world force at the tip, each component [N / s^0.5]."""
+    contact_force: Positive | None = None
+    """Unknown world force at each place of ``contacts``, each component [N / s^0.5]."""
+    object_position: Positive | None = None
+    """Position of a fixed object, each coordinate [m / s^0.5]; observable only in contact."""
+    bending_stiffness: Positive | None = None
+    """Bending stiffness, relative [1 / s^0.5]; must be one of the scene's ``parameters``."""
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Those that are estimated."""
+        return frozenset(name for name in type(self).model_fields if getattr(self, name) is not None)
+
+
+class Estimator(Value):
+    """An extended Kalman filter with disturbance states."""
+
+    measured: Measured
+    disturbances: Disturbed = Disturbed()
+    acceleration_std: Positive = 10.0
+    """Unmodeled acceleration of each bending angle [rad/s2 s^0.5]."""
+    initial_std: Positive = 0.05
+    """Standard deviation of each bending angle at the start [rad]; of their rates ten times that per second."""
+    delay: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    """Known age of a measurement when it arrives, a whole number of control periods [s]."""
+    outlier: Annotated[float, Field(ge=2.0, le=100.0)] = 8.0
+    """A sensor further than this many standard deviations from its expected value is rejected, unless that happens too
+    often: then the model is wrong, and the sensor is used with bounded influence."""
+    frozen: bool = True
+    """Whether a reading at rest for 0.2 s (20 samples at least) counts as missing while the command moves. False: for
+    sensors whose resolution is coarser than their noise, which repeat a number while the finger rests."""
+
+
+class Plant(Value):
+    """How the plant differs from what the controller knows."""
+
+    fidelity: Fidelity = Fidelity(family=default_family(free_tip=True), elements=8)
+    """Of the plant's model."""
+    stiffness: Positive = 1.0
+    """Bending stiffness per that of the controller's finger [1]."""
+    damping: Positive = 1.0
+    """Damping per that of the controller's finger [1]."""
+    tip_mass: NonNegative = 0.0
+    """Mass at the tip that the controller does not know [kg]."""
+    tendon_friction: NonNegative | None = None
+    """Capstan friction coefficient of the tendons [1]; None: as the controller knows it."""
+    time_constant: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
+    """Time constant of the drive [s]; None: as the controller knows it."""
+    drive_order: Literal[1, 2] = 2
+    """Order of the drive's lag: 2 as the controller knows it, critically damped; 1: T dF/dt = F_command - F. A ramp is
+    followed twice the time constant late by the former, once by the latter."""
+    noise: NonNegative = 1.0
+    """Measurement noise per that of ``estimator.measured`` [1]."""
+    delay: NonNegative | None = None
+    """Age of measurements when they arrive [s]; None: ``estimator.delay``."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Of the noise."""

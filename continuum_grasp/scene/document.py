@@ -1,7 +1,8 @@
-"""Plain data that remembers where each part of it was written."""
+"""Plain data that remembers where each part of it was written; what can be read as a file."""
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,7 +10,8 @@ from typing import Any
 
 from continuum_grasp.errors import InputError
 
-__all__ = ["Change", "Document", "KeyPath", "Place", "dotted", "undotted"]
+__all__ = ["Change", "Document", "KeyPath", "Place", "dotted", "refuse_what_is_no_file", "undotted"]
+
 
 KeyPath = tuple[str | int, ...]
 
@@ -119,3 +121,21 @@ def _printable(key: str) -> str:
 
 Change = tuple[KeyPath, Document]
 """What is put where."""
+
+
+def refuse_what_is_no_file(path: str | os.PathLike[str], name: str | None = None) -> None:
+    """Refuse folders, pipes and devices, which have no end or wait for a writer; a missing file is not looked at.
+
+    Raises
+    ------
+    InputError
+        There is something else than a file; ``name`` is what it is called in place of its path.
+    """
+    given = Path(path)
+    try:
+        if given.is_file() or not given.exists():
+            return
+    except (OSError, ValueError):  # opening it says why
+        return
+    what = "a folder" if given.is_dir() else "a pipe" if given.is_fifo() else "a device or socket"
+    raise InputError(f"expected a file, got {what}", file=name or os.fspath(path))

@@ -6,12 +6,12 @@ import math
 import re
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast
 
 from pydantic import Field, model_validator
 
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
-from continuum_grasp.scene.finger import PiecewiseCurvature
+from continuum_grasp.scene.finger import PiecewiseCurvature, Tendons
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
@@ -79,6 +79,11 @@ class FingerSetup:
     normal_force_max: float
 
     @property
+    def tendons(self) -> Tendons:
+        """The finger's tendons, which every finger of a grasp has."""
+        return cast(Tendons, self.finger.tendons)
+
+    @property
     def middle_names(self) -> tuple[str, ...]:
         """Names of the middle contacts: ``<finger>.middle``, or ``<finger>.middle_1`` and so on."""
         if len(self.middles) == 1:
@@ -120,6 +125,10 @@ class GraspScene(Value):
             return dict(self.fingers)
         return {} if self.finger is None else {"finger": self.finger}
 
+    def with_fingers(self, fingers: dict[str, GraspFinger]) -> GraspScene:
+        """A copy with other fingers of the same names, which are not checked against the rest."""
+        return self.model_copy(update={"finger": fingers["finger"]} if self.fingers is None else {"fingers": fingers})
+
     @property
     def setups(self) -> tuple[FingerSetup, ...]:
         """The fingers with everything resolved."""
@@ -148,6 +157,11 @@ class GraspScene(Value):
             if isinstance(self.objective, ObjectiveWeights)
             else ObjectiveWeights(**{self.objective: 1.0})
         )
+
+    @property
+    def aims(self) -> tuple[str, ...]:
+        """The objectives with a weight."""
+        return tuple(name for name, weight in self.weights if weight > 0.0)
 
     @property
     def torque_scale(self) -> float:

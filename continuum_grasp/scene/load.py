@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.assembly import assembled, kind_of, take_version, validated
+from continuum_grasp.scene.assembly import Overrides, assembled, kind_of, read_overrides, take_version, validated
 from continuum_grasp.scene.document import Document
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.overrides import Overrides, read_overrides
 from continuum_grasp.scene.simulate import Scene
 
 if TYPE_CHECKING:
@@ -29,7 +28,6 @@ __all__ = ["kind_of_scene", "load", "load_placed", "model_of", "other_kind", "sc
 
 Kind = TypeVar("Kind")
 
-"""``schema_version`` of the configurations that this version reads."""
 _MODELS = {
     "simulate": ("simulate", "Scene"),
     "identify": ("identify", "IdentifyScene"),

@@ -6,10 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from continuum_grasp.scene.controller import Bounds, Horizon, InputLimits
-from continuum_grasp.scene.estimator import Estimator
+from continuum_grasp.scene.controller import Bounds, Estimator, Horizon, InputLimits, Plant
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.plant import Plant
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Value
 
@@ -126,8 +124,8 @@ class MissionScene(Value):
             raise ValueError("grasp.gravity must be out_of_plane: a mission lifts the object off a table")
         if len(fingers[0].middles) != 1 or "off" in (fingers[0].middles[0], fingers[0].tip):
             raise ValueError("grasp.contacts must have one middle contact and the tip: a mission closes with both")
-        tendons, length = fingers[0].finger.tendons, fingers[0].finger.rod.length
-        if tendons is None or tendons.time_constant is None:
+        length = fingers[0].finger.rod.length
+        if fingers[0].tendons.time_constant is None:
             raise ValueError("grasp.finger.tendons needs a time_constant: tensions that jump throw a fine finger")
         if any(not 0.0 < at < length for at in self.more_contacts):
             raise ValueError(f"more_contacts must lie between base and tip of the finger, within {length} m")

@@ -322,11 +322,6 @@ class PlanScene(Surroundings):
         return self.input.time_constant if tendons is None else tendons.time_constant
 
     @property
-    def surroundings(self) -> Surroundings | None:
-        """Object and supports, if there is an object."""
-        return None if self.object is None else self
-
-    @property
     def disturbances(self) -> frozenset[str]:
         """A known force at the tip is a parameter of the model; with ``contacts``, the tip is one of these."""
         return frozenset({"tip_force"} if self.loads and not self.contacts else ())

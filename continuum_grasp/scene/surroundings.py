@@ -118,6 +118,11 @@ class Surroundings(Value):
         return self
 
     @property
+    def surroundings(self) -> Surroundings | None:
+        """Object and supports, if there is an object."""
+        return None if self.object is None else self
+
+    @property
     def inertia(self) -> float:
         """Moment of inertia of the object about its center of mass [kg m2]; zero without an object."""
         if self.moment_of_inertia is not None or self.object is None:

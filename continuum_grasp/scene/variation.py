@@ -13,10 +13,9 @@ from typing import Any
 from pydantic import ValidationError
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.assembly import assembled, changed, kind_of, validated
+from continuum_grasp.scene.assembly import assembled, changed, kind_of, path_of, placed, validated
 from continuum_grasp.scene.document import Change, Document, KeyPath, Place
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.overrides import path_of, placed
 from continuum_grasp.scene.problems import explain, nearest, raise_problems
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.sweep import Draw, Sweep
@@ -171,10 +170,10 @@ class _Resolver:
             path, new = self._change((*where, k) if listed else where, key, value)
             tried = changed(self.base, [(path, new)], self.file)
             found.append(tried.get(path))
-            self._check(tried, path, only_key)
+            self._check(tried, only_key)
         return path, tuple(found)
 
-    def _check(self, tried: Document, path: KeyPath, only_key: bool) -> None:
+    def _check(self, tried: Document, only_key: bool) -> None:
         try:
             GraspScene.model_validate(tried.value)
         except ValidationError as error:

@@ -12,8 +12,7 @@ from typing import Any
 import yaml
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Document, KeyPath, Place, dotted
-from continuum_grasp.scene.files import refuse_what_is_no_file
+from continuum_grasp.scene.document import Document, KeyPath, Place, dotted, refuse_what_is_no_file
 
 __all__ = ["parse_yaml", "read_yaml"]
 
@@ -25,6 +24,18 @@ MAX_NODES = 300_000
 """Values after aliases were followed: what a file of MAX_BYTES can hold without any."""
 MAX_DEPTH = 40
 """Levels; a scene has eight, and Python's recursion ends at a thousand."""
+
+_CORE_SCHEMA = (
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", list("-+0123456789")),
+    (
+        "float",
+        r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
+        list("-+0123456789."),
+    ),
+)
 
 
 class _Loader(yaml.SafeLoader):
@@ -50,17 +61,6 @@ class _Loader(yaml.SafeLoader):
             self._depth -= 1
 
 
-_CORE_SCHEMA = (
-    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
-    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
-    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", list("-+0123456789")),
-    (
-        "float",
-        r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
-        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
-        list("-+0123456789."),
-    ),
-)
 for _name, _pattern, _first in _CORE_SCHEMA:
     _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_name}", re.compile(rf"^(?:{_pattern})$"), _first)
 

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.assembly import validated
+from continuum_grasp.scene.assembly import Overrides, apply_override, placed, read_overrides, validated
 from continuum_grasp.scene.document import Place
 from continuum_grasp.scene.load import load_placed
-from continuum_grasp.scene.overrides import Overrides, apply_override, placed, read_overrides
 from continuum_grasp.scene.sweep import Sweep
 from continuum_grasp.scene.variation import variation_of
 from continuum_grasp.sweeps.plan import Plan

@@ -14,8 +14,8 @@ from typing import Any
 from continuum_grasp import interrupt
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted, SolverError
 from continuum_grasp.results import begin_run
+from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.overrides import Overrides
 from continuum_grasp.sweeps.export import write_csv
 from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, lines_of, locked, store_plan, write_run_files
 from continuum_grasp.sweeps.plan import Plan, Point

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp.certificate.clearance import depth_in_line, depth_in_object, depth_in_wall
+from continuum_grasp.grasp.certificate.check import depth_in_line, depth_in_object, depth_in_wall
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.objects import Box, Circle, Ellipse

@@ -11,7 +11,7 @@ from grasp_scenes import CONFIGS
 
 from continuum_grasp.grasp import Status, certify, optimize_grasp
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons.confirm import confirm, least_amount
+from continuum_grasp.grasp.reasons.confirm import least_amount
 from continuum_grasp.grasp.reasons.posture_statics import PostureStatics
 from continuum_grasp.grasp.result import Reason
 from continuum_grasp.scene.load import load
@@ -34,6 +34,12 @@ def weaker(scene, limit):
     if scene.finger is not None:
         return scene.model_copy(update={"finger": of(scene.finger)})
     return scene.model_copy(update={"fingers": {name: of(finger) for name, finger in scene.fingers.items()}})
+
+
+def confirm(name, scene, arrays, amount):
+    """What a limit would have to be at a posture, in its unit; None where no LP applies."""
+    found = least_amount(name, scene, arrays, amount)
+    return None if found is None else next(r for r in RELAXATIONS if r.name == name).value(scene, found.amount)
 
 
 def holds(name, scene, arrays, amount):

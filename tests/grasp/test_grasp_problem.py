@@ -13,10 +13,9 @@ from numpy.testing import assert_allclose
 
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.fine import with_elements
-from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.quality.resistance import resistance
-from continuum_grasp.grasp.search import Search
-from continuum_grasp.grasp.starts.found import start_from
+from continuum_grasp.grasp.quality.quality import resistance
+from continuum_grasp.grasp.search import Search, contact_modes
+from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.superellipse import smooth_support

@@ -12,12 +12,11 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.quality.lp import solve_lp
+from continuum_grasp.grasp.quality.contact_set import WrenchSpace, wrench_space
+from continuum_grasp.grasp.quality.lp import Cones, solve_lp, solve_socp
 from continuum_grasp.grasp.quality.mag_like import mag_like
 from continuum_grasp.grasp.quality.object_balance import greatest_mass, least_friction
 from continuum_grasp.grasp.quality.quality import grasp_quality
-from continuum_grasp.grasp.quality.socp import Cones, solve_socp
-from continuum_grasp.grasp.quality.wrench_space import WrenchSpace, wrench_space
 from continuum_grasp.results.plain import plain
 from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity, PlanarGravity
 

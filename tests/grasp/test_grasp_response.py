@@ -11,12 +11,11 @@ from grasp_elastica import Hand, designed, disturbed, stored
 from grasp_hand_made import LENGTH, STIFFNESS, arrays_of, make_finger, straight_finger
 from scipy.optimize import brentq
 
+from continuum_grasp.grasp.quality.bent_finger import Rolling
 from continuum_grasp.grasp.quality.object_balance import greatest_mass
-from continuum_grasp.grasp.quality.quality import grasp_quality
-from continuum_grasp.grasp.quality.resistance import resistance, resistance_polygon
+from continuum_grasp.grasp.quality.quality import grasp_quality, resistance, resistance_polygon
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.quality.response_limits import difference_range
-from continuum_grasp.grasp.quality.rolling import Rolling
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspContacts, NoGravity, OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects import Box, Circle, Ellipse

@@ -17,14 +17,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.check import EQUILIBRIUM, GAP, LIMIT, Check, worst
-from continuum_grasp.grasp.certificate.clearance import clearance_checks, overlap
-from continuum_grasp.grasp.certificate.contact_checks import contact_checks, mode_check
-from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
+from continuum_grasp.grasp.certificate.check import (
+    EQUILIBRIUM,
+    GAP,
+    LIMIT,
+    Check,
+    clearance_checks,
+    contact_checks,
+    mode_check,
+    overlap,
+    worst,
+)
+from continuum_grasp.grasp.certificate.model_error import ModelError, misfits, model_error, not_finite
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.recomputed_finger import RecomputedFinger, gravity_vector
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
-from continuum_grasp.grasp.certificate.stored import misfits, not_finite
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.objects.body import Freedom, pose_bounds
@@ -145,18 +152,17 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
     >>> [check.name for check in changed.failed]
     ['finger equilibrium, finger']
     """
-    setups = scene.setups
     with np.errstate(all="ignore"):
         start = (
-            Check("numbers that are not finite", float(not_finite(setups, arrays)), 0.0),
-            Check("stored arrays that are missing or do not fit", float(len(misfits(scene, setups, arrays))), 0.0),
+            Check("numbers that are not finite", float(not_finite(scene, arrays)), 0.0),
+            Check("stored arrays that are missing or do not fit", float(len(misfits(scene, arrays))), 0.0),
         )
         if not all(check.passed for check in start):
             return Certificate(start)
-        lengths = tuple(_lengths(setup.name, setup.finger.rod.length, arrays) for setup in setups)
+        lengths = tuple(_lengths(setup.name, setup.finger.rod.length, arrays) for setup in scene.setups)
         if not all(check.passed for check in lengths):
             return Certificate((*start, *lengths))
-        grasp = RecomputedGrasp(scene, setups, arrays)
+        grasp = RecomputedGrasp(scene, arrays)
         checks = [*start, mode_check(grasp), *lengths]
         for finger in grasp.fingers:
             checks += [*_equilibrium(finger), *_storage(finger), *_finger_limits(grasp, finger)]
@@ -203,15 +209,14 @@ def _storage(finger: RecomputedFinger) -> Iterator[Check]:
 
 
 def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator[Check]:
-    tendons, setup, length = finger.finger.tendons, finger.setup, finger.length
-    if tendons is not None:
-        most, used = tendons.max_tension, finger.finger.tendons_used
-        over = [(t - most, tendons.min_tension - t) for t in finger.tensions]
-        if used != "both":
-            unused = 1 if used == "left" else 0
-            over[unused] = abs(finger.tensions[unused]), 0.0
-        value = worst(*(v for pair in over for v in pair)) / most
-        yield Check(f"tendon tension, {finger.name}", value, LIMIT, "1", f"{most:.4g} N")
+    setup, length = finger.setup, finger.length
+    most, used = setup.tendons.max_tension, finger.finger.tendons_used
+    over = [(t - most, setup.tendons.min_tension - t) for t in finger.tensions]
+    if used != "both":
+        unused = 1 if used == "left" else 0
+        over[unused] = abs(finger.tensions[unused]), 0.0
+    value = worst(*(v for pair in over for v in pair)) / most
+    yield Check(f"tendon tension, {finger.name}", value, LIMIT, "1", f"{most:.4g} N")
     low, high = setup.middle_bounds
     for contact in grasp.of(finger):
         if contact.kind == "middle":

@@ -1,12 +1,38 @@
-"""One verified property of a grasp, and the limits of all checks."""
+"""The checks of contacts and clearances, one verified property each, and the limits of all checks."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["EQUILIBRIUM", "GAP", "LIMIT", "PENETRATION", "Check", "worst"]
+from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, RecomputedGrasp, known_contacts
+from continuum_grasp.grasp.certificate.recomputed_finger import RecomputedFinger
+from continuum_grasp.grasp.certificate.surfaces import PlacedObject, segment_distance
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
+from continuum_grasp.scene.supports import Wall
+
+__all__ = [
+    "EQUILIBRIUM",
+    "GAP",
+    "LIMIT",
+    "PENETRATION",
+    "Check",
+    "clearance_checks",
+    "contact_checks",
+    "depth_in_line",
+    "depth_in_object",
+    "depth_in_wall",
+    "mode_check",
+    "overlap",
+    "worst",
+]
+
 
 EQUILIBRIUM = 1e-6
 """Limit of moment and force residuals, as a part of the greatest moment or force in play. Optima
@@ -18,6 +44,13 @@ PENETRATION = 1e-4
 some eight places per element; between them a finger may touch."""
 LIMIT = 1e-6
 """By what part of it a limit may be exceeded; IPOPT meets active limits to 1e-9 (scaled)."""
+
+Array = NDArray[Any]
+
+_SHARP = 20.0
+"""Radius of curvature, in distances of two samples, below which a surface may reach between them."""
+_FINE = np.linspace(0.0, 1.0, 33)
+"""Places along a panel that passes a corner closely: one of them is within 1/64 of the panel from it."""
 
 
 @dataclass(frozen=True)
@@ -51,3 +84,176 @@ class Check:
 def worst(*values: float) -> float:
     """The greatest; NaN where one is."""
     return float(np.max(np.array(values, dtype=float)))
+
+
+def mode_check(grasp: RecomputedGrasp) -> Check:
+    """How many contacts are missing, unknown, there twice, or there although they are off."""
+    switches: dict[str, str] = {}
+    for setup in grasp.setups:
+        switches |= dict(zip(setup.middle_names, setup.middles, strict=True)) | {setup.tip_name: setup.tip}
+    present = Counter(grasp.names)
+    wrong = sum(count - 1 for count in present.values())
+    wrong += len(set(present) - set(known_contacts(grasp.scene)))
+    for body in grasp.scene.places:
+        ends = (f"{body.name}.1" in present) + (f"{body.name}.2" in present)
+        whole = body.name in present
+        wrong += ends == 1 or (ends == 2 and whole)
+        wrong += _amiss(body.touch, whole or ends == 2)
+    wrong += sum(_amiss(switch, name in present) for name, switch in switches.items())
+    return Check("contacts as the scene has them", float(wrong), 0.0)
+
+
+def contact_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
+    """Forces, gaps and normals of each contact."""
+    scale = grasp.force_scale
+    friction_only = not isinstance(grasp.scene.gravity, OutOfPlaneGravity)
+    for c in grasp.contacts:
+        n, f, lift = c.normal_force, c.friction_force, c.lift
+        over = float(np.hypot(f, lift)) - c.friction * n
+        yield Check(f"friction cone, {c.name}", over / scale, LIMIT, "1", f"{scale:.4g} N")
+        most = c.normal_force_max
+        yield Check(f"normal force, {c.name}", worst(-n / scale, n / most - 1), LIMIT, "1", f"{most:.4g} N")
+        if friction_only:
+            yield Check(f"no lift in the plane, {c.name}", abs(lift) / scale, LIMIT, "1", f"{scale:.4g} N")
+        yield from _geometry(grasp, c)
+
+
+def _geometry(grasp: RecomputedGrasp, c: RecomputedContact) -> Iterator[Check]:
+    reference = f"{c.length:.4g} m"
+    off = [*np.abs(c.stored_position - c.point) / c.length, *np.abs(c.stored_normal - c.normal)]
+    if c.finger is not None:
+        off.append(abs(c.stored_station - c.finger.joint_position(c.joint)) / c.length)
+    yield Check(f"stored contact, {c.name}", worst(*off), GAP, "1", reference)
+    limit = 2 * GAP if c.finger is None else GAP  # an object at rest may lie that far from a support
+    yield Check(f"contact gap, {c.name}", c.gap / c.length, limit, "1", reference)
+    yield Check(f"contact normal, {c.name}", c.tilt / c.length, limit, "1", reference)
+    if len(grasp.object.parts) > 1:
+        yield Check(f"contact inside another part, {c.name}", c.buried / c.length, GAP, "1", reference)
+    if isinstance(c.support, Wall) and np.isfinite(c.support.half_length):
+        along = np.array([-c.support.normal[1], c.support.normal[0]])
+        beyond = abs(float(along @ (c.point - np.asarray(c.support.point)))) - c.support.half_length
+        yield Check(f"within the line, {c.name}", beyond / c.length, 2 * GAP, "1", reference)
+
+
+def _amiss(switch: str, present: bool) -> bool:
+    return (switch == "on" and not present) or (switch == "off" and present)
+
+
+def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
+    """Fingers against object and supports, object against supports."""
+    for finger in grasp.fingers:
+        reference = f"{finger.length:.4g} m"
+
+        def check(what: str, depth: float, finger: RecomputedFinger = finger, reference: str = reference) -> Check:
+            name = f"penetration into {what}, {finger.name}"
+            return Check(name, depth / finger.length, PENETRATION, "1", reference)
+
+        yield check("the object", depth_in_object(finger.points, grasp.object, finger.thickness))
+        emerges = int(finger.joint_edges[finger.setup.before[0]])
+        for wall in grasp.walls:
+            yield check(wall.name, depth_in_wall(finger.points, wall, finger.thickness, emerges))
+        for peg in grasp.pegs:
+            center = np.asarray(peg.position)
+            away = float(segment_distance(center, finger.points[:-1], finger.points[1:]).min())
+            yield check(peg.name, finger.thickness + peg.radius - away)
+    length = min(finger.length for finger in grasp.fingers)
+    for wall in grasp.walls:
+        if np.isinf(wall.half_length):
+            heights = (grasp.object.farthest(-np.asarray(wall.normal)) - wall.point) @ np.asarray(wall.normal)
+            depth = -float(heights.min())
+        else:
+            depth = depth_in_line(grasp.object, wall)
+        yield Check(f"penetration of the object into {wall.name}", depth / length, PENETRATION, "1", f"{length:.4g} m")
+    for peg in grasp.pegs:
+        depth = peg.radius - float(grasp.object.distance(np.asarray(peg.position)[None])[0])
+        yield Check(f"penetration of the object into {peg.name}", depth / length, PENETRATION, "1", f"{length:.4g} m")
+
+
+def depth_in_object(points: Array, body: PlacedObject, thickness: float) -> float:
+    """Greatest depth of a finger's body in an object [m]; negative where they are apart.
+
+    Parameters
+    ----------
+    points : ndarray, shape (K, 2)
+        Its backbone, densely [m].
+    body : PlacedObject
+    thickness : float
+        Half thickness of the finger [m].
+    """
+    depth = thickness - float(body.distance(points).min())
+    start, end = points[:-1], points[1:]
+    step = float(np.hypot(*(end - start).T).max())
+    corners, radii = body.sharp_places(_SHARP * step)
+    if not len(corners):
+        return depth
+    gaps = segment_distance(corners[:, None], start, end) - radii[:, None]
+    close = np.flatnonzero((gaps < thickness + step).any(axis=0))
+    if close.size:  # between two samples a corner may reach deeper
+        fine = start[close, None] + _FINE[:, None] * (end - start)[close, None]
+        depth = worst(depth, thickness - float(body.distance(fine.reshape(-1, 2)).min()))
+    return depth
+
+
+def depth_in_wall(points: Array, wall: Wall, thickness: float, emerges: int) -> float:
+    """Greatest depth of a finger's body in a wall [m]; negative where they are apart.
+
+    A finger whose base is closer to the wall than half its thickness comes out of it: it then needs space only
+    behind the point ``emerges``, and before that must not lie deeper than its base.
+    """
+    normal, middle = np.asarray(wall.normal), np.asarray(wall.point)
+    height = (points - middle) @ normal
+    spare = height
+    crossing = -np.inf
+    if np.isfinite(wall.half_length):
+        along = np.array([-normal[1], normal[0]])
+        reach = wall.half_length * along
+        spare = segment_distance(points, middle - reach, middle + reach)
+        for end in (middle - reach, middle + reach):  # may lie between two samples
+            nearer = segment_distance(end, points[:-1], points[1:])
+            spare[1:] = np.minimum(spare[1:], nearer)
+        beside = np.abs((points - middle) @ along) <= wall.half_length
+        passes = beside[:-1] & beside[1:] & (height[:-1] * height[1:] < 0.0)
+        if passes.any():
+            crossing = thickness + min(float(height[beside].max()), -float(height[beside].min()))
+    needed = np.full(len(points), thickness)
+    if not spare[0] >= thickness * (1.0 - 1e-9):
+        needed[: emerges + 1] = min(0.0, float(spare[0]))
+    return worst(float((needed - spare).max()), crossing)
+
+
+def depth_in_line(body: PlacedObject, wall: Wall) -> float:
+    """How deep a finite line lies in an object [m]; negative where they are apart.
+
+    The distance along the line is searched closer and closer. A corner that pokes through it counts as deep as
+    it reaches.
+    """
+    normal, middle = np.asarray(wall.normal), np.asarray(wall.point)
+    along = np.array([-normal[1], normal[0]])
+    deepest = -np.inf
+    for part in range(len(body.parts)):
+        low, high = -wall.half_length, wall.half_length
+        for _ in range(5):
+            places = np.linspace(low, high, 41)
+            away = body.nearest(middle + places[:, None] * along, part).distance
+            k = int(away.argmin())
+            low, high = places[max(k - 1, 0)], places[min(k + 1, 40)]
+        depth = -float(away[k])
+        if depth > 0.0:
+            tip = body.farthest(-normal)[part] - middle
+            if abs(float(along @ tip)) <= wall.half_length:
+                depth = worst(depth, -float(normal @ tip))
+        deepest = worst(deepest, depth)
+    return deepest
+
+
+def overlap(fingers: tuple[RecomputedFinger, ...]) -> float:
+    """Greatest overlap of the bodies of two fingers in the plane [m]; zero where none touch."""
+    most = 0.0
+    for one, other in combinations(fingers, 2):
+        a, b = one.points[::2], other.points[::2]
+        apart = np.hypot(a[:, None, 0] - b[None, :, 0], a[:, None, 1] - b[None, :, 1])
+        i, j = np.unravel_index(int(apart.argmin()), apart.shape)
+        near = b[max(int(j) - 1, 0) : int(j) + 2]
+        closest = float(segment_distance(a[i], near[:-1], near[1:]).min()) if len(near) > 1 else float(apart[i, j])
+        most = worst(most, one.thickness + other.thickness - closest)
+    return most

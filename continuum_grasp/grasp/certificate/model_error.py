@@ -1,7 +1,10 @@
-"""How far the true rods would be from a grasp's shape: the exact elastic rods under the forces found."""
+"""What stored numbers can be trusted with: whether they are whole, and how far the exact elastic rods under the forces
+found would be from the grasp's shape.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -16,8 +19,11 @@ from continuum_grasp.rod.dimensionless import RodProblem
 from continuum_grasp.rod.elastica import deformed
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.rod.mesh import Mesh, panel_edges
+from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["ModelError", "model_error"]
+__all__ = ["ModelError", "misfits", "model_error", "not_finite"]
+
 
 Array = NDArray[Any]
 
@@ -28,6 +34,9 @@ SECTIONS = 200
 """
 LEAST_MOMENT = 1e-6
 """Of the moments in play [1]: less than this is rounding, and the share of a straight finger's moment means nothing."""
+
+_OF_FINGERS = ("q", "lengths", "curvature_shapes", "tip_curvature", "tensions", "base", "backbone")
+_SHARED = ("object.pose", "contact_positions", "contact_normals", "contact_forces", "contact_parts")
 
 
 @dataclass(frozen=True)
@@ -130,3 +139,63 @@ def _moment_left_out(bent: RecomputedFinger, problem: RodProblem) -> float:
     gap = equations.balance(shape).missing
     least = LEAST_MOMENT * bent.moment_scale(0.0) * bent.length / bent.stiffness
     return float(np.abs(gap).max() / max(np.abs(shape - equations.rest - gap).max(), least))
+
+
+def not_finite(scene: GraspScene, arrays: Mapping[str, Any]) -> int:
+    """How many of the numbers of a grasp are NaN or infinite; the stations of supports are NaN by right."""
+    names = [f"{setup.name}.{name}" for setup in scene.setups for name in _OF_FINGERS]
+    found = [_numbers(arrays.get(name, 0.0)) for name in (*names, *_SHARED)]
+    return sum(int((~np.isfinite(values)).sum()) for values in found if values is not None)
+
+
+def misfits(scene: GraspScene, arrays: Mapping[str, Any]) -> list[str]:
+    """What is missing, misshapen or of another family than the scene's, by name."""
+    return [name for name, wrong in _examined(scene, arrays) if wrong]
+
+
+def _examined(scene: GraspScene, arrays: Mapping[str, Any]) -> Iterator[tuple[str, bool]]:
+    for setup in scene.setups:
+        n, shapes = setup.elements, _shape(arrays, f"{setup.name}.curvature_shapes") or ()
+        coordinates = (shapes[-1] if shapes else 0) - FAMILIES[setup.family].matches_tip
+        family = f"{setup.name}.family"
+        yield family, str(arrays.get(family)) != setup.family
+        own: dict[str, tuple[int, ...]] = {
+            "q": (coordinates,),
+            "lengths": (n,),
+            "tip_curvature": (),
+            "tensions": (2,),
+            "base": (3,),
+        }
+        for name, shape in own.items():
+            yield f"{setup.name}.{name}", _shape(arrays, f"{setup.name}.{name}") != shape
+        yield f"{setup.name}.curvature_shapes", len(shapes) != 3 or shapes[0] != n or 0 in shapes
+        backbone = _shape(arrays, f"{setup.name}.backbone")
+        yield f"{setup.name}.backbone", backbone is None or len(backbone) != 2 or backbone[0] < 2 or backbone[1] != 4
+    yield "object.pose", _shape(arrays, "object.pose") != (3,)
+    names = np.asarray(arrays.get("contact_names", 0.0))
+    count = names.size
+    yield "contact_names", "contact_names" not in arrays or names.shape != (count,)
+    shared: dict[str, tuple[int, ...]] = {
+        "contact_positions": (count, 2),
+        "contact_normals": (count, 2),
+        "contact_forces": (count, 3),
+        "contact_stations": (count,),
+        "contact_parts": (count,),
+    }
+    for name, shape in shared.items():
+        yield name, _shape(arrays, name) != shape
+    parts = _numbers(arrays.get("contact_parts"))
+    known = np.arange(len(scene.object.parts))
+    yield "contact_parts", parts is None or not bool(np.isin(parts, known).all())
+
+
+def _numbers(value: Any) -> Any:
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return None
+
+
+def _shape(arrays: Mapping[str, Any], name: str) -> tuple[int, ...] | None:
+    values = _numbers(arrays[name]) if name in arrays else None
+    return None if values is None else tuple(values.shape)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.recomputed_finger import FingerLoad, RecomputedFinger
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.supports import Peg, Wall
 
 __all__ = ["RecomputedContact", "RecomputedGrasp", "across", "known_contacts"]
@@ -42,6 +42,11 @@ class RecomputedContact:
         Of the round body that touches the object: half the finger's thickness, the peg's; infinite for a wall [m].
     length : float
         What gaps are compared with [m].
+    stored_position, stored_normal : ndarray, shape (2,)
+    normal_force, friction_force, lift : float
+        [N]
+    friction, normal_force_max : float
+        Friction coefficient [1] and limit [N] in the scene.
     normal, point : ndarray, shape (2,)
         Outward normal of the object, and where its surface is touched [m], in the world.
     surface_radius : float
@@ -52,11 +57,6 @@ class RecomputedContact:
         How far the point lies from where a body with this normal would touch, seen from ``length`` away [m].
     buried : float
         How deep the point lies inside another part of the object [m].
-    stored_position, stored_normal : ndarray, shape (2,)
-    normal_force, friction_force, lift : float
-        [N]
-    friction, normal_force_max : float
-        Friction coefficient [1] and limit [N] in the scene.
     """
 
     name: str
@@ -68,12 +68,6 @@ class RecomputedContact:
     part: int
     radius: float
     length: float
-    normal: Array
-    point: Array
-    surface_radius: float
-    gap: float
-    tilt: float
-    buried: float
     stored_position: Array
     stored_normal: Array
     stored_station: float
@@ -82,6 +76,12 @@ class RecomputedContact:
     lift: float
     friction: float
     normal_force_max: float
+    normal: Array = field(init=False)
+    point: Array = field(init=False)
+    surface_radius: float = field(init=False)
+    gap: float = field(init=False)
+    tilt: float = field(init=False)
+    buried: float = field(init=False)
 
     @property
     def force(self) -> Array:
@@ -102,16 +102,14 @@ class RecomputedGrasp:
     Parameters
     ----------
     scene : GraspScene
-    setups : tuple of FingerSetup
-        As ``scene.setups`` gives.
     arrays : mapping
         See `continuum_grasp.grasp.certify`; complete and of the right shapes.
     """
 
-    def __init__(self, scene: GraspScene, setups: tuple[FingerSetup, ...], arrays: Mapping[str, Any]) -> None:
-        self.scene, self.setups = scene, setups
+    def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
+        self.scene, self.setups = scene, scene.setups
         self.walls, self.pegs = scene.walls, scene.pegs
-        self.fingers = tuple(RecomputedFinger(setup, scene.gravity, arrays) for setup in setups)
+        self.fingers = tuple(RecomputedFinger(setup, scene.gravity, arrays) for setup in self.setups)
         self.pose = np.asarray(arrays["object.pose"], dtype=float)
         self.object = PlacedObject(scene.object, self.pose)
         self.size = scene.object.size
@@ -131,7 +129,7 @@ class RecomputedGrasp:
         return [contact for contact in self.contacts if contact.finger is finger]
 
     def _contacts(self, arrays: Mapping[str, Any]) -> list[RecomputedContact]:
-        known = known_contacts(self.setups, self.walls, self.pegs)
+        known = known_contacts(self.scene)
         positions = np.asarray(arrays["contact_positions"], dtype=float)
         normals = np.asarray(arrays["contact_normals"], dtype=float)
         stations = np.asarray(arrays["contact_stations"], dtype=float)
@@ -146,7 +144,6 @@ class RecomputedGrasp:
             support = self.walls[owner] if kind == "wall" else self.pegs[owner] if kind == "peg" else None
             rounded = np.inf if finger is None else finger.thickness
             n, f, lift = (float(value) for value in self.forces[k])
-            friction, most = self._limits(finger, support)
             found.append(
                 RecomputedContact(
                     name,
@@ -158,32 +155,18 @@ class RecomputedGrasp:
                     int(parts[k]),
                     support.radius if isinstance(support, Peg) else rounded,
                     max(reach, self.size) if finger is None else finger.length,
-                    np.zeros(2),
-                    np.zeros(2),
-                    0.0,
-                    0.0,
-                    0.0,
-                    0.0,
                     positions[k],
                     normals[k],
                     float(stations[k]),
                     n,
                     f,
                     lift,
-                    friction,
-                    most,
+                    self.scene.friction(name),
+                    self.scene.normal_force_max(name),
                 )
             )
         self._touch(found)
         return found
-
-    def _limits(self, finger: RecomputedFinger | None, support: Wall | Peg | None) -> tuple[float, float]:
-        """Friction coefficient and greatest normal force."""
-        shared = self.scene.contacts
-        if finger is not None:
-            return finger.setup.friction, finger.setup.normal_force_max
-        own = None if support is None else support.friction
-        return shared.friction if own is None else own, shared.normal_force_max
 
     def _touch(self, contacts: list[RecomputedContact]) -> None:
         """Normals and points of contact from the geometry, and what does not fit."""
@@ -217,18 +200,16 @@ class RecomputedGrasp:
             c.buried = float(np.max(depths[:, k]))
 
 
-def known_contacts(
-    setups: tuple[FingerSetup, ...], walls: tuple[Wall, ...], pegs: tuple[Peg, ...]
-) -> dict[str, tuple[str, int, int]]:
+def known_contacts(scene: GraspScene) -> dict[str, tuple[str, int, int]]:
     """Contacts that a scene can have by name: kind, index of finger, wall or peg, joint."""
     known: dict[str, tuple[str, int, int]] = {}
-    for k, setup in enumerate(setups):
+    for k, setup in enumerate(scene.setups):
         for name, joint in zip(setup.middle_names, setup.before, strict=True):
             known[name] = "middle", k, joint
         known[setup.tip_name] = "tip", k, setup.elements
-    for k, wall in enumerate(walls):
+    for k, wall in enumerate(scene.walls):
         known |= dict.fromkeys((wall.name, f"{wall.name}.1", f"{wall.name}.2"), ("wall", k, -1))
-    for k, peg in enumerate(pegs):
+    for k, peg in enumerate(scene.pegs):
         known[peg.name] = "peg", k, -1
     return known
 

@@ -87,8 +87,7 @@ class RecomputedFinger:
     @property
     def tip_moment(self) -> float:
         """Moment of the tendons at the tip [N m]."""
-        tendons = self.finger.tendons
-        return 0.0 if tendons is None else float((self.tensions[0] - self.tensions[1]) * tendons.offset)
+        return float((self.tensions[0] - self.tensions[1]) * self.setup.tendons.offset)
 
     @property
     def tip_couple(self) -> float:
@@ -143,13 +142,13 @@ class RecomputedFinger:
 
     def _capstan(self) -> Array:
         """Share of the tendons' moment that reaches each element's middle past the friction of the guides."""
-        tendons = self.finger.tendons
-        if tendons is None or tendons.friction == 0.0:
+        friction = self.setup.tendons.friction
+        if friction == 0.0:
             return np.ones(self.lengths.size)
         bends = self.rod.bends(self.profile)
         rounded = 1e-3 * self.lengths / self.lengths.sum()
         turned = bends**2 / np.sqrt(bends**2 + rounded**2)  # without sign, rounded off where straight
-        return np.asarray(np.exp(-tendons.friction * (np.cumsum(turned) - 0.5 * turned)))
+        return np.asarray(np.exp(-friction * (np.cumsum(turned) - 0.5 * turned)))
 
 
 def gravity_vector(gravity: GraspGravity) -> Array:

@@ -61,7 +61,6 @@ def nearest(part: Part, points: Array) -> Nearest:
     if isinstance(part, OffsetPolygon):
         return _rounded_polygon(np.asarray(part.vertices, dtype=float), part.radius, points)
     part = _superellipse_part(part)
-    part = _superellipse_part(part)
     turn = _turn(part.angle)
     center = np.asarray(part.center)
     found = _superellipse(part.semi_axes, part.exponent, (points - center) @ turn)
@@ -74,7 +73,6 @@ def support_point(part: Part, direction: Array) -> Array:
     if isinstance(part, OffsetPolygon):
         core = np.asarray(part.vertices, dtype=float)
         return np.asarray(core[np.argmax(core @ direction)] + part.radius * direction)
-    part = _superellipse_part(part)
     part = _superellipse_part(part)
     turn, axes = _turn(part.angle), np.asarray(part.semi_axes)
     share = np.abs(axes * (direction @ turn))

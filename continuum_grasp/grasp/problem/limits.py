@@ -6,8 +6,7 @@ from itertools import pairwise
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.numbers import APEX
-from continuum_grasp.grasp.problem.unit_finger import rotation
+from continuum_grasp.grasp.problem.unit_finger import APEX, rotation
 from continuum_grasp.grasp.problem.unknowns import FingerState, Unknowns
 from continuum_grasp.model.surfaces.surface import CORNERS, separation
 

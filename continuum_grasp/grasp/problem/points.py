@@ -62,10 +62,10 @@ def _finger_start(setup: FingerSetup, state: FingerState, whole: Start, units: U
     at = curvature_at(knots, curvatures, places.reshape(1, -1)).reshape(places.shape)
     bends = np.diff(turning(knots, curvatures, ends[None])[0])
     moment = float(curvature_at(knots, curvatures, ends[None, -1:])[0, 0]) - finger.curvature_pieces[0][2] * length
-    tendons = finger.tendons
-    least = 0.0 if tendons is None else tendons.min_tension * tendons.offset * length / finger.rod.stiffness
+    tendons = setup.tendons
+    least = tendons.min_tension * tendons.offset * length / finger.rod.stiffness
     pulls = [least + max(moment, 0.1), least] if moment >= 0.0 else [least, least - min(moment, -0.1)]
-    if name in whole.tensions and tendons is not None:
+    if name in whole.tensions:
         pulls = [t * tendons.offset * length / finger.rod.stiffness for t in whole.tensions[name]]
     x, y, turn = start.base
     values: Values = {
@@ -100,14 +100,13 @@ class PointReader:
             name, finger, length = setup.name, setup.finger, setup.finger.rod.length
             lengths[k] = length
             family, elements = self._problem.fingers[k].unit.model.structure.family, shares.ravel() * length
-            offset = 1.0 if finger.tendons is None else finger.tendons.offset
             out |= {
                 f"{name}.family": np.array(setup.family),
                 f"{name}.q": family.coordinate_size(q.ravel(), length),
                 f"{name}.lengths": elements,
                 f"{name}.curvature_shapes": family.curvature_shapes(elements.tolist()),
                 f"{name}.tip_curvature": np.array(float(tip.ravel()[0]) / length),
-                f"{name}.tensions": pulls.ravel() * finger.rod.stiffness / length / offset,
+                f"{name}.tensions": pulls.ravel() * finger.rod.stiffness / length / setup.tendons.offset,
                 f"{name}.base": base.ravel() * [m, m, 1.0],
                 f"{name}.backbone": line.T * [length, m, m, 1.0],
             }

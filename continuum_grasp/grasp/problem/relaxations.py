@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity
 from continuum_grasp.scene.value import Value
 
@@ -91,19 +91,14 @@ def _with(value: V, **changes: object) -> V:
 
 
 def _each_finger(scene: GraspScene, change: Callable[[GraspFinger], GraspFinger]) -> GraspScene:
-    if scene.fingers is not None:
-        return _with(scene, fingers={name: change(finger) for name, finger in scene.fingers.items()})
-    return scene if scene.finger is None else _with(scene, finger=change(scene.finger))
+    return scene.with_fingers({name: change(finger) for name, finger in scene.named_fingers.items()})
 
 
 def _tension(scene: GraspScene, amount: float) -> GraspScene:
-    def stronger(finger: GraspFinger) -> GraspFinger:
-        tendons = finger.tendons
-        if tendons is None:
-            return finger
-        return _with(finger, tendons=_with(tendons, max_tension=tendons.max_tension + amount))
+    def stronger(setup: FingerSetup) -> GraspFinger:
+        return _with(setup.finger, tendons=_with(setup.tendons, max_tension=setup.tendons.max_tension + amount))
 
-    return _each_finger(scene, stronger)
+    return scene.with_fingers({setup.name: stronger(setup) for setup in scene.setups})
 
 
 def _raised(key: str) -> Callable[[GraspScene, float], GraspScene]:
@@ -134,14 +129,11 @@ def _strain(scene: GraspScene, amount: float) -> GraspScene:
 
 
 def _bending(scene: GraspScene, amount: float) -> GraspScene:
-    ranges = {setup.name: setup.bending_range + amount for setup in scene.setups}
+    def wider(setup: FingerSetup) -> GraspFinger:
+        fidelity = _with(setup.finger.fidelity or scene.fidelity, bending_range=setup.bending_range + amount)
+        return _with(setup.finger, fidelity=fidelity)
 
-    def wider(name: str, finger: GraspFinger) -> GraspFinger:
-        return _with(finger, fidelity=_with(finger.fidelity or scene.fidelity, bending_range=ranges[name]))
-
-    if scene.fingers is None and scene.finger is not None:
-        return _with(scene, finger=wider("finger", scene.finger))
-    return _with(scene, fingers={name: wider(name, finger) for name, finger in scene.named_fingers.items()})
+    return scene.with_fingers({setup.name: wider(setup) for setup in scene.setups})
 
 
 def _tilt(scene: GraspScene, amount: float) -> GraspScene:
@@ -169,7 +161,7 @@ def _without_obstacles(scene: GraspScene) -> GraspScene:
 
 
 def _max_tension(scene: GraspScene) -> float:
-    return max((f.tendons.max_tension for f in scene.named_fingers.values() if f.tendons is not None), default=0.0)
+    return max(setup.tendons.max_tension for setup in scene.setups)
 
 
 def _normal_max(scene: GraspScene) -> float:

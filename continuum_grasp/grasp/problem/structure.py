@@ -85,7 +85,7 @@ class ProblemSpec:
     @staticmethod
     def of(scene: GraspScene, contacts: dict[str, ContactStart]) -> ProblemSpec:
         """The structure of the problem of a scene with some contacts on, which sit where a start has them."""
-        gravity, weights, parts = scene.gravity, scene.weights, scene.object.parts
+        gravity, aims, parts = scene.gravity, scene.aims, scene.object.parts
         planar, on = isinstance(gravity, PlanarGravity), frozenset(contacts)
         setups = scene.setups
         places: dict[str, tuple[int, int]] = {}
@@ -100,7 +100,6 @@ class ProblemSpec:
             support = support_of(name, scene)
             surface = surface_of(parts[start.part])
             made.append(ContactSpec(name, finger, joint, support in pegs, surface, support in bounded))
-        aims = tuple(name for name in type(weights).model_fields if getattr(weights, name) > 0.0)
         disturbed = "greatest_disturbance" in aims
         return ProblemSpec(
             fingers=tuple(FingerSpec.of(s, on, planar and any(gravity.vector)) for s in setups),  # type: ignore[union-attr]

@@ -6,26 +6,32 @@ solver. Its base is at the origin, pointing along +Y.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.grasp.problem.numbers import Numbers
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import Finger, PointMass, Rod, Tendons
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.loads import MomentLoad
 
-__all__ = ["FingerSpec", "UnitFinger", "finger_numbers", "inner_masses"]
+__all__ = ["APEX", "FingerSpec", "Numbers", "UnitFinger", "finger_numbers", "inner_masses"]
+
 
 ACCURACY = 1e-7
 """Relative accuracy of the model's quadrature by default; its positions are some ten times better."""
 _OFFSET = 0.5
 """Tendon offset of the unit finger; tensions are scaled so that any value does."""
+
+Array = NDArray[Any]
+
+APEX = 2e-4
+"""Rounding of the apex of spatial friction cones, as a part of the weight; it lies inside the true one."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +82,6 @@ class FingerSpec:
     def of(setup: FingerSetup, on: frozenset[str], weighs: bool) -> FingerSpec:
         """The structure of a finger with some of its contacts on."""
         finger = setup.finger
-        tendons, length = finger.tendons, finger.rod.length
         return FingerSpec(
             name=setup.name,
             family=setup.family,
@@ -84,10 +89,10 @@ class FingerSpec:
             before=setup.before,
             touching=tuple(name in on for name in setup.middle_names),
             tip=setup.tip_name in on,
-            has_tendon_friction=tendons is not None and tendons.friction > 0.0,
+            has_tendon_friction=setup.tendons.friction > 0.0,
             weighs=weighs,
             preshaped=finger.curvature_pieces[0][2] != 0.0,
-            tip_heavy=weighs and any(_on_tip(m.at, length) for m in finger.masses),
+            tip_heavy=weighs and any(_on_tip(m.at, finger.rod.length) for m in finger.masses),
             masses=len(inner_masses(finger)) if weighs else 0,
             strained=finger.strain_limit is not None,
             free=finger.base_free is not None,
@@ -209,7 +214,7 @@ def finger_numbers(setup: FingerSetup, gravity: tuple[float, float]) -> dict[str
     values: dict[str, object] = {
         f"{name}.weight": [g * rod.mass_per_length * rod.length**3 / rod.stiffness for g in gravity],
         f"{name}.rest_curvature": finger.curvature_pieces[0][2] * rod.length,
-        f"{name}.tendon_friction": 0.0 if finger.tendons is None else finger.tendons.friction,
+        f"{name}.tendon_friction": setup.tendons.friction,
         f"{name}.tip_mass": sum(m.mass for m in finger.masses if _on_tip(m.at, rod.length)) / own,
         f"{name}.curvature_limit": finger.curvature_limit * rod.length if finger.strain_limit is not None else 0.0,
         f"{name}.bending_range": setup.bending_range,
@@ -246,3 +251,40 @@ def _on_tip(at: float, length: float) -> bool:
 def _rounded_up(angle: float) -> float:
     """A range of the model's own that holds a bending range, one of a few so that scenes share solvers [rad]."""
     return next((r for r in (1.0, 2.1, 3.15, 4.5, 6.3) if angle <= r), angle)
+
+
+class Numbers:
+    """Symbols by name, in the order in which they were asked for."""
+
+    def __init__(self) -> None:
+        self._symbols: dict[str, ca.SX] = {}
+
+    def __call__(self, name: str, size: int = 1) -> ca.SX:
+        """The symbol of a name; created on the first call."""
+        if name not in self._symbols:
+            self._symbols[name] = ca.SX.sym(name, size)
+        return self._symbols[name]
+
+    @property
+    def symbol(self) -> ca.SX:
+        """All of them as a column."""
+        return ca.vertcat(*self._symbols.values()) if self._symbols else ca.SX(0, 1)
+
+    def pack(self, values: Mapping[str, ArrayLike], default: float | None = None) -> Array:
+        """The column of numbers for these values; what is missing is the default, if there is one.
+
+        Raises
+        ------
+        KeyError
+            A number is missing.
+        """
+        parts = []
+        for name, symbol in self._symbols.items():
+            if default is not None and name not in values:
+                parts.append(np.full(symbol.numel(), default))
+                continue
+            part = np.asarray(values[name], dtype=float).ravel()
+            if part.size != symbol.numel():
+                raise KeyError(f"{name}: expected {symbol.numel()} numbers, got {part.size}")
+            parts.append(part)
+        return np.concatenate(parts) if parts else np.empty(0)

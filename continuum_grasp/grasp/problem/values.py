@@ -101,8 +101,7 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
         name, finger, length = setup.name, setup.finger, setup.finger.rod.length
         for k in range(len(setup.middles)):
             low[f"{name}.joint_{k}"], high[f"{name}.joint_{k}"] = (s / length for s in setup.middle_bounds)
-        tendons = finger.tendons
-        least = 0.0 if tendons is None else tendons.min_tension * tendons.offset * length / finger.rod.stiffness
+        least = setup.tendons.min_tension * setup.tendons.offset * length / finger.rod.stiffness
         low[f"{name}.pulls"] = [least, least]
         if finger.tendons_used != "both":
             high[f"{name}.pulls"] = [np.inf, 0.0] if finger.tendons_used == "left" else [0.0, np.inf]
@@ -128,12 +127,10 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
 
 def _finger_values(scene: GraspScene, setup: FingerSetup, units: Units) -> Values:
     finger, name = setup.finger, setup.name
-    rod, tendons, length = finger.rod, finger.tendons, finger.rod.length
-    moment = rod.stiffness / length
-    offset = 1.0 if tendons is None else tendons.offset
-    most = 0.0 if tendons is None else tendons.max_tension
+    length, offset, most = finger.rod.length, setup.tendons.offset, setup.tendons.max_tension
+    moment = finger.rod.stiffness / length
     used = finger.tendons_used
-    least = 0.0 if tendons is None else tendons.min_tension * offset / moment
+    least = setup.tendons.min_tension * offset / moment
     return {
         f"{name}.length": length / units.length,
         f"{name}.force share": moment / length / units.force,
@@ -149,21 +146,14 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, units: Units) -> Value
 
 def tension_weight(scene: GraspScene) -> float:
     """Of the sum of all tensions in the objective [1/N]; a little where it is no aim, so that they are unique."""
-    tendons = [f.tendons for f in scene.named_fingers.values() if f.tendons is not None]
-    limit = sum(t.max_tension for t in tendons)
-    if _aims(scene) == ["least_tension"]:
-        moments = (f.rod.stiffness / f.rod.length / f.tendons.offset for f in scene.named_fingers.values() if f.tendons)
-        return 1.0 / max(moments)
-    return max(scene.weights.least_tension, LITTLE) / limit
-
-
-def _aims(scene: GraspScene) -> list[str]:
-    weights = scene.weights
-    return [name for name in type(weights).model_fields if getattr(weights, name) > 0.0]
+    if scene.aims == ("least_tension",):
+        rods = ((setup.finger.rod, setup.tendons.offset) for setup in scene.setups)
+        return 1.0 / max(rod.stiffness / rod.length / offset for rod, offset in rods)
+    return max(scene.weights.least_tension, LITTLE) / sum(setup.tendons.max_tension for setup in scene.setups)
 
 
 def _objective_values(scene: GraspScene, units: Units) -> Values:
-    weights, alone = scene.weights, len(_aims(scene)) == 1
+    weights, alone = scene.weights, len(scene.aims) == 1
     most = scene.contacts.normal_force_max / units.force
     per_force = max(scene.weight, units.force)
     return {

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.grasp.quality.contact_set import ContactSet
-from continuum_grasp.grasp.quality.lp import solve_lp
-from continuum_grasp.grasp.quality.socp import ROUNDS, Cones, solve_socp
+from continuum_grasp.grasp.quality.lp import ROUNDS, Cones, solve_lp, solve_socp
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 

@@ -15,9 +15,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.quality.bent_finger import BentFinger
+from continuum_grasp.grasp.quality.bent_finger import BentFinger, Rolling, finger_rolling, support_rolling
 from continuum_grasp.grasp.quality.contact_set import ContactSet
-from continuum_grasp.grasp.quality.rolling import Rolling, finger_rolling, support_rolling
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
 
@@ -87,8 +86,7 @@ class GraspResponse:
         self._plain, self._shared = np.zeros((len(self._fingers), size)), np.zeros((len(self._fingers), size))
         for k, (setup, finger, part) in enumerate(zip(self.setups, self._fingers, self._slices, strict=True)):
             self._add_finger(setup, finger, part)
-            offset = setup.finger.tendons.offset if setup.finger.tendons is not None else 0.0
-            self._plain[k, part], self._shared[k, part] = finger.tip_turn, offset * finger.tendon_turn
+            self._plain[k, part], self._shared[k, part] = finger.tip_turn, setup.tendons.offset * finger.tendon_turn
         for contact in range(count):
             self._add_contact(contact)
         self._compliance = COMPLIANCE * min(f.length**3 / f.finger.rod.stiffness for f in self._fingers)

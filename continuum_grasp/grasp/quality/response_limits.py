@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.quality.lp import Cones, solve_socp
 from continuum_grasp.grasp.quality.response import Change, GraspResponse, Tendons
-from continuum_grasp.grasp.quality.socp import Cones, solve_socp
 from continuum_grasp.scene.grasp import FingerSetup
 
 __all__ = ["ResponseLimits", "difference_range"]
@@ -39,7 +39,7 @@ class ResponseLimits:
     response : GraspResponse
     tendons : {"retensioned", "locked"}
     displacement_limit : float
-        As in `continuum_grasp.grasp.quality.resistance.resistance`; infinite for none.
+        As in `continuum_grasp.grasp.quality.quality.resistance`; infinite for none.
     """
 
     def __init__(self, response: GraspResponse, tendons: Tendons, displacement_limit: float) -> None:
@@ -165,9 +165,7 @@ def difference_range(setup: FingerSetup, tensions: Array, tendons: Tendons) -> t
     Locked antagonists share a change equally, until one would fall below the least tension; it stays there and the
     other takes the rest.
     """
-    held = setup.finger.tendons
-    if held is None:
-        return 0.0, 0.0
+    held = setup.tendons
     least, most, used = held.min_tension, held.max_tension, setup.finger.tendons_used
     now = float(tensions[0] - tensions[1])
     if used != "both":

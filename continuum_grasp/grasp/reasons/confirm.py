@@ -16,13 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.check import EQUILIBRIUM
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.quality.lp import LPOutcome
-from continuum_grasp.grasp.quality.socp import Cones, solve_socp
+from continuum_grasp.grasp.quality.lp import Cones, LPOutcome, solve_socp
 from continuum_grasp.grasp.reasons.posture_statics import PostureStatics
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["Confirmed", "confirm", "least_amount"]
+__all__ = ["Confirmed", "least_amount"]
 
 Array = NDArray[Any]
 
@@ -49,8 +47,8 @@ class Confirmed:
     arrays: dict[str, Array]
 
 
-def confirm(name: str, scene: GraspScene, arrays: Mapping[str, Any], amount: float) -> float | None:
-    """What a limit would have to be at a posture, by linear programming.
+def least_amount(name: str, scene: GraspScene, arrays: Mapping[str, Any], amount: float) -> Confirmed | None:
+    """By how much a limit must be relaxed at least at a posture, and the forces that then hold.
 
     Parameters
     ----------
@@ -65,18 +63,9 @@ def confirm(name: str, scene: GraspScene, arrays: Mapping[str, Any], amount: flo
 
     Returns
     -------
-    float or None
-        In the unit of the limit, as ``Relaxation.value`` gives; None where no LP applies, for limits of
-        the shape, and where it fails.
+    Confirmed or None
+        None where no LP applies, for limits of the shape, and where it fails.
     """
-    found = least_amount(name, scene, arrays, amount)
-    if found is None:
-        return None
-    return next(r for r in RELAXATIONS if r.name == name).value(scene, found.amount)
-
-
-def least_amount(name: str, scene: GraspScene, arrays: Mapping[str, Any], amount: float) -> Confirmed | None:
-    """By how much a limit must be relaxed at least at a posture, and the forces that then hold; see `confirm`."""
     ask = _ASKED.get(name)
     if ask is None:
         return None
@@ -98,6 +87,7 @@ class _PostureProblem:
     def __init__(self, statics: PostureStatics) -> None:
         self.statics = statics
         self.size = statics.own.size
+        self.pulling = np.flatnonzero(statics.most[: statics.tensions] > 0.0)
         self.normals = np.arange(statics.tensions, self.size, 3)
         self._cuts: list[tuple[int, Array]] | None = None
 
@@ -169,24 +159,6 @@ def _found(outcome: LPOutcome, unit: float) -> tuple[float, Array] | None:
     return (max(0.0, float(outcome.x[-1])) * unit, outcome.x[:-1]) if outcome.optimal else None
 
 
-def _tension(problem: _PostureProblem, amount: float) -> tuple[float, Array] | None:
-    s = problem.statics
-    used = np.flatnonzero(s.most[: s.tensions] > 0.0)
-    return _found(problem.least(relaxed=used), s.force)
-
-
-def _normal_force(problem: _PostureProblem, amount: float) -> tuple[float, Array] | None:
-    return _found(problem.least(relaxed=problem.normals), problem.statics.force)
-
-
-def _mass(problem: _PostureProblem, amount: float) -> tuple[float, Array] | None:
-    return _found(problem.least(along=-problem.statics.weight, most=1.0), 1.0)
-
-
-def _tilt(problem: _PostureProblem, amount: float) -> tuple[float, Array] | None:
-    return _found(problem.least(tilted=True), problem.statics.moment)
-
-
 def _friction(problem: _PostureProblem, amount: float) -> tuple[float, Array] | None:
     """By bisection: whether forces hold is an LP for each coefficient."""
     high, best = 0.0, None
@@ -211,9 +183,9 @@ def _friction(problem: _PostureProblem, amount: float) -> tuple[float, Array] | 
 
 
 _ASKED: dict[str, Callable[[_PostureProblem, float], tuple[float, Array] | None]] = {
-    "tension": _tension,
+    "tension": lambda p, _: _found(p.least(relaxed=p.pulling), p.statics.force),
     "friction": _friction,
-    "mass": _mass,
-    "normal force": _normal_force,
-    "tilt balance": _tilt,
+    "mass": lambda p, _: _found(p.least(along=-p.statics.weight, most=1.0), 1.0),
+    "normal force": lambda p, _: _found(p.least(relaxed=p.normals), p.statics.force),
+    "tilt balance": lambda p, _: _found(p.least(tilted=True), p.statics.moment),
 }

@@ -64,7 +64,7 @@ class PostureStatics:
     @classmethod
     def of(cls, scene: GraspScene, arrays: Mapping[str, Any]) -> PostureStatics:
         """The statics of a scene at the posture of a grasp's stored numbers."""
-        grasp = RecomputedGrasp(scene, scene.setups, arrays)
+        grasp = RecomputedGrasp(scene, arrays)
         force = float(np.abs(grasp.forces).max(initial=0.0)) or grasp.force_scale  # what holds, not what was too heavy
         moment = force * grasp.size
         first, size = 2 * len(grasp.fingers), 2 * len(grasp.fingers) + 3 * len(grasp.contacts)
@@ -144,9 +144,7 @@ def _bounds(grasp: RecomputedGrasp, size: int, force: float) -> tuple[Array, Arr
     """Least and most of tensions and forces; friction forces have none of their own."""
     least, most = np.zeros(size), np.zeros(size)
     for k, finger in enumerate(grasp.fingers):
-        tendons, used = finger.finger.tendons, finger.finger.tendons_used
-        if tendons is None:
-            continue
+        tendons, used = finger.setup.tendons, finger.finger.tendons_used
         for side, name in enumerate(("left", "right")):
             if used in ("both", name):
                 least[2 * k + side], most[2 * k + side] = tendons.min_tension / force, tendons.max_tension / force

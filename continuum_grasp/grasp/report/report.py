@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import math
+import re
 import textwrap
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.grasp.report.shown import (
     disturbance_rows,
@@ -12,7 +16,6 @@ from continuum_grasp.grasp.report.shown import (
     quality_rows,
     result_data,
 )
-from continuum_grasp.grasp.report.yaml_text import yaml_text
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
@@ -20,13 +23,19 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.model_error import ModelError
     from continuum_grasp.grasp.result import GraspResult
 
-__all__ = ["result_text", "result_yaml"]
+__all__ = ["result_text", "result_yaml", "yaml_text"]
+
 
 _HEAD = """\
 # How the object is held, or why it is not. World frame, SI units. Forces at contacts are those on what touches the
 # object: along its outward normal, and friction along the normal turned by +90 degrees; lift is on the object, out of
 # the plane. result.npz holds all numbers, meta.json the configuration and every check.
 """
+
+_BARE = re.compile(r"[A-Za-z][A-Za-z0-9_./+-]*( [A-Za-z0-9_./+-]+)*")
+_WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
+_WIDTH = 110
+"""Of a line [characters]: fits terminals and the page of a report without a bar to scroll."""
 
 
 def result_text(result: GraspResult) -> str:
@@ -166,3 +175,99 @@ def _why_lines(result: GraspResult) -> list[str]:
     if result.arrays:
         lines += ["", "The closest point, which is no grasp:", *_finger_lines(result), "", *_contact_lines(result)]
     return lines
+
+
+def yaml_text(value: Any, *, exact: bool = False) -> str:
+    """Mappings, lists, texts, numbers and None as block-style YAML 1.1, which 1.2 reads alike.
+
+    Parameters
+    ----------
+    value : dict, list, ndarray, str, float, int, bool or None
+        What to write.
+    exact : bool, optional
+        Keep all digits of numbers, so that the same ones are read back; otherwise nine.
+
+    Returns
+    -------
+    str
+        Ends in a line break.
+    """
+    value = _plain(value, exact)
+    return ("\n".join(_lines(value)) if isinstance(value, (dict, list)) and value else _scalar(value)) + "\n"
+
+
+def _plain(value: Any, exact: bool) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner, exact) for key, inner in value.items()}
+    if hasattr(value, "tolist"):  # of numpy
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_plain(inner, exact) for inner in value]
+    return float(f"{value:.9g}") if isinstance(value, float) and not exact else value
+
+
+def _lines(value: Any) -> list[str]:
+    found = []
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            name = _text(str(key))
+            if _nested(inner):
+                indent = "  " if isinstance(inner, dict) else ""
+                found += [f"{name}:", *(indent + line for line in _lines(inner))]
+            else:
+                found.append(f"{name}: {_flat(inner)}")
+        return found
+    for inner in value:
+        if _nested(inner):
+            first, *rest = _lines(inner)
+            found += [f"- {first}", *(f"  {line}" for line in rest)]
+        else:
+            found.append(f"- {_flat(inner)}")
+    return found
+
+
+def _nested(value: Any) -> bool:
+    """Whether a value takes lines of its own."""
+    if not isinstance(value, (dict, list)) or not value:
+        return False
+    if isinstance(value, dict):
+        return True
+    return any(isinstance(v, (Mapping, list, tuple, str)) for v in value) or len(_flat(value)) > _WIDTH
+
+
+def _flat(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_scalar(v) for v in value) + "]"
+    return _scalar(value)
+
+
+def _scalar(value: Any) -> str:
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float):
+        return _number(value)
+    if isinstance(value, (dict, list)):
+        return _flat(value)
+    return _text(str(value))
+
+
+def _number(value: float) -> str:
+    if not math.isfinite(value):
+        return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
+    digits, exponent, power = repr(value).partition("e")
+    if "." not in digits:  # 1e-06 would be a text in YAML 1.1
+        digits += ".0"
+    return digits + exponent + power
+
+
+def _text(value: str) -> str:
+    if _BARE.fullmatch(value) and value.lower() not in _WORDS:
+        return value
+    quoted = json.dumps(value, ensure_ascii=False)
+    return "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in quoted)

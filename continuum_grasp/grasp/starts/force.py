@@ -23,11 +23,11 @@ from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.objects.body import Pose
 
 __all__ = ["Block", "Loads", "contact_forces", "finger_block", "imbalance", "loads_of", "support_block"]
 
 Array = NDArray[Any]
-Pose = tuple[float, float, float]
 
 _FINE = 6
 """Elements up to which all are balanced; of more, two between contacts."""
@@ -202,10 +202,7 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Can
     reaches = found.stations[:, None, :] >= at[:, :, None] - 1e-9
     moments = (np.conj(arms)[..., None] * edges[:, None]).imag * reaches[..., None]
     moments = moments.reshape(*at.shape, -1)
-    tendons = finger.tendons
-    low, high, offset = (
-        (0.0, 0.0, 1.0) if tendons is None else (tendons.min_tension, tendons.max_tension, tendons.offset)
-    )
+    low, high, offset = setup.tendons.min_tension, setup.tendons.max_tension, setup.tendons.offset
     moments = np.concatenate([moments, np.broadcast_to([offset, -offset], (*at.shape, 2))], axis=2)
     com = origin + turn * complex(*scene.object.com)
     onto = _onto(loads, points - com, edges, lifts)

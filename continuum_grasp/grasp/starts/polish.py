@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates
 from continuum_grasp.grasp.starts.force import Loads, finger_block
+from continuum_grasp.grasp.starts.scan.curves import touch
 from continuum_grasp.grasp.starts.scan.task import FingerTask, make_task, violation
-from continuum_grasp.grasp.starts.scan.touch import touch
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.objects.body import Pose
 
 __all__ = ["polished"]
 
 Array = NDArray[Any]
-Pose = tuple[float, float, float]
 
 _STEPS, _STEP, _MOST, _DAMPING = 5, 1e-4, 0.8, 1e-3
 """Gauss-Newton steps; difference for their slopes [1/L], whose error of 1e-4 is far below the imbalance sought;

@@ -1,4 +1,4 @@
-"""Contacts of the object with walls and pegs at a given pose."""
+"""The object and its supports: contacts with walls and pegs at a pose, and the poses that are tried."""
 
 from __future__ import annotations
 
@@ -11,12 +11,32 @@ import numpy as np
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.surfaces import outline_of
 from continuum_grasp.model.surfaces.outline import Outline
-from continuum_grasp.scene.grasp import TOUCHING, GraspScene
+from continuum_grasp.scene.grasp import TOUCHING, FingerSetup, GraspScene
+from continuum_grasp.scene.objects.body import Pose, pose_bounds
 from continuum_grasp.scene.supports import Peg, Wall
 
-__all__ = ["nearest_contact", "object_outlines", "peg_gap", "support_contacts", "touching_supports", "wall_gap"]
+__all__ = [
+    "base_poses",
+    "nearest_contact",
+    "object_poses",
+    "settle",
+    "support_contacts",
+    "touching_supports",
+]
 
-Pose = tuple[float, float, float]
+Interval = tuple[float, float]
+
+_MORE_POSES = 5
+"""Further poses of a free object."""
+_MORE_BASES = (4, 1)
+"""Further poses of a free base: for the first pose of the object, and for the others."""
+_FLAT = 4
+"""Most angles of a free object at which a face lies flat on a wall."""
+_EXACT = 1e-12
+"""Gap, per size of the object, at which it touches a support: rounding."""
+_SHARES = (1.22074408460575947536, 1.32471795724474602596)
+"""Real roots of x^4 = x + 1 and x^3 = x + 1: powers of their inverses spread points evenly in three and two dimensions
+(additive recurrence; M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018)."""
 
 
 def object_outlines(scene: GraspScene) -> tuple[Outline, ...]:
@@ -134,3 +154,158 @@ def nearest_contact(scene: GraspScene, pose: Pose, world: complex) -> ContactSta
     place = outlines[part].walk(outlines[part].nearest(at)[1])
     point = complex(place.point[0])
     return ContactStart(part, (point.real, point.imag), math.remainder(float(place.angle[0]), math.tau))
+
+
+def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
+    """Poses of the object, the one nearest to the scene's own first, at which it touches the supports wanted.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    on : frozenset of str
+        Names of the contacts wanted.
+
+    Returns
+    -------
+    list of (float, float, float)
+        World x, y [m] and angle [rad]; only the scene's own where it is fixed, or where none was found.
+    """
+    own, free = scene.object.pose, scene.object.free
+    if free is None:
+        return [own]
+    shapes = object_outlines(scene)
+    bounds = pose_bounds(own, free)
+    is_round = len(shapes) == 1 and shapes[0].is_round
+    flat = [] if free.angle is None else _flat_angles(scene, on, shapes, bounds[2], own[2])
+    tries: list[tuple[Pose, list[Interval]]] = []
+    for angle in flat[:_FLAT]:
+        tries.append(((own[0], own[1], angle), [bounds[0], bounds[1], (angle, angle)]))
+    tries.insert(min(1, len(tries)), (own, bounds))
+    for k, pose in enumerate(_spread(bounds, _MORE_POSES)):
+        angle = own[2] if is_round else flat[k % len(flat)] if flat and k % 2 else pose[2]
+        held = [bounds[0], bounds[1], (angle, angle) if flat and k % 2 else bounds[2]]
+        tries.append(((pose[0], pose[1], angle), held))
+    found: list[Pose] = []
+    for pose, within in tries:
+        settled = settle(scene, shapes, on, pose, within)
+        if settled is not None and all(_differ(scene, settled, other) for other in found):
+            found.append(settled)
+    return found or [own]
+
+
+def base_poses(setup: FingerSetup, number: int) -> list[Pose]:
+    """Poses of a finger's base that are tried with the ``number``-th pose of the object, its own first."""
+    base, free = setup.finger.base, setup.finger.base_free
+    own = (*base.position, base.angle)
+    if free is None:
+        return [own]
+    return [own, *_spread(pose_bounds(own, free), _MORE_BASES[min(number, 1)], skip=number)]
+
+
+def settle(
+    scene: GraspScene, shapes: tuple[Outline, ...], on: frozenset[str], pose: Pose, within: list[Interval]
+) -> Pose | None:
+    """Move the object, within bounds, so that it touches the supports wanted and enters no other.
+
+    Returns None where that fails.
+    """
+    size = scene.object.size
+    low, high = np.array(within).T
+    here = np.clip(np.array(pose), low, high)
+    scale = np.array([size, size, 1.0])
+    for _ in range(30):
+        gaps, slopes = _gaps(scene, shapes, on, (float(here[0]), float(here[1]), float(here[2])))
+        if not len(gaps) or np.abs(gaps).max() < _EXACT * size:
+            return float(here[0]), float(here[1]), float(here[2])
+        # Newton's step of least length, as there are fewer gaps than freedoms; a coordinate that it drives against its
+        # bound is taken out and the step computed again with the others.
+        free = high > low
+        for _ in range(3):
+            matrix = slopes * scale * free
+            step = -np.linalg.pinv(matrix, rcond=1e-9) @ gaps * scale
+            step *= min(1.0, 1.0 / max(float(np.abs(step / scale).max()), 1e-300))
+            aim = np.clip(here + step, low, high)
+            stuck = (aim == here) & (np.abs(step) > 1e-15 * scale)
+            if not (stuck & free).any():
+                break
+            free = free & ~stuck
+        if np.array_equal(aim, here):
+            return None
+        here = aim
+    return None
+
+
+def _gaps(
+    scene: GraspScene, shapes: tuple[Outline, ...], on: frozenset[str], pose: Pose
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gaps of wanted supports, and of others where the object enters them, with slopes along the pose."""
+    gaps: list[float] = []
+    slopes: list[tuple[float, float, float]] = []
+    for body in scene.places:
+        gap, normal, arm = _wall(shapes, body, pose) if isinstance(body, Wall) else _peg(shapes, body, pose)
+        wanted = body.name in on
+        # What is entered but not wanted is left by a thousandth of the size, so that it does not count as touching.
+        if wanted or (gap < 0.0 and not _beside(shapes, body, pose)):
+            gaps.append(gap if wanted else gap - 1e-3 * scene.object.size)
+            slopes.append((normal.real, normal.imag, (normal.conjugate() * 1j * arm).real))
+    return np.array(gaps), np.array(slopes).reshape(-1, 3)
+
+
+def _wall(shapes: tuple[Outline, ...], wall: Wall, pose: Pose) -> tuple[float, complex, complex]:
+    """Height of the lowest point, normal along which it grows, and arm of that point."""
+    turn, normal = cmath.exp(1j * pose[2]), complex(*wall.normal)
+    down = -normal / turn
+    arms = [point * turn for shape in shapes for point, _ in shape.extremes(down, 0.0)]
+    arm = min(arms, key=lambda z: (z * normal.conjugate()).real)
+    world = complex(pose[0], pose[1]) + arm
+    return wall.height((world.real, world.imag)), normal, arm
+
+
+def _peg(shapes: tuple[Outline, ...], peg: Peg, pose: Pose) -> tuple[float, complex, complex]:
+    turn = cmath.exp(1j * pose[2])
+    local = np.array([(complex(*peg.position) - complex(pose[0], pose[1])) / turn])
+    gap, walk, shape = min(
+        ((float(g[0]), w, s) for s in shapes for g, w in [s.nearest(local)]), key=lambda found: found[0]
+    )
+    at = shape.walk(walk)
+    return gap - peg.radius, -cmath.exp(1j * (float(at.angle[0]) + pose[2])), complex(at.point[0]) * turn
+
+
+def _beside(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose) -> bool:
+    return isinstance(body, Wall) and math.isinf(wall_gap(shapes, body, pose, 0.0))
+
+
+def _flat_angles(
+    scene: GraspScene, on: frozenset[str], shapes: tuple[Outline, ...], bounds: Interval, own: float
+) -> list[float]:
+    """Angles of the object at which a face lies on a wall that is wanted, the nearest to its own first."""
+    found: list[float] = []
+    for wall in scene.walls:
+        if wall.name not in on:
+            continue
+        for shape in shapes:
+            for normal in shape.face_normals:
+                angle = wall.normal_angle + math.pi - normal
+                angle = own + math.remainder(angle - own, math.tau)
+                inside = bounds[0] <= angle <= bounds[1]
+                if inside and all(abs(angle - other) > 1e-9 for other in found):
+                    found.append(angle)
+    return sorted(found, key=lambda angle: abs(angle - own))
+
+
+def _spread(bounds: list[Interval], count: int, skip: int = 0) -> list[Pose]:
+    """Points spread evenly within bounds."""
+    dims = [k for k, (low, high) in enumerate(bounds) if high > low]
+    root = {1: (1.0 + math.sqrt(5.0)) / 2.0, 2: _SHARES[1], 3: _SHARES[0]}.get(len(dims), 2.0)
+    found: list[Pose] = []
+    for j in range(1 + skip * count, 1 + (skip + 1) * count if dims else 1):
+        pose = [low for low, _ in bounds]
+        for n, k in enumerate(dims):
+            low, high = bounds[k]
+            pose[k] = low + (high - low) * ((0.5 + j * root ** -(n + 1.0)) % 1.0)
+        found.append((pose[0], pose[1], pose[2]))
+    return found
+
+
+def _differ(scene: GraspScene, a: Pose, b: Pose) -> bool:
+    return math.dist(a[:2], b[:2]) + scene.object.size * abs(a[2] - b[2]) > 1e-6 * scene.object.size

@@ -1,4 +1,6 @@
-"""Postures of all fingers at poses of the object, weighed, and refined where they come near to holding it."""
+"""Postures of all fingers at poses of the object: which go together, weighed, and refined where they come near to
+holding it.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates, near_candidates
-from continuum_grasp.grasp.starts.combine import combine, doubt
-from continuum_grasp.grasp.starts.force import finger_block, loads_of, support_block
-from continuum_grasp.grasp.starts.order import spread_order
+from continuum_grasp.grasp.starts.force import Block, Loads, finger_block, imbalance, loads_of, support_block
 from continuum_grasp.grasp.starts.polish import polished
-from continuum_grasp.grasp.starts.poses import base_poses
-from continuum_grasp.grasp.starts.supports import support_contacts
+from continuum_grasp.grasp.starts.supports import base_poses, support_contacts
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.objects.body import Pose
 
-__all__ = ["Weighed", "Weighing"]
+__all__ = ["Combined", "Weighed", "Weighing", "combine", "doubt", "spread_order"]
+
 
 Array = NDArray[Any]
-Pose = tuple[float, float, float]
 
 _BALANCED = 3e-3
 """What is left where a posture is in balance but for the weight of its tension in the least squares."""
@@ -32,6 +32,19 @@ _ROUNDS, _ONE_ROUND = (2.0, 0.7), (1.0,)
 """Sizes of the changes with which they are refined, the latter for several fingers that are close to balance."""
 _CLOSE = 0.05
 """Relative imbalance from which on several fingers are refined in one round instead of two."""
+
+Combined = tuple[list[Array], Array, Array, Array]
+"""Posture per finger, and for each combination what is left, its cost, and its forces."""
+_MOST = 160
+"""Pairs of postures that are weighed where shapes fix the forces."""
+_NEAR = 0.02
+"""Relative imbalance up to which its size ranks starts; IPOPT brings a few parts in a hundred to zero."""
+_PER_FINGER = {2: 14, 3: 8, 4: 6}
+"""Postures per finger that are combined, by number of fingers: 200 to 1300 combinations."""
+_FIRST, _IMPROVED = 64, 3
+"""Combinations that are weighed first, and the best of them of which one finger's posture at a time is exchanged."""
+_RANGE = 0.5
+"""Distance of features within which two starts are alike: about 0.25 L along the finger, or 30 degrees of a normal."""
 
 
 @dataclass(frozen=True)
@@ -145,3 +158,105 @@ def _least_violation(candidates: Candidates) -> Array:
     """Those with nothing much in the way, and the few next to them."""
     good = np.flatnonzero(candidates.violation <= _NEARLY)
     return np.union1d(good, np.argsort(candidates.violation, kind="stable")[:_FEW])
+
+
+def combine(
+    loads: Loads, blocks: list[Block], supports: Block, features: list[Array], paired: bool = False
+) -> Combined:
+    """Weigh combinations of the postures of all fingers.
+
+    Parameters
+    ----------
+    loads : Loads
+    blocks : list of Block
+        Of the fingers.
+    supports : Block
+    features : list of ndarray, (P, F)
+        In which different postures of a finger differ.
+    paired : bool
+        Only the first of each together, the second, and so on.
+    """
+    if len(blocks) == 1 or paired:
+        return _weigh(loads, blocks, supports, [np.arange(len(block.needed)) for block in blocks])
+    alone = [_alone(loads, block) for block in blocks]
+    if len(blocks) == 2 and supports.onto.shape[2] == 0 and all(block.single for block in blocks):
+        return _weigh(loads, blocks, supports, _opposed(loads, alone))
+    most = _PER_FINGER[len(blocks)]
+    picks = [
+        np.array(spread_order(doubt(left) + cost, what, most))
+        for (left, cost, _), what in zip(alone, features, strict=True)
+    ]
+    sizes = [len(pick) for pick in picks]
+    total = int(np.prod(sizes))
+    some = np.arange(total)
+    if total > _FIRST:
+        some = np.unique((np.arange(_FIRST) * 0.6180339887498949 % 1.0 * total).astype(int))
+    index = [pick[i] for pick, i in zip(picks, np.unravel_index(some, sizes), strict=True)]
+    found = _weigh(loads, blocks, supports, index)
+    if total <= _FIRST:
+        return found
+    best = np.argsort(doubt(found[1]) + found[2], kind="stable")[:_IMPROVED]
+    more = []
+    for row in best:
+        for finger, pick in enumerate(picks):
+            more.append([pick if k == finger else np.full(len(pick), i[row]) for k, i in enumerate(index)])
+    changed = [np.concatenate([m[k] for m in more]) for k in range(len(blocks))]
+    every = np.unique(np.stack(changed), axis=1)
+    return _joined(found, _weigh(loads, blocks, supports, list(every)))
+
+
+def doubt(left: Array) -> Array:
+    """How unlikely a grasp is where forces and tensions leave this imbalance: beyond a few parts in a hundred, how much
+    it is means little.
+    """
+    return np.where(left < _NEAR, 10.0 * left, 10.0 * _NEAR + 2.0 * (left - _NEAR))
+
+
+def _weigh(loads: Loads, blocks: list[Block], supports: Block, index: list[Array]) -> Combined:
+    left, cost, forces = imbalance(loads, [*blocks, supports], [*index, np.zeros(len(index[0]), int)])
+    return index, left, cost, forces
+
+
+def _joined(a: Combined, b: Combined) -> Combined:
+    index = [np.concatenate([one, two]) for one, two in zip(a[0], b[0], strict=True)]
+    return index, *(np.concatenate([one, two]) for one, two in zip(a[1:], b[1:], strict=True))  # type: ignore[return-value]
+
+
+def _alone(loads: Loads, block: Block) -> tuple[Array, Array, Array]:
+    """What is left of the fingers' own balance, its cost, and what the forces then do to the object."""
+    free = Loads(loads.force, loads.length, 0j, 0.0, loads.gravity, False)
+    own = Block(0.0 * block.onto[:, :3], block.moments, block.needed, block.low, block.high, block.cost)
+    left, cost, forces = imbalance(free, [own], [np.arange(len(block.needed))])
+    return left, cost, (block.onto[:, :3] @ forces[..., None])[..., 0] / loads.force
+
+
+def _opposed(loads: Loads, alone: list[tuple[Array, Array, Array]]) -> list[Array]:
+    """Pairs whose forces, which their shapes fix, come closest to balancing the object."""
+    (left, _, one), (right, _, two) = alone
+    sums = one[:, None, :] + two[None, :, :] - loads.target[:3]
+    size = 1.0 + np.abs(one).max(axis=1)[:, None] + np.abs(two).max(axis=1)[None, :]
+    misfit = np.sqrt((sums**2).sum(axis=2)) / size + left[:, None] + right[None, :]
+    order = np.argsort(misfit, axis=None, kind="stable")[:_MOST]
+    return list(np.unravel_index(order, misfit.shape))
+
+
+def spread_order(score: Array, features: Array, count: int) -> list[int]:
+    """Indices of ``count`` of them, each the best under a penalty for being like one before.
+
+    Parameters
+    ----------
+    score : ndarray, (P,)
+        Less is better.
+    features : ndarray, (P, F)
+    count : int
+    """
+    order: list[int] = []
+    near = np.full(len(score), np.inf)
+    taken = np.zeros(len(score), bool)
+    for _ in range(min(count, len(score))):
+        likeness = np.exp(-((near / _RANGE) ** 2))
+        pick = int(np.argmin(np.where(taken, np.inf, score + 0.5 * likeness)))
+        order.append(pick)
+        taken[pick] = True
+        near = np.minimum(near, np.sqrt(((features - features[pick]) ** 2).sum(axis=1)))
+    return order

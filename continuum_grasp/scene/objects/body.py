@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from continuum_grasp.scene.parts import Part, Point, farthest
 from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
 
-__all__ = ["Freedom", "MemberPlace", "ObjectBody", "pose_bounds"]
+__all__ = ["Freedom", "MemberPlace", "ObjectBody", "Pose", "pose_bounds"]
 
 Pose = tuple[float, float, float]
 

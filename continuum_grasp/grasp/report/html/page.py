@@ -7,19 +7,21 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from continuum_grasp.grasp.report.html.tables import contacts_table, fingers_table, statistics_table
-from continuum_grasp.grasp.report.html.text import (
+from continuum_grasp.grasp.report.html.tables import (
     PAGE_STYLE,
     badge,
     cards,
+    contacts_table,
     details,
     escaped,
+    fingers_table,
     items,
     section,
+    statistics_table,
     table,
 )
+from continuum_grasp.grasp.report.report import yaml_text
 from continuum_grasp.grasp.report.shown import disturbance_rows, fine_rows, further_advice, quality_rows
-from continuum_grasp.grasp.report.yaml_text import yaml_text
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import guess_table, sample, segment_end
+from continuum_grasp.grasp.starts.scan.curves import arc_tangent, guess_table, sample, segment_end, tangent
 from continuum_grasp.grasp.starts.scan.task import ALLOWED, FingerTask, Postures, join, touching_family, unique
-from continuum_grasp.grasp.starts.scan.touch import arc_tangent, tangent
 from continuum_grasp.model.surfaces.outline import Outline
 
 __all__ = ["ends_of", "first_joint", "moved_joint", "next_joint"]
@@ -171,7 +170,7 @@ def _to_joint(part: int, shape: Outline, ell: Array, bent: Array, walk: Array) -
     return unique(touching_family(knots, bent, ell[:, None], part, shape, walk))
 
 
-def next_joint(task: FingerTask, family: Postures, middles: tuple[bool, ...], here: int) -> Postures | None:
+def next_joint(task: FingerTask, family: Postures) -> Postures | None:
     """Curves on from the last contact to one more, with a knot half-way."""
     high = task.bounds[1]
     last = family.knots[:, -1]

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import guess_table, segment_end, table_of
+from continuum_grasp.grasp.starts.scan.curves import guess_table, segment_end, table_of, touch
 from continuum_grasp.grasp.starts.scan.elastica import elastica_table, projection
 from continuum_grasp.grasp.starts.scan.joint import ends_of
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, touching_family, unique
-from continuum_grasp.grasp.starts.scan.touch import touch
 from continuum_grasp.model.surfaces.outline import Outline
 
 __all__ = ["bent_by_tip", "moved_tip", "tip_only", "with_tip"]
@@ -147,16 +146,11 @@ def _crossings(
         turn = turns[one][i, j] + share * (turns[two][i, j] - turns[one][i, j])
         ahead = np.cos(shape.walk(walk).angle - turn - 0.5 * math.pi) < 0.4
         i, j, share, walk = i[ahead], j[ahead], share[ahead], walk[ahead]
-        count, half = len(i), len(knots) // 2
+        half = len(knots) // 2
         curve = np.repeat(np.stack([grids[0][i], grids[1][j]], axis=1), half, axis=1)
         columns = tuple(range(axis * half, axis * half + half))
         curve[:, columns] += (share * (grids[axis][1] - grids[axis][0]))[:, None]
-        start = (np.zeros(count, complex), np.zeros(count))
-        lengths = np.broadcast_to(np.diff(knots), (count, len(knots) - 1))
-        bent, walk, good = touch(shape, start, lengths, curve, columns, walk)
-        _, turn, _, _ = segment_end(lengths, bent)
-        good &= _in_front(shape, walk, turn)
-        groups.append(_tips(knots, bent[good], part, shape, walk[good]))
+        groups.append(_touching(knots, curve, columns, part, shape, walk))
     return groups
 
 
@@ -184,14 +178,7 @@ def bent_by_tip(task: FingerTask) -> Postures | None:
         if not len(i):
             continue
         bent = table.curvatures[i, j] + share[:, None] * (table.curvatures[i, j + 1] - table.curvatures[i, j])
-        bent = bent @ projection(task.nodes).T
-        count = len(i)
-        start = (np.zeros(count, complex), np.zeros(count))
-        lengths = np.broadcast_to(np.diff(knots), (count, len(knots) - 1))
-        bent, walk, good = touch(shape, start, lengths, bent, tuple(range(len(knots))), walk)
-        _, turn, _, _ = segment_end(lengths, bent)
-        good &= _in_front(shape, walk, turn)
-        groups.append(_tips(knots, bent[good], part, shape, walk[good]))
+        groups.append(_touching(knots, bent @ projection(task.nodes).T, tuple(range(len(knots))), part, shape, walk))
     found = join([g for g in groups if g is not None])
     return None if found is None else unique(found)
 
@@ -210,6 +197,16 @@ def _straight(shape: Outline) -> Array | None:
     _, walk = shape.nearest(np.array([1j]))
     touches = abs(complex(shape.walk(walk).point[0]) - 1j) < 1e-9
     return walk if touches and _in_front(shape, walk, np.zeros(1)).all() else None
+
+
+def _touching(knots: Array, bent: Array, columns: tuple[int, ...], part: int, shape: Outline, walk: Array) -> Postures:
+    """Curves from the base whose tips touch a part with their fronts, from first guesses."""
+    start = (np.zeros(len(bent), complex), np.zeros(len(bent)))
+    lengths = np.broadcast_to(np.diff(knots), (len(bent), len(knots) - 1))
+    bent, walk, good = touch(shape, start, lengths, bent, columns, walk)
+    _, turn, _, _ = segment_end(lengths, bent)
+    good &= _in_front(shape, walk, turn)
+    return _tips(knots, bent[good], part, shape, walk[good])
 
 
 def _tips(knots: Array, bent: Array, part: int, shape: Outline, walk: Array) -> Postures:
@@ -235,11 +232,5 @@ def moved_tip(task: FingerTask, family: Postures, step: float) -> Postures | Non
             continue
         _, walk = shape.nearest(mine.points[:, 0])
         bent = (mine.curvatures[:, None, :] + changes).reshape(-1, size)
-        count = len(bent)
-        lengths = np.broadcast_to(np.diff(knots), (count, size - 1))
-        start = (np.zeros(count, complex), np.zeros(count))
-        bent, walk, good = touch(shape, start, lengths, bent, columns, np.repeat(walk, len(changes)))
-        _, turn, _, _ = segment_end(lengths, bent)
-        good &= _in_front(shape, walk, turn)
-        groups.append(_tips(knots, bent[good], part, shape, walk[good]))
+        groups.append(_touching(knots, bent, columns, part, shape, np.repeat(walk, len(changes))))
     return join(groups)
