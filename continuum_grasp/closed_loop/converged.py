@@ -5,6 +5,7 @@ A real-time iteration is measured against it. It needs the state: an estimator i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -12,6 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.closed_loop.shooting import ShootingProblem
 from continuum_grasp.control.command import Estimate, Plan
 from continuum_grasp.control.ocp.stages import stages_of
@@ -21,8 +24,10 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.nlp import Budget, Settings, new_solver
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.families import PAPER_FAMILY
+from continuum_grasp.scene.simulate import Fidelity
 
-__all__ = ["Converged"]
+__all__ = ["Converged", "compared", "on_arcs", "with_state"]
 
 Array = NDArray[np.float64]
 
@@ -146,3 +151,43 @@ class Converged(Remade):
         at = np.minimum(np.arange(s.stages + 1) + ahead, s.stages)
         moved = np.array([np.interp(at, np.arange(s.stages + 1), column) for column in x.T]).T
         return moved, u[np.minimum(at[:-1].astype(int), s.stages - 1)]
+
+
+def on_arcs(scene: ControlScene) -> ControlScene:
+    """The same scene with a controller that knows the paper's two arcs, or as many as there are contacts to part."""
+    fidelity = Fidelity(family=PAPER_FAMILY, elements=max(2, len(scene.contacts) + 1))
+    return scene.model_copy(update={"fidelity": fidelity})
+
+
+def with_state(scene: ControlScene) -> ControlScene:
+    """The same scene with a controller that is given its state instead of measurements."""
+    return scene.model_copy(update={"estimator": None})
+
+
+def compared(scene: ControlScene, progress: Callable[[float], None] | None = None) -> dict[str, ControlRun]:
+    """Closed loops of other controllers.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene.
+    progress : callable, optional
+        Called with the share that is done.
+
+    Returns
+    -------
+    dict of str to ControlRun
+        ``two arcs``: the same problem on the paper's elements. Then, both given the state so that nothing but the
+        solver differs, ``with the state`` and ``converged``.
+    """
+    tell = progress or (lambda share: None)
+
+    def part(k: int) -> Callable[[float], None]:
+        return lambda share: tell((k + share) / 3.0)
+
+    known = with_state(scene)
+    return {
+        "two arcs": run_closed_loop(on_arcs(scene), progress=part(0)),
+        "with the state": run_closed_loop(known, progress=part(1)),
+        "converged": run_closed_loop(known, controller=Converged(known), progress=part(2)),
+    }

@@ -12,8 +12,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.call import Caller, pointers, real_array, shaped
-from continuum_grasp.core.checks import Sections, check_moment, finite, functions_of, positive, whole
+from continuum_grasp.core.call import (
+    Caller,
+    Sections,
+    check_moment,
+    finite,
+    functions_of,
+    pointers,
+    positive,
+    real_array,
+    shaped,
+    whole,
+)
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.precision import SingleRange, check_solvable, precision_of

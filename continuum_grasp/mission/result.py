@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.timetable import Span, Timetable
+from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.mission.verdict import Verdict, friction_limits
 from continuum_grasp.results.result import File, MotionResult, Result, Stored
 from continuum_grasp.scene.objects import GraspObject

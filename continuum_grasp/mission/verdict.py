@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.timetable import Timetable
+from continuum_grasp.mission.plant import Timetable, Variation
 
 __all__ = ["Verdict", "friction_limits", "judge"]
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.nlp import NLP, Constraints, Multipliers, Start
-from continuum_grasp.planning.term import Term
+from continuum_grasp.planning.shooting import Term
 
 __all__ = ["OBJECTIVE", "Assembly"]
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.planning.check import Deviation
-from continuum_grasp.planning.loads import parameters_over_time
+from continuum_grasp.planning.motion import parameters_over_time
 from continuum_grasp.results.result import File, MotionResult, Stored
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.contacts import ContactForces

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.compiled.library import load_library
+from continuum_grasp.control.compiled.source import load_library
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.rti.settings import Settings
 from continuum_grasp.control.rti.source import PROBLEM, library_source
