@@ -156,13 +156,8 @@ def choose_method(model: PlantModel, period: float) -> Method:
 
     Parameters
     ----------
-    model : PlantModel
     period : float
         Control period [s].
-
-    Returns
-    -------
-    Method
     """
     system, w = model.system, model.forces(0.0)[0]
     radius = 0.0
@@ -185,7 +180,6 @@ class Integration(Remade):
 
     Parameters
     ----------
-    model : PlantModel
     method : str
         Name in ``INTEGRATORS``.
     """

@@ -29,9 +29,6 @@ class Sensors:
         Its ``estimator.measured`` says what is measured and how well, ``plant`` how noisy and how late. Without an
         estimator the controller is given its state, exactly: the one whose section angles and their rates are nearest
         to the plant's, four sections to an element.
-    plant : PlantModel
-    prediction : Prediction
-        The controller's model.
     seed : int, optional
         Of the noise; ``plant.seed`` of the scene where not given.
 
@@ -95,12 +92,6 @@ def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:
 
     Angles of sections are affine in the bending coordinates, so that coordinates and rates are linear least squares
     of them; all other states (drive, object) are those of the plant.
-
-    Parameters
-    ----------
-    plant : PlantModel
-    prediction : Prediction
-        The controller's model.
 
     Returns
     -------

@@ -163,7 +163,6 @@ def health_text(health: Health, suspect: str | None, reason: Trip = Trip.NONE) -
 
     Parameters
     ----------
-    health : Health
     suspect : str or None
         What contradicts the model, or the reading that is frozen.
     reason : Trip
@@ -231,45 +230,19 @@ class Statistics:
         if anomalies:
             self._anomalies[int(anomalies)] = self._anomalies.get(int(anomalies), 0) + 1
 
-    @property
-    def status(self) -> dict[str, int]:
-        """Commands by their status."""
-        return {kind.name.lower(): self._status[kind] for kind in Status}
-
-    @property
-    def health(self) -> dict[str, int]:
-        """Commands by the controller's health."""
-        return {kind.name.lower(): self._health[kind] for kind in Health}
-
-    @property
-    def fallbacks(self) -> int:
-        """Commands without a new plan."""
-        return sum(count for kind, count in zip(Status, self._status, strict=True) if kind.fallback)
-
-    @property
-    def anomalies(self) -> dict[str, int]:
-        """Steps with each anomaly."""
-        return {
+    def as_dict(self) -> dict[str, Any]:
+        """Return all counts, and the spread of each phase and of the whole step in Python [s], as plain values."""
+        recent = 1e-9 * self._times[: min(self.steps, _RETAINED)]
+        anomalies = {
             (bit.name or "").lower(): sum(count for bits, count in self._anomalies.items() if bits & bit)
             for bit in Anomaly
         }
-
-    @property
-    def times(self) -> dict[str, dict[str, float]]:
-        """Median, 99th percentile and maximum of each phase, and of the whole step in Python [s]."""
-        recent = 1e-9 * self._times[: min(self.steps, _RETAINED)]
-        if not len(recent):
-            return {}
-        return {name: spread(recent[:, k]) for k, name in enumerate(_PHASES)}
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything as plain values."""
         return {
             "steps": self.steps,
             "late": self.late,
-            "fallbacks": self.fallbacks,
-            "status": self.status,
-            "health": self.health,
-            "anomalies": {name: count for name, count in self.anomalies.items() if count},
-            "times": self.times,
+            "fallbacks": sum(self._status[kind] for kind in Status if kind.fallback),
+            "status": {kind.name.lower(): self._status[kind] for kind in Status},
+            "health": {kind.name.lower(): self._health[kind] for kind in Health},
+            "anomalies": {name: count for name, count in anomalies.items() if count},
+            "times": {name: spread(recent[:, k]) for k, name in enumerate(_PHASES)} if self.steps else {},
         }

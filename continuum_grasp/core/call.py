@@ -194,7 +194,6 @@ class Sections:
 
     Parameters
     ----------
-    model : FingerModel
     function : casadi.Function
         One of its functions, with ``s`` among its inputs.
     """
@@ -236,7 +235,6 @@ def check_moment(model: FingerModel, u: NDArray[np.float64]) -> None:
 
     Parameters
     ----------
-    model : FingerModel
     u : (rollouts, rows, nu) ndarray
         Inputs in time.
 

@@ -77,19 +77,12 @@ def mission_plant(
 
     Parameters
     ----------
-    assignment : Assignment
     timetable : Timetable
         When the table sinks, and what pulls when.
-    prediction : Prediction
-        The controller's model.
     variation : Variation, optional
         How it differs from the mission's own plant.
     model : PlantModel, optional
         Its equations, where they are made already.
-
-    Returns
-    -------
-    Plant
     """
     asked = variation or Variation()
     equations = mission_plant_model(assignment) if model is None else model

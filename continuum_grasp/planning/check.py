@@ -57,7 +57,6 @@ class Player:
 
     Parameters
     ----------
-    model : Prediction
     rate : float
         Its fastest rate [1/s].
     """

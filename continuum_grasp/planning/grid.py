@@ -136,8 +136,6 @@ class StateBounds:
     ----------
     assembly : Assembly
         Gets the rows.
-    motion : Motion
-    grid : Grid
     relaxed : bool
         Whether hard bounds get a penalty.
     """

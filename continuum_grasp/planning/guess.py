@@ -286,8 +286,6 @@ def _numbers(scene: PlanScene, given: Any) -> Mapping[str, Any]:
 
 def _bends(scene: PlanScene, backbone: Array) -> Array:
     """Bending angles of the plan's elements in the grasp [rad]."""
-    from continuum_grasp.control.prediction import Prediction
-
     lengths = Prediction(scene).system.finger_model.lengths
     edges = np.concatenate([[0.0], np.cumsum(lengths)])
     return np.diff(np.interp(edges, backbone[:, 0], np.unwrap(backbone[:, 3])))

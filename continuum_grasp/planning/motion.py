@@ -44,10 +44,6 @@ class Motion:
     The state s is that of the model and, where the input is a straight line over each interval, the input; the control
     v is the input, or its rate. Everything is scaled; time runs from 0 to 1.
 
-    Parameters
-    ----------
-    scene : PlanScene
-
     Attributes
     ----------
     prediction : Prediction
@@ -134,11 +130,6 @@ class Motion:
     def s_scale(self) -> Array:
         """Physical amounts of one unit of each state."""
         return np.concatenate([self.scales.x, self.scales.u]) if self.linear else self.scales.x
-
-    @property
-    def v_scale(self) -> Array:
-        """Physical amounts of one unit of each control."""
-        return self.scales.rate if self.linear else self.scales.u
 
     # -- numbers that the functions read ------------------------------------------------------------------------------
 

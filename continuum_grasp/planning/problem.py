@@ -30,7 +30,6 @@ class PlanProblem:
 
     Parameters
     ----------
-    motion : Motion
     x0 : (nx,) ndarray
         State at the beginning.
     relaxed : bool

@@ -137,7 +137,6 @@ def derived(name: str, z: ca.SX, d: ca.SX, o: ca.SX, *, exact: bool = True, squa
 
     Parameters
     ----------
-    name : str
     z, d : casadi.SX
         Unknowns and numbers.
     o : casadi.SX

@@ -27,7 +27,7 @@ from continuum_grasp.simulation.spectrum import (
     telling_states,
 )
 from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
-from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings, overlap_warnings
+from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings, overlap_text
 
 __all__ = ["simulate"]
 
@@ -275,7 +275,10 @@ class _Run:
     def _overlaps(self, result: Trajectory) -> tuple[str, ...]:
         if result.contacts is None:
             return ()
-        return overlap_warnings(result.t, result.contacts, result.overlap, self._model.finger.thickness_radius)
+        found = overlap_text(result.t, result.contacts, result.overlap, self._model.finger.thickness_radius)
+        return (f"between the stations that touch, the finger overlaps the object by {found}: add contacts",)[
+            : bool(found)
+        ]
 
     def _range_use(self, result: Trajectory) -> Array:
         """Share of the declared bending range that each element uses (T, elements)."""

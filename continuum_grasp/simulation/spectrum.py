@@ -17,7 +17,6 @@ __all__ = [
     "pressed_radius",
     "sample_shapes",
     "spectral_radius",
-    "stable_steps",
     "telling_states",
 ]
 
@@ -176,13 +175,6 @@ def damping_matrix(core: Core, q: Array, u: Array, p: Array) -> Array:
     """Damping forces per rate of the coordinates (n, n); they are linear in the rates."""
     at_rest = core.damping(q, np.zeros_like(q), u, p)
     return np.array([core.damping(q, e, u, p) - at_rest for e in np.eye(len(q))]).T
-
-
-def stable_steps(model: FingerModel, x0: Array, u: Array, w: Array) -> int:
-    """Steps per second with which the explicit method follows the motion from a state (nx,) under constant u and w."""
-    core = Core(model, compiled=False)
-    shapes = sample_shapes(model, x0[: model.n])
-    return math.ceil(spectral_radius(core, shapes, u, w, np.array(model.p_nominal)) / TARGET_RADIUS)
 
 
 def sample_shapes(model: FingerModel, start: Array) -> Array:

@@ -19,7 +19,7 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
 from continuum_grasp.simulation.contacts import ContactForces, overlaps
 
-__all__ = ["LOST", "Trajectory", "acting_input", "limit_warnings", "overlap_warnings"]
+__all__ = ["LOST", "Trajectory", "acting_input", "limit_warnings", "overlap_text"]
 
 Array = NDArray[np.float64]
 
@@ -238,7 +238,7 @@ def acting_input(model: FingerModel, x: Array, u: Array) -> Array:
 LOST = 3.0
 """Multiple of the declared bending range beyond which the model means nothing."""
 _THROUGH = 0.5
-"""Overlap between stations that is reported, per the half thickness."""
+"""Overlap between stations that is reported, per the half thickness: what chords cut off is less."""
 _LOOKS = 50
 """Instants at which overlaps are looked for."""
 
@@ -248,7 +248,6 @@ def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | 
 
     Parameters
     ----------
-    model : FingerModel
     use : (T, elements) ndarray
         Share of the bending range that each element uses.
     t : (T,) array_like, optional
@@ -276,19 +275,18 @@ def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | 
     return tuple(found)
 
 
-def overlap_warnings(
+def overlap_text(
     t: NDArray[np.float64],
     contacts: ContactForces,
     overlap: Callable[[NDArray[np.intp]], NDArray[np.float64]],
     half_thickness: float,
-) -> tuple[str, ...]:
-    """Warn of a finger that is deeper in an object than its stations are pressed into it.
+) -> str:
+    """By how much a finger is deeper in an object than its stations are pressed into it, and when; empty if it is not.
 
     Parameters
     ----------
     t : (T,) ndarray
         Instants [s].
-    contacts : ContactForces
     overlap : callable
         Deepest overlap at some of the instants, given by their indices [m].
     half_thickness : float
@@ -299,9 +297,4 @@ def overlap_warnings(
     pressed = np.maximum(0.0, -contacts.gap[looked][:, own].min(axis=1))
     beyond = overlap(looked) - pressed
     k = int(beyond.argmax())
-    if beyond[k] <= _THROUGH * half_thickness:
-        return ()
-    return (
-        f"between the stations that touch, the finger overlaps the object by {1e3 * beyond[k]:.2g} mm at "
-        f"t = {t[looked[k]]:g} s: add contacts",
-    )
+    return f"{1e3 * beyond[k]:.2g} mm at t = {t[looked[k]]:g} s" if beyond[k] > _THROUGH * half_thickness else ""

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -20,6 +19,7 @@ from continuum_grasp.control.rti.source import iteration_source, template
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
 from continuum_grasp.core.precision import single
+from continuum_grasp.core.source import generated
 from continuum_grasp.errors import InputError
 
 __all__ = [
@@ -93,13 +93,8 @@ def controller_source(
 
 def estimator_functions(estimation: Estimation, periods: int, real: str) -> str:
     """Write the C of an estimator's functions; that of the step without derivatives only where there is a delay."""
-    options = {"with_header": False, "with_export": False, "static_aux": True, "with_mem": False}
-    generator = ca.CodeGenerator("estimator.c", options)
-    for function in (estimation.step, estimation.outputs, estimation.parameters):
-        generator.add(function)
-    if periods:
-        generator.add(estimation.flow)
-    code = str(generator.dump())
+    flow = [estimation.flow] if periods else []
+    code = generated("estimator", estimation.step, estimation.outputs, estimation.parameters, *flow)
     return single(code) if real == "float" else code
 
 
@@ -166,8 +161,6 @@ class Compiled:
 
     Parameters
     ----------
-    source : str
-        The C source.
     fields : sequence of Field
         Its settings.
     inputs, outputs : int

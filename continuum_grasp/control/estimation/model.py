@@ -110,14 +110,8 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     ----------
     scene : ControlScene
         The scene, with an estimator.
-    model : Prediction
-        Its prediction model.
     method : str
         Integrator, by name in ``CONTROL_METHODS``; that of the stages.
-
-    Returns
-    -------
-    Estimation
 
     Raises
     ------

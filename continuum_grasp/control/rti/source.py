@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.core.lanes import lane_function, lane_prelude
 from continuum_grasp.core.precision import single
+from continuum_grasp.core.source import generated
 from continuum_grasp.errors import InputError
 
 __all__ = [
@@ -41,8 +42,6 @@ def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True
 
     Parameters
     ----------
-    stages : Stages
-        The problem.
     real : {"double", "float"}
         Floating-point type.
     lanes : bool
@@ -110,11 +109,7 @@ def dimensions(stages: Stages, real: str) -> str:
 
 def stage_functions(stages: Stages, real: str, *, vector: bool = False) -> str:
     """Write the C of step and costs; of the terminal cost alone where the others are in vector lanes."""
-    options = {"with_header": False, "with_export": False, "static_aux": True, "with_mem": False}
-    generator = ca.CodeGenerator("stages.c", options)
-    for function in (stages.terminal,) if vector else (stages.step, stages.cost, stages.terminal):
-        generator.add(function)
-    code = str(generator.dump())
+    code = generated("stages", *(() if vector else (stages.step, stages.cost)), stages.terminal)
     begin, _, _ = code.partition("/* Configuration this file was compiled with */")
     bodies = [
         f"static int {name}(const casadi_real **arg, casadi_real **res)\n{{{body}}}\n"
