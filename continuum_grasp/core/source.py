@@ -133,7 +133,7 @@ def rollout_source(step: ca.Function, real: str = "double") -> str:
     longer ones stored at every ``every``-th instant only.
     """
     nx, nu, nw, n_p = (step.nnz_in(k) for k in (0, 1, 4, 7))
-    code, before, inputs = _generated(step), "", _DOUBLE_INPUTS
+    code, before, inputs = generated(step.name(), step), "", _DOUBLE_INPUTS
     if real == "float":
         code, inputs = single(code), _FLOAT_INPUTS
         before = f"""
