@@ -1,4 +1,4 @@
-"""The plant as a controller meets it: it takes commands and gives measurements."""
+"""The plant as a controller meets it: it takes commands, is integrated accurately, and gives measurements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What happens in a closed loop, step by step, until it becomes a result."""
+"""What a closed loop is to do, phase by phase, and what happens in it until it becomes a result."""
 
 from __future__ import annotations
 

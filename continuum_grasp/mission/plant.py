@@ -1,4 +1,4 @@
-"""The plant of a mission: a finger that differs from what the controller knows, and an object that can be dropped."""
+"""The plant of a mission, with an object that can be dropped, and the timetable by which it is moved and pulled."""
 
 from __future__ import annotations
 

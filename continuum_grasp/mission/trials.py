@@ -1,4 +1,4 @@
-"""One mission on many plants."""
+"""One mission on many plants, and how it went on them."""
 
 from __future__ import annotations
 

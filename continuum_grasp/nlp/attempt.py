@@ -1,4 +1,4 @@
-"""Where a solver starts, and what it gave."""
+"""Where a solver starts, what it may spend, and what it gave."""
 
 from __future__ import annotations
 

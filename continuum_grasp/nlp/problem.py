@@ -1,4 +1,4 @@
-"""A nonlinear problem with its derivatives."""
+"""A nonlinear problem with its derivatives, and its named blocks of constraints."""
 
 from __future__ import annotations
 

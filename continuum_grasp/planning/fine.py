@@ -1,4 +1,4 @@
-"""How a plan fares in a fine simulation, and on a finer model."""
+"""How a plan fares in a fine simulation and on a finer model, and the bounds tightened at nodes where it tells so."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.nlp import Attempt
-from continuum_grasp.planning.check import Deviation, Player
+from continuum_grasp.planning.check import Deviation, play
 from continuum_grasp.planning.guess import Path, first_state_of_plan
 from continuum_grasp.planning.motion import Motion, parameters_over_time
 from continuum_grasp.planning.problem import PlanProblem
@@ -43,7 +43,7 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
     times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.load_varies else [0.0]
     p = parameters_over_time(scene, model, times)
     t = np.linspace(0.0, path.duration, intervals + 1)
-    return Player(model, rate).play(x0, t, path.u, p, linear=scene.input.form == "linear", parts=parts)
+    return play(model, rate, x0, t, path.u, p, linear=scene.input.form == "linear", parts=parts)
 
 
 def excess_over_intervals(motion: Motion, states: Array) -> Array:

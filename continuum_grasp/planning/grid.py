@@ -1,4 +1,4 @@
-"""How the motion holds on the grid: multiple shooting or collocation."""
+"""How motion and bounds of the state hold on the grid: multiple shooting or collocation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the search for a plan begins: a posture that meets the goal, and smooth paths to it."""
+"""Where the search for a plan begins: the first state, a posture that meets the goal (of a grasp too), smooth paths."""
 
 from __future__ import annotations
 

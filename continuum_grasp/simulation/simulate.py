@@ -276,9 +276,8 @@ class _Run:
         if result.contacts is None:
             return ()
         found = overlap_text(result.t, result.contacts, result.overlap, self._model.finger.thickness_radius)
-        return (f"between the stations that touch, the finger overlaps the object by {found}: add contacts",)[
-            : bool(found)
-        ]
+        text = f"between the stations that touch, the finger overlaps the object by {found}: add contacts"
+        return (text,) if found else ()
 
     def _range_use(self, result: Trajectory) -> Array:
         """Share of the declared bending range that each element uses (T, elements)."""
