@@ -1,4 +1,4 @@
-"""One function of a model on numpy arrays."""
+"""One function of a model on numpy arrays, and whether what it is given means something."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The C compiler of this machine."""
+"""The C compiler of this machine, and the translation units that it is given."""
 
 from __future__ import annotations
 

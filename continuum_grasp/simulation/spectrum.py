@@ -1,4 +1,4 @@
-"""How fast contacts make a system: what an explicit step must resolve beside the finger itself."""
+"""How fast a scene can move: what steps must resolve of the finger itself, and of its contacts."""
 
 from __future__ import annotations
 
@@ -158,7 +158,8 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float
         Velocities are left out.
     """
     model = core.model
-    largest = _drive_rate(model)
+    tendons = model.finger.tendons
+    largest = 1.0 / tendons.time_constant if tendons is not None and tendons.time_constant is not None else 0.0
     for shape in np.atleast_2d(q):
         mass = core.mass_matrix(shape, u, p)
         stiffness = core.statics(shape, u, w, p)[1]
@@ -182,8 +183,3 @@ def sample_shapes(model: FingerModel, start: Array) -> Array:
     reach = np.array(model.structure.coordinate_limits())
     spread = np.random.default_rng(0).uniform(-0.5, 0.5, (_POSES, model.n)) * reach
     return np.vstack([start, np.zeros(model.n), spread])
-
-
-def _drive_rate(model: FingerModel) -> float:
-    tendons = model.finger.tendons
-    return 1.0 / tendons.time_constant if tendons is not None and tendons.time_constant is not None else 0.0

@@ -1,4 +1,4 @@
-"""The search for an equilibrium, and what it finds."""
+"""Equilibrium under constant loads, also beyond buckling."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The motion of a finger."""
+"""The motion of a finger, and whether its shapes stay where the model means something."""
 
 from __future__ import annotations
 

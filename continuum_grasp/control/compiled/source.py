@@ -1,4 +1,4 @@
-"""C source of estimators and controllers, with an interface of doubles for Python."""
+"""C source of estimators and controllers, compiled and called from Python with doubles."""
 
 from __future__ import annotations
 

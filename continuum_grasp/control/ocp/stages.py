@@ -1,4 +1,4 @@
-"""The optimal control problem of a scene as functions of a stage of its horizon."""
+"""The optimal control problem of a scene as functions of a stage of its horizon: multiple shooting."""
 
 from __future__ import annotations
 
