@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["carry_out", "try_out"]
 
 DROPPED = 1
+"""Exit status, as of a solver that failed: there is no mission to use."""
 _SHOWN = 10
 """Failed plants that are listed."""
 
