@@ -281,7 +281,7 @@ def equilibrium_under(
     >>> import continuum_grasp as cg
     >>> from continuum_grasp.simulation import equilibrium_under
     >>> finger = cg.Finger(rod=cg.Rod(length=0.2, linear_density=0.02, bending_stiffness=0.01))
-    >>> model = cg.FingerModel(finger, family="arc", elements=1, tip_force=False)
+    >>> model = cg.FingerModel(finger, family="arc", elements=1, gravity=(0.0, 0.0), tip_force=False)
     >>> equilibrium_under(model, [0.05], []).q.round(6).tolist()  # bend = moment L / EI [rad]
     [1.0]
     """
