@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.compare import compared
+from continuum_grasp.closed_loop.converged import compared
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.plotting.control import plot_control_path, plot_inputs

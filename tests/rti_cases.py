@@ -8,8 +8,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.ocp.transcription import cost_function, terminal_function
+from continuum_grasp.control.ocp.stages import Stages, cost_function, terminal_function
 from continuum_grasp.control.rti.iteration import RealTimeIteration
 
 LOOSE = (

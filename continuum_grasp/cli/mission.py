@@ -12,8 +12,8 @@ from continuum_grasp.cli.output import Output
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
-    from continuum_grasp.mission.outcomes import Outcome
     from continuum_grasp.mission.result import MissionRun
+    from continuum_grasp.mission.trials import Outcome
     from continuum_grasp.scene.mission import MissionScene
 
 __all__ = ["carry_out", "try_out"]
@@ -97,7 +97,7 @@ def _tell(run: MissionRun, folder: Path, files: list[Path], output: Output) -> N
 
 
 def _tell_outcomes(scene: MissionScene, outcomes: list[Outcome], folder: Path, pictures: bool, output: Output) -> None:
-    from continuum_grasp.mission.outcomes import save_trials, summarize
+    from continuum_grasp.mission.trials import save_trials, summarize
 
     found = summarize(outcomes)
     with output.saving(folder):

@@ -117,7 +117,7 @@ def _scene(config: Path, changes: Iterable[str]) -> ControlScene | MissionScene:
 
 
 def _others(scene: ControlScene, output: Output) -> dict[str, ControlRun]:
-    from continuum_grasp.closed_loop.compare import compared
+    from continuum_grasp.closed_loop.converged import compared
 
     with output.busy("comparing") as report:
         return compared(scene, progress=report)

@@ -29,8 +29,6 @@ class PlantModel(Remade):
 
     Parameters
     ----------
-    scene : ControlScene
-        The scene.
     given : Scene, optional
         The plant's finger in its surroundings, where it is not that of ``plant_scene``.
     parameters, object_parameters : sequence of str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -74,10 +74,6 @@ class Readings:
 
     Parameters
     ----------
-    scene : ControlScene
-        The scene.
-    plant : PlantModel
-        The plant.
     stages : Stages
         The controller's problem; its ``r_names`` give the order of what is tracked.
     prediction : Prediction
@@ -118,16 +114,14 @@ class Readings:
 
     def contacts(self, x: Array, u: Array, w: Array) -> ContactForces | None:
         """Gaps and forces of all contacts; None without an object."""
-        names = tuple(self._plant.system.touch_names)
-        if not names:
+        plant = self._plant
+        if not plant.system.touch_names:
             return None
-        wanted = {one.name for one in fields(ContactForces)} - {"names"}
-        touch = {key: value for key, value in self._plant.touch.items() if key in wanted}
-        found = {}
-        for key, value in touch.items():
-            rows = self._map(self._plant.function(key, value=ca.vec(value)), x, u, w)
-            found[key] = rows.reshape(len(x), len(names), 2).transpose(0, 2, 1) if value.size1() == 2 else rows
-        return ContactForces(names, **found)
+
+        def rows(name: str, value: ca.SX) -> Array:
+            return self._map(plant.function(name, value=value), x, u, w)
+
+        return ContactForces.from_expressions(tuple(plant.system.touch_names), plant.touch, rows)
 
     # -- what is tracked ----------------------------------------------------------------------------------------------
 

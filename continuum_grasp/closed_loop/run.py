@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp import interrupt
 from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.closed_loop.record import Record
+from continuum_grasp.closed_loop.record import Phase, Record, Schedule
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Function, setpoints
 from continuum_grasp.control.ocp.stages import Stages

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.estimator import Measured
 
 __all__ = ["Sensors"]
 
@@ -29,9 +30,6 @@ class Sensors:
         Its ``estimator.measured`` says what is measured and how well, ``plant`` how noisy and how late. Without an
         estimator the controller is given its state, exactly: the one whose section angles and their rates are nearest
         to the plant's, four sections to an element.
-    plant : PlantModel
-    prediction : Prediction
-        The controller's model.
     seed : int, optional
         Of the noise; ``plant.seed`` of the scene where not given.
 
@@ -55,7 +53,7 @@ class Sensors:
             return
         estimator = scene.estimator
         self.delay = estimator.delay if scene.plant.delay is None else scene.plant.delay
-        self.names, values, std = _measured(scene, plant)
+        self.names, values, std = _measured(estimator.measured, plant)
         self.std = scene.plant.noise * np.array(std)
         self._value = plant.function("measured", y=ca.vertcat(*values))
 
@@ -68,21 +66,20 @@ class Sensors:
         return self.exact(x, u, w) + self.std * self._rng.standard_normal(len(self.std))
 
 
-def _measured(scene: ControlScene, plant: PlantModel) -> tuple[tuple[str, ...], list[ca.SX], list[float]]:
+def _measured(measured: Measured, plant: PlantModel) -> tuple[tuple[str, ...], list[ca.SX], list[float]]:
     """Names, expressions and standard deviations."""
     names: list[str] = []
     values: list[ca.SX] = []
     std: list[float] = []
-    measured = scene.estimator.measured if scene.estimator is not None else None
-    if measured is not None and measured.tip is not None:
+    if measured.tip is not None:
         names += ["tip_x [m]", "tip_y [m]"]
         values.append(plant.tip)
         std += [measured.tip] * 2
-    if measured is not None and measured.tension is not None:
+    if measured.tension is not None:
         names += list(plant.u_names)
         values.append(plant.drive)
         std += [measured.tension] * plant.nu
-    if measured is not None and measured.bending is not None:
+    if measured.bending is not None:
         at = measured.bending.at
         names += [f"angle_{k + 1} [rad]" for k in range(len(at))]
         values.append(plant.sections(at)[1])
@@ -95,12 +92,6 @@ def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:
 
     Angles of sections are affine in the bending coordinates, so that coordinates and rates are linear least squares
     of them; all other states (drive, object) are those of the plant.
-
-    Parameters
-    ----------
-    plant : PlantModel
-    prediction : Prediction
-        The controller's model.
 
     Returns
     -------

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.core.checks import finite
+from continuum_grasp.core.call import finite
 from continuum_grasp.errors import InputError
 
 __all__ = ["numbers", "shown", "slices", "vector"]

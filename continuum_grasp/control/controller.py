@@ -14,17 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.arguments import numbers, shown, slices, vector
 from continuum_grasp.control.command import Command, Layout
-from continuum_grasp.control.compiled.library import Compiled
 from continuum_grasp.control.compiled.settings import controller_fields, delay_periods
-from continuum_grasp.control.compiled.source import Field, controller_source
+from continuum_grasp.control.compiled.source import Compiled, Field, controller_source
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.first_state import first_state, rest_input
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
 from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.statistics import Statistics
-from continuum_grasp.control.status import Status
+from continuum_grasp.control.status import Statistics, Status
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade

@@ -28,13 +28,6 @@ def first_state(scene: ControlScene, model: Prediction) -> Array:
     ``initial.q`` belongs to the plant's model. It is used where the controller's model has as many coordinates;
     otherwise the state is that of the unloaded shape.
 
-    Parameters
-    ----------
-    scene : ControlScene
-        The scene.
-    model : Prediction
-        Its prediction model.
-
     Returns
     -------
     (nx,) ndarray

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.statistics import spread
-from continuum_grasp.control.status import Status
-from continuum_grasp.core.checks import positive
+from continuum_grasp.control.status import Status, spread
+from continuum_grasp.core.call import positive
 from continuum_grasp.errors import InputError
 
 __all__ = ["PeriodicRun", "run_periodic"]

@@ -46,18 +46,6 @@ def library_for(source: str, compiler: Compiler) -> Path:
     hash is the recorded one, so that truncated, stale or foreign files are built again. Entries are written under a
     temporary name and then renamed, the record last; any number of processes may build the same one.
 
-    Parameters
-    ----------
-    source : str
-        C source.
-    compiler : Compiler
-        What to compile it with.
-
-    Returns
-    -------
-    pathlib.Path
-        The library.
-
     Raises
     ------
     CompileError

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import warnings
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -12,11 +13,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.call import Caller, pointers, real_array, shaped
-from continuum_grasp.core.checks import Sections, check_moment, finite, functions_of, positive, whole
+from continuum_grasp.core.call import (
+    Caller,
+    Sections,
+    check_moment,
+    finite,
+    functions_of,
+    pointers,
+    positive,
+    real_array,
+    shaped,
+    whole,
+)
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
 from continuum_grasp.core.integrators import step_function
-from continuum_grasp.core.precision import SingleRange, check_solvable, precision_of
+from continuum_grasp.core.precision import check_single, check_solvable, precision_of
 from continuum_grasp.core.rollouts import Rollouts, row, signal
 from continuum_grasp.core.source import batch_source, entry, function_source, rollout_source, rollouts_source
 from continuum_grasp.errors import InputError, NumericalError
@@ -157,7 +168,7 @@ class Core(Remade):
             if "s" in function.name_in():
                 checks.append(Sections(self.model, function).check)
             if self.precision == "float":
-                checks.append(SingleRange.of(function).check)
+                checks.append(partial(check_single, function.name(), function.name_in()))
                 if name in ("forward_dynamics", "linearization"):
                     check_solvable(self._finger_model)
             self._callers[name] = Caller(
@@ -287,7 +298,7 @@ class Core(Remade):
         parameters = row("p", model.p_nominal if p is None else p, model.np)
         if self.precision == "float":
             given = start, np.array([step / substeps]), inputs.rows, forces.rows, parameters
-            SingleRange("rollout", ("x0", "step", "u", "w", "p")).check(given)
+            check_single("rollout", ("x0", "step", "u", "w", "p"), given)
         run = self.prepare_rollout(method, single)
         states, valid = run(start, steps, substeps, step / substeps, inputs, forces, parameters)
         if np.any(valid < steps):

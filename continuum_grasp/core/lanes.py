@@ -53,27 +53,9 @@ CG_EACH2(cg_fmin, fmin) CG_EACH2(cg_fmax, fmax) CG_EACH2(cg_pow, pow) CG_EACH(cg
 """
 
 _BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
-_CALLS = {
-    ca.OP_SQRT: "cg_sqrt",
-    ca.OP_EXP: "cg_exp",
-    ca.OP_FABS: "cg_fabs",
-    ca.OP_SIN: "cg_sin",
-    ca.OP_COS: "cg_cos",
-    ca.OP_FMIN: "cg_fmin",
-    ca.OP_FMAX: "cg_fmax",
-    ca.OP_POW: "cg_pow",
-    ca.OP_CONSTPOW: "cg_pow",
-    ca.OP_LOG: "cg_log",
-    ca.OP_LT: "cg_lt",
-    ca.OP_LE: "cg_le",
-    ca.OP_EQ: "cg_eq",
-    ca.OP_NE: "cg_ne",
-    ca.OP_AND: "cg_and",
-    ca.OP_OR: "cg_or",
-    ca.OP_NOT: "cg_not",
-    ca.OP_IF_ELSE_ZERO: "cg_if",
-    ca.OP_SIGN: "cg_sign",
-}
+_NAMES = "sqrt exp fabs sin cos fmin fmax pow log lt le eq ne and or not sign"
+_CALLS = {getattr(ca, f"OP_{name.upper()}"): f"cg_{name}" for name in _NAMES.split()}
+_CALLS |= {ca.OP_CONSTPOW: "cg_pow", ca.OP_IF_ELSE_ZERO: "cg_if"}
 _UNARY: dict[int, Callable[[str], str]] = {
     ca.OP_NEG: lambda a: f"-{a}",
     ca.OP_SQ: lambda a: f"{a} * {a}",

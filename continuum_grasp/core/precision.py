@@ -6,14 +6,13 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.finger_model import FingerModel
 
-__all__ = ["PRECISIONS", "SingleRange", "check_solvable", "literal", "precision_of", "single"]
+__all__ = ["PRECISIONS", "check_single", "check_solvable", "literal", "precision_of", "single"]
 
 PRECISIONS = ("double", "float")
 """C types that a core may compute in."""
@@ -96,41 +95,20 @@ def check_solvable(model: FingerModel) -> None:
         )
 
 
-class SingleRange:
-    """Refuses inputs that single precision cannot hold.
+def check_single(name: str, labels: Sequence[str], arrays: Sequence[NDArray[np.float64] | None]) -> None:
+    """Refuse inputs of a function or call that single precision cannot hold; NaN and infinity are no concern here.
 
-    Parameters
-    ----------
-    name : str
-        Function or call that they are for.
-    labels : sequence of str
-        Their names.
+    Raises
+    ------
+    InputError
+        If a finite number is too large.
     """
-
-    def __init__(self, name: str, labels: Sequence[str]) -> None:
-        self._name, self._labels = name, labels
-
-    @staticmethod
-    def of(function: ca.Function) -> SingleRange:
-        """For the inputs of a function."""
-        return SingleRange(function.name(), function.name_in())
-
-    def check(self, arrays: Sequence[NDArray[np.float64] | None]) -> None:
-        """Check arrays, None where nothing was given; NaN and infinity are no concern here.
-
-        Raises
-        ------
-        InputError
-            If a finite number is too large.
-        """
-        for label, array in zip(self._labels, arrays, strict=True):
-            if array is None or not array.size:
-                continue
-            if np.abs(array).max() <= _GREATEST:
-                continue
-            beyond = (np.abs(array) > _GREATEST) & np.isfinite(array)
-            if beyond.any():
-                raise InputError(
-                    f"{self._name}: {label}: expected a number within single precision, up to {_GREATEST:.3g}, got "
-                    f"{array[beyond].ravel()[0]:g}"
-                )
+    for label, array in zip(labels, arrays, strict=True):
+        if array is None or not array.size or np.abs(array).max() <= _GREATEST:
+            continue
+        beyond = (np.abs(array) > _GREATEST) & np.isfinite(array)
+        if beyond.any():
+            raise InputError(
+                f"{name}: {label}: expected a number within single precision, up to {_GREATEST:.3g}, got "
+                f"{array[beyond].ravel()[0]:g}"
+            )

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.call import pointer, pointers, real_array
-from continuum_grasp.core.checks import finite
+from continuum_grasp.core.call import finite, pointer, pointers, real_array
 from continuum_grasp.core.compiler import CompileError, find_compiler
 from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import InputError

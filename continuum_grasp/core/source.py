@@ -12,7 +12,7 @@ import casadi as ca
 from continuum_grasp.core.lanes import lane_function, lane_prelude
 from continuum_grasp.core.precision import single
 
-__all__ = ["batch_source", "entry", "function_source", "rollout_source", "rollouts_source"]
+__all__ = ["batch_source", "entry", "function_source", "generated", "rollout_source", "rollouts_source"]
 
 _BATCH = """
 static void cg_gather(const double *from, long long stride, long long count, int size, cg_lanes *to)
@@ -50,7 +50,7 @@ def entry(function: ca.Function, real: str) -> str:
 def function_source(function: ca.Function, real: str = "double") -> str:
     """CasADi's C of a function, with its own arguments; its symbol is given by ``entry``."""
     if real == "double":
-        return _generated(function)
+        return generated(function.name(), function)
     sizes_in, sizes_out = ([size(k) for k in range(count)] for size, count in _interface(function))
     declared = "\n".join(
         f"  float {letter}{k}[{max(size, 1)}];"
@@ -63,7 +63,7 @@ def function_source(function: ca.Function, real: str = "double") -> str:
     widen = "\n".join(
         f"  for (int j = 0; j < {size}; ++j) to[{k}][j] = (double)o{k}[j];" for k, size in enumerate(sizes_out) if size
     )
-    return f"""{single(_generated(function))}
+    return f"""{single(generated(function.name(), function))}
 int {entry(function, real)}(const double **from, double **to, long long *iw, double *work, int mem)
 {{
 {declared}
@@ -81,11 +81,12 @@ def _interface(function: ca.Function) -> tuple[tuple[Callable[[int], int], int],
     return (function.nnz_in, function.n_in()), (function.nnz_out, function.n_out())
 
 
-def _generated(function: ca.Function) -> str:
-    """CasADi's C of a function; its symbol is the function's name."""
+def generated(name: str, *functions: ca.Function) -> str:
+    """CasADi's C of functions, which are its symbols; ``name`` stands before those of its own help functions."""
     options = {"with_header": False, "with_export": False, "static_aux": True, "with_mem": False}
-    generator = ca.CodeGenerator(f"{function.name()}.c", options)
-    generator.add(function)
+    generator = ca.CodeGenerator(f"{name}.c", options)
+    for function in functions:
+        generator.add(function)
     return str(generator.dump())
 
 
@@ -132,7 +133,7 @@ def rollout_source(step: ca.Function, real: str = "double") -> str:
     longer ones stored at every ``every``-th instant only.
     """
     nx, nu, nw, n_p = (step.nnz_in(k) for k in (0, 1, 4, 7))
-    code, before, inputs = _generated(step), "", _DOUBLE_INPUTS
+    code, before, inputs = generated(step.name(), step), "", _DOUBLE_INPUTS
     if real == "float":
         code, inputs = single(code), _FLOAT_INPUTS
         before = f"""

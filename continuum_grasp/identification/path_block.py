@@ -17,8 +17,8 @@ from continuum_grasp.identification.unknowns import DEADBAND, Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.limits import limit_warnings
 from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.trajectory import limit_warnings
 
 __all__ = ["PathBlock"]
 

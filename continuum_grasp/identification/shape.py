@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.rows import Rows
 from continuum_grasp.model import FingerModel
-from continuum_grasp.simulation.limits import limit_warnings
 from continuum_grasp.simulation.statics import equilibrium
+from continuum_grasp.simulation.trajectory import limit_warnings
 
 __all__ = ["Shapes", "observation"]
 

@@ -80,14 +80,8 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
 
     Parameters
     ----------
-    mission : MissionScene
-        The mission.
     grasp : GraspResult, optional
         The grasp, where it has been found already.
-
-    Returns
-    -------
-    Assignment
 
     Raises
     ------

@@ -1,19 +1,25 @@
-"""The plant of a mission: a finger that differs from what the controller knows, and an object that can be dropped."""
+"""The plant of a mission, with an object that can be dropped, and the timetable by which it is moved and pulled."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
+from continuum_grasp.closed_loop.record import Phase
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.timetable import Timetable
 from continuum_grasp.scene.surroundings import Table
 
-__all__ = ["Variation", "mission_plant", "mission_plant_model"]
+__all__ = ["Span", "Timetable", "Variation", "mission_plant", "mission_plant_model"]
+
 
 _FINGER, _OBJECT = ("bending_stiffness", "material_damping"), ("object_mass", "friction_factor")
 
@@ -71,19 +77,12 @@ def mission_plant(
 
     Parameters
     ----------
-    assignment : Assignment
     timetable : Timetable
         When the table sinks, and what pulls when.
-    prediction : Prediction
-        The controller's model.
     variation : Variation, optional
         How it differs from the mission's own plant.
     model : PlantModel, optional
         Its equations, where they are made already.
-
-    Returns
-    -------
-    Plant
     """
     asked = variation or Variation()
     equations = mission_plant_model(assignment) if model is None else model
@@ -96,3 +95,129 @@ def mission_plant(
     plant.x = plant.x.copy()
     plant.x[equations.system.object_states] += np.array([*asked.shift, 0.0, 0.0])
     return plant
+
+
+Array = NDArray[np.float64]
+
+_LEAST = 0.85
+"""Share of the grasp's tension that is retained while the object is held."""
+_OPPOSED = 3.0
+"""What the other tendon may pull meanwhile beyond its least tension [N]."""
+_SUNK = 0.05
+"""How far the table sinks [m]."""
+_WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
+
+
+@dataclass(frozen=True)
+class Span:
+    """A phase by name, from its start to its end [s]."""
+
+    name: str
+    start: float
+    end: float
+
+
+class Timetable:
+    """Phases of a mission.
+
+    Parameters
+    ----------
+    assignment : Assignment
+        What is to be done.
+
+    Attributes
+    ----------
+    spans : tuple of Span
+        approach, squeeze, lift, hold, then ``pull 1`` and so on with a ``rest`` after each, lower, release, end.
+    """
+
+    def __init__(self, assignment: Assignment) -> None:
+        self._of = assignment
+        asked = assignment.mission.phases
+        lengths = [("approach", asked.approach), ("squeeze", asked.squeeze), ("lift", asked.lift), ("hold", asked.hold)]
+        for k in range(len(assignment.pulls)):
+            lengths += [(f"pull {k + 1}", asked.pull), ("rest", asked.rest)]
+        lengths += [("lower", asked.lower), ("release", asked.release), ("end", 0.25 * asked.release)]
+        ends = np.cumsum([length for _, length in lengths])
+        self.spans = tuple(
+            Span(name, float(end - length), float(end)) for (name, length), end in zip(lengths, ends, strict=True)
+        )
+
+    def span(self, name: str) -> Span:
+        """The first phase of a name."""
+        return next(span for span in self.spans if span.name == name)
+
+    @property
+    def duration(self) -> float:
+        """Of all phases [s]."""
+        return self.spans[-1].end
+
+    def _risen(self, t: Array, name: str) -> Array:
+        """From 0 before a phase to 1 after it, with continuous rate and acceleration."""
+        span = self.span(name)
+        return _smooth((t - span.start) / (span.end - span.start))
+
+    # -- the controller's -------------------------------------------------------------------------------------------
+
+    def rows(self, t: Array, names: tuple[str, ...]) -> Array:
+        """Setpoints (T, nr) at instants (T,) [s], in the order of ``Stages.r_names``."""
+        of = self._of
+        closed = self._risen(t, "squeeze") - self._risen(t, "release")
+        begun = self._risen(t, "approach") - self._risen(t, "release")
+        tensions = of.rest + np.outer(begun, of.before - of.rest) + np.outer(closed, of.tensions - of.before)
+        bends = np.outer(begun, of.bends) + np.outer(closed, of.posture - of.bends)
+        columns: dict[str, Array] = {f"contact_force_{of.mission.controller.contact} [N]": closed * of.force}
+        columns |= {f"bending_{k + 1} [rad]": column for k, column in enumerate(bends.T)}
+        columns |= {f"tension_{k + 1} [N]": column for k, column in enumerate(tensions.T)}
+        return np.stack([columns.get(name, np.zeros_like(t)) for name in names], axis=1)
+
+    def phases(self, stages: Stages) -> list[Phase]:
+        """The phases for a closed loop; contact forces are followed once there are any, the posture until then."""
+        found = []
+        for span in self.spans:
+            begin = None
+            if span.name in ("approach", "lift", "release"):
+                begin = self._weighing(stages, held=span.name == "lift")
+            found.append(Phase(span.name, self._rows_since(span.start, stages), span.end - span.start, begin=begin))
+        return found
+
+    def _weighing(self, stages: Stages, *, held: bool) -> Callable[[Any, Any], None]:
+        """Gives the controller the weights and limits of a phase; what is held is not let go to correct a force."""
+        off = "bending_" if held else "contact_force"
+        keep = [not name.startswith(off) or "rate" in name for name in stages.r_names]
+        weights = np.where(keep, stages.weights, 0.0)
+        low, high = stages.u_min, stages.u_max
+        if held:
+            pulls = self._of.tensions > self._of.rest + 1.0
+            low = np.where(pulls, np.clip(_LEAST * self._of.tensions, low, high), low)
+            high = np.where(pulls, high, np.minimum(high, self._of.rest + _OPPOSED))
+        return lambda controller, plant: controller.change(weights=weights, u_min=low, u_max=high)
+
+    def _rows_since(self, start: float, stages: Stages) -> Callable[[Array], Array]:
+        return lambda since: self.rows(start + since, stages.r_names)
+
+    # -- the plant's ------------------------------------------------------------------------------------------------
+
+    def outside(self) -> dict[str, Callable[[Array], Array]]:
+        """Height of the table, and what pulls at the object, as functions of instants."""
+        pulling: dict[str, Callable[[Array], Array]] = {
+            name: partial(self._pull, axis) for axis, name in enumerate(_WRENCH)
+        }
+        return {"table_height [m]": self._table, **pulling}
+
+    def _table(self, t: Array) -> Array:
+        return -_SUNK * (self._risen(t, "lift") - self._risen(t, "lower"))
+
+    def _pull(self, axis: int, t: Array) -> Array:
+        total = np.zeros_like(t)
+        for k, wrench in enumerate(self._of.pulls):
+            span = self.span(f"pull {k + 1}")
+            quarter = 0.25 * (span.end - span.start)
+            total += wrench[axis] * _smooth((t - span.start) / quarter)
+            total -= wrench[axis] * _smooth((t - span.end + quarter) / quarter)
+        return total
+
+
+def _smooth(share: Array) -> Array:
+    s = np.clip(share, 0.0, 1.0)
+    return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s * s))

@@ -12,23 +12,18 @@ from numpy.typing import NDArray
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.timetable import Span, Timetable
+from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.mission.verdict import Verdict, friction_limits
 from continuum_grasp.results.result import File, MotionResult, Result, Stored
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.contacts import ContactForces, overlaps
+from continuum_grasp.simulation.trajectory import overlap_text
 
 __all__ = ["MissionRun", "estimated_force"]
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
-
-_LOOKS = 50
-"""Instants at which overlaps are looked for."""
-_THROUGH = 0.5
-"""Overlap between contacts that is reported, as a part of the half thickness: what chords cut off is less."""
 
 
 @dataclass(frozen=True)
@@ -128,16 +123,15 @@ class MissionRun(MotionResult):
     def warnings(self) -> tuple[str, ...]:
         """What the user must know: that of the closed loop, and of a finger in the object between its contacts."""
         run, contacts, poses = self.run, self.contacts, self.object_pose
-        looked = np.unique(np.linspace(0, len(run.t) - 1, _LOOKS).astype(int))
-        own = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
         half = self.scene.finger.thickness_radius
-        deep = overlaps(self.body, poses[looked, :3], run.backbone(looked), half)
-        beyond = deep - np.maximum(0.0, -contacts.gap[looked][:, own].min(axis=1))
-        k = int(beyond.argmax())
-        if beyond[k] <= _THROUGH * half:
+
+        def overlap(indices: NDArray[np.intp]) -> Array:
+            return overlaps(self.body, poses[indices, :3], run.backbone(indices), half)
+
+        found = overlap_text(run.t, contacts, overlap, half)
+        if not found:
             return run.warnings
-        where = f"by {1e3 * beyond[k]:.2g} mm at t = {run.t[looked[k]]:g} s"
-        return (*run.warnings, f"between its contacts the finger overlaps the object {where}: add more_contacts")
+        return (*run.warnings, f"between its contacts the finger overlaps the object by {found}: add more_contacts")
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
         """Table of the phases: name, begin, end, what was pulled with, furthest displacement since the lift."""

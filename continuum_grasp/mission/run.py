@@ -14,9 +14,8 @@ from continuum_grasp.control.controller import Controller
 from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment, assign
-from continuum_grasp.mission.plant import Variation, mission_plant, mission_plant_model
+from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
 from continuum_grasp.mission.result import MissionRun, estimated_force
-from continuum_grasp.mission.timetable import Timetable
 from continuum_grasp.mission.verdict import judge
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.timetable import Timetable
+from continuum_grasp.mission.plant import Timetable, Variation
 
 __all__ = ["Verdict", "friction_limits", "judge"]
 
@@ -102,18 +101,12 @@ def judge(
 
     Parameters
     ----------
-    assignment : Assignment
-    timetable : Timetable
     variation : Variation
         Of the plant; its friction counts.
     run : ControlRun
         With contacts and pose of an object that moves; it may have been stopped early.
     force_estimate : (K,) ndarray
         Estimated normal force of the held contact [N].
-
-    Returns
-    -------
-    Verdict
     """
     contacts, pose, t = run.contacts, run.object_pose, run.t
     if contacts is None or pose is None:

@@ -1,4 +1,4 @@
-"""A nonlinear problem with its derivatives."""
+"""A nonlinear problem with its derivatives, and its named blocks of constraints."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from functools import cached_property
 from typing import Any
 
 import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["NLP"]
+__all__ = ["NLP", "Block", "Constraints", "Violation"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,3 +63,122 @@ class NLP:
             "hess_lag": ("nlp_hess_l", hessian_inputs, ["triu:hess:gamma:x:x"], {"gamma": ["f", "g"]}),
         }
         return {key: self.derivatives.get(key) or oracle.factory(*how) for key, how in found.items()}
+
+
+Array = NDArray[Any]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Violation:
+    """By how much a constraint is violated.
+
+    Attributes
+    ----------
+    name, unit, key : str
+        As of the block.
+    index : int
+        The worst entry of the block.
+    amount : float
+        In ``unit``.
+    scaled : float
+        In units of the problem, in which constraints compare.
+
+    Examples
+    --------
+    >>> from continuum_grasp.nlp import Violation
+    >>> print(Violation("contact gap, tip", 0, 0.0021, "m", "contacts.tip", 0.01))
+    contact gap, tip: off by 0.0021 m (contacts.tip)
+    """
+
+    name: str
+    index: int
+    amount: float
+    unit: str
+    key: str
+    scaled: float
+
+    def __str__(self) -> str:
+        return f"{self.name}: off by {self.amount:.3g} {self.unit} ({self.key})"
+
+
+@dataclass(frozen=True)
+class Block:
+    """Constraints of one name.
+
+    Attributes
+    ----------
+    name : str
+        What must hold, in words.
+    key : str
+        The YAML key that sets them.
+    unit : str
+    rows : (count, size) ndarray of int
+        Row numbers: one line per place.
+    lower, upper : (count, size) ndarray
+        Bounds, in units of the problem.
+    scale : (size,) ndarray
+        Amount of one such unit, in ``unit``.
+    """
+
+    name: str
+    key: str
+    unit: str
+    rows: Indices
+    lower: Array
+    upper: Array
+    scale: Array
+
+    def excess(self, values: Array) -> Array:
+        """By how much values (count, size) in units of the problem violate the bounds."""
+        return np.asarray(np.maximum(np.maximum(self.lower - values, values - self.upper), 0.0))
+
+    def violation(self, values: Array) -> Violation:
+        """The worst entry; its amount is infinite where a value is not finite."""
+        excess = np.where(np.isfinite(values).all(), self.excess(values), np.inf)
+        amounts = excess * self.scale
+        index = int(amounts.argmax())
+        return Violation(
+            self.name, index, float(amounts.flat[index]), self.unit, self.key, float(excess.max(initial=0.0))
+        )
+
+
+class Constraints:
+    """Blocks of constraints, one below the other.
+
+    Attributes
+    ----------
+    blocks : list of Block
+    count : int
+        Number of rows.
+    """
+
+    def __init__(self) -> None:
+        self.blocks: list[Block] = []
+        self.count = 0
+
+    def rows(
+        self,
+        name: str,
+        key: str,
+        unit: str,
+        count: int,
+        scale: ArrayLike = 1.0,
+        lower: ArrayLike = 0.0,
+        upper: ArrayLike = 0.0,
+    ) -> Indices:
+        """Add a block at ``count`` places: its row numbers (count, size of the scale)."""
+        amounts = np.atleast_1d(np.asarray(scale, dtype=float))
+        rows = np.arange(self.count, self.count + count * amounts.size).reshape(count, amounts.size)
+        low, high = (np.array(np.broadcast_to(b, rows.shape), dtype=float) for b in (lower, upper))
+        self.blocks.append(Block(name, key, unit, rows, low, high, amounts))
+        self.count += rows.size
+        return rows
+
+    def bounds(self, margins: Mapping[str, Array] | None = None) -> tuple[Array, Array]:
+        """Bounds of all rows, those of some blocks moved inwards by margins (count, size)."""
+        lower, upper = np.zeros(self.count), np.zeros(self.count)
+        for block in self.blocks:
+            margin = (margins or {}).get(block.name, 0.0)
+            lower[block.rows], upper[block.rows] = block.lower + margin, block.upper - margin
+        return lower, upper

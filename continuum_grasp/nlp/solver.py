@@ -17,8 +17,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp import interrupt
-from continuum_grasp.nlp.attempt import Attempt, Multipliers, Start, Status
-from continuum_grasp.nlp.budget import Budget
+from continuum_grasp.nlp.attempt import Attempt, Budget, Multipliers, Start, Status
 from continuum_grasp.nlp.problem import NLP
 from continuum_grasp.scene.solver import Method
 

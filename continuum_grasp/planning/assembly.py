@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.nlp import NLP, Constraints, Multipliers, Start
-from continuum_grasp.planning.term import Term
+from continuum_grasp.planning.shooting import Term
 
 __all__ = ["OBJECTIVE", "Assembly"]
 
@@ -82,7 +82,6 @@ class Assembly(Constraints):
 
         Parameters
         ----------
-        term : Term
         columns : (count, nz) ndarray of int
             Unknowns that it reads at each place.
         rows : (count, no) array_like of int
@@ -121,10 +120,6 @@ class Assembly(Constraints):
     @cached_property
     def _w(self) -> ca.MX:
         return ca.MX.sym("w", self.size)
-
-    @cached_property
-    def _p(self) -> ca.MX:
-        return ca.MX.sym("p", 0)
 
     def _given(self, placed: _Placed) -> ca.MX:
         """What a term reads, a column per place."""
@@ -193,7 +188,7 @@ class Assembly(Constraints):
     @cached_property
     def nlp(self) -> NLP:
         """The problem with its derivatives."""
-        w, p = self._w, self._p
+        w, p = self._w, ca.MX.sym("p", 0)
         f, g = self._values
         gradient, jacobian = self._slopes
         sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.count)

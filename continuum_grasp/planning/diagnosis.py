@@ -126,7 +126,8 @@ def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
     time = problem.grid.time[0, 0]
     found = {"input": of_columns(problem.inputs)}
     rates = [of_columns(problem.grid.v)] if motion.linear else []
-    share = attempt.x[time] * _rate_share(problem)
+    most = (motion.scene.input.rate_max or 0.0) * motion.scales.time / problem.grid.intervals / motion.scales.u
+    share = attempt.x[time] * most
     for block in assembly.blocks:
         force = np.abs(lam.constraints[block.rows])
         if block.name.startswith("input rate"):
@@ -137,12 +138,6 @@ def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
     found["input rate"] = sum(rates)
     found["duration"] = max(0.0, -_time_slope(problem, attempt) * attempt.x[time])
     return found
-
-
-def _rate_share(problem: PlanProblem) -> Array:
-    motion = problem.motion
-    most = motion.scene.input.rate_max or 0.0
-    return np.asarray(most * motion.scales.time / problem.grid.intervals / motion.scales.u)
 
 
 def _time_slope(problem: PlanProblem, attempt: Attempt) -> float:

@@ -1,7 +1,8 @@
-"""How a plan fares in a fine simulation, and on a finer model."""
+"""How a plan fares in a fine simulation and on a finer model, and the bounds tightened at nodes where it tells so."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,15 +10,15 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import NumericalError
-from continuum_grasp.planning.check import Deviation, Player
-from continuum_grasp.planning.guess import Path
-from continuum_grasp.planning.initial import first_state_of_plan
-from continuum_grasp.planning.loads import parameters_over_time
-from continuum_grasp.planning.motion import Motion
+from continuum_grasp.nlp import Attempt
+from continuum_grasp.planning.check import Deviation, play
+from continuum_grasp.planning.guess import Path, first_state_of_plan
+from continuum_grasp.planning.motion import Motion, parameters_over_time
+from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.result import Plan
 from continuum_grasp.scene.plan import PlanScene
 
-__all__ = ["checked", "excess_over_intervals", "simulated"]
+__all__ = ["checked", "excess_over_intervals", "satisfied_between_nodes", "simulated"]
 
 Array = NDArray[np.float64]
 
@@ -42,7 +43,7 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
     times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.load_varies else [0.0]
     p = parameters_over_time(scene, model, times)
     t = np.linspace(0.0, path.duration, intervals + 1)
-    return Player(model, rate).play(x0, t, path.u, p, linear=scene.input.form == "linear", parts=parts)
+    return play(model, rate, x0, t, path.u, p, linear=scene.input.form == "linear", parts=parts)
 
 
 def excess_over_intervals(motion: Motion, states: Array) -> Array:
@@ -117,3 +118,47 @@ def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | Non
     if found.final_tip <= _FINER_OFF * plan.length:
         return found, []
     return found, [f"on {name} the tip ends {1e3 * found.final_tip:.3g} mm from the plan: raise fidelity.elements"]
+
+
+_ROUNDS = 5
+"""Most rounds; shipped plans need up to three."""
+_EXCESS = 2e-4
+"""Share of a bound's scale by which it may be violated between the nodes; a plan's warning begins at 1e-3."""
+_OVER_TIGHTENING = 1.1
+"""Factor on the excess, so that rounds converge from the safe side."""
+
+
+def satisfied_between_nodes(
+    problem: PlanProblem, found: Attempt, solved: Callable[..., Attempt], over: Callable[[], bool]
+) -> tuple[Attempt, int]:
+    """Tighten bounds at the nodes where a plan violates them in between: the plan, and how often that was done.
+
+    Where no plan satisfies the tightened bounds, the last one that was found is retained. ``solved`` solves the problem
+    from unknowns and, if they are known, multipliers; ``over`` tells whether the search has to end.
+    """
+    motion, grid = problem.motion, problem.grid
+    hard = motion.hard
+    if not hard.any():
+        return found, 0
+    margins = np.zeros((grid.intervals, len(motion.hard)))
+    for k in range(_ROUNDS):
+        path = problem.path(found.x)
+        try:
+            excess = excess_over_intervals(motion, simulated(motion.scene, motion.prediction, path, path.x[0]))
+        except NumericalError:
+            return found, k
+        excess[:, ~hard] = 0.0
+        if excess.max() <= _EXCESS:
+            return found, k
+        # An interval lies between two nodes; the one at the start cannot move.
+        before, after = np.zeros_like(margins), _OVER_TIGHTENING * excess
+        before[:-1] = _OVER_TIGHTENING * excess[1:]
+        margins += np.maximum(before, after)
+        problem.bounds.tighten(margins)
+        attempt = solved(problem, found.x, found.multipliers)
+        if not attempt.converged:
+            attempt = solved(problem, found.x)
+        if not attempt.converged or over():
+            return found, k
+        found = attempt
+    return found, _ROUNDS

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.planning.motion import Motion
-from continuum_grasp.planning.term import Term, derived
+from continuum_grasp.planning.shooting import Term, derived
 
 __all__ = ["GoalPart", "goal_parts"]
 

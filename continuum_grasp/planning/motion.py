@@ -13,12 +13,13 @@ from continuum_grasp.control.ocp.bounds import HARD, state_bounds
 from continuum_grasp.control.ocp.cost_terms import Outputs, cost_terms
 from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.planning.library import compiled
-from continuum_grasp.planning.loads import parameters_over_time
-from continuum_grasp.planning.term import Term, derived
+from continuum_grasp.core.cache import library_for
+from continuum_grasp.core.compiler import CompileError, find_compiler
+from continuum_grasp.planning.shooting import Term, derived
 from continuum_grasp.scene.plan import PlanScene
+from continuum_grasp.simulation.signals import interpolate
 
-__all__ = ["Motion"]
+__all__ = ["Motion", "compiled", "parameters_over_time"]
 
 Array = NDArray[np.float64]
 
@@ -42,10 +43,6 @@ class Motion:
 
     The state s is that of the model and, where the input is a straight line over each interval, the input; the control
     v is the input, or its rate. Everything is scaled; time runs from 0 to 1.
-
-    Parameters
-    ----------
-    scene : PlanScene
 
     Attributes
     ----------
@@ -133,11 +130,6 @@ class Motion:
     def s_scale(self) -> Array:
         """Physical amounts of one unit of each state."""
         return np.concatenate([self.scales.x, self.scales.u]) if self.linear else self.scales.x
-
-    @property
-    def v_scale(self) -> Array:
-        """Physical amounts of one unit of each control."""
-        return self.scales.rate if self.linear else self.scales.u
 
     # -- numbers that the functions read ------------------------------------------------------------------------------
 
@@ -243,3 +235,32 @@ class Motion:
         """States (..., ns) of the problem."""
         parts = [np.asarray(x) / self.scales.x]
         return np.concatenate([*parts, np.asarray(u) / self.scales.u] if self.linear else parts, axis=-1)
+
+
+def compiled(term: Term) -> Term:
+    """The same term as compiled code, or the term itself where nothing can be compiled."""
+    compiler = find_compiler()
+    if compiler is None:
+        return term
+    generator = ca.CodeGenerator("term.c", {"with_mem": False, "static_aux": True})
+    functions = (term.value, term.jacobian, term.hessian)
+    for function in functions:
+        generator.add(function)
+    try:
+        library = str(library_for(generator.dump(), compiler))
+    except (CompileError, OSError):
+        return term
+    return Term(*(ca.external(function.name(), library) for function in functions))
+
+
+def parameters_over_time(scene: PlanScene, model: Prediction, times: ArrayLike) -> Array:
+    """Parameters (len(times), np) of the model at instants [s]: nominal ones, and the known forces."""
+    instants, length = np.atleast_1d(np.asarray(times, dtype=float)), scene.finger.rod.length
+    p = np.tile(np.array(model.p_nominal, dtype=float), (len(instants), 1))
+    names = list(model.p_names)
+    for load in scene.loads:
+        place = [k for k, at in enumerate(scene.contacts) if abs(at - load.at) <= 1e-9 * length]
+        start = names.index(f"contact_{place[0] + 1}_x [N]" if place else "tip_x [N]")
+        force = load.force
+        p[:, start : start + 2] += np.array(force) if isinstance(force, tuple) else interpolate(force, instants)[0]
+    return p

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
-from continuum_grasp.planning.bounds import StateBounds
 from continuum_grasp.planning.goal import goal_parts
-from continuum_grasp.planning.grid import Grid, add_collocation, add_shooting, default_substeps
+from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting, default_substeps
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
-from continuum_grasp.planning.term import derived
+from continuum_grasp.planning.shooting import derived
 
 __all__ = ["PlanProblem"]
 
@@ -31,7 +30,6 @@ class PlanProblem:
 
     Parameters
     ----------
-    motion : Motion
     x0 : (nx,) ndarray
         State at the beginning.
     relaxed : bool

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from os import PathLike
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.planning.check import Deviation
-from continuum_grasp.planning.loads import parameters_over_time
+from continuum_grasp.planning.motion import parameters_over_time
 from continuum_grasp.results.result import File, MotionResult, Stored
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.contacts import ContactForces
@@ -223,17 +223,14 @@ class Plan(MotionResult):
     def contacts(self) -> ContactForces | None:
         """What the contacts of the object bear; None without an object."""
         model = self.prediction
-        names = tuple(model.system.touch_names)
-        if not names:
+        if not model.system.touch_names:
             return None
-        touch = model.system.touch(*model.arguments)
-        found = {}
-        for name, value in zip(model.system.touch.name_out(), touch, strict=True):
-            flat = ca.Function(name, [model.x, model.u, model.p], [ca.vec(value)])
-            rows = self._over_time(flat)
-            plane = value.size1() == 2 and name in ("force", "point")
-            found[name] = rows.reshape(len(rows), len(names), 2).transpose(0, 2, 1) if plane else rows
-        return ContactForces(names, **{f.name: found[f.name] for f in fields(ContactForces) if f.name != "names"})
+        touch = dict(zip(model.system.touch.name_out(), model.system.touch(*model.arguments), strict=True))
+
+        def rows(name: str, value: ca.SX) -> Array:
+            return self._over_time(ca.Function(name, [model.x, model.u, model.p], [value]))
+
+        return ContactForces.from_expressions(tuple(model.system.touch_names), touch, rows)
 
     @cached_property
     def _energies(self) -> tuple[Array, Array]:

@@ -13,13 +13,11 @@ from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, new_solver
 from continuum_grasp.planning.diagnosis import Diagnosis, diagnose
-from continuum_grasp.planning.fine import simulated
-from continuum_grasp.planning.guess import Hint, Path, Posture, detours, final_posture, smooth_path
-from continuum_grasp.planning.initial import first_state_of_plan
+from continuum_grasp.planning.fine import satisfied_between_nodes, simulated
+from continuum_grasp.planning.guess import Hint, Path, Posture, detours, final_posture, first_state_of_plan, smooth_path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.result import Plan
-from continuum_grasp.planning.tighten import satisfied_between_nodes
 from continuum_grasp.scene.plan import PlanScene, PlanSolver
 
 __all__ = ["FEASIBLE", "Search"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 
 import casadi as ca
@@ -53,8 +54,18 @@ class ContactForces:
     def of(core: Core, x: Array, u: Array, w: Array) -> ContactForces:
         """Those of a compiled system at states x (T, nx), inputs u and forces w."""
         found = dict(zip(core.model.touch.name_out(), core.batch("touch", x, u, w), strict=True))
-        wanted = [one.name for one in fields(ContactForces) if one.name != "names"]
-        return ContactForces(tuple(core.model.touch_names), **{name: np.asarray(found[name]) for name in wanted})
+        wanted = {one.name: np.asarray(found[one.name]) for one in fields(ContactForces)[1:]}
+        return ContactForces(tuple(core.model.touch_names), **wanted)
+
+    @staticmethod
+    def from_expressions(
+        names: tuple[str, ...], touch: Mapping[str, ca.SX], rows: Callable[[str, ca.SX], Array]
+    ) -> ContactForces:
+        """Those of outputs of ``System.touch``, where ``rows`` gives the values of an expression over time."""
+        found = {one.name: rows(one.name, ca.vec(touch[one.name])) for one in fields(ContactForces)[1:]}
+        for name in ("force", "point"):
+            found[name] = found[name].reshape(-1, len(names), 2).transpose(0, 2, 1)
+        return ContactForces(names, **found)
 
     @property
     def shear(self) -> Array:
@@ -95,7 +106,6 @@ def overlaps(body: GraspObject, poses: Array, backbones: Array, half_thickness: 
 
     Parameters
     ----------
-    body : GraspObject
     poses : (T, 3) ndarray
         Its pose: world x, y [m] and angle [rad].
     backbones : (T, points, 2) ndarray

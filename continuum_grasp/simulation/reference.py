@@ -27,7 +27,6 @@ def integrate_reference(
 
     Parameters
     ----------
-    model : FingerModel or System
     x0 : (nx,) ndarray
     step : float
         Time between stored states [s].

@@ -28,8 +28,6 @@ def interpolate(samples: Samples | VectorSamples, t: ArrayLike) -> tuple[Array, 
 
     Parameters
     ----------
-    samples : Samples or VectorSamples
-        The function.
     t : (T,) array_like
         Instants [s].
 

@@ -16,13 +16,18 @@ from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.integrators import INTEGRATORS
 from continuum_grasp.scene.simulate import Scene, Timing
-from continuum_grasp.simulation.contact_spectrum import contact_frequency, pressed_radius, telling_states
 from continuum_grasp.simulation.initial import initial_state, start_warnings
-from continuum_grasp.simulation.limits import LOST, limit_warnings, overlap_warnings
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
+from continuum_grasp.simulation.spectrum import (
+    TARGET_RADIUS,
+    contact_frequency,
+    pressed_radius,
+    sample_shapes,
+    spectral_radius,
+    telling_states,
+)
 from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
-from continuum_grasp.simulation.trajectory import Trajectory
+from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings, overlap_text
 
 __all__ = ["simulate"]
 
@@ -270,7 +275,9 @@ class _Run:
     def _overlaps(self, result: Trajectory) -> tuple[str, ...]:
         if result.contacts is None:
             return ()
-        return overlap_warnings(result.t, result.contacts, result.overlap, self._model.finger.thickness_radius)
+        found = overlap_text(result.t, result.contacts, result.overlap, self._model.finger.thickness_radius)
+        text = f"between the stations that touch, the finger overlaps the object by {found}: add contacts"
+        return (text,) if found else ()
 
     def _range_use(self, result: Trajectory) -> Array:
         """Share of the declared bending range that each element uses (T, elements)."""

@@ -1,4 +1,4 @@
-"""How fast a scene can move: the spectral radius that an explicit step must resolve."""
+"""How fast a scene can move: what steps must resolve of the finger itself, and of its contacts."""
 
 from __future__ import annotations
 
@@ -8,11 +8,130 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, System
 
-__all__ = ["TARGET_RADIUS", "damping_matrix", "sample_shapes", "spectral_radius", "stable_steps"]
+__all__ = [
+    "TARGET_RADIUS",
+    "contact_frequency",
+    "damping_matrix",
+    "pressed_radius",
+    "sample_shapes",
+    "spectral_radius",
+    "telling_states",
+]
 
 Array = NDArray[np.float64]
+
+_EVEN, _EXTREME = 12, 6
+"""States that are spread evenly over a motion, and those of greatest force or fastest friction [1]."""
+_LOST = 2.0
+"""Friction state beyond which a step was too long to mean anything."""
+
+
+def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:
+    """Fastest oscillation that the springs of closed contacts would make by themselves [rad/s].
+
+    Parameters
+    ----------
+    core : Core
+        Of a system with contacts.
+    states : (count, nx) ndarray
+    u, w, p : ndarray
+        Input, forces and parameters.
+
+    Returns
+    -------
+    float
+        The largest over the states, all contacts closed; elastic forces of the finger are left out.
+    """
+    system: System = core.model
+    n, pose = system.n, system.object_states
+    count = pose.stop - pose.start
+    places = np.r_[0:n, pose]
+    accelerations = np.r_[n : 2 * n, pose.stop : pose.stop + count]
+    largest = 0.0
+    for x in np.atleast_2d(states):
+        still = _at_rest(system, x)
+        gap = core.touch(still, u, w, p)[0]
+        closed, opened = gap + _full(system), -np.abs(gap) - 1.0
+        slopes = [core.pressed_linearization(still, u, w, p, press) for press in (closed, opened)]
+        springs = (slopes[0] - slopes[1])[np.ix_(accelerations, places)]
+        if not np.all(np.isfinite(springs)):
+            return math.inf
+        largest = max(largest, math.sqrt(float(np.abs(np.linalg.eigvals(springs)).max(initial=0.0))))
+    return largest
+
+
+def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:
+    """Largest absolute eigenvalue of the linearized motion over some states [1/s].
+
+    Parameters
+    ----------
+    core : Core
+        Of a system with contacts.
+    states : (count, nx) ndarray
+    u, w, p : ndarray
+        Input, forces and parameters.
+
+    Returns
+    -------
+    float
+        The largest over the states as they are, and over these at rest with the open contacts closed; infinite where
+        the numbers are not finite.
+    """
+    system: System = core.model
+    largest = 0.0
+    for x in np.atleast_2d(states):
+        gap = core.touch(x, u, w, p)[0]
+        still = _at_rest(system, x)
+        closing = np.maximum(gap + _full(system), 0.0)
+        for at, press in ((x, np.zeros_like(gap)), (still, closing)):
+            slope = core.pressed_linearization(at, u, w, p, press)
+            if not np.all(np.isfinite(slope)):
+                return math.inf
+            largest = max(largest, float(np.abs(np.linalg.eigvals(slope)).max()))
+    return largest
+
+
+def telling_states(core: Core, states: Array, u: Array, w: Array) -> Array:
+    """Some states of a motion: evenly spread, and those of the greatest normal forces and of the fastest friction.
+
+    Parameters
+    ----------
+    core : Core
+        Of a system with contacts.
+    states : (T, nx) ndarray
+    u, w : ndarray
+        Inputs and forces (T, size).
+    """
+    system: System = core.model
+    friction = system.friction_states
+    sane = np.all(np.isfinite(states), axis=1) & np.all(np.abs(states[:, friction]) < _LOST, axis=1)
+    finite = np.flatnonzero(sane)
+    chosen = [finite[:: max(1, len(finite) // _EVEN)]]
+    rows = states[finite], u[finite], w[finite]
+    forces = np.asarray(core.batch("touch", *rows)[1]).sum(axis=1)
+    chosen.append(finite[np.argsort(forces)[-_EXTREME:]])
+    if friction.start < friction.stop:
+        rates = np.abs(np.asarray(core.batch("forward_dynamics", *rows))[:, friction]).max(axis=1)
+        chosen.append(finite[np.argsort(rates)[-_EXTREME:]])
+    return states[np.unique(np.concatenate(chosen))]
+
+
+def _full(system: System) -> float:
+    """Depth from which on a contact has all of its stiffness [m]."""
+    law = system.surroundings.contact_law if system.surroundings else None
+    return 1.001 * law.rounding if law else 0.0
+
+
+def _at_rest(system: System, x: Array) -> Array:
+    """The state without velocities: contacts that close would be damped by those that they do not close with."""
+    still, n = x.copy(), system.n
+    still[n : 2 * n] = 0.0
+    pose = system.object_states
+    still[pose.stop : system.friction_states.start] = 0.0
+    return still
+
 
 TARGET_RADIUS = 1.0
 """Product of step and spectral radius that the explicit method is given; it is stable up to 2.7."""
@@ -39,7 +158,8 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float
         Velocities are left out.
     """
     model = core.model
-    largest = _drive_rate(model)
+    tendons = model.finger.tendons
+    largest = 1.0 / tendons.time_constant if tendons is not None and tendons.time_constant is not None else 0.0
     for shape in np.atleast_2d(q):
         mass = core.mass_matrix(shape, u, p)
         stiffness = core.statics(shape, u, w, p)[1]
@@ -58,20 +178,8 @@ def damping_matrix(core: Core, q: Array, u: Array, p: Array) -> Array:
     return np.array([core.damping(q, e, u, p) - at_rest for e in np.eye(len(q))]).T
 
 
-def stable_steps(model: FingerModel, x0: Array, u: Array, w: Array) -> int:
-    """Steps per second with which the explicit method follows the motion from a state (nx,) under constant u and w."""
-    core = Core(model, compiled=False)
-    shapes = sample_shapes(model, x0[: model.n])
-    return math.ceil(spectral_radius(core, shapes, u, w, np.array(model.p_nominal)) / TARGET_RADIUS)
-
-
 def sample_shapes(model: FingerModel, start: Array) -> Array:
     """Shapes to estimate the spectral radius at: the start, straight, and some over the bending range."""
     reach = np.array(model.structure.coordinate_limits())
     spread = np.random.default_rng(0).uniform(-0.5, 0.5, (_POSES, model.n)) * reach
     return np.vstack([start, np.zeros(model.n), spread])
-
-
-def _drive_rate(model: FingerModel) -> float:
-    tendons = model.finger.tendons
-    return 1.0 / tendons.time_constant if tendons is not None and tendons.time_constant is not None else 0.0

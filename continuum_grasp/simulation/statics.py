@@ -3,21 +3,231 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.core import Core
 from continuum_grasp.core.call import real_array
-from continuum_grasp.errors import InputError
+from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.search import Equilibrium, Search
 from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.spectrum import damping_matrix
+from continuum_grasp.simulation.trajectory import LOST, limit_warnings
 
-__all__ = ["Equilibrium", "equilibrium", "equilibrium_path", "equilibrium_under"]
+__all__ = ["Equilibrium", "Search", "equilibrium", "equilibrium_path", "equilibrium_under"]
 
 Array = NDArray[np.float64]
+
+_TOLERANCE = 1e-11
+"""Missing force per that of the forces that balance [1]; a few digits above rounding."""
+_MAX_ITERATIONS = 500
+"""Iterations after which the search is given up [1]."""
+_IMPERFECTION = 1e-3
+"""Displacement along the weakest direction with which an unstable equilibrium is left, per typical coordinate [1]:
+large against rounding, small against the buckled shape."""
+_NEAR_BUCKLING, _NEAR_BUCKLING_ARCS = 0.02, 0.25
+"""Least stiffness per that of the unloaded finger [1] below which the shape is sensitive to the model's own error; the
+second for families of order 2, arcs, divided by the square of their number. Column under P: below 0.02, 2 matched
+clothoids have errors of 4e-3 to 4e-2 of the length; arcs shift the buckling load by 0.21 of it over the square of their
+number."""
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A shape at rest.
+
+    Attributes
+    ----------
+    q : (n,) ndarray
+        Bending coordinates.
+    u, w, p : ndarray
+        Input, forces and parameters that it is an equilibrium of.
+    stable : bool
+        Whether the tangent stiffness is positive definite (conservative loads), or no eigenvalue of the linearized
+        motion has a positive real part (following loads, tendon friction).
+    margin : float
+        Smallest eigenvalue of the stiffness in the metric of the mass matrix [rad2/s2]; negative when unstable.
+    residual : float
+        Largest missing generalized force, relative to the largest of those that balance.
+    iterations : int
+    model : FingerModel
+    warnings : tuple of str
+        Elements that are bent beyond their declared range or the strain limit; a buckling load that is near.
+    """
+
+    q: Array
+    u: Array
+    w: Array
+    p: Array
+    stable: bool
+    margin: float
+    residual: float
+    iterations: int
+    model: FingerModel
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def tip(self) -> Array:
+        """World position of the tip [m]."""
+        return np.array(self.model.tip(self.q, self.u, self.p)).ravel()
+
+    def backbone(self, points: int = 50) -> Array:
+        """World positions (points, 2) along the backbone [m]."""
+        s = np.linspace(0.0, self.model.finger.rod.length, points)[:, None]
+        return np.array(Core(self.model, compiled=False).batch("position", self.q, self.u, s, self.p))
+
+
+class Search:
+    """Equilibria of a model at given input, forces and parameters."""
+
+    def __init__(self, model: FingerModel, u: Array, w: Array, p: Array) -> None:
+        self._model, self._u, self._w, self._p = model, u, w, p
+        self._core = Core(model, compiled=False)
+
+    def rest(self) -> Array:
+        """The unloaded shape: elastic forces vanish."""
+        force, stiffness = self._elasticity()
+        return np.asarray(-np.linalg.solve(stiffness, force))
+
+    def _elasticity(self) -> tuple[Array, Array]:
+        """Elastic force at q = 0 and its derivative; it is linear in q."""
+        force = np.asarray(self._core.elastic(np.zeros(self._model.n), self._u, self._p))
+        columns = [self._core.elastic(e, self._u, self._p) - force for e in np.eye(self._model.n)]
+        return force, np.array(columns).T
+
+    def find(self, start: Array, stable: bool, side: int) -> Equilibrium:
+        """Equilibrium from a start; see ``equilibrium``."""
+        try:
+            return self._find(start, stable, side)
+        except np.linalg.LinAlgError as error:
+            raise SolverError(
+                "no equilibrium found",
+                status="singular",
+                violated=[f"mass or stiffness matrix ({error})"],
+                advice="a bending stiffness or mass is so small or large that the matrices have no usable numbers, or "
+                "the start is far outside the bending range: check units, or give a guess nearer to the shape",
+            ) from error
+
+    def _find(self, start: Array, stable: bool, side: int) -> Equilibrium:
+        q, iterations = self._descend(start, 0)
+        margin, direction, steady = self._stability(q)
+        if stable and not steady:
+            kick = direction * side * (1.0 if direction[np.argmax(np.abs(direction))] > 0 else -1.0)
+            size = _IMPERFECTION * self._reach() / max(np.abs(kick).max(), 1e-300)
+            q, iterations = self._descend(q + size * kick, iterations)
+            margin, _, steady = self._stability(q)
+        warnings = (*self._checked(q), *self._buckling(q, margin))
+        residual = self._residual(q)
+        return Equilibrium(q, self._u, self._w, self._p, steady, margin, residual, iterations, self._model, warnings)
+
+    def _checked(self, q: Array) -> tuple[str, ...]:
+        """Warnings of a shape that the model is good for."""
+        use = np.asarray(self._core.range_use(q, self._u, self._p))
+        if use.max() > LOST:
+            k = int(use.argmax())
+            raise SolverError(
+                "the equilibrium found lies where the model means nothing",
+                status="beyond the bending range",
+                violated=[f"element {k + 1} is bent {use[k]:.3g} times its range of {self._model.ranges[k]:.3g} rad"],
+                advice="lower the loads, raise fidelity.bending_range, or give a guess nearer to the shape",
+            )
+        return limit_warnings(self._model, use[None])
+
+    def _buckling(self, q: Array, margin: float) -> tuple[str, ...]:
+        """What to know of a shape whose least stiffness the loads have nearly used up."""
+        root = np.linalg.inv(np.linalg.cholesky(self._core.mass_matrix(q, self._u, self._p)))
+        unloaded = float(np.linalg.eigvalsh(root @ self._elasticity()[1] @ root.T)[0])
+        coarse = self._model.structure.family.order <= 2
+        arcs = _NEAR_BUCKLING_ARCS / len(self._model.lengths) ** 2 if coarse else 0.0
+        if not abs(margin) < max(_NEAR_BUCKLING, arcs) * unloaded:
+            return ()
+        return (
+            f"the loads are near a buckling load: the least stiffness is {margin / unloaded:.1g} of that of the "
+            "unloaded finger, and small errors of the model change the shape by percents of the length: take more "
+            "elements, clothoids in place of arcs, or fidelity.tolerance",
+        )
+
+    def _reach(self) -> float:
+        """Typical size of a bending coordinate."""
+        return float(self._model.structure.family.coordinate_size(min(self._model.ranges), max(self._model.lengths)))
+
+    def _descend(self, start: Array, iterations: int) -> tuple[Array, int]:
+        q = start.copy()
+        missing, stiffness = self._core.statics(q, self._u, self._w, self._p)
+        mass = self._core.mass_matrix(q, self._u, self._p)
+        if not (np.all(np.isfinite(missing)) and np.all(np.isfinite(stiffness)) and np.all(np.isfinite(mass))):
+            raise np.linalg.LinAlgError("not finite at the start")
+        rate = float(np.abs(np.linalg.eigvals(np.linalg.solve(mass, stiffness))).max())
+        shift = rate
+        weakest = float(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.min())
+        scale = self._scale(q)
+        for count in range(iterations, iterations + _MAX_ITERATIONS):
+            if np.abs(missing).max() <= _TOLERANCE * scale and shift < 1e-3 * rate:
+                return q, count
+            limit = 0.25 * self._reach()
+            change = np.linalg.solve(stiffness + (shift + 2.0 * max(0.0, -weakest)) * mass, -missing)
+            change *= min(1.0, limit / max(np.abs(change).max(), 1e-300))
+            trial = q + change
+            after, stiffness_after = self._core.statics(trial, self._u, self._w, self._p)
+            if not np.all(np.isfinite(after)):
+                shift = 10.0 * max(shift, rate)
+                continue
+            before_size, after_size = np.abs(missing).max(), np.abs(after).max()
+            q, missing, stiffness = trial, after, stiffness_after
+            mass = self._core.mass_matrix(q, self._u, self._p)
+            weakest = float(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.min())
+            shift = float(np.clip(shift * min(0.5, after_size / max(before_size, 1e-300)), 1e-12 * rate, rate))
+            if after_size > 2.0 * before_size:
+                shift = min(10.0 * max(shift, 1e-6 * rate), rate)
+            scale = self._scale(q)
+        raise SolverError(
+            "no equilibrium found",
+            status="iteration limit",
+            violated=[f"generalized force missing: {np.abs(missing).max():.3g} (scale {scale:.3g})"],
+            advice="the loads may bend the finger beyond its range (see range_use): lower them, raise "
+            "fidelity.bending_range, or give a guess nearer to the shape",
+        )
+
+    def _scale(self, q: Array) -> float:
+        """Size of the forces that balance."""
+        core, u, w, p = self._core, self._u, self._w, self._p
+        parts = [
+            core.elastic(q, u, p),
+            core.elastic(np.zeros_like(q), u, p),
+            core.gravity(q, u, p),
+            core.actuation(q, u, p),
+            core.external_force(q, u, w, p),
+        ]
+        floor = 1e-9 * np.abs(core.statics(q, u, w, p)[1]).max() * self._reach()
+        return max(float(max(np.abs(part).max(initial=0.0) for part in parts)), float(floor))
+
+    def _residual(self, q: Array) -> float:
+        return float(np.abs(self._core.statics(q, self._u, self._w, self._p)[0]).max() / self._scale(q))
+
+    def _stability(self, q: Array) -> tuple[float, Array, bool]:
+        """Smallest stiffness eigenvalue in the metric of the mass matrix, its direction, and the verdict."""
+        _, stiffness = self._core.statics(q, self._u, self._w, self._p)
+        mass = self._core.mass_matrix(q, self._u, self._p)
+        root = np.linalg.inv(np.linalg.cholesky(mass))
+        scaled = root @ stiffness @ root.T
+        values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+        margin, direction = float(values[0]), np.asarray(root.T @ vectors[:, 0])
+        if np.abs(scaled - scaled.T).max() <= 1e-9 * np.abs(scaled).max():
+            return margin, direction, margin > 0.0
+        damping = damping_matrix(self._core, q, self._u, self._p)
+        n = len(q)
+        motion = np.block(
+            [
+                [np.zeros((n, n)), np.eye(n)],
+                [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)],
+            ]
+        )
+        poles = np.linalg.eigvals(motion)
+        return margin, direction, bool(poles.real.max() <= 1e-9 * np.abs(poles).max())
 
 
 def equilibrium(
@@ -71,7 +281,7 @@ def equilibrium_under(
     >>> import continuum_grasp as cg
     >>> from continuum_grasp.simulation import equilibrium_under
     >>> finger = cg.Finger(rod=cg.Rod(length=0.2, linear_density=0.02, bending_stiffness=0.01))
-    >>> model = cg.FingerModel(finger, family="arc", elements=1, tip_force=False)
+    >>> model = cg.FingerModel(finger, family="arc", elements=1, gravity=(0.0, 0.0), tip_force=False)
     >>> equilibrium_under(model, [0.05], []).q.round(6).tolist()  # bend = moment L / EI [rad]
     [1.0]
     """

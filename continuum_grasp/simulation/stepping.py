@@ -133,14 +133,12 @@ class Stepper:
 
     Parameters
     ----------
-    model : FingerModel
     system : System or None
         The finger with its object.
     core : Core
         Of the system, or of the finger without an object.
     signals : Signals
         Inputs and forces.
-    time : Timing
     progress : callable
         Called with the share that is done.
 

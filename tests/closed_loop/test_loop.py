@@ -18,8 +18,8 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.plant_scene import plant_scene
 from continuum_grasp.closed_loop.readings import Bound, Readings
+from continuum_grasp.closed_loop.record import Phase, Schedule
 from continuum_grasp.closed_loop.run import run_closed_loop
-from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, Interrupted, NumericalError

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.control.ocp.stages import Stages, stages_of
-from continuum_grasp.control.ocp.transcription import cost_function, step_function, terminal_function
+from continuum_grasp.control.ocp.stages import Stages, cost_function, stages_of, step_function, terminal_function
 from continuum_grasp.control.rti.iteration import STATUS, RealTimeIteration
 from continuum_grasp.control.rti.source import iteration_source
 from continuum_grasp.core import compiler as compilers

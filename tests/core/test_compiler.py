@@ -13,9 +13,8 @@ import pytest
 
 from continuum_grasp.core import compiler
 from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler
+from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, longest_function, translation_units
 from continuum_grasp.core.source import batch_source, function_source, rollout_source
-from continuum_grasp.core.units import longest_function, translation_units
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 

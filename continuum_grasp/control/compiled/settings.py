@@ -57,18 +57,8 @@ def estimator_fields(
     ----------
     scene : ControlScene
         The scene, with an estimator.
-    model : Prediction
-        Its prediction model.
-    stages : Stages
-        Its problem.
-    estimation : Estimation
-        Model of its estimator.
     ranges : Ranges, optional
         Limits, if they exist already.
-
-    Returns
-    -------
-    list of Field
     """
     noise = noise_of(scene, model, estimation)
     limits = ranges_of(scene, model, stages, estimation) if ranges is None else ranges
@@ -97,20 +87,8 @@ def controller_fields(
 
     Parameters
     ----------
-    scene : ControlScene
-        The scene.
-    model : Prediction
-        Its prediction model.
-    stages : Stages
-        Its problem.
-    estimation : Estimation or None
-        Model of its estimator.
     precision : {"double", "float"}
         Floating-point type of the C.
-
-    Returns
-    -------
-    list of Field
     """
     ranges, asked = ranges_of(scene, model, stages, estimation), scene.controller
     rate = asked.input.rate_max or ABSENT
@@ -161,18 +139,8 @@ def supervisor_fields(scene: ControlScene, stages: Stages, estimation: Estimatio
 
     Parameters
     ----------
-    scene : ControlScene
-        The scene.
-    stages : Stages
-        Its problem.
-    estimation : Estimation or None
-        Model of its estimator.
     delay : int
         Age of measurements in periods.
-
-    Returns
-    -------
-    list of Field
     """
     asked, period = scene.controller, scene.controller.step
     window = max(_LEAST_WINDOW, math.ceil(_WINDOW / period - 1e-9)) if asked.supervisor else 0

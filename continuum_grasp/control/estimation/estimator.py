@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.arguments import slices, vector
-from continuum_grasp.control.compiled.library import Compiled
 from continuum_grasp.control.compiled.settings import delay_periods, estimator_fields
-from continuum_grasp.control.compiled.source import estimator_source
+from continuum_grasp.control.compiled.source import Compiled, estimator_source
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.first_state import first_state, rest_input
 from continuum_grasp.control.ocp.stages import stages_of

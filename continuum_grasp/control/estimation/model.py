@@ -14,6 +14,7 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.estimator import Disturbed, Measured
 
 __all__ = ["Estimation", "estimation_of"]
 
@@ -111,14 +112,8 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     ----------
     scene : ControlScene
         The scene, with an estimator.
-    model : Prediction
-        Its prediction model.
     method : str
         Integrator, by name in ``CONTROL_METHODS``; that of the stages.
-
-    Returns
-    -------
-    Estimation
 
     Raises
     ------
@@ -127,14 +122,14 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     """
     if scene.estimator is None:
         raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
-    disturbances = _disturbances(scene, model)
+    disturbances = _disturbances(scene.estimator.disturbances, model)
     d, h = ca.SX.sym("d", len(disturbances)), ca.SX.sym("h")
     z, u, p = ca.vertcat(model.x, d), model.u, model.p
     full = ca.SX(p)
     for k, (_, index, _, relative) in enumerate(disturbances):
         full[index] += p[index] * d[k] if relative else d[k]
     rate = model.dynamics(model.x, u, full)
-    y_names, outputs, measurement_names, mixing, sensors = _measured(scene, model, full)
+    y_names, outputs, measurement_names, mixing, sensors = _measured(scene, scene.estimator.measured, model, full)
 
     def function(name: str, inputs: list[ca.SX], labels: list[str], **found: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [ca.densify(e) for e in ca.cse(list(found.values()))], labels, list(found))
@@ -187,9 +182,8 @@ def _implicit_step(
     return ca.vertcat(following, d), ends[0], ends[1]
 
 
-def _disturbances(scene: ControlScene, model: Prediction) -> list[tuple[str, int, float, bool]]:
+def _disturbances(wanted: Disturbed, model: Prediction) -> list[tuple[str, int, float, bool]]:
     """Name of each disturbance, index of the parameter that it adds to, drift, and whether it is relative."""
-    wanted = scene.estimator.disturbances if scene.estimator is not None else None
     return [
         (found.expand(name), index, drift, key == "bending_stiffness")
         for key, parameter, name in _DISTURBANCES
@@ -200,12 +194,10 @@ def _disturbances(scene: ControlScene, model: Prediction) -> list[tuple[str, int
 
 
 def _measured(
-    scene: ControlScene, model: Prediction, p: ca.SX
+    scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX
 ) -> tuple[tuple[str, ...], ca.SX, tuple[str, ...], Array, tuple[str, ...]]:
     """Names and expressions of the compared quantities, names of the measurements, mixing matrix, and devices."""
-    if scene.estimator is None:
-        raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
-    asked, tendons = scene.estimator.measured, scene.finger.tendons
+    tendons = scene.finger.tendons
     names: list[str] = []
     measured: list[str] = []
     values: list[ca.SX] = []

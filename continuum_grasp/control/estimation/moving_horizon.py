@@ -58,10 +58,6 @@ def moving_horizon(
     p : (np,) array_like, optional
         Parameters; nominal by default.
 
-    Returns
-    -------
-    Smoothed
-
     Raises
     ------
     InputError

@@ -84,14 +84,6 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
     ----------
     scene : ControlScene
         The scene, with an estimator.
-    model : Prediction
-        Its prediction model.
-    estimation : Estimation
-        Model of its estimator.
-
-    Returns
-    -------
-    Noise
 
     Raises
     ------
@@ -119,23 +111,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
 
 
 def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None) -> Ranges:
-    """Compute the limits of states, disturbances, measurements, setpoints and parameters of a scene.
-
-    Parameters
-    ----------
-    scene : ControlScene
-        The scene.
-    model : Prediction
-        Its prediction model.
-    stages : Stages
-        Its problem.
-    estimation : Estimation or None
-        Model of its estimator.
-
-    Returns
-    -------
-    Ranges
-    """
+    """Compute the limits of states, disturbances, measurements, setpoints and parameters of a scene."""
     cost, x = scene.controller.cost, _state_range(scene, model, stages)
     unknown = estimation.z_names[estimation.nx :] if estimation is not None else ()
     applied = np.array([_measurable(scene, model, name) for name in stages.u_names])

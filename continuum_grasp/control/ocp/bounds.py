@@ -65,12 +65,8 @@ def state_bounds(bounds: Bounds, curvature_limit: float, model: Prediction) -> B
 
     Parameters
     ----------
-    bounds : Bounds
-        The bounds.
     curvature_limit : float
         Greatest curvature beside the bending range of the model [1/m].
-    model : Prediction
-        The controller's model.
     """
     found = BoundedRows()
     penalty = _penalty(bounds.penalty)

@@ -268,14 +268,7 @@ class _Predicted:
 
 @dataclass(frozen=True)
 class Outputs:
-    """What the terms of a cost track of a model, in the order of a controller's setpoints.
-
-    Attributes
-    ----------
-    cost : Cost
-    model : Prediction
-    terms : tuple of CostTerm
-    """
+    """What the terms of a cost track of a model, in the order of a controller's setpoints."""
 
     cost: Cost
     model: Prediction

@@ -100,15 +100,11 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
     blocks: list[tuple[int, _Given | None]] = []
     for term in outputs.terms:
         value, width = given.get(term.reference), len(term.names(outputs.cost, outputs.model))
-        _check_width(term.reference, value, width)
+        size = value.width if isinstance(value, RowSamples) else len(value) if isinstance(value, tuple) else width
+        if size != width:
+            raise InputError(f"expected {width} entries, got {size}", key=f"reference.{term.reference}")
         blocks.append((width, value))
     return Setpoints(outputs.names, blocks)
-
-
-def _check_width(name: str, given: _Given | None, width: int) -> None:
-    size = given.width if isinstance(given, RowSamples) else len(given) if isinstance(given, tuple) else width
-    if size != width:
-        raise InputError(f"expected {width} entries, got {size}", key=f"reference.{name}")
 
 
 def _rows(given: _Given | None, width: int, t: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.compiled.library import load_library
+from continuum_grasp.control.compiled.source import load_library
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.rti.settings import Settings
 from continuum_grasp.control.rti.source import PROBLEM, library_source
@@ -166,7 +166,8 @@ class RealTimeIteration:
         if not (np.isfinite(self._x).all() and np.isfinite(self._u).all()):
             raise InputError("reset: expected finite numbers")
         if rollout:
-            self._must(self._library.rti_rollout(self._plan_at, self._work_at, *self._setting_state()))
+            given = self._settings_at, self._x0_at, self._p_at
+            self._must(self._library.rti_rollout(self._plan_at, self._work_at, *given))
 
     def step(self, x0: ArrayLike, refs: ArrayLike | None = None, p: ArrayLike | None = None) -> Report:
         """One iteration; ``plan[1][0]`` is the input to apply.
@@ -254,18 +255,13 @@ class RealTimeIteration:
         shapes = {"x": (n + 1, nx), "u": (n, nu), "M": (n, nx, width), "defect": (n, nx), "l": (n + 1,)}
         shapes |= {"g": (n + 1, width), "H": (n + 1, nz, width), "c": (n + 1, max(nc, 1)), "C": (n + 1, max(nc, 1), nz)}
         found = {}
-        for name, where in zip(PROBLEM, self._offsets(), strict=True):
+        for k, name in enumerate(PROBLEM):
+            where = self._library.rti_offset(k)
             count = int(np.prod(shapes[name])) * self._x.itemsize
             found[name] = self._work[where : where + count].view(self._x.dtype).reshape(shapes[name]).copy()
         m = found.pop("M")
         found |= {"A": m[..., :nx], "B": m[..., nx:nz], "g": found["g"][:, :nz], "H": found["H"][..., :nz]}
         return found | {"c": found["c"][:, :nc], "C": found["C"][:, :nc]}
-
-    def _offsets(self) -> list[int]:
-        return [self._library.rti_offset(k) for k in range(len(PROBLEM))]
-
-    def _setting_state(self) -> tuple[Any, ...]:
-        return self._settings_at, self._x0_at, self._p_at
 
     def _take(self, to: Array, name: str, value: ArrayLike) -> None:
         try:

@@ -13,7 +13,7 @@ from continuum_grasp.plotting.drawing.style import BLUE, INK, ORANGE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from continuum_grasp.mission.outcomes import Outcome
+    from continuum_grasp.mission.trials import Outcome
 
 __all__ = ["plot_trials"]
 
