@@ -80,7 +80,7 @@ def source_of(given: Given, real: Real) -> Source:
         raise InputError(f"expected a FingerModel, a Scene, a closed loop or the path of its file, got {given!r:.80}")
     scene = given
     if scene.fidelity.tolerance is not None:
-        from continuum_grasp.accuracy.resolve import resolve_fidelity
+        from continuum_grasp.accuracy.choose import resolve_fidelity
 
         scene, _ = resolve_fidelity(scene)
     model = _of_precision(FingerModel(scene), real)

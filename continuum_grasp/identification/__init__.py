@@ -14,8 +14,7 @@ _MODULES = {
     "continuum_grasp.identification.data": ("Frequencies", "Poses", "Reading", "TipPath"),
     "continuum_grasp.identification.fit": ("Error", "Fit"),
     "continuum_grasp.identification.fitting": ("identify",),
-    "continuum_grasp.identification.folder": ("data_folder",),
-    "continuum_grasp.identification.read": ("read_data",),
+    "continuum_grasp.identification.read": ("data_folder", "read_data"),
     "continuum_grasp.identification.table": ("Table", "read_table"),
     "continuum_grasp.scene.identify": ("Estimate", "IdentifyScene"),
 }
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
     from continuum_grasp.identification.fit import Error as Error
     from continuum_grasp.identification.fit import Fit as Fit
     from continuum_grasp.identification.fitting import identify as identify
-    from continuum_grasp.identification.folder import data_folder as data_folder
+    from continuum_grasp.identification.read import data_folder as data_folder
     from continuum_grasp.identification.read import read_data as read_data
     from continuum_grasp.identification.table import Table as Table
     from continuum_grasp.identification.table import read_table as read_table

@@ -16,12 +16,10 @@ from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted,
 from continuum_grasp.results import begin_run
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.overrides import Overrides
-from continuum_grasp.sweeps.export import write_csv
 from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, lines_of, locked, store_plan, write_run_files
-from continuum_grasp.sweeps.plan import Plan, Point
+from continuum_grasp.sweeps.plan import Plan, Point, plan_of
 from continuum_grasp.sweeps.progress import Pace, Progress
-from continuum_grasp.sweeps.read import plan_of
-from continuum_grasp.sweeps.table import SweepTable, sweep_table
+from continuum_grasp.sweeps.table import SweepTable, sweep_table, write_csv
 from continuum_grasp.sweeps.worker import Job, Keep, Outcome, row_of_crash, run_chunk, solve
 from continuum_grasp.workers import ExecutorPool, ProcessPool, WorkerPool, checked_count, cores
 
@@ -260,7 +258,7 @@ def _folder(config: str | os.PathLike[str] | Mapping[str, Any], folder: str | os
 
 def _pool(executor: Executor | None, scheduler: str | None, count: int | None) -> AbstractContextManager[WorkerPool]:
     if scheduler is not None:
-        from continuum_grasp.sweeps.cluster import dask_pool
+        from continuum_grasp.sweeps.worker import dask_pool
 
         return dask_pool(scheduler)
     return _own_pool(executor, count)
