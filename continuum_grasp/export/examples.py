@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.fields import Real
 from continuum_grasp.export.part import Part
-from continuum_grasp.export.reals import Real
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.targets import Target
 from continuum_grasp.export.template import fill
 
-__all__ = ["control_examples", "example_files"]
+__all__ = ["example_files"]
 
 
 _BARE_METAL = ("start.c", "board.h", "board.ld", "main.c", "run.sh")

@@ -14,15 +14,22 @@ from continuum_grasp import __version__, interrupt
 from continuum_grasp.export.accuracy import OutputError, check_errors, error_bounds, worst_of
 from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.control.stateful import SIZES, UNKNOWN, stateful_usage, stateful_vectors
+from continuum_grasp.export.control.replay import SIZES, UNKNOWN, stateful_usage, stateful_vectors
 from continuum_grasp.export.examples import example_files
-from continuum_grasp.export.header import abi_of, calls_of, header, stateful_of
-from continuum_grasp.export.layer import internal_header, kernels_source, layer_source
+from continuum_grasp.export.fields import REALS, real_of
+from continuum_grasp.export.layer import (
+    abi_of,
+    calls_of,
+    header,
+    internal_header,
+    kernels_source,
+    layer_source,
+    stateful_of,
+)
 from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
 from continuum_grasp.export.part import Part, Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.readme import readme
-from continuum_grasp.export.reals import REALS, real_of
 from continuum_grasp.export.source import Given, Source, count_of, parts_of, positive, prefix_of, source_of
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.targets import Target, measure, target_of

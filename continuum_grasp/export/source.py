@@ -14,9 +14,9 @@ from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.fields import Real
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
-from continuum_grasp.export.reals import Real
-from continuum_grasp.export.stability import MOST_SUBSTEPS
+from continuum_grasp.export.subject import MOST_SUBSTEPS
 from continuum_grasp.model import FingerModel, ModelOptions
 from continuum_grasp.model.stumpff import ROUNDING
 from continuum_grasp.scene.control import ControlScene

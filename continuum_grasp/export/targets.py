@@ -13,7 +13,7 @@ from typing import Any
 
 from continuum_grasp.errors import InputError, SolverError
 
-__all__ = ["TARGETS", "TOOLS", "Target", "measure", "target_of"]
+__all__ = ["TOOLS", "Target", "measure", "target_of"]
 
 
 @dataclass(frozen=True)

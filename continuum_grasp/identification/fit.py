@@ -17,7 +17,7 @@ from continuum_grasp.results.result import File, Result, Stored
 from continuum_grasp.scene.finger import Finger, PointMass, Rod
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["Error", "Fit", "with_parameter"]
+__all__ = ["Error", "Fit"]
 
 
 Array = NDArray[np.float64]
@@ -163,7 +163,7 @@ class Fit(Result):
         for (target, factor, added), value in zip(self.targets, self.values, strict=True):
             if target != DEADBAND:
                 base = changed.finger.base.angle if added else 0.0
-                changed = with_parameter(changed, target, base + factor * float(value))
+                changed = _with_parameter(changed, target, base + factor * float(value))
         return changed
 
     @property
@@ -203,7 +203,7 @@ class Fit(Result):
         }
 
 
-def with_parameter(scene: Scene, target: str, value: float) -> Scene:
+def _with_parameter(scene: Scene, target: str, value: float) -> Scene:
     """The scene with one run-time parameter of the model at another value.
 
     Parameters

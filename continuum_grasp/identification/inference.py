@@ -15,7 +15,7 @@ from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["Inference", "infer", "model_error_warnings", "refined"]
+__all__ = ["infer", "model_error_warnings", "refined"]
 
 
 Array = NDArray[np.float64]

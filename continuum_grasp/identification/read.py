@@ -30,7 +30,7 @@ from continuum_grasp.scene.identify import (
 from continuum_grasp.scene.overrides import apply_override, read_overrides
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["VARIABLE", "data_folder", "located", "read_data"]
+__all__ = ["VARIABLE", "data_folder", "read_data"]
 
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
     """
     if not scene.data:
         raise InputError("a configuration that reads files says how: data: [{kind: ...}]", key="data")
-    paths = [located(path) for path in paths]
+    paths = [_located(path) for path in paths]
     files = list(_files(paths, scene.data))
     for file in files:
         if sum(file.resolve() == other.resolve() for other in files) > 1:
@@ -242,7 +242,7 @@ def data_folder() -> Path | None:
     return folder if folder.is_dir() else None
 
 
-def located(path: Path) -> Path:
+def _located(path: Path) -> Path:
     """A path as it is given, or in the data folder where it is relative and not found as given."""
     folder = data_folder()
     if path.is_absolute() or path.exists() or folder is None:

@@ -16,7 +16,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-__all__ = ["RECORD", "begin_run", "created_now", "kind_of_run", "machine", "note_file", "note_part", "versions"]
+__all__ = ["begin_run", "created_now", "kind_of_run", "machine", "note_file", "note_part", "versions"]
 
 
 _PACKAGES = {"continuum_grasp": "continuum-grasp", "casadi": "casadi", "numpy": "numpy"}

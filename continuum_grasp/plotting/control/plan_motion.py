@@ -7,6 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from continuum_grasp.plotting.drawing.axes import (
+    BLUE,
+    GRAY,
+    ORANGE,
+    Z,
     bend_box,
     color_bar,
     colors,
@@ -18,9 +22,13 @@ from continuum_grasp.plotting.drawing.axes import (
     time_map,
 )
 from continuum_grasp.plotting.drawing.fingers import draw_clamp
-from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
-from continuum_grasp.plotting.drawing.style import BLUE, GRAY, ORANGE, Z
-from continuum_grasp.plotting.drawing.surroundings import draw_supports, draw_zones, zone_points
+from continuum_grasp.plotting.drawing.objects import (
+    draw_object,
+    draw_supports,
+    draw_zones,
+    object_outlines,
+    zone_points,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""Figures, axes, colors and labels that all pictures share, without matplotlib's global state."""
+"""Figures, axes, labels, colors, and what covers what: shared by all pictures, without matplotlib's global state."""
 
 from __future__ import annotations
 
@@ -9,22 +9,37 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW
-
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
-Box = tuple[float, float, float, float]
+import io
+from typing import TYPE_CHECKING
 
 __all__ = [
+    "BLUE",
+    "CLAMP",
+    "EDGE",
+    "FAINT",
+    "FORBIDDEN",
+    "GRAY",
+    "GREEN",
+    "INK",
+    "MATERIAL",
+    "OBJECT",
+    "ORANGE",
+    "PURPLE",
+    "SKY",
+    "YELLOW",
     "Box",
+    "Z",
     "bend_box",
     "color_bar",
     "colors",
     "head",
+    "inline_svg",
     "new_axes",
     "new_figure",
     "plane_axes",
@@ -34,6 +49,52 @@ __all__ = [
     "time_axes",
     "time_map",
 ]
+
+
+# Okabe and Ito's palette, which color-blind readers tell apart
+BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
+INK, GRAY = "#222222", "#8A8A8A"
+"""Text and outlines; what only helps to read: limits, axes, scales. Both have the contrast that WCAG asks for."""
+
+OBJECT, EDGE = "#F3E9D6", "#A58A55"
+"""Filling and edge of the object: pale, since forces and fingers are drawn on it, and none of the curves' colors."""
+FAINT: dict[str, Any] = {"fill": False, "edgecolor": GRAY, "linewidth": 0.7}
+"""The object where it was before."""
+MATERIAL: dict[str, Any] = {"facecolor": "#E3E3E3", "edgecolor": "#9A9A9A", "hatch": "////", "linewidth": 0.0}
+CLAMP: dict[str, Any] = {"facecolor": "#DDDDDD", "edgecolor": "#777777", "hatch": "////", "linewidth": 0.0}
+"""What is fixed is hatched, as in drawings of mechanics; the clamp a little darker than supports that it may lie on."""
+FORBIDDEN: dict[str, Any] = {"facecolor": "#F3D3C7", "edgecolor": "#C25B36", "linewidth": 0.9}
+"""Zones that must not be entered."""
+
+
+class Z:
+    """Which covers which, from the ground up."""
+
+    ZONE = 0.0
+    SUPPORT = 1.0
+    FACE = 1.05
+    CLAMP = 1.08
+    FAINT_OBJECT = 1.1
+    OBJECT = 1.2
+    OBJECT_FILL = 1.25
+    MARK = 1.3
+    CONE = 1.4
+    BODY = 1.5
+    TENDON = 1.6
+    CENTERLINE = 1.7
+    JOINT = 1.8
+    SHAPE = 2.0
+    CLAMP_FACE = 3.0
+    MASS = 4.0
+    FORCE = 5.0
+    LEADER = 5.5
+    CONTACT = 6.0
+    MOMENT = 6.0
+    SCALE = 7.0
+    LABEL = 8.0
+
+
+Box = tuple[float, float, float, float]
 
 _SYMBOL = re.compile(r"(theta|kappa|tau|phi)_?(\d*)")
 
@@ -158,3 +219,36 @@ def bend_box(points: Sequence[NDArray[Any]], margin: float, slimmest: float = 0.
     more = np.maximum(0.0, slimmest * sides.max() - sides) / 2
     low, high = low - more, high + more
     return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+
+
+_HEAD = re.compile(r"\A.*?(?=<svg)", re.DOTALL)
+_METADATA = re.compile(r"<metadata>.*?</metadata>", re.DOTALL)
+_NAMES = re.compile(r'( id="|href="#|url\(#)')
+
+
+def inline_svg(ax: Axes, name: str, label: str) -> str:
+    """The figure of some axes as an SVG element that refers to nothing outside itself.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    name : str
+        What the names inside it begin with, so that several such elements fit on one page: letters and digits.
+    label : str
+        What it shows, for those who cannot see it; escaped already.
+
+    Returns
+    -------
+    str
+        Without width and height: it is as wide as the page lets it be. The same text for the same drawing.
+    """
+    from matplotlib import rc_context
+
+    buffer = io.StringIO()
+    with rc_context({"svg.hashsalt": name}):
+        ax.figure.savefig(buffer, format="svg", metadata={"Date": None})  # type: ignore[union-attr]
+    text = _METADATA.sub("", _HEAD.sub("", buffer.getvalue()))
+    opening, rest = text.split(">", 1)
+    opening = re.sub(r' (width|height|version|xmlns(:\w+)?)="[^"]*"', "", opening)
+    rest = rest.replace("xlink:href", "href")
+    return f'{opening} role="img" aria-label="{label}">' + _NAMES.sub(rf"\g<1>{name}-", rest)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.plotting.drawing.style import BLUE, CLAMP, INK, Z
+from continuum_grasp.plotting.drawing.axes import BLUE, CLAMP, INK, Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

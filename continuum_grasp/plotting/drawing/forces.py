@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import head
-from continuum_grasp.plotting.drawing.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW, Z
+from continuum_grasp.plotting.drawing.axes import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW, Z, head
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
