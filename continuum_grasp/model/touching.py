@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import casadi as ca
 
@@ -18,12 +19,9 @@ from continuum_grasp.scene.surroundings import ContactLaw
 __all__ = ["Pair", "Station", "TablePair", "disc_pair", "support_pairs", "table_pair"]
 
 
-@dataclass(frozen=True)
-class TablePair:
-    """The object's base on a table parallel to the plane; the attributes are those of a ``Pair``.
-
-    The normal force lifts the object; friction acts in the plane at the center of mass, along world x and y.
-    """
+@dataclass(frozen=True, kw_only=True)
+class _Contact:
+    """What touches the object, as of a ``Pair``; subclasses have the normal force and the slip."""
 
     name: str
     gap: Scalar
@@ -34,12 +32,38 @@ class TablePair:
     grip: Scalar
     law: ContactLaw
     z: ca.SX
-    press: ca.SX
+    press: ca.SX = field(default_factory=ca.SX)
 
-    def pressed(self) -> TablePair:
+    def pressed(self) -> Self:
         """The same with a gap that is smaller by a run-time number ``press``."""
         press = ca.SX.sym("press")
         return replace(self, gap=self.gap - press, press=press)
+
+    @property
+    def z_rate(self) -> list[Scalar]:
+        """Rates of the friction states [1/s]."""
+        return friction_rate(self.law, self.gap, self._states, self._slip) if self.z.numel() else []
+
+    @property
+    def stored_energy(self) -> Scalar:
+        """Of the normal spring [J]."""
+        return stored_energy(self.law, self.gap)
+
+    @property
+    def _states(self) -> list[Scalar]:
+        return [self.z[k] for k in range(self.z.numel())]
+
+    @cached_property
+    def _slip(self) -> list[Scalar]:
+        """Velocity of the object along the directions of friction."""
+        raise NotImplementedError
+
+
+class TablePair(_Contact):
+    """The object's base on a table parallel to the plane; the attributes are those of a ``Pair``.
+
+    The normal force lifts the object; friction acts in the plane at the center of mass, along world x and y.
+    """
 
     @property
     def z_names(self) -> list[str]:
@@ -75,23 +99,9 @@ class TablePair:
         x, y = friction_share(self.law, self._states, self._slip)
         return Vec(limit * x, limit * y)
 
-    @property
-    def z_rate(self) -> list[Scalar]:
-        """Rates of the friction states [1/s]."""
-        return friction_rate(self.law, self.gap, self._states, self._slip) if self.z.numel() else []
-
-    @property
-    def stored_energy(self) -> Scalar:
-        """Of the normal spring [J]."""
-        return stored_energy(self.law, self.gap)
-
-    @property
+    @cached_property
     def _slip(self) -> list[Scalar]:
         return [self.velocity.x, self.velocity.y]
-
-    @property
-    def _states(self) -> list[Scalar]:
-        return [self.z[k] for k in range(self.z.numel())]
 
 
 def table_pair(body: Body, law: ContactLaw, friction: float) -> TablePair:
@@ -99,16 +109,16 @@ def table_pair(body: Body, law: ContactLaw, friction: float) -> TablePair:
     center = body.position + body.arm
     has_state = friction > 0.0 and law.displacement is not None
     return TablePair(
-        "table",
-        body.pose[3] - body.wrench[3],
-        center,
-        body.velocity_at(center),
-        body.climb,
-        friction,
-        body.grip,
-        law,
-        ca.SX.sym("table", 2 if has_state else 0),
-        ca.SX(0, 1),
+        name="table",
+        gap=body.pose[3] - body.wrench[3],
+        point=center,
+        velocity=body.velocity_at(center),
+        climb=body.climb,
+        friction=friction,
+        grip=body.grip,
+        law=law,
+        z=ca.SX.sym("table", 2 if has_state else 0),
+        press=ca.SX(0, 1),
     )
 
 
@@ -123,8 +133,8 @@ class Station:
     radius: float
 
 
-@dataclass(frozen=True)
-class Pair:
+@dataclass(frozen=True, kw_only=True)
+class Pair(_Contact):
     """A place of the object's surface and what may touch it there.
 
     Attributes
@@ -153,23 +163,8 @@ class Pair:
         What the gap is made smaller by [m]; empty where it is what it is.
     """
 
-    name: str
-    gap: Scalar
     normal: Vec
-    point: Vec
-    velocity: Vec
-    climb: Scalar
-    friction: float
-    grip: Scalar
-    law: ContactLaw
-    z: ca.SX
     sinks: bool
-    press: ca.SX = field(default_factory=ca.SX)
-
-    def pressed(self) -> Pair:
-        """The same with a gap that is smaller by a run-time number ``press``."""
-        press = ca.SX.sym("press")
-        return replace(self, gap=self.gap - press, press=press)
 
     @property
     def z_names(self) -> list[str]:
@@ -186,10 +181,6 @@ class Pair:
         """Velocity of the object along the surface, and out of the plane."""
         along = self.normal.perp().dot(self.velocity)
         return [along, self.climb] if self.sinks else [along]
-
-    @cached_property
-    def _states(self) -> list[Scalar]:
-        return [self.z[k] for k in range(self.z.numel())]
 
     @cached_property
     def _friction(self) -> list[Scalar]:
@@ -213,16 +204,6 @@ class Pair:
     def force(self) -> Vec:
         """Force on what touches the object, world [N]; the object bears the opposite."""
         return self.normal.scaled(self.normal_force) + self.normal.perp().scaled(self.tangential)
-
-    @cached_property
-    def z_rate(self) -> list[Scalar]:
-        """Rates of the friction states [1/s]."""
-        return friction_rate(self.law, self.gap, self._states, self._slip) if self.z.numel() else []
-
-    @property
-    def stored_energy(self) -> Scalar:
-        """Of the normal spring [J]."""
-        return stored_energy(self.law, self.gap)
 
 
 def disc_pair(body: Body, law: ContactLaw, disc: Station, friction: float | None = None) -> Pair:
@@ -278,4 +259,16 @@ def _pair(
     own = law.friction if friction is None else friction
     has_state = own > 0.0 and law.displacement is not None
     z = ca.SX.sym(name, (2 if body.sinks else 1) if has_state else 0)
-    return Pair(name, gap, normal, point, velocity, body.climb, own, body.grip, law, z, body.sinks)
+    return Pair(
+        name=name,
+        gap=gap,
+        normal=normal,
+        point=point,
+        velocity=velocity,
+        climb=body.climb,
+        friction=own,
+        grip=body.grip,
+        law=law,
+        z=z,
+        sinks=body.sinks,
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,6 @@ from continuum_grasp.results.atomic import replacing
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-from collections.abc import Sequence
 
 __all__ = ["save_picture", "write_animation"]
 

@@ -10,8 +10,10 @@ import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -20,15 +22,11 @@ from continuum_grasp.scene.document import KeyPath, dotted
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.sweeps.plan import Point
 from continuum_grasp.sweeps.quantities import SOLVED, encode, quantities
+from continuum_grasp.workers import ExecutorPool
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp import GraspResult
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from importlib import import_module
-
-from continuum_grasp.workers import ExecutorPool
 
 __all__ = ["Job", "Keep", "Outcome", "dask_pool", "row_of_crash", "run_chunk", "solve"]
 

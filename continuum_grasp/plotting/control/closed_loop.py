@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.axes import (
     BLUE,
     FORBIDDEN,
     GRAY,
+    GREEN,
     INK,
     ORANGE,
     Z,
@@ -21,11 +24,14 @@ from continuum_grasp.plotting.drawing.axes import (
     split_unit,
     time_axes,
 )
-from continuum_grasp.plotting.drawing.fingers import draw_clamp
+from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.objects import (
+    draw_clamp,
     draw_object,
     draw_supports,
     draw_zones,
+    mass_positions,
+    masses_of,
     object_outlines,
     zone_points,
 )
@@ -35,13 +41,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.closed_loop.result import ControlRun
 
-from collections.abc import Iterator
-
-from numpy.typing import NDArray
-
-from continuum_grasp.plotting.drawing.axes import GREEN
-from continuum_grasp.plotting.drawing.film import Film
-from continuum_grasp.plotting.drawing.fingers import mass_positions, masses_of
 
 __all__ = [
     "control_frames",

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.plotting.drawing.axes import INK, new_figure, quiet
-from continuum_grasp.plotting.drawing.objects import draw_object, draw_supports
+from continuum_grasp.plotting.drawing.axes import GRAY, INK, Z, new_figure, quiet
+from continuum_grasp.plotting.drawing.forces import draw_arrow
+from continuum_grasp.plotting.drawing.objects import draw_body, draw_clamp, draw_object, draw_supports
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
-from continuum_grasp.plotting.grasp.view import MM, GraspView
+from continuum_grasp.plotting.grasp.view import MM, GraspView, lighter, turned
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,15 +22,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.grasp.result import Contact, GraspResult
 
-
-import math
-from typing import TYPE_CHECKING
-
-from continuum_grasp.plotting.drawing.axes import GRAY, Z
-from continuum_grasp.plotting.drawing.fingers import draw_body, draw_clamp
-from continuum_grasp.plotting.drawing.forces import draw_arrow
-from continuum_grasp.plotting.grasp.view import lighter, turned
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
 __all__ = ["Row", "plot_grasp"]
 

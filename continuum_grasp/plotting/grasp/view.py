@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.axes import BLUE, GREEN, ORANGE
-from continuum_grasp.plotting.drawing.fingers import finger_outline
 from continuum_grasp.plotting.drawing.forces import force_scale
-from continuum_grasp.plotting.drawing.objects import object_outlines
+from continuum_grasp.plotting.drawing.objects import finger_outline, object_outlines
 from continuum_grasp.scene.grasp_options import GraspFinger, PlanarGravity
 
 if TYPE_CHECKING:

@@ -2,15 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import BLUE, EDGE, ORANGE, Box, Z, bend_box
-from continuum_grasp.plotting.drawing.fingers import draw_body, finger_outline
-from continuum_grasp.plotting.drawing.forces import Force, draw_arrow
-from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
+from continuum_grasp.plotting.drawing.axes import (
+    BLUE,
+    EDGE,
+    GREEN,
+    INK,
+    ORANGE,
+    Box,
+    Z,
+    bend_box,
+    head,
+    new_figure,
+    quiet,
+)
+from continuum_grasp.plotting.drawing.film import Film
+from continuum_grasp.plotting.drawing.forces import Force, draw_arrow, draw_forces, force_keys, force_scale, sizes_of
+from continuum_grasp.plotting.drawing.objects import (
+    draw_body,
+    draw_clamp,
+    draw_object,
+    draw_supports,
+    finger_outline,
+    object_outlines,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,14 +38,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.mission.result import MissionRun
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
-
-from continuum_grasp.plotting.drawing.axes import GREEN, INK, head, new_figure, quiet
-from continuum_grasp.plotting.drawing.film import Film
-from continuum_grasp.plotting.drawing.fingers import draw_clamp
-from continuum_grasp.plotting.drawing.forces import draw_forces, force_keys, force_scale, sizes_of
-from continuum_grasp.plotting.drawing.objects import draw_supports
 
 __all__ = ["instants", "mission_frames", "plot_mission_snapshots", "pull_label"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting.drawing.axes import GRAY, INK, colors, head, new_figure, quiet
+from continuum_grasp.plotting.drawing.axes import BLUE, GRAY, INK, ORANGE, colors, head, new_figure, quiet
 from continuum_grasp.plotting.mission.instants import pull_label
 
 if TYPE_CHECKING:
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from continuum_grasp.mission.outcomes import Outcome
     from continuum_grasp.mission.result import MissionRun
 
-from continuum_grasp.plotting.drawing.axes import BLUE, ORANGE
 
 __all__ = ["plot_mission_timeline", "plot_trials"]
 

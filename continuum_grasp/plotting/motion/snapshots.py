@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.drawing.axes import Z, bend_box, color_bar, plane_axes, time_map
-from continuum_grasp.plotting.drawing.fingers import draw_body, draw_clamp, finger_outline, mass_positions, masses_of
+from continuum_grasp.plotting.drawing.axes import BLUE, GRAY, INK, Z, bend_box, color_bar, head, plane_axes, time_map
+from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import draw_forces, explain, force_scale, sizes_of
-from continuum_grasp.plotting.drawing.objects import draw_object, draw_supports, object_outlines
+from continuum_grasp.plotting.drawing.objects import (
+    draw_body,
+    draw_clamp,
+    draw_object,
+    draw_supports,
+    finger_outline,
+    mass_positions,
+    masses_of,
+    object_outlines,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,13 +29,6 @@ if TYPE_CHECKING:
     from continuum_grasp.planning.result import Plan
     from continuum_grasp.simulation.trajectory import Trajectory
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
-
-from numpy.typing import NDArray
-
-from continuum_grasp.plotting.drawing.axes import BLUE, GRAY, INK, head
-from continuum_grasp.plotting.drawing.film import Film
 
 __all__ = ["motion_frames", "plot_snapshots", "plot_tip_path"]
 
