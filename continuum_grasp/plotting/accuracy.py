@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.plotting.drawing.axes import BLUE, GRAY, GREEN, INK, ORANGE, new_figure, quiet
+from continuum_grasp.plotting.drawing.axes import new_figure, quiet
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE
 from continuum_grasp.scene.families import FAMILIES
 
 if TYPE_CHECKING:

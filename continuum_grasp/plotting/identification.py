@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.drawing.axes import BLUE, GRAY, INK, ORANGE, head, new_axes, new_figure, quiet
+from continuum_grasp.plotting.drawing.axes import head, new_axes, new_figure, quiet
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import BLUE, GRAY, INK, ORANGE, color_bar, head, new_axes, time_map
+from continuum_grasp.plotting.drawing.axes import color_bar, head, new_axes, time_map
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

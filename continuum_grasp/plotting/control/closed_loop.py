@@ -8,22 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import (
-    BLUE,
-    FORBIDDEN,
-    GRAY,
-    GREEN,
-    INK,
-    ORANGE,
-    Z,
-    bend_box,
-    colors,
-    head,
-    new_axes,
-    plane_axes,
-    split_unit,
-    time_axes,
-)
+from continuum_grasp.plotting.drawing.axes import bend_box, colors, head, new_axes, plane_axes, split_unit, time_axes
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.objects import (
     draw_clamp,
@@ -35,6 +20,7 @@ from continuum_grasp.plotting.drawing.objects import (
     object_outlines,
     zone_points,
 )
+from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GRAY, GREEN, INK, ORANGE, Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

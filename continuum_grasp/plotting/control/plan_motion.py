@@ -7,10 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from continuum_grasp.plotting.drawing.axes import (
-    BLUE,
-    GRAY,
-    ORANGE,
-    Z,
     bend_box,
     color_bar,
     colors,
@@ -29,6 +25,7 @@ from continuum_grasp.plotting.drawing.objects import (
     object_outlines,
     zone_points,
 )
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, ORANGE, Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import INK, Box, new_figure, plane_axes, quiet
+from continuum_grasp.plotting.drawing.axes import Box, new_figure, plane_axes, quiet
+from continuum_grasp.plotting.drawing.style import INK
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

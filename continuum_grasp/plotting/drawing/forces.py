@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW, Z, head
+from continuum_grasp.plotting.drawing.axes import head
+from continuum_grasp.plotting.drawing.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW, Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

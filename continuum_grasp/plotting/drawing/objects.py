@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.plotting.drawing.axes import BLUE, CLAMP, EDGE, FAINT, FORBIDDEN, INK, MATERIAL, OBJECT, Z
+from continuum_grasp.plotting.drawing.style import BLUE, CLAMP, EDGE, FAINT, FORBIDDEN, INK, MATERIAL, OBJECT, Z
 from continuum_grasp.scene.supports import VGroove
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import Z
+from continuum_grasp.plotting.drawing.style import Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.plotting.drawing.axes import BLUE, INK, ORANGE, new_axes
+from continuum_grasp.plotting.drawing.axes import new_axes
+from continuum_grasp.plotting.drawing.style import BLUE, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,19 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import (
-    BLUE,
-    EDGE,
-    GREEN,
-    INK,
-    ORANGE,
-    Box,
-    Z,
-    bend_box,
-    head,
-    new_figure,
-    quiet,
-)
+from continuum_grasp.plotting.drawing.axes import Box, bend_box, head, new_figure, quiet
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import Force, draw_arrow, draw_forces, force_keys, force_scale, sizes_of
 from continuum_grasp.plotting.drawing.objects import (
@@ -31,6 +19,7 @@ from continuum_grasp.plotting.drawing.objects import (
     finger_outline,
     object_outlines,
 )
+from continuum_grasp.plotting.drawing.style import BLUE, EDGE, GREEN, INK, ORANGE, Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

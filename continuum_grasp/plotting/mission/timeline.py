@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting.drawing.axes import BLUE, GRAY, INK, ORANGE, colors, head, new_figure, quiet
+from continuum_grasp.plotting.drawing.axes import colors, head, new_figure, quiet
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE
 from continuum_grasp.plotting.mission.instants import pull_label
 
 if TYPE_CHECKING:

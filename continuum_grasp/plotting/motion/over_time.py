@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.drawing.axes import BLUE, INK, ORANGE, colors, new_axes, split_unit, symbol, time_axes
+from continuum_grasp.plotting.drawing.axes import colors, new_axes, split_unit, symbol, time_axes
+from continuum_grasp.plotting.drawing.style import BLUE, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

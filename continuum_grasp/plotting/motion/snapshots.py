@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.drawing.axes import BLUE, GRAY, INK, Z, bend_box, color_bar, head, plane_axes, time_map
+from continuum_grasp.plotting.drawing.axes import bend_box, color_bar, head, plane_axes, time_map
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import draw_forces, explain, force_scale, sizes_of
 from continuum_grasp.plotting.drawing.objects import (
@@ -22,6 +22,7 @@ from continuum_grasp.plotting.drawing.objects import (
     masses_of,
     object_outlines,
 )
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,0 +1,65 @@
+"""The look of all pictures in one place: colors, widths [points], and what covers what."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = [
+    "BLUE",
+    "CLAMP",
+    "EDGE",
+    "FAINT",
+    "FORBIDDEN",
+    "GRAY",
+    "GREEN",
+    "INK",
+    "MATERIAL",
+    "OBJECT",
+    "ORANGE",
+    "PURPLE",
+    "SKY",
+    "YELLOW",
+    "Z",
+]
+
+# Okabe and Ito's palette, which color-blind readers tell apart
+BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
+INK, GRAY = "#222222", "#8A8A8A"
+"""Text and outlines; what only helps to read: limits, axes, scales. Both have the contrast that WCAG asks for."""
+
+OBJECT, EDGE = "#F3E9D6", "#A58A55"
+"""Filling and edge of the object: pale, since forces and fingers are drawn on it, and none of the curves' colors."""
+FAINT: dict[str, Any] = {"fill": False, "edgecolor": GRAY, "linewidth": 0.7}
+"""The object where it was before."""
+MATERIAL: dict[str, Any] = {"facecolor": "#E3E3E3", "edgecolor": "#9A9A9A", "hatch": "////", "linewidth": 0.0}
+CLAMP: dict[str, Any] = {"facecolor": "#DDDDDD", "edgecolor": "#777777", "hatch": "////", "linewidth": 0.0}
+"""What is fixed is hatched, as in drawings of mechanics; the clamp a little darker than supports that it may lie on."""
+FORBIDDEN: dict[str, Any] = {"facecolor": "#F3D3C7", "edgecolor": "#C25B36", "linewidth": 0.9}
+"""Zones that must not be entered."""
+
+
+class Z:
+    """Which covers which, from the ground up."""
+
+    ZONE = 0.0
+    SUPPORT = 1.0
+    FACE = 1.05
+    CLAMP = 1.08
+    FAINT_OBJECT = 1.1
+    OBJECT = 1.2
+    OBJECT_FILL = 1.25
+    MARK = 1.3
+    CONE = 1.4
+    BODY = 1.5
+    TENDON = 1.6
+    CENTERLINE = 1.7
+    JOINT = 1.8
+    SHAPE = 2.0
+    CLAMP_FACE = 3.0
+    MASS = 4.0
+    FORCE = 5.0
+    LEADER = 5.5
+    CONTACT = 6.0
+    MOMENT = 6.0
+    SCALE = 7.0
+    LABEL = 8.0
