@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.axes import bend_box, colors, head, new_axes, plane_axes, split_unit, time_axes
 from continuum_grasp.plotting.drawing.film import Film
+from continuum_grasp.plotting.drawing.fingers import draw_clamp, mass_positions, masses_of
 from continuum_grasp.plotting.drawing.objects import (
-    draw_clamp,
     draw_object,
     draw_supports,
     draw_zones,
-    mass_positions,
-    masses_of,
     object_outlines,
     zone_points,
 )

@@ -17,8 +17,8 @@ from continuum_grasp.plotting.drawing.axes import (
     time_axes,
     time_map,
 )
+from continuum_grasp.plotting.drawing.fingers import draw_clamp
 from continuum_grasp.plotting.drawing.objects import (
-    draw_clamp,
     draw_object,
     draw_supports,
     draw_zones,

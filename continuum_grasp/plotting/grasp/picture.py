@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.plotting.drawing.axes import new_figure, quiet
+from continuum_grasp.plotting.drawing.fingers import draw_body, draw_clamp
 from continuum_grasp.plotting.drawing.forces import draw_arrow
-from continuum_grasp.plotting.drawing.objects import draw_body, draw_clamp, draw_object, draw_supports
+from continuum_grasp.plotting.drawing.objects import draw_object, draw_supports
 from continuum_grasp.plotting.drawing.style import GRAY, INK, Z
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.plotting.drawing.fingers import finger_outline
 from continuum_grasp.plotting.drawing.forces import force_scale
-from continuum_grasp.plotting.drawing.objects import finger_outline, object_outlines
+from continuum_grasp.plotting.drawing.objects import object_outlines
 from continuum_grasp.plotting.drawing.style import BLUE, GREEN, ORANGE
 from continuum_grasp.scene.grasp_options import GraspFinger, PlanarGravity
 

@@ -10,15 +10,9 @@ from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.axes import Box, bend_box, head, new_figure, quiet
 from continuum_grasp.plotting.drawing.film import Film
+from continuum_grasp.plotting.drawing.fingers import draw_body, draw_clamp, finger_outline
 from continuum_grasp.plotting.drawing.forces import Force, draw_arrow, draw_forces, force_keys, force_scale, sizes_of
-from continuum_grasp.plotting.drawing.objects import (
-    draw_body,
-    draw_clamp,
-    draw_object,
-    draw_supports,
-    finger_outline,
-    object_outlines,
-)
+from continuum_grasp.plotting.drawing.objects import draw_object, draw_supports, object_outlines
 from continuum_grasp.plotting.drawing.style import BLUE, EDGE, GREEN, INK, ORANGE, Z
 
 if TYPE_CHECKING:

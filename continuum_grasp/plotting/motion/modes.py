@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.plotting.drawing.axes import Box, bend_box, new_figure, plane_axes, quiet
-from continuum_grasp.plotting.drawing.objects import draw_clamp
+from continuum_grasp.plotting.drawing.fingers import draw_clamp
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE
 
 if TYPE_CHECKING:

@@ -11,17 +11,9 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.plotting.drawing.axes import bend_box, color_bar, head, plane_axes, time_map
 from continuum_grasp.plotting.drawing.film import Film
+from continuum_grasp.plotting.drawing.fingers import draw_body, draw_clamp, finger_outline, mass_positions, masses_of
 from continuum_grasp.plotting.drawing.forces import draw_forces, explain, force_scale, sizes_of
-from continuum_grasp.plotting.drawing.objects import (
-    draw_body,
-    draw_clamp,
-    draw_object,
-    draw_supports,
-    finger_outline,
-    mass_positions,
-    masses_of,
-    object_outlines,
-)
+from continuum_grasp.plotting.drawing.objects import draw_object, draw_supports, object_outlines
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, Z
 
 if TYPE_CHECKING:
