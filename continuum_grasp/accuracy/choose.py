@@ -24,7 +24,6 @@ from continuum_grasp.scene.simulate import Fidelity, Initial, Scene, Timing
 
 __all__ = ["Chosen", "allowed_accuracies", "allowed_families", "choose_fidelity", "resolve_fidelity"]
 
-
 _PROBE = 1e-6
 """Relative accuracy of evaluation that tells whether a number of elements can meet the tolerance: its own error is
 below that of any number of elements on the list."""

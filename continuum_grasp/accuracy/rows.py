@@ -104,7 +104,6 @@ rewards with an error 4,096 times smaller."""
 _EQUAL = 1e-4
 """Error of the time steps, per length, at which real-time factors are compared: below the error of most models."""
 
-
 NOTES = {
     "choices": "Greatest errors over the static load cases, and of the natural frequencies about them; r.m.s. error of "
     f"the tip in motion; real-time factor with Runge-Kutta steps whose own error is {_EQUAL:g} of the length.",

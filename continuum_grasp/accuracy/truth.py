@@ -19,7 +19,6 @@ from continuum_grasp.simulation.signals import interpolate
 
 __all__ = ["TrueCase", "Truth", "find_truth", "load_cases"]
 
-
 Array = NDArray[np.float64]
 
 STATIONS = 101

@@ -21,9 +21,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.mission import MissionScene
 
-
 __all__ = ["carry_out", "mpc", "try_out"]
-
 
 TRIPPED = 1
 """Exit status of a closed loop that ended in the safe state."""

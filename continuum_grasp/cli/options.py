@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from continuum_grasp.cli.output import Output
     from continuum_grasp.scene.simulate import Scene
 
-
 __all__ = [
     "Animate",
     "Config",

@@ -13,7 +13,6 @@ from continuum_grasp.export.template import fill
 
 __all__ = ["example_files"]
 
-
 _BARE_METAL = ("start.c", "board.h", "board.ld", "main.c", "run.sh")
 _TENTH = 0.1
 """Time within which the example's input sets in [s]."""

@@ -27,7 +27,6 @@ __all__ = [
     "structs_of",
 ]
 
-
 _LINE = 118
 """Characters of a line in the header, which is as wide as the sources of this package."""
 

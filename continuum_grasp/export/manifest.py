@@ -22,7 +22,6 @@ from continuum_grasp.model import FingerModel
 
 __all__ = ["FLAGS", "MANIFEST", "manifest", "manifest_text", "model_description", "write_package"]
 
-
 FLAGS = {
     "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],
     "gcc": ["-fexcess-precision=fast", "-fno-tree-vectorize"],

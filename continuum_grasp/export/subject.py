@@ -23,7 +23,6 @@ from continuum_grasp.model.equations import Equations
 
 __all__ = ["MOST_SUBSTEPS", "STABLE", "Subject"]
 
-
 _LEAST_PART = 1e-6
 """Shortest step, per the longest."""
 

@@ -30,7 +30,6 @@ __all__ = [
     "vectors_source",
 ]
 
-
 Array = NDArray[Any]
 
 _LEAST, _IN_ALL = 64, 200

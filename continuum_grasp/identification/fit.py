@@ -19,7 +19,6 @@ from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["Error", "Fit"]
 
-
 Array = NDArray[np.float64]
 
 

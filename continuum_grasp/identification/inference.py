@@ -17,7 +17,6 @@ from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["infer", "model_error_warnings", "refined"]
 
-
 Array = NDArray[np.float64]
 
 _BLIND = 1e-7

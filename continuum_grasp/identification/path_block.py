@@ -30,7 +30,6 @@ from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, sp
 
 __all__ = ["Motion", "PathBlock"]
 
-
 Array = NDArray[np.float64]
 
 

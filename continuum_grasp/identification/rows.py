@@ -24,7 +24,6 @@ from continuum_grasp.simulation.statics import equilibrium
 
 __all__ = ["Rows", "Shapes", "observation", "runtime_names"]
 
-
 Array = NDArray[np.float64]
 
 _ROUNDING = 0.01

@@ -23,7 +23,6 @@ from continuum_grasp.scene.variation import Axis, Random, Tie, Variation, variat
 
 __all__ = ["Plan", "Point", "differences", "keys_of", "plan_of"]
 
-
 FORMAT_VERSION = 1
 _BLOCK = 4096
 

@@ -24,7 +24,6 @@ from continuum_grasp.sweeps.quantities import SOLVED, decode
 
 __all__ = ["CSV", "SweepTable", "sweep_table", "write_csv"]
 
-
 _WORDS = ("scene", "status", "reason", "message")
 
 

@@ -26,7 +26,6 @@ from continuum_grasp.export.vectors import bad_entries
 
 __all__ = ["SIZES", "UNKNOWN", "controller_vectors", "estimator_vectors", "stateful_usage", "stateful_vectors"]
 
-
 Array = NDArray[Any]
 
 _EPISODE = 70

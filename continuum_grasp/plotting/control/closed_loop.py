@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.closed_loop.result import ControlRun
 
-
 __all__ = [
     "control_frames",
     "plot_bounds",
@@ -36,7 +35,6 @@ __all__ = [
     "plot_tracking",
     "plot_tracking_error",
 ]
-
 
 _SNAPSHOTS = 9
 """Shapes drawn: of a run of a few seconds about two per second, which stay apart."""

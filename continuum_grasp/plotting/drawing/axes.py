@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
-
 __all__ = [
     "Box",
     "bend_box",
@@ -35,7 +34,6 @@ __all__ = [
     "time_axes",
     "time_map",
 ]
-
 
 Box = tuple[float, float, float, float]
 

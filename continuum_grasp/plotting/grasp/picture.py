@@ -24,9 +24,7 @@ if TYPE_CHECKING:
 
     from continuum_grasp.grasp.result import Contact, GraspResult
 
-
 __all__ = ["Row", "plot_grasp"]
-
 
 Array = NDArray[Any]
 

@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 
     from continuum_grasp.mission.result import MissionRun
 
-
 __all__ = ["instants", "mission_frames", "plot_mission_snapshots", "pull_label"]
-
 
 Array = NDArray[Any]
 _SEEN = 0.05

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from continuum_grasp.mission.outcomes import Outcome
     from continuum_grasp.mission.result import MissionRun
 
-
 __all__ = ["plot_mission_timeline", "plot_trials"]
-
 
 _BANDS = {
     "approach": "#EAF2FA",
