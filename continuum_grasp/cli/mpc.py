@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.mission import MissionScene
 
-__all__ = ["carry_out", "mpc", "try_out"]
+__all__ = ["mpc"]
 
 TRIPPED = 1
 """Exit status of a closed loop that ended in the safe state."""
@@ -70,11 +70,11 @@ def mpc(
         if compare:
             raise InputError("is not for missions", key="--compare")
         if trials is None:
-            carry_out(scene, folder, animation, pictures, output)
+            _carry_out(scene, folder, animation, pictures, output)
         elif animation:
             raise InputError("is for one mission, not for --trials", key="--animate")
         else:
-            try_out(scene, folder, jobs, pictures, output)
+            _try_out(scene, folder, jobs, pictures, output)
         return
     if trials is not None:
         raise InputError("is for missions", key="--trials")
@@ -170,7 +170,7 @@ _SHOWN = 10
 """Failed plants that are listed."""
 
 
-def carry_out(scene: MissionScene, folder: Path, animation: str | None, pictures: bool, output: Output) -> None:
+def _carry_out(scene: MissionScene, folder: Path, animation: str | None, pictures: bool, output: Output) -> None:
     """Carry a mission out once: saves it, prints the verdict, draws it; exit status 1 if the object was dropped."""
     from continuum_grasp.mission.run import run_mission
 
@@ -183,7 +183,7 @@ def carry_out(scene: MissionScene, folder: Path, animation: str | None, pictures
         raise typer.Exit(DROPPED)
 
 
-def try_out(scene: MissionScene, folder: Path, jobs: int | None, pictures: bool, output: Output) -> None:
+def _try_out(scene: MissionScene, folder: Path, jobs: int | None, pictures: bool, output: Output) -> None:
     """Carry a mission out on many plants: saves and prints how it went; exit status 1 if it failed on any."""
     from continuum_grasp.errors import Interrupted
     from continuum_grasp.mission.trials import run_trials

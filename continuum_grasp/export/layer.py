@@ -14,18 +14,7 @@ from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill, filled
 
-__all__ = [
-    "abi_of",
-    "calls_of",
-    "codes_of_package",
-    "header",
-    "internal_header",
-    "kernels_of",
-    "kernels_source",
-    "layer_source",
-    "stateful_of",
-    "structs_of",
-]
+__all__ = ["abi_of", "calls_of", "codes_of_package", "kernels_of", "library_files", "stateful_of", "structs_of"]
 
 _LINE = 118
 """Characters of a line in the header, which is as wide as the sources of this package."""
@@ -216,6 +205,25 @@ def layer_source(subject: Subject, parts: Sequence[Part], words: dict[str, str])
     }
     written = fill("layer_model.c", {**words, **model}) if calls else ""
     return fill("layer.c", {**words, "sizes": "\n".join(sizes), "model": written, "codes": "\n".join(codes)})
+
+
+def library_files(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> dict[str, str]:
+    """The library, and the header of its check program."""
+    prefix = subject.prefix
+    kernels = kernels_source(subject, parts, words)
+    own = {path: text for part in parts for path, text in part.sources.items()}
+    layer = layer_source(subject, parts, words)
+    computed = "".join([kernels, layer, *(text for path, text in sorted(own.items()) if path.endswith(".c"))])
+    counts = "".join(f"{name} {value}\n" for part in parts for name, value in part.constants.items())
+    words["hash"] = hashlib.sha256(f"{subject.real.name}\n{counts}{computed}".encode()).hexdigest()[:16]
+    return {
+        f"include/{prefix}.h": header(subject, parts, words),
+        f"src/{prefix}_internal.h": internal_header(subject, parts, words),
+        f"src/{prefix}_kernels.c": kernels,
+        f"src/{prefix}.c": layer,
+        "tests/check.h": fill("tests/check.h", words),
+        **own,
+    }
 
 
 def _unique(structs: list[Struct]) -> list[Struct]:

@@ -19,7 +19,7 @@ from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import REALS, Real, Struct
-from continuum_grasp.export.layer import abi_of, header, internal_header, kernels_source, layer_source, stateful_of
+from continuum_grasp.export.layer import abi_of, library_files, stateful_of
 from continuum_grasp.export.part import Code, Part, Stateful, Vectors
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import bad_entries
@@ -248,7 +248,7 @@ def stateful_vectors(
         double = replace(subject, real=REALS["double"])
         written = {**words, "real": "double", **dict.fromkeys(SIZES, UNKNOWN)}
         written["abi"] = abi_of(double, wide, written)
-        other = _host(double, functions, _files(double, wide, written, files["tests/check.h"]))
+        other = _host(double, functions, library_files(double, wide, written))
         structs = {struct.name: struct for part in parts for struct in part.structs}
         for v, function in zip(vectors, functions, strict=True):
             output = structs[function.output]
@@ -280,18 +280,6 @@ def _host(subject: Subject, functions: Sequence[Stateful], files: Mapping[str, s
     runners = {function.name: function.runner for function in functions}
     owners = list(dict.fromkeys(name for function in functions for name in function.types))
     return Host(files, subject.prefix, subject.real, runners, owners)
-
-
-def _files(subject: Subject, parts: Sequence[Part], words: dict[str, str], check: str) -> dict[str, str]:
-    prefix = subject.prefix
-    return {
-        f"include/{prefix}.h": header(subject, parts, words),
-        f"src/{prefix}_internal.h": internal_header(subject, parts, words),
-        f"src/{prefix}_kernels.c": kernels_source(subject, parts, words),
-        f"src/{prefix}.c": layer_source(subject, parts, words),
-        "tests/check.h": check,
-        **{path: text for part in parts for path, text in part.sources.items()},
-    }
 
 
 def _differences(vectors: Vectors, output: Struct, codes: np.ndarray, other: np.ndarray) -> tuple[OutputError, ...]:
