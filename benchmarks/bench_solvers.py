@@ -45,9 +45,9 @@ COLUMNS = [
     "total [s of CPU]",
 ]
 NOTE = (
-    "The objective is that of the best start, in units of the problem for grasps; solver is the time of all its runs, "
-    "models and derivatives built before; total includes building, starts and verification. One run each; time of the "
-    "processor."
+    "The objective is that of the best start that converged, in units of the problem for grasps; solver is the time of "
+    "all its runs, models and derivatives built before; total includes building, starts and verification, but a grasp "
+    "problem is built for the first solver alone. One run each; time of the processor."
 )
 
 

@@ -6,17 +6,12 @@ import os
 import shutil
 import time
 
-from continuum_grasp.core import compiler
-
 # Small dense problems stall where several processes run the threads of one linear algebra library each.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-SHIPPED_FLAGS = os.environ.get("CONTINUUM_GRASP_TEST_FLAGS") == "shipped"
-"""Whether functions are compiled as users have them; ``.ci/run`` does so with the tests of the core."""
-if not SHIPPED_FLAGS:
-    # Functions beyond 1,500 lines are compiled with -O1 instead of -O3, in half the time; they run half as fast.
-    compiler._SHORT = 1_500
-    compiler._LONG = 1_500
+# Controllers compile in a tenth of the time. ``CONTINUUM_GRASP_QUICK_COMPILE=0`` tests what users have by default;
+# ``.ci/run`` does so with some tests of core and controllers.
+os.environ.setdefault("CONTINUUM_GRASP_QUICK_COMPILE", "1")
 
 _UNUSED_DAYS = 7.0
 """After which compiled code of earlier runs is removed [days]: it is stored by content, so old code is never used."""

@@ -166,6 +166,7 @@ def _comparison(runs: dict[str, ControlRun]) -> tuple[tuple[str, ...], list[tupl
 
 
 DROPPED = 1
+"""Exit status, as of a solver that failed: there is no mission to use."""
 _SHOWN = 10
 """Failed plants that are listed."""
 

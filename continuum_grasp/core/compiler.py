@@ -17,7 +17,7 @@ from pathlib import Path
 from continuum_grasp.core.units import longest_function, translation_units
 from continuum_grasp.errors import ContinuumGraspError
 
-__all__ = ["CompileError", "Compiler", "find_compiler", "why_no_compiler"]
+__all__ = ["CompileError", "Compiler", "find_compiler", "quick_compile", "why_no_compiler"]
 
 _COMMON = ("-std=gnu11", "-march=native", "-fPIC", "-w")
 _USUAL = ("cc", "gcc", "clang")
@@ -29,6 +29,8 @@ _GCC = ("-fschedule-insns", "-fsched-pressure", "-flive-range-shrinkage")
 """Scheduling under register pressure: straight-line code gains about 7 %, compiling takes twice as long."""
 _SHORT = 15_000
 """Lines of a translation unit up to which that is worth it."""
+_QUICK = 300
+"""Lines of a unit's longest function up to which a quick build optimizes it, by -O1: what runs often is short."""
 _TIMEOUT = 1800.0
 """Most seconds that the compiler may take for a translation unit."""
 
@@ -46,7 +48,13 @@ class Compiler:
     machine: str
 
     def flags(self, unit: str) -> tuple[str, ...]:
-        """Compiler flags for a translation unit."""
+        """Compiler flags for a translation unit.
+
+        With ``CONTINUUM_GRASP_QUICK_COMPILE=1`` in the environment long functions are not optimized: the controller and
+        plant of ``configs/mpc/steady_tip.yaml`` compile in 3 s instead of 29 s; its loop takes 2.7 s instead of 1.5 s.
+        """
+        if quick_compile():
+            return (*_COMMON, "-O1" if longest_function(unit) <= _QUICK else "-O0")
         level = "-O3" if longest_function(unit) <= _LONG else "-O1"
         is_gcc = "clang" not in self.version.lower()
         return (*_COMMON, level, *(_GCC if is_gcc and unit.count("\n") <= _SHORT else ()))
@@ -92,6 +100,11 @@ class Compiler:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "the compiler's files")
             said = " | ".join(done.stderr.strip().splitlines()[:3]) or f"exit status {done.returncode}"
             raise CompileError(f"{shlex.join(self.command)}: {said}")
+
+
+def quick_compile() -> bool:
+    """Whether the environment asks for code that is compiled quickly rather than runs fast."""
+    return os.environ.get("CONTINUUM_GRASP_QUICK_COMPILE", "0") not in ("", "0")
 
 
 def find_compiler() -> Compiler | None:

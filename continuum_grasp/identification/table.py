@@ -232,7 +232,7 @@ def _same(cell: str, text: str) -> bool:
     return cell == text
 
 
-_DEGREE = math.pi / 180.0
+_DEGREE = math.pi / 180.0  # rad
 _UNITS: dict[str, dict[str, float]] = {
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254},
     "rad": {"rad": 1.0, "mrad": 1e-3, "deg": _DEGREE},

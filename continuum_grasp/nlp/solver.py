@@ -149,11 +149,16 @@ class Solver(ABC):
 
 
 def new_solver(settings: Settings) -> Solver:
-    """Make a solver by the name in its settings.
+    """Make the solver that settings name.
 
     Parameters
     ----------
     settings : Settings
+        Its name, tolerances and options.
+
+    Returns
+    -------
+    Solver
 
     Examples
     --------

@@ -15,8 +15,8 @@ from continuum_grasp.planning.term import Term
 
 __all__ = ["shooting_interval"]
 
-_WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
-_AHEAD = (0.0, 0.5, 0.5, 1.0)
+_WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)  # of the slopes of RK4
+_AHEAD = (0.0, 0.5, 0.5, 1.0)  # share of the step at which each slope is taken
 
 
 @dataclass(frozen=True)

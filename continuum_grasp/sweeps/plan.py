@@ -24,7 +24,9 @@ from continuum_grasp.scene.variation import Axis, Random, Tie, Variation, variat
 __all__ = ["Plan", "Point", "differences", "keys_of", "plan_of"]
 
 FORMAT_VERSION = 1
+"""Of the stored plan: a sweep resumes with the version that began it."""
 _BLOCK = 4096
+"""Random rows that are drawn at once, each block from a seed of its own: any row is had without those before it."""
 
 
 @dataclass(frozen=True)

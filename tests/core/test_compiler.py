@@ -60,6 +60,7 @@ def levels(monkeypatch) -> list[tuple[int, str]]:
 
     monkeypatch.setattr(Compiler, "_run", run)
     monkeypatch.setattr(compiler, "_LONG", 300)
+    monkeypatch.delenv("CONTINUUM_GRASP_QUICK_COMPILE", raising=False)
     return seen
 
 
@@ -123,3 +124,16 @@ def test_refused_unit_is_reported_with_what_the_compiler_said(levels, tmp_path):
     source = function_source(chain(400)).replace("sin(", "no_such_header[", 1)
     with pytest.raises(CompileError, match="error"):
         library_for(source, find_compiler())
+
+
+@needs_compiler
+def test_quick_builds_do_not_optimize_long_functions(levels, monkeypatch, tmp_path):
+    """And give the same numbers."""
+    monkeypatch.setenv("CONTINUUM_GRASP_QUICK_COMPILE", "1")
+    monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
+    for length, level in ((20, "-O1"), (400, "-O0")):
+        levels.clear()
+        library = ctypes.CDLL(str(library_for(function_source(chain(length)), find_compiler())))
+        assert {found for lines, found in levels if lines > 300 or length == 20} == {level}
+        x = np.array([0.4, -0.7])
+        assert called(library, chain(length).name(), x) == pytest.approx(reference(x, length), rel=1e-12)

@@ -112,9 +112,8 @@ def shown(made):
     return found
 
 
-def start(short, long):
+def start():
     """A worker that finds compiled code, but must not compile any."""
-    compiler._SHORT, compiler._LONG = short, long
 
     def build(*_):
         raise AssertionError("compiled anew")
@@ -129,7 +128,7 @@ def unpickled(data):
 @pytest.fixture(scope="module")
 def worker():
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, context, start, (compiler._SHORT, compiler._LONG)) as pool:
+    with ProcessPoolExecutor(1, context, start) as pool:
         yield pool
 
 

@@ -19,10 +19,11 @@ __all__ = ["Estimation", "estimation_of"]
 
 Array = NDArray[np.float64]
 
+# RK4 with the continuous extension of Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6.
 _SLOPES = ((1.0 / 6.0, 5.0 / 24.0, 0.5), (2.0 / 6.0, 4.0 / 24.0, 0.5), (2.0 / 6.0, 4.0 / 24.0, 1.0))
 _LAST_SLOPE = (1.0 / 6.0, -1.0 / 24.0, 0.0)
 """Coefficients of RK4 [1]: weight of a slope at the end of the step, its weight half-way (continuous extension of order
-3), and the position of the next slope; Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6."""
+3), and the position of the next slope."""
 
 _DISTURBANCES = (
     ("contact_force", r"(contact_\w+) \[N\]", r"unknown_\1 [N]"),

@@ -30,14 +30,14 @@ _TINY_PLACE = 1e-10
 """The same of a contact's place, whose second derivatives IPOPT needs: rounds |xi| below 1e-5 [1]."""
 _TINY_DIRECTION = 1e-14
 """The same of the support function [1, in squared units of the problem]."""
-_STEPS, _FEWER_STEPS = 3, 2
+_STEPS, _FEWER_STEPS = 3, 2  # see below
 _PLAIN_EXPONENT, _PLAIN_ASPECT = 4.0, 1.6
 """Newton steps to the nearest point, and exponent and ratio of the half axes up to which fewer do: the nearest point is
 then exact to 1e-7 of the shorter half axis for points nearer than 0.4 of it."""
 _LONGEST = 0.5
 """Longest step of the search on superellipses, as an angle of its parameter [rad]: Newton's method overshoots where the
 curvature changes by its own size, which it does within half a radian."""
-_COUNT = 129
+_COUNT = 129  # see below
 _SPACING = 0.5 * math.pi / (_COUNT - 1)
 """Places of a quadrant that are scanned before Newton's method, and their distance [rad]."""
 _SETTLED = 1e-7
