@@ -1,6 +1,6 @@
 """What least squares tell about the parameters: standard deviations, intervals, and what the data cannot see.
 
-Whether the model's own error matters beside these deviations is told by a model with twice the elements.
+A model with twice the elements says whether the model's own error matters beside these deviations.
 """
 
 from __future__ import annotations
