@@ -17,10 +17,8 @@ import numpy as np
 
 from benchmarks.paper.errors import paper_errors
 from benchmarks.report import Report, Table
-from continuum_grasp.accuracy.assess import errors_of
-from continuum_grasp.accuracy.choice import Choice
-from continuum_grasp.accuracy.motion import Motion, pace, reference_motion, rms
-from continuum_grasp.accuracy.timing import evaluation_ns
+from continuum_grasp.accuracy.choice import Choice, errors_of
+from continuum_grasp.accuracy.motion import Motion, evaluation_ns, pace, reference_motion, rms
 from continuum_grasp.accuracy.truth import find_truth
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene

@@ -14,8 +14,7 @@ import numpy as np
 
 from benchmarks.random_scenes import random_scene
 from benchmarks.report import Report, Table
-from continuum_grasp.accuracy.assess import assess
-from continuum_grasp.accuracy.choice import COUNTS, choices
+from continuum_grasp.accuracy.choice import COUNTS, assess, choices
 from continuum_grasp.accuracy.choose import Chosen, allowed_accuracies, allowed_families, choose_fidelity
 from continuum_grasp.errors import SolverError
 from continuum_grasp.rod.elastica import solve_elastica

@@ -68,7 +68,7 @@ def evaluate(wait: bool) -> Any:
 def plainly(scenes: int, seed: int, wait: bool, pipe: Any) -> None:
     """All scenes in a loop, as a user would without a sweep."""
     from continuum_grasp.scene.grasp import GraspScene
-    from continuum_grasp.sweeps.read import plan_of
+    from continuum_grasp.sweeps.plan import plan_of
     from continuum_grasp.sweeps.worker import Job, scene_data
 
     plan, run = plan_of(config(scenes, seed)), evaluate(wait)

@@ -157,6 +157,6 @@ def _resolved(given: Scene | str | PathLike[str], *, vibrates: bool = False) -> 
     scene = scene_of(given)
     if scene.fidelity.tolerance is None:
         return scene, ""
-    from continuum_grasp.accuracy.resolve import resolve_fidelity
+    from continuum_grasp.accuracy.choose import resolve_fidelity
 
     return resolve_fidelity(scene, vibrates=vibrates)

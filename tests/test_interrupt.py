@@ -210,7 +210,9 @@ def test_every_command_ends_with_130(moment, tmp_path):
     assert not list(tmp_path.rglob(".tmp-*"))
 
 
-@pytest.mark.parametrize("place", ["continuum_grasp.results.pictures.save_picture", "matplotlib.figure.Figure.savefig"])
+@pytest.mark.parametrize(
+    "place", ["continuum_grasp.results.animation.save_picture", "matplotlib.figure.Figure.savefig"]
+)
 def test_what_was_computed_is_saved_when_drawing_is_stopped(place, tmp_path):
     code = COMMAND.replace(
         "owner = import_module(module)",

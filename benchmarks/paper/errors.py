@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.paper.model import VARIANTS, PaperModel
-from continuum_grasp.accuracy.assess import Errors, errors_of
+from continuum_grasp.accuracy.choice import Errors, errors_of
 from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene

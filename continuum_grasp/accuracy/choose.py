@@ -1,23 +1,28 @@
-"""From a tolerance to the cheapest model that meets it."""
+"""From a tolerance to the cheapest model that meets it, chosen once and remembered."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
 from time import perf_counter
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
-from continuum_grasp import interrupt
-from continuum_grasp.accuracy.assess import Assessment, assess
-from continuum_grasp.accuracy.choice import ACCURACIES, COUNTS, Choice, choices, open_families
+from continuum_grasp import __version__, interrupt
+from continuum_grasp.accuracy.choice import ACCURACIES, COUNTS, Assessment, Choice, assess, choices, open_families
 from continuum_grasp.accuracy.truth import Truth, find_truth
+from continuum_grasp.core.cache import private_folder
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.simulate import Fidelity, Initial, Scene, Timing
 
-__all__ = ["Chosen", "allowed_accuracies", "allowed_families", "choose_fidelity"]
+__all__ = ["Chosen", "allowed_accuracies", "allowed_families", "choose_fidelity", "resolve_fidelity"]
 
 _PROBE = 1e-6
 """Relative accuracy of evaluation that tells whether a number of elements can meet the tolerance: its own error is
@@ -244,3 +249,73 @@ def _none_meets(scene: Scene, tolerance: float, tried: list[Assessment]) -> Solv
         advice=f"raise fidelity.tolerance{free}",
         result=closest,
     )
+
+
+def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, str]:
+    """The scene with what its tolerance asks for, and what was chosen and why.
+
+    The choice is stored in the user's cache folder, by the content of the scene and of this package.
+
+    Parameters
+    ----------
+    scene : Scene
+    vibrates : bool
+        Whether modes are asked for: the first two frequencies must meet the tolerance, whether the scene moves or not.
+
+    Returns
+    -------
+    scene : Scene
+        Without a tolerance; as it was where it had none.
+    note : str
+        What was chosen and why; empty where there was nothing to choose.
+
+    Raises
+    ------
+    InputError, SolverError
+        As ``choose_fidelity``.
+    """
+    if scene.fidelity.tolerance is None:
+        return scene, ""
+    asked = _swinging(scene) if vibrates else scene
+    key = _key(asked)
+    file = private_folder("choices") / f"{key}.json"
+    known = _read(file, key)
+    if known is None:
+        from continuum_grasp.results import replacing
+
+        chosen = choose_fidelity(asked)
+        known = {"key": key, "fidelity": chosen.scene.fidelity.model_dump(mode="json"), "note": str(chosen)}
+        with replacing(file) as temporary:
+            temporary.touch(mode=0o600)
+            temporary.write_text(json.dumps(known))
+    fidelity = Fidelity.model_validate(known["fidelity"])
+    return scene.model_copy(update={"fidelity": fidelity}), str(known["note"])
+
+
+def _swinging(scene: Scene) -> Scene:
+    """The scene as one whose modes matter, about its equilibrium where it does not move."""
+    changed: dict[str, Any] = {"fidelity": scene.fidelity.model_copy(update={"frequencies": 2})}
+    if scene.time is None:
+        changed |= {"initial": Initial(pose="equilibrium"), "time": Timing(duration=1.0, step=0.01)}
+    return scene.model_copy(update=changed)
+
+
+def _read(file: Path, key: str) -> dict[str, Any] | None:
+    """A record that is whole and about this very scene."""
+    try:
+        known = json.loads(file.read_text())
+        Fidelity.model_validate(known["fidelity"])
+        return known if known["key"] == key and isinstance(known["note"], str) else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _key(scene: Scene) -> str:
+    """Hash of everything that the choice depends on."""
+    package = Path(__file__).parents[1]
+    digest = hashlib.sha256(f"{__version__} {ca.CasadiMeta.version()}\n".encode())
+    for folder in ("accuracy", "rod", "model", "simulation"):
+        for file in sorted((package / folder).rglob("*.py")):
+            digest.update(file.read_bytes())
+    digest.update(scene.model_copy(update={"name": None}).model_dump_json().encode())
+    return digest.hexdigest()

@@ -12,8 +12,7 @@ from typing import Any, ClassVar
 
 from continuum_grasp import interrupt
 from continuum_grasp.accuracy.motion import Motion, reference_motion
-from continuum_grasp.accuracy.rows import NOTES, ReportRows, columns_of
-from continuum_grasp.accuracy.tables import Table
+from continuum_grasp.accuracy.rows import NOTES, ReportRows, Table, columns_of
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.errors import InputError
 from continuum_grasp.results.record import begin_run

@@ -1,17 +1,16 @@
-"""Rows of the report: what each choice costs and how wrong it is."""
+"""Tables of the report, for reading and for programs: what each choice costs and how wrong it is."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from continuum_grasp.accuracy.assess import assess
-from continuum_grasp.accuracy.choice import ACCURACIES, Choice, choices, open_families
-from continuum_grasp.accuracy.motion import INSTANTS, Motion, Runs, pace, rms
-from continuum_grasp.accuracy.timing import evaluation_error, evaluation_ns
+from continuum_grasp.accuracy.choice import ACCURACIES, Choice, assess, choices, open_families
+from continuum_grasp.accuracy.motion import INSTANTS, Motion, Runs, evaluation_error, evaluation_ns, pace, rms
 from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.core import Core
 from continuum_grasp.errors import ContinuumGraspError, NumericalError
@@ -19,7 +18,63 @@ from continuum_grasp.scene.families import PAPER_FAMILY
 from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["NOTES", "ReportRows", "columns_of"]
+__all__ = ["NOTES", "ReportRows", "Table", "columns_of"]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of figures under named columns.
+
+    Attributes
+    ----------
+    title : str
+    columns : tuple of str
+    rows : tuple of tuple
+        Texts and numbers; None and NaN where something does not apply.
+    note : str
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+    note: str = ""
+
+    def column(self, name: str) -> list[Any]:
+        """All entries under one name."""
+        k = self.columns.index(name)
+        return [row[k] for row in self.rows]
+
+    def markdown(self) -> str:
+        """The table as Markdown, numbers to the right."""
+        texts = [[_text(value) for value in row] for row in self.rows]
+        number = [all(not isinstance(row[k], str) for row in self.rows) for k in range(len(self.columns))]
+        lines = [f"## {self.title}", "", _line(self.columns), _line(["---:" if right else "---" for right in number])]
+        lines += [_line(row) for row in texts]
+        return "\n".join([*lines, "", *([self.note, ""] if self.note else [])])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON; what is not finite is None."""
+        rows = [[_plain(value) for value in row] for row in self.rows]
+        return {"title": self.title, "columns": list(self.columns), "rows": rows, "note": self.note}
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _plain(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _text(value: Any) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "-"
+    if isinstance(value, int) and not isinstance(value, bool):
+        return f"{value:,}"
+    if isinstance(value, float):
+        return f"{value:,.0f}" if 1000.0 <= abs(value) < 1e9 else f"{value:.3g}"
+    return str(value)
+
 
 COLUMNS = (
     "model",
@@ -48,7 +103,6 @@ _FINEST = 64
 rewards with an error 4,096 times smaller."""
 _EQUAL = 1e-4
 """Error of the time steps, per length, at which real-time factors are compared: below the error of most models."""
-
 
 NOTES = {
     "choices": "Greatest errors over the static load cases, and of the natural frequencies about them; r.m.s. error of "

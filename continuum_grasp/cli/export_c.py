@@ -68,7 +68,7 @@ def export_c(
     given |= {"--target": target != "host", "--substeps": substeps != 1, "--measure": measure}
     if casadi is not None and (others := [option for option, value in given.items() if value]):
         raise InputError(f"--casadi cannot be combined with {', '.join(others)}: plain functions have none of these")
-    from continuum_grasp.cli.scenes import simulation_scene
+    from continuum_grasp.cli.options import simulation_scene
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.load import load
 

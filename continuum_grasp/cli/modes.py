@@ -26,7 +26,7 @@ def modes(
     quiet: Quiet = False,
 ) -> None:
     """Natural frequencies and shapes about the equilibrium."""
-    from continuum_grasp.cli.scenes import simulation_scene
+    from continuum_grasp.cli.options import simulation_scene
 
     output = Output(as_json, quiet)
     scene, note = simulation_scene(config, changes, output, vibrates=True)

@@ -1,13 +1,29 @@
-"""Arguments and options that several verbs share."""
+"""Arguments and options that several verbs share, and the scene that they name."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-__all__ = ["Animate", "Config", "Json", "Out", "Quiet", "Set", "Verbose", "named_path", "out_option"]
+if TYPE_CHECKING:
+    from continuum_grasp.cli.output import Output
+    from continuum_grasp.scene.simulate import Scene
+
+__all__ = [
+    "Animate",
+    "Config",
+    "Json",
+    "Out",
+    "Quiet",
+    "Set",
+    "Verbose",
+    "named_path",
+    "out_option",
+    "simulation_scene",
+]
 
 
 def named_path(text: str | Path) -> Path:
@@ -63,3 +79,29 @@ Set = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print statistics too.")]
+
+
+def simulation_scene(
+    config: Path, changes: Iterable[str] | None, output: Output, *, vibrates: bool = False
+) -> tuple[Scene, str]:
+    """A scene for simulation, modes and code generation, its tolerance turned into a model; what was chosen and why.
+
+    Raises
+    ------
+    InputError
+        Where the file is wrong or of another kind.
+    SolverError
+        Where no model keeps the tolerance.
+    """
+    from continuum_grasp.scene.load import scene_of
+    from continuum_grasp.scene.simulate import Scene
+
+    scene = scene_of(config, Scene, changes or ())
+    if scene.fidelity.tolerance is None:
+        return scene, ""
+    from continuum_grasp.accuracy.choose import resolve_fidelity
+
+    with output.busy("choosing the model"):
+        scene, note = resolve_fidelity(scene, vibrates=vibrates)
+    output.say(f"fidelity: {note}")
+    return scene, note

@@ -29,7 +29,7 @@ def simulate(
     verbose: Verbose = False,
 ) -> None:
     """Move a finger in time: saves the motion, draws pictures."""
-    from continuum_grasp.cli.scenes import simulation_scene
+    from continuum_grasp.cli.options import simulation_scene
     from continuum_grasp.errors import InputError
 
     output = Output(as_json, quiet, verbose)

@@ -84,9 +84,9 @@ def _stored(config: Path, folder: Path, changes: list[str]) -> SweepTable:
 
     from continuum_grasp.results import begin_run
     from continuum_grasp.sweeps import sweep_table
-    from continuum_grasp.sweeps.export import CSV
     from continuum_grasp.sweeps.folder import PLAN
-    from continuum_grasp.sweeps.read import plan_of
+    from continuum_grasp.sweeps.plan import plan_of
+    from continuum_grasp.sweeps.table import CSV
 
     table = replace(sweep_table(folder), pictures=plan_of(config, changes).pictures)
     begin_run(folder, "sweep", retained=(PLAN, CSV))

@@ -82,7 +82,7 @@ class ControlRun(MotionResult):
         File("times.png", "plotting.control.closed_loop:plot_controller_times"),
         File("disturbances.png", "plotting.control.closed_loop:plot_disturbances", needs="disturbance_names"),
     )
-    frames: ClassVar[str] = "plotting.control.control_frames:control_frames"
+    frames: ClassVar[str] = "plotting.control.closed_loop:control_frames"
 
     scene: ControlScene
     readings: Readings = field(repr=False)

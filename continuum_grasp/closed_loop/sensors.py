@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.estimator import Measured
+from continuum_grasp.scene.controller import Measured
 
 __all__ = ["Sensors"]
 

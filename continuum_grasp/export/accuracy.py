@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.fields import REALS, Real
 from continuum_grasp.export.part import Argument, Call, Code
-from continuum_grasp.export.reals import REALS, Real
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import arguments_of, reach_of, split
 
-__all__ = ["OutputError", "check_errors", "error_bounds", "sampled_rows", "worst_of"]
+__all__ = ["OutputError", "check_errors", "error_bounds", "worst_of"]
 
 Array = NDArray[Any]
 

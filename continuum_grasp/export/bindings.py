@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 from continuum_grasp.export.control.loop import DIAGNOSIS
 from continuum_grasp.export.control.source import ANOMALIES
 from continuum_grasp.export.fields import Struct
-from continuum_grasp.export.header import calls_of, stateful_of, structs_of
+from continuum_grasp.export.layer import calls_of, stateful_of, structs_of
 from continuum_grasp.export.part import SECONDS, Call, Method, Part, Stateful
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 
-__all__ = ["interface", "python_binding", "wasm_files"]
+__all__ = ["python_binding", "wasm_files"]
 
 
 def interface(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> dict[str, object]:

@@ -15,9 +15,9 @@ import casadi as ca
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.manifest import MANIFEST, manifest_text, model_description, write_package
 from continuum_grasp.export.package import Package
-from continuum_grasp.export.reals import REALS
 from continuum_grasp.export.source import Given, prefix_of, source_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.finger_model import FUNCTIONS

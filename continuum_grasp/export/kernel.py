@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.reals import Real
+from continuum_grasp.export.fields import Real
 from continuum_grasp.export.strict_math import reference
 
 __all__ = ["Kernel"]

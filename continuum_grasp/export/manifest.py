@@ -15,14 +15,12 @@ from continuum_grasp import __version__
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.fields import Field
-from continuum_grasp.export.header import calls_of, codes_of_package, stateful_of, structs_of
-from continuum_grasp.export.layer import kernels_of
+from continuum_grasp.export.layer import calls_of, codes_of_package, kernels_of, stateful_of, structs_of
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.model import FingerModel
 
 __all__ = ["FLAGS", "MANIFEST", "manifest", "manifest_text", "model_description", "write_package"]
-
 
 FLAGS = {
     "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],

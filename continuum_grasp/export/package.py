@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -14,18 +13,16 @@ from continuum_grasp import __version__, interrupt
 from continuum_grasp.export.accuracy import OutputError, check_errors, error_bounds, worst_of
 from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.control.stateful import SIZES, UNKNOWN, stateful_usage, stateful_vectors
-from continuum_grasp.export.examples import example_files
-from continuum_grasp.export.header import abi_of, calls_of, header, stateful_of
-from continuum_grasp.export.layer import internal_header, kernels_source, layer_source
+from continuum_grasp.export.control.replay import SIZES, UNKNOWN, stateful_usage, stateful_vectors
+from continuum_grasp.export.fields import REALS, real_of
+from continuum_grasp.export.layer import abi_of, calls_of, library_files, stateful_of
 from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
 from continuum_grasp.export.part import Part, Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.readme import readme
-from continuum_grasp.export.reals import REALS, real_of
 from continuum_grasp.export.source import Given, Source, count_of, parts_of, positive, prefix_of, source_of
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.targets import Target, measure, target_of
+from continuum_grasp.export.targets import Target, example_files, measure, target_of
 from continuum_grasp.export.template import fill
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 
@@ -149,13 +146,13 @@ def export_c(
     check_errors(kind, worst_of(errors), limit)
     vectors = vectors_of(subject, calls_of(parts)) if calls_of(parts) else []
     words = _common_words(subject, parts, source)
-    files = _library_files(subject, parts, words)
+    files = library_files(subject, parts, words)
     if stateful_of(parts):
         added, more = stateful_vectors(subject, parts, wide, files, words)
         check_errors(kind, worst_of(more), limit)
         vectors += added
         errors |= more
-        files = _library_files(subject, parts, words)
+        files = library_files(subject, parts, words)
     files |= _further_files(subject, parts, aim, vectors, words)
     target_folder = Path(folder)
     counts = {v.name: v.count for v in vectors}
@@ -205,25 +202,6 @@ def _further_files(
     if target.name == "wasm":
         files |= wasm_files(subject, parts, words)
     return files
-
-
-def _library_files(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> dict[str, str]:
-    """The library, and the header of its check program."""
-    prefix = subject.prefix
-    kernels = kernels_source(subject, parts, words)
-    own = {path: text for part in parts for path, text in part.sources.items()}
-    layer = layer_source(subject, parts, words)
-    computed = "".join([kernels, layer, *(text for path, text in sorted(own.items()) if path.endswith(".c"))])
-    counts = "".join(f"{name} {value}\n" for part in parts for name, value in part.constants.items())
-    words["hash"] = hashlib.sha256(f"{subject.real.name}\n{counts}{computed}".encode()).hexdigest()[:16]
-    return {
-        f"include/{prefix}.h": header(subject, parts, words),
-        f"src/{prefix}_internal.h": internal_header(subject, parts, words),
-        f"src/{prefix}_kernels.c": kernels,
-        f"src/{prefix}.c": layer,
-        "tests/check.h": fill("tests/check.h", words),
-        **own,
-    }
 
 
 _CMAKE = ("config.cmake.in", "cortex-m4f.cmake", "cortex-m7.cmake")

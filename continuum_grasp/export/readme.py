@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from continuum_grasp.export.accuracy import OutputError
-from continuum_grasp.export.header import calls_of, codes_of_package, stateful_of, structs_of
-from continuum_grasp.export.layer import kernels_of
+from continuum_grasp.export.layer import calls_of, codes_of_package, kernels_of, stateful_of, structs_of
 from continuum_grasp.export.part import Part
-from continuum_grasp.export.parts.step import moment_note
+from continuum_grasp.export.parts.model import moment_note
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 from continuum_grasp.scene.controller import Controller

@@ -14,9 +14,9 @@ from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.fields import Real
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
-from continuum_grasp.export.reals import Real
-from continuum_grasp.export.stability import MOST_SUBSTEPS
+from continuum_grasp.export.subject import MOST_SUBSTEPS
 from continuum_grasp.model import FingerModel, ModelOptions
 from continuum_grasp.model.stumpff import ROUNDING
 from continuum_grasp.scene.control import ControlScene
@@ -24,7 +24,6 @@ from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["Given", "Source", "count_of", "parts_of", "positive", "prefix_of", "source_of"]
-
 
 _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
 """What may mean something in a comment of C, in XML, CMake, pkg-config or Markdown."""
@@ -80,7 +79,7 @@ def source_of(given: Given, real: Real) -> Source:
         raise InputError(f"expected a FingerModel, a Scene, a closed loop or the path of its file, got {given!r:.80}")
     scene = given
     if scene.fidelity.tolerance is not None:
-        from continuum_grasp.accuracy.resolve import resolve_fidelity
+        from continuum_grasp.accuracy.choose import resolve_fidelity
 
         scene, _ = resolve_fidelity(scene)
     model = _of_precision(FingerModel(scene), real)

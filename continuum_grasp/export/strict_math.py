@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.export.reals import Real
+from continuum_grasp.export.fields import Real
 from continuum_grasp.export.template import fill
 
 __all__ = ["FUNCTIONS", "c_source", "reference"]

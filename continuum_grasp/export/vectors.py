@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.export.fields import Field
+from continuum_grasp.export.fields import Field, Real
 from continuum_grasp.export.part import Argument, Bad, Call, Code, Vectors
-from continuum_grasp.export.reals import Real
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 
@@ -25,13 +24,11 @@ __all__ = [
     "check_source",
     "reach_of",
     "runner_head",
-    "runner_of",
     "sample",
     "split",
     "vectors_of",
     "vectors_source",
 ]
-
 
 Array = NDArray[Any]
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import SolverError
 from continuum_grasp.identification.data import Frequencies, Poses
-from continuum_grasp.identification.rows import Rows
-from continuum_grasp.identification.shape import Shapes, observation
+from continuum_grasp.identification.rows import Rows, Shapes, observation
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene

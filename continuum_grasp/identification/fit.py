@@ -1,7 +1,8 @@
-"""What an identification found."""
+"""What an identification found, and a scene with estimated values in it."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Entry
 from continuum_grasp.results.result import File, Result, Stored
+from continuum_grasp.scene.finger import Finger, PointMass, Rod
 from continuum_grasp.scene.simulate import Scene
 
 __all__ = ["Error", "Fit"]
@@ -154,14 +156,13 @@ class Fit(Result):
         InputError
             If the scene does not take a value.
         """
-        from continuum_grasp.identification.apply import with_parameter
         from continuum_grasp.identification.unknowns import DEADBAND
 
         changed = self.scene if scene is None else scene
         for (target, factor, added), value in zip(self.targets, self.values, strict=True):
             if target != DEADBAND:
                 base = changed.finger.base.angle if added else 0.0
-                changed = with_parameter(changed, target, base + factor * float(value))
+                changed = _with_parameter(changed, target, base + factor * float(value))
         return changed
 
     @property
@@ -199,3 +200,62 @@ class Fit(Result):
             "holdout_errors": errors(self.holdout_errors),
             "blocks": [{"name": name, "entries": count} for name, count in self.blocks],
         }
+
+
+def _with_parameter(scene: Scene, target: str, value: float) -> Scene:
+    """The scene with one run-time parameter of the model at another value.
+
+    Parameters
+    ----------
+    scene : Scene
+    target : str
+        Name of the parameter, as in ``FingerModel(..., parameters=...)``.
+    value : float
+
+    Raises
+    ------
+    InputError
+        If no value of a scene is behind the parameter, or the scene does not take this one.
+    """
+    finger = scene.finger
+    changes: dict[str, Any]
+    if target in ("bending_stiffness", "linear_density", "rotary_inertia"):
+        changes = {"rod": _rod(finger.rod, target, value)}
+    elif target in ("material_damping", "per_arc_damping"):
+        key = target.removesuffix("_damping")
+        changes = {"damping": finger.damping.model_copy(update={key: value})}
+    elif target == "rest_curvature":
+        changes = {"rest_curvature": value}
+    elif target == "base_angle":
+        changes = {"base": finger.base.model_copy(update={"angle": value})}
+    elif target in ("tendon_offset", "tendon_friction") and finger.tendons is not None:
+        changes = {"tendons": finger.tendons.model_copy(update={target.removeprefix("tendon_"): value})}
+    elif target == "tip_mass" or target.startswith("mass_"):
+        changes = {"masses": _masses(finger, target, value)}
+    else:
+        raise InputError(f"no value of a scene is behind {target}")
+    parts = {name: getattr(finger, name) for name in finger.model_fields_set | changes.keys()}
+    return scene.model_copy(update={"finger": Finger(**{**parts, **changes})})
+
+
+def _rod(rod: Rod, target: str, value: float) -> Rod:
+    """The rod in its own terms: by section, or by linear density and bending stiffness."""
+    given = {name: getattr(rod, name) for name in rod.model_fields_set}
+    if target == "rotary_inertia":
+        return Rod(**{**given, "rotary_inertia": value})
+    if rod.youngs_modulus is None or rod.density is None:
+        return Rod(**{**given, target: value})
+    if target == "bending_stiffness":
+        return Rod(**{**given, "youngs_modulus": value * rod.youngs_modulus / rod.stiffness})
+    unchanged = {"rotary_inertia": rod.inertia_per_length}  # in the model it stays while the linear density changes
+    return Rod(**{**given, **unchanged, "density": value * rod.density / rod.mass_per_length})
+
+
+def _masses(finger: Finger, target: str, value: float) -> tuple[PointMass, ...]:
+    length, masses = finger.rod.length, list(finger.masses)
+    if target == "tip_mass":
+        others = [mass for mass in masses if not math.isclose(mass.at, length, rel_tol=1e-9)]
+        return (*others, PointMass(at=length, mass=value))
+    k = int(target.removeprefix("mass_"))
+    masses[k] = PointMass(at=masses[k].at, mass=value)
+    return tuple(masses)

@@ -18,8 +18,7 @@ from continuum_grasp.errors import ContinuumGraspError, InputError
 from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBlock
 from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPath
 from continuum_grasp.identification.fit import Fit
-from continuum_grasp.identification.inference import infer
-from continuum_grasp.identification.model_error import model_error_warnings, refined
+from continuum_grasp.identification.inference import infer, model_error_warnings, refined
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.read import read_data
@@ -141,7 +140,7 @@ def _resolved(scene: Scene) -> tuple[Scene, str]:
     """The scene with a model in place of a tolerance, and what was chosen and why."""
     if scene.fidelity.tolerance is None:
         return scene, ""
-    from continuum_grasp.accuracy.resolve import resolve_fidelity
+    from continuum_grasp.accuracy.choose import resolve_fidelity
 
     plain = Scene(**{name: getattr(scene, name) for name in Scene.model_fields})
     resolved, note = resolve_fidelity(plain)

@@ -1,8 +1,9 @@
-"""From files, as a configuration describes them, to measurements."""
+"""From files, as a configuration describes them, to measurements; where the files may lie."""
 
 from __future__ import annotations
 
 import fnmatch
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -12,9 +13,7 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.damped_sine import fit_damped_sine
 from continuum_grasp.identification.data import Data, Frequencies, Poses, Reading, TipPath
-from continuum_grasp.identification.folder import VARIABLE, located
-from continuum_grasp.identification.table import Table, read_table
-from continuum_grasp.identification.units import unit_of_quantity
+from continuum_grasp.identification.table import Table, read_table, unit_of_quantity
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.assembly import apply_override, read_overrides
 from continuum_grasp.scene.document import Document, Place
@@ -31,7 +30,7 @@ from continuum_grasp.scene.identify import (
 )
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["read_data"]
+__all__ = ["VARIABLE", "data_folder", "read_data"]
 
 Array = NDArray[np.float64]
 
@@ -64,7 +63,7 @@ def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
     """
     if not scene.data:
         raise InputError("a configuration that reads files says how: data: [{kind: ...}]", key="data")
-    paths = [located(path) for path in paths]
+    paths = [_located(path) for path in paths]
     files = list(_files(paths, scene.data))
     for file in files:
         if sum(file.resolve() == other.resolve() for other in files) > 1:
@@ -221,3 +220,31 @@ def _column(table: Table, column: ColumnLike, si: str) -> Array:
     if one.minus is not None:
         values = values - table.in_si(one.minus, si, one.unit)
     return one.scale * values
+
+
+VARIABLE = "CONTINUUM_GRASP_DATA"
+"""Environment variable with the path of the folder."""
+
+
+def data_folder() -> Path | None:
+    """The folder that ``CONTINUUM_GRASP_DATA`` names, or ``../shared/data`` beside a checkout; None: there is none.
+
+    Examples
+    --------
+    >>> from continuum_grasp.identification import data_folder
+    >>> folder = data_folder()
+    >>> folder is None or folder.is_dir()
+    True
+    """
+    named = os.environ.get(VARIABLE)
+    folder = Path(named) if named else Path(__file__).resolve().parents[3] / "shared" / "data"
+    return folder if folder.is_dir() else None
+
+
+def _located(path: Path) -> Path:
+    """A path as it is given, or in the data folder where it is relative and not found as given."""
+    folder = data_folder()
+    if path.is_absolute() or path.exists() or folder is None:
+        return path
+    inside = folder / path
+    return inside if inside.exists() else path

@@ -16,9 +16,8 @@ from continuum_grasp.model.actuation import Drive, friction_factors
 from continuum_grasp.model.chain import Chain, Force, Moment, Place
 from continuum_grasp.model.family import Rod
 from continuum_grasp.model.layout import place_at
-from continuum_grasp.model.ldl import solve_ldl
 from continuum_grasp.model.link import Section
-from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec
+from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, solve_ldl
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.loads import ForceLoad
 

@@ -11,7 +11,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger, PiecewiseCurvature
 
-__all__ = ["Parameters"]
+__all__ = ["Parameters", "at_tip"]
 
 _UNITS = {
     "base_angle": "rad",
@@ -104,10 +104,10 @@ def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Seque
         "rotary_inertia": [rod.inertia_per_length],
         "material_damping": [finger.damping.material],
         "per_arc_damping": [finger.damping.per_arc],
-        "tip_mass": [sum(m.mass for m in finger.masses if _at_tip(m.at, length))],
+        "tip_mass": [sum(m.mass for m in finger.masses if at_tip(m.at, length))],
     }
     for k, mass in enumerate(finger.masses):
-        if not _at_tip(mass.at, length):
+        if not at_tip(mass.at, length):
             values[f"mass_{k}"] = [mass.mass]
     if tendons is not None:
         values["tendon_offset"] = [tendons.offset]
@@ -117,7 +117,8 @@ def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Seque
     return {name: [float(v) for v in value] for name, value in values.items()}
 
 
-def _at_tip(at: float, length: float) -> bool:
+def at_tip(at: float, length: float) -> bool:
+    """Whether a position is the tip."""
     return abs(at - length) <= 1e-9 * length
 
 

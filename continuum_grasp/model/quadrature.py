@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 
-__all__ = ["Collocation", "collocation", "node_count"]
+__all__ = ["collocation", "node_count"]
 
 
 @dataclass(frozen=True)

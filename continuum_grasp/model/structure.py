@@ -12,7 +12,7 @@ from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import Family, family_class
 from continuum_grasp.model.layout import element_lengths, element_ranges, place_at, with_breaks
-from continuum_grasp.model.parameters import Parameters
+from continuum_grasp.model.parameters import Parameters, at_tip
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
@@ -139,7 +139,7 @@ class Structure:
 
     def on_tip(self, at: float) -> bool:
         """Whether a position is the tip."""
-        return abs(at - self.length) <= 1e-9 * self.length
+        return at_tip(at, self.length)
 
     def masses(self) -> list[tuple[str, Place]]:
         """Names and places of the point masses that the model has."""
@@ -253,7 +253,7 @@ def tip_moment_jumps(scene: Scene) -> bool:
 
 
 def _tip_couples(loads: Sequence[Load], length: float) -> list[MomentLoad]:
-    return [load for load in loads if isinstance(load, MomentLoad) and abs(load.at - length) <= 1e-9 * length]
+    return [load for load in loads if isinstance(load, MomentLoad) and at_tip(load.at, length)]
 
 
 def _at_zero(value: float | Samples) -> float:

@@ -13,7 +13,7 @@ import casadi as ca
 
 from continuum_grasp.model.planar import Rotation, Scalar
 
-__all__ = ["ROUNDING", "horner_degree", "rotation", "stumpff"]
+__all__ = ["ROUNDING", "rotation", "stumpff"]
 
 ROUNDING = 1.5e-16
 """Truncation error below which a series is as good as exact in double precision."""

@@ -13,8 +13,7 @@ from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.table import TablePair, table_pair
-from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs
+from continuum_grasp.model.touching import Pair, Station, TablePair, disc_pair, support_pairs, table_pair
 from continuum_grasp.scene.surroundings import Surroundings
 
 __all__ = ["OBJECT_PARAMETERS", "SystemEquations"]

@@ -1,10 +1,11 @@
-"""Which surfaces can touch: every station of the finger and every support against the object."""
+"""Which surfaces can touch: every station of the finger, every support and the table against the object."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import casadi as ca
 
@@ -15,7 +16,110 @@ from continuum_grasp.model.surfaces import nearest, surface_of
 from continuum_grasp.scene.supports import Peg, Wall
 from continuum_grasp.scene.surroundings import ContactLaw
 
-__all__ = ["Pair", "Station", "disc_pair", "support_pairs"]
+__all__ = ["Pair", "Station", "TablePair", "disc_pair", "support_pairs", "table_pair"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Contact:
+    """What touches the object, as of a ``Pair``; subclasses have the normal force and the slip."""
+
+    name: str
+    gap: Scalar
+    point: Vec
+    velocity: Vec
+    climb: Scalar
+    friction: float
+    grip: Scalar
+    law: ContactLaw
+    z: ca.SX
+    press: ca.SX = field(default_factory=ca.SX)
+
+    def pressed(self) -> Self:
+        """The same with a gap that is smaller by a run-time number ``press``."""
+        press = ca.SX.sym("press")
+        return replace(self, gap=self.gap - press, press=press)
+
+    @property
+    def z_rate(self) -> list[Scalar]:
+        """Rates of the friction states [1/s]."""
+        return friction_rate(self.law, self.gap, self._states, self._slip) if self.z.numel() else []
+
+    @property
+    def stored_energy(self) -> Scalar:
+        """Of the normal spring [J]."""
+        return stored_energy(self.law, self.gap)
+
+    @property
+    def _states(self) -> list[Scalar]:
+        return [self.z[k] for k in range(self.z.numel())]
+
+    @cached_property
+    def _slip(self) -> list[Scalar]:
+        """Velocity of the object along the directions of friction."""
+        raise NotImplementedError
+
+
+class TablePair(_Contact):
+    """The object's base on a table parallel to the plane; the attributes are those of a ``Pair``.
+
+    The normal force lifts the object; friction acts in the plane at the center of mass, along world x and y.
+    """
+
+    @property
+    def z_names(self) -> list[str]:
+        """Name and unit of each friction state."""
+        return [f"{self.name}.slide_{axis} [1]" for axis in "xy"[: self.z.numel()]]
+
+    @property
+    def normal(self) -> Vec:
+        """None in the plane."""
+        return Vec(0.0, 0.0)
+
+    @cached_property
+    def normal_force(self) -> Scalar:
+        """[N]"""
+        return normal_force(self.law, self.gap, self.climb)
+
+    @property
+    def tangential(self) -> Scalar:
+        """Friction on the table along world x [N]; see ``force`` for both components."""
+        return self.force.x
+
+    @property
+    def lift(self) -> Scalar:
+        """Force out of the plane, on the object [N]."""
+        return self.normal_force
+
+    @cached_property
+    def force(self) -> Vec:
+        """Force on the table in the plane, world [N]; the object bears the opposite."""
+        if self.friction == 0.0:
+            return Vec(0.0, 0.0)
+        limit = self.grip * self.friction * self.normal_force
+        x, y = friction_share(self.law, self._states, self._slip)
+        return Vec(limit * x, limit * y)
+
+    @cached_property
+    def _slip(self) -> list[Scalar]:
+        return [self.velocity.x, self.velocity.y]
+
+
+def table_pair(body: Body, law: ContactLaw, friction: float) -> TablePair:
+    """The table under an object that can slide out of the plane; its height is a run-time number."""
+    center = body.position + body.arm
+    has_state = friction > 0.0 and law.displacement is not None
+    return TablePair(
+        name="table",
+        gap=body.pose[3] - body.wrench[3],
+        point=center,
+        velocity=body.velocity_at(center),
+        climb=body.climb,
+        friction=friction,
+        grip=body.grip,
+        law=law,
+        z=ca.SX.sym("table", 2 if has_state else 0),
+        press=ca.SX(0, 1),
+    )
 
 
 @dataclass(frozen=True)
@@ -29,8 +133,8 @@ class Station:
     radius: float
 
 
-@dataclass(frozen=True)
-class Pair:
+@dataclass(frozen=True, kw_only=True)
+class Pair(_Contact):
     """A place of the object's surface and what may touch it there.
 
     Attributes
@@ -59,23 +163,8 @@ class Pair:
         What the gap is made smaller by [m]; empty where it is what it is.
     """
 
-    name: str
-    gap: Scalar
     normal: Vec
-    point: Vec
-    velocity: Vec
-    climb: Scalar
-    friction: float
-    grip: Scalar
-    law: ContactLaw
-    z: ca.SX
     sinks: bool
-    press: ca.SX = field(default_factory=ca.SX)
-
-    def pressed(self) -> Pair:
-        """The same with a gap that is smaller by a run-time number ``press``."""
-        press = ca.SX.sym("press")
-        return replace(self, gap=self.gap - press, press=press)
 
     @property
     def z_names(self) -> list[str]:
@@ -92,10 +181,6 @@ class Pair:
         """Velocity of the object along the surface, and out of the plane."""
         along = self.normal.perp().dot(self.velocity)
         return [along, self.climb] if self.sinks else [along]
-
-    @cached_property
-    def _states(self) -> list[Scalar]:
-        return [self.z[k] for k in range(self.z.numel())]
 
     @cached_property
     def _friction(self) -> list[Scalar]:
@@ -119,16 +204,6 @@ class Pair:
     def force(self) -> Vec:
         """Force on what touches the object, world [N]; the object bears the opposite."""
         return self.normal.scaled(self.normal_force) + self.normal.perp().scaled(self.tangential)
-
-    @cached_property
-    def z_rate(self) -> list[Scalar]:
-        """Rates of the friction states [1/s]."""
-        return friction_rate(self.law, self.gap, self._states, self._slip) if self.z.numel() else []
-
-    @property
-    def stored_energy(self) -> Scalar:
-        """Of the normal spring [J]."""
-        return stored_energy(self.law, self.gap)
 
 
 def disc_pair(body: Body, law: ContactLaw, disc: Station, friction: float | None = None) -> Pair:
@@ -184,4 +259,16 @@ def _pair(
     own = law.friction if friction is None else friction
     has_state = own > 0.0 and law.displacement is not None
     z = ca.SX.sym(name, (2 if body.sinks else 1) if has_state else 0)
-    return Pair(name, gap, normal, point, velocity, body.climb, own, body.grip, law, z, body.sinks)
+    return Pair(
+        name=name,
+        gap=gap,
+        normal=normal,
+        point=point,
+        velocity=velocity,
+        climb=body.climb,
+        friction=own,
+        grip=body.grip,
+        law=law,
+        z=z,
+        sinks=body.sinks,
+    )

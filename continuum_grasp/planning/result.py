@@ -130,7 +130,7 @@ class Plan(MotionResult):
         File("coordinates.png", "plotting.motion.over_time:plot_coordinates"),
         File("contact_forces.png", "plotting.motion.over_time:plot_contact_forces", needs="contacts"),
     )
-    frames: ClassVar[str] = "plotting.motion.motion_frames:motion_frames"
+    frames: ClassVar[str] = "plotting.motion.snapshots:motion_frames"
 
     scene: PlanScene
     status: PlanStatus

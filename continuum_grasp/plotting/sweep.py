@@ -113,25 +113,16 @@ def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
 
 
 def _draw_grid(ax: Axes, drawn: GridMap | ScatterMap, kinds: list[str]) -> ScalarMappable:
+    from matplotlib.colors import ListedColormap
+
     x, y = _edges(drawn.x), _edges(drawn.y)
     shown = ax.pcolormesh(x, y, np.ma.masked_invalid(drawn.color), cmap=time_map())
     for k, kind in enumerate(kinds):
-        here = np.ma.masked_where(drawn.kind != kind, np.ones(drawn.kind.shape))
-        ax.pcolor(
-            x,
-            y,
-            here,
-            cmap=_one_color(_SHADES[k % len(_SHADES)]),
-            hatch=_HATCHES[k % len(_HATCHES)],
-            edgecolor=GRAY,
-            linewidth=0.0,
-        )
-        _patch(
-            ax,
-            _SHADES[k % len(_SHADES)],
-            _HATCHES[k % len(_HATCHES)],
-            f"no grasp, {kind}: {int((drawn.kind == kind).sum())}",
-        )
+        here = drawn.kind == kind
+        shade = _SHADES[k % len(_SHADES)]
+        look: dict[str, Any] = {"hatch": _HATCHES[k % len(_HATCHES)], "edgecolor": GRAY, "linewidth": 0.0}
+        ax.pcolor(x, y, np.ma.masked_where(~here, np.ones(here.shape)), cmap=ListedColormap([shade]), **look)
+        ax.fill([], [], facecolor=shade, label=f"no grasp, {kind}: {int(here.sum())}", **look)
     for set_scale, set_ticks, values in (
         (ax.set_xscale, ax.set_xticks, drawn.x),
         (ax.set_yscale, ax.set_yticks, drawn.y),
@@ -158,17 +149,6 @@ def _draw_points(ax: Axes, drawn: GridMap | ScatterMap, kinds: list[str]) -> Sca
         )
     there = np.isfinite(drawn.color)
     return ax.scatter(drawn.x[there], drawn.y[there], s=size, c=drawn.color[there], cmap=time_map(), linewidths=0.0)
-
-
-def _patch(ax: Axes, color: str, hatch: str, label: str) -> None:
-    """An entry of the legend."""
-    ax.fill([], [], facecolor=color, edgecolor=GRAY, hatch=hatch, linewidth=0.0, label=label)
-
-
-def _one_color(color: str) -> Any:
-    from matplotlib.colors import ListedColormap
-
-    return ListedColormap([color])
 
 
 def _edges(values: NDArray[Any]) -> NDArray[Any]:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from continuum_grasp._lazy import TYPE_CHECKING, lazy_names
 
 if TYPE_CHECKING:
+    from continuum_grasp.results.animation import save_picture as save_picture
     from continuum_grasp.results.atomic import replacing as replacing
     from continuum_grasp.results.atomic import write_text as write_text
-    from continuum_grasp.results.pictures import save_picture as save_picture
     from continuum_grasp.results.record import begin_run as begin_run
     from continuum_grasp.results.record import kind_of_run as kind_of_run
     from continuum_grasp.results.record import note_part as note_part
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from continuum_grasp.results.run_folder import write_run as write_run
 
 _MODULES = {
+    "continuum_grasp.results.animation": ("save_picture",),
     "continuum_grasp.results.atomic": ("replacing", "write_text"),
-    "continuum_grasp.results.pictures": ("save_picture",),
     "continuum_grasp.results.record": ("begin_run", "kind_of_run", "note_part"),
     "continuum_grasp.results.result": ("File", "MotionResult", "Result", "Stored"),
     "continuum_grasp.results.run_folder": ("Run", "pack_run", "read_run", "write_run"),

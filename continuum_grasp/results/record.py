@@ -1,18 +1,68 @@
-"""What a run wrote into its folder, so that the next one there removes that and nothing else."""
+"""What a run was made with, and what it wrote into its folder: the next one there removes that and nothing else."""
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import json
 import os
+import platform
 import re
 import secrets
 from collections.abc import Collection
+from datetime import UTC, datetime
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-__all__ = ["RECORD", "begin_run", "kind_of_run", "note_file", "note_part"]
+__all__ = ["begin_run", "created_now", "kind_of_run", "machine", "note_file", "note_part", "versions"]
+
+_PACKAGES = {"continuum_grasp": "continuum-grasp", "casadi": "casadi", "numpy": "numpy"}
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, the package, CasADi and numpy; nothing is imported for it.
+
+    Returns
+    -------
+    dict of str to str
+        ``"not installed"`` where a package has no installed version, as in a plain checkout.
+    """
+    return dict(_versions())
+
+
+@functools.cache
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for name, distribution in _PACKAGES.items():
+        try:
+            found[name] = metadata.version(distribution)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def machine() -> dict[str, str]:
+    """Operating system, its release, processor architecture and Python implementation.
+
+    Returns
+    -------
+    dict of str to str
+        No host or user name.
+    """
+    return {
+        "system": platform.system(),
+        "release": platform.release(),
+        "architecture": platform.machine(),
+        "implementation": platform.python_implementation(),
+    }
+
+
+def created_now() -> str:
+    """Time of now in UTC as ISO 8601 to the second."""
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
 
 RECORD = ".run.json"
 _TEMPORARY = re.compile(r"\.tmp-(\d+)-[0-9a-f]{12}-.")

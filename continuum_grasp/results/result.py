@@ -204,7 +204,7 @@ class Result:
         return self._write(self.pictures, Path(folder))
 
     def _write(self, files: tuple[File, ...], folder: Path, **options: Any) -> list[Path]:
-        from continuum_grasp.results.pictures import save_picture
+        from continuum_grasp.results.animation import save_picture
 
         written = []
         for file in files:

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.results.atomic import flush_folder, replacing, write_text
 from continuum_grasp.results.plain import digest, plain
-from continuum_grasp.results.provenance import created_now, machine, versions
-from continuum_grasp.results.record import begin_run
+from continuum_grasp.results.record import begin_run, created_now, machine, versions
 
 __all__ = ["RESULT", "Run", "pack_run", "read_run", "write_run"]
 

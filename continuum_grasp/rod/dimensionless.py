@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.rod.mesh import with_places
+from continuum_grasp.rod.dense_rod import with_places
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.simulate import Scene

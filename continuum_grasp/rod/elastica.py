@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.rod.dense_rod import Mesh, panel_edges
 from continuum_grasp.rod.dimensionless import RodProblem, read_problem
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.rod.equilibrium_path import descend, follow, newton, weakest
-from continuum_grasp.rod.mesh import Mesh, panel_edges
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 

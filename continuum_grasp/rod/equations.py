@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.rod.dense_rod import Mesh
 from continuum_grasp.rod.dimensionless import RodProblem
-from continuum_grasp.rod.mesh import Mesh
 
 __all__ = ["Balance", "RodEquations"]
 

@@ -14,10 +14,10 @@ from typing import IO, Any
 from continuum_grasp.errors import InputError
 from continuum_grasp.results import begin_run, kind_of_run, write_text
 from continuum_grasp.results.atomic import naming
-from continuum_grasp.results.provenance import created_now, versions
+from continuum_grasp.results.record import created_now, versions
 from continuum_grasp.scene.document import refuse_what_is_no_file
-from continuum_grasp.sweeps.lines import decode
 from continuum_grasp.sweeps.plan import Plan, differences
+from continuum_grasp.sweeps.quantities import decode
 
 __all__ = ["PLAN", "TABLE", "TableFile", "lines_of", "locked", "read_plan", "run_path", "store_plan", "write_run_files"]
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.scene.document import KeyPath
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.assembly import Overrides, apply_override, placed, read_overrides, validated
+from continuum_grasp.scene.document import KeyPath, Place
+from continuum_grasp.scene.load import load_placed
 from continuum_grasp.scene.sweep import QUANTITIES, Sweep
-from continuum_grasp.scene.variation import Axis, Random, Tie, Variation
+from continuum_grasp.scene.variation import Axis, Random, Tie, Variation, variation_of
 
-__all__ = ["Plan", "Point", "differences", "keys_of"]
+__all__ = ["Plan", "Point", "differences", "keys_of", "plan_of"]
 
 FORMAT_VERSION = 1
 """Of the stored plan: a sweep resumes with the version that began it."""
@@ -198,3 +203,26 @@ def keys_of(plan: Mapping[str, Any]) -> list[str]:
     """The varied keys of a stored plan."""
     sample = plan["sample"]
     return [*plan["vary"], *(sample["keys"] if sample else ()), *plan["follow"]]
+
+
+def plan_of(config: str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides = ()) -> Plan:
+    """The scenes of a configuration.
+
+    Raises
+    ------
+    InputError
+        It is no sweep, or something in it is wrong.
+    """
+    if isinstance(config, Mapping):
+        document, file = placed(config, Place("sweep")), Path("sweep")
+        for path, new in read_overrides(overrides):
+            apply_override(document, path, new)
+        sweep: Any = validated(document, Sweep)
+    elif isinstance(config, (str, os.PathLike)):
+        file = Path(config)
+        sweep, document = load_placed(file, overrides)
+    else:
+        raise InputError(f"expected the path of a sweep's file, or a mapping, got {config!r:.80}")
+    if not isinstance(sweep, Sweep):
+        raise InputError("expected a sweep (scene, vary, sample, ...)", file=str(file))
+    return Plan(sweep, variation_of(sweep, document, file))

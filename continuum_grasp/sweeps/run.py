@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +16,11 @@ from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted,
 from continuum_grasp.results import begin_run
 from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.sweeps.export import write_csv
 from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, lines_of, locked, store_plan, write_run_files
-from continuum_grasp.sweeps.plan import Plan, Point
+from continuum_grasp.sweeps.plan import Plan, Point, plan_of
 from continuum_grasp.sweeps.progress import Pace, Progress
-from continuum_grasp.sweeps.read import plan_of
-from continuum_grasp.sweeps.table import SweepTable, sweep_table
-from continuum_grasp.sweeps.worker import Job, Keep, Outcome, row_of_crash, run_chunk, solve
+from continuum_grasp.sweeps.table import SweepTable, sweep_table, write_csv
+from continuum_grasp.sweeps.worker import Job, Keep, Outcome, dask_pool, row_of_crash, run_chunk, solve
 from continuum_grasp.workers import ExecutorPool, ProcessPool, WorkerPool, checked_count, cores
 
 __all__ = ["sweep"]
@@ -260,16 +258,8 @@ def _folder(config: str | os.PathLike[str] | Mapping[str, Any], folder: str | os
 
 def _pool(executor: Executor | None, scheduler: str | None, count: int | None) -> AbstractContextManager[WorkerPool]:
     if scheduler is not None:
-        from continuum_grasp.sweeps.cluster import dask_pool
-
         return dask_pool(scheduler)
-    return _own_pool(executor, count)
-
-
-@contextmanager
-def _own_pool(executor: Executor | None, count: int | None) -> Iterator[WorkerPool]:
     if executor is None:
-        yield ProcessPool(count or cores())
-    else:
-        known = count or getattr(executor, "_max_workers", None) or cores()
-        yield ExecutorPool(executor, lambda: known)
+        return nullcontext(ProcessPool(count or cores()))
+    known = count or getattr(executor, "_max_workers", None) or cores()
+    return nullcontext(ExecutorPool(executor, lambda: known))

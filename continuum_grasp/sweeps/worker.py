@@ -1,4 +1,7 @@
-"""What runs in a worker: a few scenes, one after the other, and a row for each whatever happens."""
+"""What runs in a worker: a few scenes, one after the other, and a row for each whatever happens.
+
+A Dask cluster may be the pool of workers.
+"""
 
 from __future__ import annotations
 
@@ -7,22 +10,24 @@ import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
 from continuum_grasp.scene.document import KeyPath, dotted
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.sweeps.lines import encode
 from continuum_grasp.sweeps.plan import Point
-from continuum_grasp.sweeps.quantities import SOLVED, quantities
+from continuum_grasp.sweeps.quantities import SOLVED, encode, quantities
+from continuum_grasp.workers import ExecutorPool
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp import GraspResult
 
-__all__ = ["Job", "Keep", "Outcome", "row_of_crash", "run_chunk", "solve"]
+__all__ = ["Job", "Keep", "Outcome", "dask_pool", "row_of_crash", "run_chunk", "solve"]
 
 Keep: TypeAlias = Literal["all", "failed", "none"]
 _ONE_AT_A_TIME = threading.Lock()
@@ -213,3 +218,53 @@ def _outcome(
     }
     seconds = float((numbers or {}).get("seconds") or 0.0)
     return Outcome(point.index, status, reason, seconds, encode(row), files or {})
+
+
+_PATIENCE = 10.0
+"""How long to wait for an answer of the scheduler [s]."""
+_ASK_AGAIN = 2.0
+"""How long a count of workers is taken as current [s]: asking is a call over the network."""
+
+
+@contextmanager
+def dask_pool(address: str, patience: float = _PATIENCE) -> Iterator[ExecutorPool]:
+    """The workers of a running Dask scheduler.
+
+    Parameters
+    ----------
+    address : str
+        Such as ``tcp://127.0.0.1:8786``.
+    patience : float
+        How long to wait for an answer [s].
+
+    Raises
+    ------
+    InputError
+        Dask is not installed, or no scheduler answers.
+    """
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError:
+        raise InputError(
+            "a Dask cluster needs the extra 'cluster': pip install 'continuum-grasp[cluster]'", key="scheduler"
+        ) from None
+    try:
+        client: Any = distributed.Client(address, timeout=patience, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:  # TimeoutError is an OSError
+        raise InputError(f"no Dask scheduler answers at {address!r}: {error}", key="scheduler") from None
+    try:
+        yield ExecutorPool(client.get_executor(pure=False), _Count(client))
+    finally:
+        client.close()
+
+
+class _Count:
+    """How many worker processes there are, asked every two seconds."""
+
+    def __init__(self, client: Any) -> None:
+        self._client, self._count, self._asked = client, 0, -_ASK_AGAIN
+
+    def __call__(self) -> int:
+        if time.monotonic() - self._asked > _ASK_AGAIN:
+            self._count, self._asked = len(self._client.nthreads()), time.monotonic()
+        return self._count

@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 import continuum_grasp as cg
 from benchmarks.bench_fidelity import again, cheaper
 from benchmarks.random_scenes import random_scene
-from continuum_grasp.accuracy import resolve
+from continuum_grasp.accuracy import choose
 from continuum_grasp.accuracy.choose import choose_fidelity
-from continuum_grasp.accuracy.load_cases import load_cases
+from continuum_grasp.accuracy.truth import load_cases
 from continuum_grasp.cli import app
 from continuum_grasp.core.cache import cache_folder
 from continuum_grasp.model import FingerModel
@@ -131,28 +131,28 @@ def test_a_moving_scene_gets_a_range_that_its_motion_keeps():
 @pytest.mark.usefixtures("own_cache")
 def test_a_choice_is_remembered(monkeypatch):
     wanted = scene(1e-3)
-    first, note = resolve.resolve_fidelity(wanted)
+    first, note = choose.resolve_fidelity(wanted)
 
     def never(_):
         raise AssertionError("measured again")
 
-    monkeypatch.setattr(resolve, "choose_fidelity", never)
+    monkeypatch.setattr(choose, "choose_fidelity", never)
     renamed = wanted.model_copy(update={"name": "another name"})
-    assert resolve.resolve_fidelity(wanted) == (first, note)
-    assert resolve.resolve_fidelity(renamed)[0].fidelity == first.fidelity
+    assert choose.resolve_fidelity(wanted) == (first, note)
+    assert choose.resolve_fidelity(renamed)[0].fidelity == first.fidelity
     with pytest.raises(AssertionError):
-        resolve.resolve_fidelity(scene(2e-3))
+        choose.resolve_fidelity(scene(2e-3))
 
 
 @pytest.mark.usefixtures("own_cache")
 @pytest.mark.parametrize("spoilt", ["", "{", "[1]", '{"key": "another"}', '{"fidelity": {"family": "none"}}'])
 def test_a_spoilt_record_is_measured_again(spoilt):
     wanted = scene(1e-2)
-    first = resolve.resolve_fidelity(wanted)
+    first = choose.resolve_fidelity(wanted)
     (record,) = cache_folder("choices").glob("*.json")
     whole = json.loads(record.read_text())
     record.write_text(spoilt)
-    assert resolve.resolve_fidelity(wanted) == first
+    assert choose.resolve_fidelity(wanted) == first
     assert json.loads(record.read_text()) == whole
 
 

@@ -15,7 +15,7 @@ from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.reals import real_of
+from continuum_grasp.export.fields import real_of
 from tests.control_cases import ROD, hand_scene, rod_scene, swing_scene
 
 ANGLE = 0.8

@@ -18,14 +18,13 @@ from scipy.integrate import solve_ivp
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
-from continuum_grasp.export.header import calls_of
+from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.layer import calls_of
 from continuum_grasp.export.part import Code
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
-from continuum_grasp.export.parts.step import moment_note
-from continuum_grasp.export.reals import REALS
+from continuum_grasp.export.parts.model import moment_note
 from continuum_grasp.export.source import source_of
-from continuum_grasp.export.stability import STABLE
-from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.subject import STABLE, Subject
 from continuum_grasp.export.vectors import arguments_of, reach_of, split
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load

@@ -9,8 +9,8 @@ import re
 import numpy as np
 import pytest
 
+from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
-from continuum_grasp.export.reals import REALS
 from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, packages, run, shared_library  # noqa: F401
 
 CASES = [("friction", "float"), ("contact", "double")]

@@ -18,8 +18,8 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
 from continuum_grasp.export.control.loop import identifiers, unit_of
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
+from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
-from continuum_grasp.export.reals import REALS
 from continuum_grasp.scene.control import ControlScene
 from tests.control_cases import Reality
 from tests.export_cases import (  # noqa: F401

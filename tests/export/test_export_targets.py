@@ -8,8 +8,8 @@ import re
 import pytest
 
 from continuum_grasp.export import export_c
+from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
-from continuum_grasp.export.reals import REALS
 from tests.export_cases import STRICT, compile_programs, needs, packages, run, scene, two_arcs  # noqa: F401
 
 ELSEWHERE = {

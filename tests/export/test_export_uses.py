@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from continuum_grasp.cli import app
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.core import Core
-from continuum_grasp.export.reals import REALS
+from continuum_grasp.export.fields import REALS
 from continuum_grasp.model import FingerModel
 from tests.export_cases import ROOT, STRICT, TENDONS, WARNINGS, needs, packages, run, scene  # noqa: F401
 

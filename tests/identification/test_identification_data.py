@@ -14,8 +14,8 @@ import continuum_grasp as cg
 from continuum_grasp.cli import app
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import IdentifyScene, read_data, read_table
-from continuum_grasp.identification.folder import VARIABLE
-from continuum_grasp.identification.units import factor_to_si
+from continuum_grasp.identification.read import VARIABLE
+from continuum_grasp.identification.table import factor_to_si
 from continuum_grasp.plotting.identification import plot_predictions, plot_residuals
 from continuum_grasp.results import read_run
 from tests.identification_cases import LENGTH, ROD, STIFFNESS, elastica, frequency

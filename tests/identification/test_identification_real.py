@@ -11,7 +11,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.identification import Estimate, Fit, data_folder
-from continuum_grasp.identification.folder import VARIABLE
+from continuum_grasp.identification.read import VARIABLE
 from continuum_grasp.scene.identify import IdentifyScene
 
 CONFIGS = Path(__file__).parents[2] / "configs/identify"

@@ -14,10 +14,10 @@ from scipy import integrate, optimize, special
 
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
+from continuum_grasp.rod.dense_rod import Mesh
 from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.rod.elastica import solve_elastica
 from continuum_grasp.rod.equations import RodEquations
-from continuum_grasp.rod.mesh import Mesh
 from continuum_grasp.scene import ForceLoad, MomentLoad
 from continuum_grasp.simulation import equilibrium
 from continuum_grasp.simulation.signals import interpolate

@@ -11,8 +11,7 @@ import pytest
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.sweep import Grid
-from continuum_grasp.sweeps.plan import differences
-from continuum_grasp.sweeps.read import plan_of
+from continuum_grasp.sweeps.plan import differences, plan_of
 from continuum_grasp.sweeps.worker import Job, scene_data, solve
 from tests.sweep_cases import MUG, ROOT
 

@@ -15,7 +15,7 @@ import pytest
 
 from continuum_grasp import sweep
 from continuum_grasp.errors import InputError
-from continuum_grasp.sweeps.lines import decode
+from continuum_grasp.sweeps.quantities import decode
 from tests.sweep_cases import DEADLY, LOG, ROOT, held, masses, slow
 
 distributed = pytest.importorskip("distributed")
@@ -82,7 +82,7 @@ def test_a_scene_that_ends_its_worker_is_a_row(tmp_path):
 
 
 def test_no_scheduler_answers(tmp_path):
-    from continuum_grasp.sweeps.cluster import dask_pool
+    from continuum_grasp.sweeps.worker import dask_pool
 
     with (
         pytest.raises(InputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"),

@@ -18,7 +18,7 @@ import pytest
 from continuum_grasp import sweep, sweep_table
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.sweeps.folder import locked
-from continuum_grasp.sweeps.lines import decode, encode
+from continuum_grasp.sweeps.quantities import decode, encode
 from tests.sweep_cases import BROKEN, DEADLY, LOG, MUG, ROOT, STUCK, held, masses, slow
 
 
@@ -258,7 +258,7 @@ def test_an_executor_that_is_spent_stops_the_sweep(tmp_path):
     executor.shutdown()
     with pytest.raises(SolverError, match="takes no more work"):
         sweep(masses(3), folder=tmp_path, executor=executor, evaluate=held)
-    with ProcessPoolExecutor(1) as pool, pytest.raises(SolverError, match="goes on from there"):
+    with ProcessPoolExecutor(1) as pool, pytest.raises(SolverError, match="resumes from there"):
         sweep(
             masses(1, vary={"object.mass": {"values": [DEADLY]}}), folder=tmp_path / "2", executor=pool, evaluate=held
         )

@@ -14,7 +14,7 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.estimator import Disturbed, Measured
+from continuum_grasp.scene.controller import Disturbed, Measured
 
 __all__ = ["Estimation", "estimation_of"]
 

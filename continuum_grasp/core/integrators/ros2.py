@@ -12,7 +12,7 @@ from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.model.ldl import solve_ldl
+from continuum_grasp.model.planar import solve_ldl
 
 __all__ = ["step"]
 

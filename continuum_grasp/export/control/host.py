@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.core.compiler import find_compiler, why_no_compiler
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.reals import Real
+from continuum_grasp.export.fields import Real
 
 __all__ = ["Host"]
 

@@ -22,13 +22,11 @@ from continuum_grasp.control.ocp.stages import Stages, stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.status import CALL_RATE
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.fields import Field, Struct
+from continuum_grasp.export.fields import Field, Real, Struct
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.reals import Real
 from continuum_grasp.scene.control import ControlScene
 
-__all__ = ["CHANGEABLE", "DIAGNOSIS", "Loop", "identifiers", "named_fields", "unit_of"]
-
+__all__ = ["CHANGEABLE", "DIAGNOSIS", "Loop", "identifiers", "unit_of"]
 
 Array = NDArray[np.float64]
 

@@ -6,6 +6,8 @@ The rows hold what is measured, wanted and set; the expected outputs are those o
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,13 +15,16 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
+from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.part import Code, Vectors
-from continuum_grasp.export.reals import Real
+from continuum_grasp.export.fields import REALS, Real, Struct
+from continuum_grasp.export.layer import abi_of, library_files, stateful_of
+from continuum_grasp.export.part import Code, Part, Stateful, Vectors
+from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import bad_entries
 
-__all__ = ["controller_vectors", "estimator_vectors", "replayed"]
+__all__ = ["SIZES", "UNKNOWN", "controller_vectors", "estimator_vectors", "stateful_usage", "stateful_vectors"]
 
 Array = NDArray[Any]
 
@@ -203,7 +208,7 @@ def estimator_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vector
     )
 
 
-def replayed(loop: Loop, vectors: Vectors, host: Host, real: Real) -> tuple[Array, Array]:
+def _replayed(loop: Loop, vectors: Vectors, host: Host, real: Real) -> tuple[Array, Array]:
     """Codes and outputs that a wider build gives for the same rows.
 
     Limits of the input, which rounding may have moved out of range, are those of the loop again.
@@ -213,3 +218,78 @@ def replayed(loop: Loop, vectors: Vectors, host: Host, real: Real) -> tuple[Arra
         rows[vectors.inputs == vectors.inputs.dtype.type(limit)] = limit
     codes, outputs = zip(*(host.run(vectors.name, row, vectors.outputs.shape[1]) for row in rows), strict=True)
     return np.array(codes), np.array(outputs)
+
+
+SIZES = ("estimator_bytes", "estimator_work_bytes", "controller_bytes", "controller_work_bytes")
+"""Places of the header for what is known once it was compiled."""
+UNKNOWN = "0x7fffffff"
+"""What stands there before."""
+
+
+def stateful_vectors(
+    subject: Subject,
+    parts: Sequence[Part],
+    wide: Sequence[Part],
+    files: Mapping[str, str],
+    words: dict[str, str],
+) -> tuple[list[Vectors], dict[str, tuple[OutputError, ...]]]:
+    """Vectors of all such functions by a build on this machine, and their rounding errors; writes the sizes to words.
+
+    The error is the greatest difference of the first outputs (command, estimate) in usual rows from a build in double
+    that is given the same rows. It is no bound: where a measurement is left out by one build alone, or another active
+    set ends the iterations, outputs jump.
+    """
+    functions = stateful_of(parts)
+    host = _host(subject, functions, files)
+    words |= {f"{name}_bytes": str(size) for name, size in host.sizes.items()}
+    vectors = [function.vectors(host, function.runner) for function in functions]
+    errors: dict[str, tuple[OutputError, ...]] = {}
+    if subject.real.name == "float" and subject.loop is not None:
+        double = replace(subject, real=REALS["double"])
+        written = {**words, "real": "double", **dict.fromkeys(SIZES, UNKNOWN)}
+        written["abi"] = abi_of(double, wide, written)
+        other = _host(double, functions, library_files(double, wide, written))
+        structs = {struct.name: struct for part in parts for struct in part.structs}
+        for v, function in zip(vectors, functions, strict=True):
+            output = structs[function.output]
+            errors[v.name] = _differences(v, output, *_replayed(subject.loop, v, other, double.real))
+    return vectors, errors
+
+
+def stateful_usage(prefix: str, function: Stateful) -> str:
+    """C of a first call."""
+    owner = function.types[0]
+    structs = [*function.inputs, function.output]
+    lines = [f"static {prefix}_{name} {name};" for name in (*function.types, *structs)]
+    passed = ", ".join(f"&{name}" for name in (*function.types, *structs))
+    lines.append(f"int code = {prefix}_{owner}_init(&{owner});")
+    notes = {
+        "measurement": " /* nothing measured: NaN */",
+        "reference": " /* the setpoints of the scene, at all nodes */",
+        "command": " /* what was applied before */",
+    }
+    for name in function.inputs:
+        lines.append(f"if (code >= 0) code = {prefix}_{name}_init(&{name});{notes[name]}")
+    lines.append("/* every period: write what was measured into the measurement, leave the rest NaN; then */")
+    lines.append(f"if (code >= 0) code = {prefix}_{function.name}({passed});")
+    lines.append(f"if (code < 0) report({prefix}_strerror(code)); /* above zero: a warning, see the table of codes */")
+    return "\n".join(lines)
+
+
+def _host(subject: Subject, functions: Sequence[Stateful], files: Mapping[str, str]) -> Host:
+    runners = {function.name: function.runner for function in functions}
+    owners = list(dict.fromkeys(name for function in functions for name in function.types))
+    return Host(files, subject.prefix, subject.real, runners, owners)
+
+
+def _differences(vectors: Vectors, output: Struct, codes: np.ndarray, other: np.ndarray) -> tuple[OutputError, ...]:
+    """Greatest of each output; infinite where only one of them gives an output."""
+    usual = vectors.inputs[:, 3] == 0.0
+    found, true = vectors.outputs[usual, : vectors.close].astype(float), other[usual, : vectors.close]
+    off = np.abs(found - true).max(axis=0)
+    if ((codes < 0) != (vectors.codes < 0))[usual].any():
+        off[:] = np.inf
+    return tuple(
+        OutputError(field.name, field.unit, float(f"{difference:.2g}"), float(f"{size:.2g}"))
+        for field, difference, size in zip(output.fields, off, np.abs(true).max(axis=0), strict=True)
+    )

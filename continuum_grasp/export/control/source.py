@@ -12,9 +12,8 @@ from continuum_grasp.control.compiled.source import Field as Member
 from continuum_grasp.control.rti.source import dimensions, iteration_bodies, template
 from continuum_grasp.export.control.loop import CHANGEABLE, DIAGNOSIS, Loop
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
-from continuum_grasp.export.fields import Struct
+from continuum_grasp.export.fields import Real, Struct
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.reals import Real
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 

@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.parts.control import estimator, mpc
-from continuum_grasp.export.parts.model import dynamics, kinematics, statics
-from continuum_grasp.export.parts.step import step
+from continuum_grasp.export.parts.model import dynamics, kinematics, statics, step
 from continuum_grasp.export.subject import Subject
 
 __all__ = ["OF_LOOPS", "PARTS"]

@@ -10,9 +10,8 @@ from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.replay import controller_vectors, estimator_vectors
 from continuum_grasp.export.control.source import control_sources
-from continuum_grasp.export.fields import Struct
+from continuum_grasp.export.fields import Real, Struct
 from continuum_grasp.export.part import SECONDS, Code, Method, Part, Stateful, Vectors
-from continuum_grasp.export.reals import Real
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import runner_head
 

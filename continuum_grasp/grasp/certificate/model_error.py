@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.recomputed_finger import RecomputedFinger
+from continuum_grasp.rod.dense_rod import Mesh, panel_edges
 from continuum_grasp.rod.dimensionless import RodProblem
 from continuum_grasp.rod.elastica import deformed
 from continuum_grasp.rod.equations import RodEquations
-from continuum_grasp.rod.mesh import Mesh, panel_edges
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import GraspScene
 

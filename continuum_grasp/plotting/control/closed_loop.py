@@ -1,16 +1,24 @@
-"""Pictures of closed loops: path of the tip, inputs, tracking, bounds, estimates and times."""
+"""Pictures of closed loops: path of the tip, inputs, tracking, bounds, estimates and times; frame by frame."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.axes import bend_box, colors, head, new_axes, plane_axes, split_unit, time_axes
-from continuum_grasp.plotting.drawing.fingers import draw_clamp
-from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
-from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GRAY, INK, ORANGE, Z
-from continuum_grasp.plotting.drawing.surroundings import draw_supports, draw_zones, zone_points
+from continuum_grasp.plotting.drawing.film import Film
+from continuum_grasp.plotting.drawing.fingers import draw_clamp, mass_positions, masses_of
+from continuum_grasp.plotting.drawing.objects import (
+    draw_object,
+    draw_supports,
+    draw_zones,
+    object_outlines,
+    zone_points,
+)
+from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GRAY, GREEN, INK, ORANGE, Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,7 +26,7 @@ if TYPE_CHECKING:
     from continuum_grasp.closed_loop.result import ControlRun
 
 __all__ = [
-    "draw_surroundings",
+    "control_frames",
     "plot_bounds",
     "plot_control_path",
     "plot_controller_times",
@@ -26,7 +34,6 @@ __all__ = [
     "plot_inputs",
     "plot_tracking",
     "plot_tracking_error",
-    "shown_points",
 ]
 
 _SNAPSHOTS = 9
@@ -49,8 +56,8 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     tip, wanted = np.asarray(run.tip), run.tip_reference
     shown = np.unique(np.linspace(0, len(tip) - 1, _SNAPSHOTS).astype(int))
     shapes = run.backbone(shown, points=60)
-    ax = plane_axes(ax, bend_box(shown_points(run, shapes), 0.07 * run.length), colorbar=False)
-    draw_surroundings(ax, run)
+    ax = plane_axes(ax, bend_box(_shown_points(run, shapes), 0.07 * run.length), colorbar=False)
+    _draw_surroundings(ax, run)
     draw_clamp(ax, shapes[0], run.length)
     for shape in shapes:
         ax.plot(*shape.T, color=GRAY, linewidth=0.8, alpha=0.7, zorder=1)
@@ -65,14 +72,14 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def shown_points(run: ControlRun, shapes: Any) -> list[Any]:
+def _shown_points(run: ControlRun, shapes: Any) -> list[Any]:
     """World points that a picture of a run should show, beside the finger's shapes (n, points, 2)."""
     wanted = run.tip_reference
     zones = zone_points(run.scene.controller.bounds.keep_out)
     return [shapes, np.asarray(run.tip), *([] if wanted is None else [wanted]), *zones]
 
 
-def draw_surroundings(ax: Axes, run: ControlRun) -> None:
+def _draw_surroundings(ax: Axes, run: ControlRun) -> None:
     """Draw zones, supports, and the object where it is at the start, into axes whose limits are set."""
     scene = run.scene
     draw_zones(ax, scene.controller.bounds.keep_out)
@@ -178,3 +185,41 @@ def plot_controller_times(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     ax.set_ylabel("steps [1]", color=INK)
     head(ax, run.name, entries=len(run.phase_names), columns=2)
     return ax
+
+
+def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterator[NDArray[Any]]:
+    """Draw a closed loop frame by frame; as `motion_frames`."""
+    t, tip, wanted = np.asarray(run.t), np.asarray(run.tip), run.tip_reference
+    unique, back = np.unique(indices, return_inverse=True)
+    shapes = np.asarray(run.backbone(unique, points=60))
+    film = Film(bend_box(_shown_points(run, shapes), 0.09 * run.length), width)
+    ax = film.ax
+    _draw_surroundings(ax, run)
+    draw_clamp(ax, shapes[0], run.length)
+    if wanted is not None:
+        ax.plot(*wanted.T, color=ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT)
+    style: dict[str, Any] = {"animated": True}
+    (trail,) = ax.plot([], [], color=GRAY, linewidth=0.9, zorder=Z.SUPPORT, **style)
+    (finger,) = ax.plot([], [], color=BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE, **style)
+    (ahead,) = ax.plot([], [], color=GREEN, linewidth=1.4, zorder=Z.CLAMP_FACE, **style)
+    (target,) = ax.plot([], [], "+", color=ORANGE, markersize=11, markeredgewidth=1.8, zorder=Z.FORCE, **style)
+    (dots,) = ax.plot([], [], "o", color=INK, markersize=6, zorder=Z.MASS, **style)
+    ax.plot([], [], color=GREEN, linewidth=1.4, label="predicted")
+    ax.plot([], [], "+", color=ORANGE, markersize=9, markeredgewidth=1.8, label="setpoint")
+    clock = film.corner_text()
+    head(ax, run.name, entries=2)
+    masses = masses_of(run.scene.finger)
+
+    def moving(k: int) -> tuple[list[Any], list[Any]]:
+        at = unique[k]
+        trail.set_data(*tip[: at + 1].T)
+        finger.set_data(*shapes[k].T)
+        ahead.set_data(*run.plan_tip[min(at, len(run.plan_tip) - 1)].T)
+        clock.set_text(f"{t[at]:.2f} s")
+        if masses:
+            dots.set_data(*mass_positions(shapes[k], masses, run.length).T)
+        if wanted is not None:
+            target.set_data(*wanted[at : at + 1].T)
+        return [trail, finger, ahead, clock, *([dots] if masses else []), *([target] if wanted is not None else [])], []
+
+    return film.frames(back, moving)

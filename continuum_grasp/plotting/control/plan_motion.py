@@ -18,9 +18,14 @@ from continuum_grasp.plotting.drawing.axes import (
     time_map,
 )
 from continuum_grasp.plotting.drawing.fingers import draw_clamp
-from continuum_grasp.plotting.drawing.objects import draw_object, object_outlines
+from continuum_grasp.plotting.drawing.objects import (
+    draw_object,
+    draw_supports,
+    draw_zones,
+    object_outlines,
+    zone_points,
+)
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, ORANGE, Z
-from continuum_grasp.plotting.drawing.surroundings import draw_supports, draw_zones, zone_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.plotting.drawing.axes import new_figure, quiet
-from continuum_grasp.plotting.drawing.objects import draw_object
-from continuum_grasp.plotting.drawing.style import INK
-from continuum_grasp.plotting.drawing.surroundings import draw_supports
-from continuum_grasp.plotting.grasp.bodies import draw_fingers
-from continuum_grasp.plotting.grasp.contacts import draw_contacts, draw_scale, draw_weight, weight_words
+from continuum_grasp.plotting.drawing.fingers import draw_body, draw_clamp
+from continuum_grasp.plotting.drawing.forces import draw_arrow
+from continuum_grasp.plotting.drawing.objects import draw_object, draw_supports
+from continuum_grasp.plotting.drawing.style import GRAY, INK, Z
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
-from continuum_grasp.plotting.grasp.panel import ROW, Row, panel_rows, write_panel
 from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
-from continuum_grasp.plotting.grasp.view import MM, GraspView
+from continuum_grasp.plotting.grasp.view import MM, GraspView, lighter, turned
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.grasp.result import Contact, GraspResult
 
-__all__ = ["plot_grasp"]
+__all__ = ["Row", "plot_grasp"]
 
 Array = NDArray[Any]
 
@@ -81,7 +81,7 @@ def plot_grasp(
     view = GraspView(result)
     alone = ax is None
     if ax is None:
-        ax = _sheet(view, panel_rows(view) if numbers else [], resisted)
+        ax = _sheet(view, _panel_rows(view) if numbers else [], resisted)
     low, high = view.box
     ax.set_aspect("equal", adjustable="box")
     ax.set_xlim(low[0], high[0])
@@ -90,11 +90,11 @@ def plot_grasp(
     ax.set_ylabel("y [mm]", color=INK)
     ax.set_title(_title(result), fontsize=10, color=INK if result.solved else _FAILED, loc="left")
     draw_object(ax, view.outlines)
-    areas = [*draw_supports(ax, result.scene.supports, MM), *draw_fingers(ax, view, tendons)]
-    cones, arrows = draw_contacts(ax, view)
-    areas += [*cones, *draw_scale(ax, view)]
+    areas = [*draw_supports(ax, result.scene.supports, MM), *_draw_fingers(ax, view, tendons)]
+    cones, arrows = _draw_contacts(ax, view)
+    areas += [*cones, *_draw_scale(ax, view)]
     place_labels(
-        ax, _labels(view, forces=numbers and not alone), areas, [*arrows, *draw_weight(ax, view)], view.outlines
+        ax, _labels(view, forces=numbers and not alone), areas, [*arrows, *_draw_weight(ax, view)], view.outlines
     )
     return ax
 
@@ -104,7 +104,7 @@ def _sheet(view: GraspView, rows: list[Row], resisted: ArrayLike | None) -> Axes
     low, high = view.box
     size = (high - low) * min(np.array(_DRAWING if rows else _NARROW) / (high - low))
     polygon = bool(rows) and resisted is not None and resistance_extremes(resisted)[1] > 0
-    text = ROW * len(rows)
+    text = _ROW * len(rows)
     tall = max(size[1], text + (_POLYGON + 1.0 if polygon else 0.0))
     beside = _BETWEEN + _PANEL if rows else 0.0
     width, height = _LEFT + size[0] + beside + 0.15, _BELOW + tall + _ABOVE
@@ -114,7 +114,7 @@ def _sheet(view: GraspView, rows: list[Row], resisted: ArrayLike | None) -> Axes
     ax.set_anchor("NW")
     right = _LEFT + size[0] + _BETWEEN
     if rows:
-        write_panel(_at(figure, right, height - _ABOVE - text, _PANEL, text), rows)
+        _write_panel(_at(figure, right, height - _ABOVE - text, _PANEL, text), rows)
     if polygon and resisted is not None:
         forces = quiet(_at(figure, right + 0.55, height - _ABOVE - text - 0.6 - _POLYGON, _POLYGON, _POLYGON))
         plot_resistance(resisted, ax=forces)
@@ -142,7 +142,7 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
     for contact in view.contacts:
         numbers = f"\n{contact.normal_force:.2f} N, friction {abs(contact.friction_force):.2f} N" if forces else ""
         found.append(Label(contact.name + numbers, view.color(contact.name), MM * contact.position, contact.normal))
-    words = weight_words(view)
+    words = _weight_words(view)
     if words:
         found.append(Label(words, INK, view.center_of_mass, np.zeros(2), on_body=True))
     if not view.found:
@@ -150,3 +150,155 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
             base = view.backbones[name][0, 1:3]
             found.append(Label(name, view.color(name), base, np.zeros(2)))
     return found
+
+
+def _draw_fingers(ax: Axes, view: GraspView, tendons: bool = True) -> list[Array]:
+    """Draw all fingers; returns their outlines and those of their clamps [mm]."""
+    drawn: list[Array] = []
+    for name, finger in view.fingers.items():
+        backbone, body, color = view.backbones[name], view.body(name), view.color(name)
+        line, angle = backbone[:, 1:3], backbone[:, 3]
+        across = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        clamp = draw_clamp(ax, line, MM * finger.rod.length)
+        drawn += [body, np.asarray(clamp.get_xy())]
+        edge, style = lighter(color, 0.25), "solid" if view.found else "dashed"
+        look = {"facecolor": lighter(color, 0.78), "edgecolor": edge, "linewidth": 1.1, "linestyle": style}
+        draw_body(ax, body, alpha=1.0 if view.found else 0.6, joinstyle="round", **look)
+        if tendons and finger.tendons is not None and finger.tendons.offset < finger.thickness_radius:
+            sides = {"both": (-1.0, 1.0), "left": (-1.0,), "right": (1.0,)}[finger.tendons_used]
+            for side in sides:
+                path = line + side * MM * finger.tendons.offset * across
+                ax.plot(*path.T, color=edge, linewidth=0.7, linestyle=(0, (4, 2)), zorder=Z.TENDON)
+        ax.plot(*line.T, color=edge, linewidth=1.5, zorder=Z.CENTERLINE)
+        for at in _joints(view, name):
+            ax.plot(*at, "o", markersize=3.6, color="white", markeredgecolor=edge, zorder=Z.JOINT)
+    return drawn
+
+
+def _joints(view: GraspView, name: str) -> Array:
+    """Where elements meet, (joints, 2) [mm]."""
+    if not view.found:
+        return np.zeros((0, 2))
+    backbone = view.backbones[name]
+    stations = MM * np.cumsum(view.result.fingers[name].lengths)[:-1]
+    return np.stack([np.interp(stations, backbone[:, 0], backbone[:, k]) for k in (1, 2)], axis=1)
+
+
+_CONE = 0.3
+"""Length of a friction cone as a part of the object's width: a little shorter than the greatest force."""
+_ROUND_SIZES = 0.5, 1.0, 2.0, 5.0
+"""What the force of the scale may be, times a power of ten."""
+
+
+def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]:
+    """Draw cones and the forces that the object bears; returns the cones' outlines and the arrows as lines [mm]."""
+    from matplotlib.patches import Polygon
+
+    cones: list[Array] = []
+    arrows: list[Array] = []
+    reach = _CONE * view.extent
+    for contact in view.contacts:
+        color, at = view.color(contact.name), MM * contact.position
+        half = math.atan(view.result.scene.friction(contact.name))
+        spread = np.linspace(-half, half, 21)
+        wedge = np.array([at, *(at + reach * turned(-contact.normal, turn) for turn in spread)])
+        cones.append(wedge)
+        ax.add_patch(Polygon(wedge, facecolor=color, alpha=0.14, linewidth=0.0, zorder=Z.CONE))
+        for edge in (wedge[1], wedge[-1]):
+            ax.plot(*np.transpose([at, edge]), color=color, alpha=0.45, linewidth=0.7, zorder=Z.CONE)
+        end = at - view.force_scale * contact.force
+        draw_arrow(ax, at, end, color)
+        arrows.append(np.array([at, end]))
+        ax.plot(*at, "o", markersize=4.5, color=color, markeredgecolor="white", markeredgewidth=0.8, zorder=Z.CONTACT)
+    return cones, arrows
+
+
+def _draw_weight(ax: Axes, view: GraspView) -> list[Array]:
+    """Draw the center of mass and the weight; returns the arrow as a line [mm]."""
+    at = view.center_of_mass
+    if isinstance(view.result.scene.gravity, OutOfPlaneGravity):
+        ax.plot(*at, "o", markersize=9, markerfacecolor="white", markeredgecolor=INK, zorder=Z.FORCE)
+        ax.plot(*at, "x", markersize=5.5, color=INK, zorder=Z.FORCE + 0.1)
+        return []
+    ax.plot(*at, "+", color=INK, markersize=7, zorder=Z.FORCE)
+    end = at + view.force_scale * view.weight
+    if not view.weight.any():
+        return []
+    draw_arrow(ax, at, end, INK)
+    return [np.array([at, end])]
+
+
+def _weight_words(view: GraspView) -> str:
+    """What stands at the center of mass; empty without weight."""
+    scene = view.result.scene
+    if isinstance(scene.gravity, PlanarGravity):
+        return f"weight {scene.weight:.2f} N"
+    return f"weight {scene.weight:.2f} N,\ninto the picture" if isinstance(scene.gravity, OutOfPlaneGravity) else ""
+
+
+def _draw_scale(ax: Axes, view: GraspView) -> list[Array]:
+    """Draw an arrow of a round force in the lower right corner; returns it with its label as a box [mm]."""
+    if view.force_scale <= 0:
+        return []
+    decade = 10.0 ** math.floor(math.log10(view.greatest_force))
+    size = max(k * decade for k in _ROUND_SIZES if k * decade <= view.greatest_force)
+    (low, high) = view.box
+    unit = 0.01 * float((high - low).max())
+    right, bottom, length = high[0] - 2.5 * unit, low[1] + 2.5 * unit, size * view.force_scale
+    draw_arrow(ax, np.array([right - length, bottom]), np.array([right, bottom]), GRAY)
+    ax.text(right, bottom + unit, f"{size:g} N", fontsize=8, color=GRAY, ha="right", va="bottom", zorder=Z.SCALE)
+    wide = max(length, 9 * unit) + unit
+    corners = [
+        [right - wide, low[1]],
+        [high[0], low[1]],
+        [high[0], bottom + 6 * unit],
+        [right - wide, bottom + 6 * unit],
+    ]
+    return [np.array(corners)]
+
+
+_ROW = 0.17
+"""Height of a row [inch]."""
+_SIZE = 8.0
+"""Of the font [points]: a row of 0.17 inch is 12 points high."""
+_Cell = tuple[str, str]
+Row = tuple[_Cell, ...]
+
+
+def _panel_rows(view: GraspView) -> list[Row]:
+    """Rows of (text, color); the first of a row stands on the left, the others to the right; none without numbers."""
+    if not view.found:
+        return []
+    lifted = isinstance(view.result.scene.gravity, OutOfPlaneGravity)
+    heads = ["normal", "friction", *(["lift"] if lifted else []), "margin"]
+    rows: list[Row] = [(("contact [N]", GRAY), *((word, GRAY) for word in heads))]
+    for c in view.contacts:
+        words = [f"{c.normal_force:.2f}", f"{abs(c.friction_force):.2f}", *([f"{c.lift:.2f}"] if lifted else [])]
+        rows.append(((c.name, view.color(c.name)), *((word, INK) for word in (*words, _margin(c)))))
+    rows += [(("", INK),), (("tendons [N]", GRAY), ("left", GRAY), ("right", GRAY), ("of", GRAY))]
+    for name, finger in view.result.fingers.items():
+        tendons = view.fingers[name].tendons
+        most = "" if tendons is None else f"{tendons.max_tension:g}"
+        left, right = finger.tensions
+        rows.append(((name, view.color(name)), (f"{left:.2f}", INK), (f"{right:.2f}", INK), (most, INK)))
+    return rows
+
+
+def _write_panel(ax: Axes, rows: list[Row]) -> None:
+    """Write rows into axes that are as high as they need."""
+    ax.set_axis_off()
+    ax.set_xlim(0.0, 1.0)
+    ax.set_ylim(len(rows), 0.0)
+    columns = max(len(row) for row in rows) - 1
+    for k, row in enumerate(rows):
+        ax.text(0.0, k + 0.5, row[0][0], color=row[0][1], fontsize=_SIZE, va="center")
+        for j, (text, color) in enumerate(row[1:]):
+            right = 1.0 - 0.175 * (columns - 1 - j)
+            ax.text(right, k + 0.5, text, color=color, fontsize=_SIZE, ha="right", va="center")
+
+
+def _margin(contact: Contact) -> str:
+    """Share of the friction cone that is left; nothing where nothing presses."""
+    if contact.normal_force < 5e-3 or contact.friction_margin <= -9.99:
+        return "\N{EN DASH}"
+    return f"{contact.friction_margin if contact.friction_margin < -5e-4 else max(contact.friction_margin, 0.0):.0%}"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from continuum_grasp.plotting.mission.mission_snapshots import plot_mission_snapshots
-from continuum_grasp.plotting.mission.timeline import plot_mission_timeline
-from continuum_grasp.plotting.mission.trials import plot_trials
+from continuum_grasp.plotting.mission.instants import plot_mission_snapshots
+from continuum_grasp.plotting.mission.timeline import plot_mission_timeline, plot_trials
 
 __all__ = [
     "plot_mission_snapshots",

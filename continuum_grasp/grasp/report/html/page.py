@@ -83,7 +83,7 @@ def _why(result: GraspResult) -> str:
 
 
 def _picture(result: GraspResult) -> str:
-    from continuum_grasp.plotting.drawing.inline import inline_svg
+    from continuum_grasp.plotting.drawing.axes import inline_svg
     from continuum_grasp.plotting.grasp.picture import plot_grasp
 
     drawing = inline_svg(plot_grasp(result, numbers=False), "drawing", "drawing of object, fingers and forces")
@@ -131,7 +131,7 @@ def _quality(result: GraspResult) -> str:
 
 
 def _resistance(resisted: ArrayLike | None) -> str:
-    from continuum_grasp.plotting.drawing.inline import inline_svg
+    from continuum_grasp.plotting.drawing.axes import inline_svg
     from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
 
     if resisted is None or resistance_extremes(resisted)[1] <= 0:
