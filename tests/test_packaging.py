@@ -46,8 +46,8 @@ def test_tests_read_only_what_is_packed():
     """Also where there is no clone: what tests look for below the root exists, and is packed."""
     named = {
         path
-        for file in (ROOT / "tests").glob("*.py")
-        for path in re.findall(r'(?:ROOT|parents\[1\]) / "([^"]+)"', file.read_text(encoding="utf-8"))
+        for file in (ROOT / "tests").rglob("*.py")
+        for path in re.findall(r'(?:ROOT|parents\[\d\]) / "([^"]+)"', file.read_text(encoding="utf-8"))
     }
     assert len(named) > 20
     assert [path for path in named if not is_included(path) or not (ROOT / path).exists()] == []

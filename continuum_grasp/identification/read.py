@@ -58,8 +58,8 @@ def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
     >>> file = pathlib.Path(tempfile.mkdtemp()) / "tip_drop.csv"
     >>> _ = file.write_text("tip_load_N,measured_tip_drop_m\n0.0,0.089\n0.098,0.149\n")
     >>> (poses,) = read_data(scene, [file])
-    >>> len(poses.readings)
-    2
+    >>> len(poses.measured), poses.conditions["load_1_y"].tolist()  # quantities, N
+    (1, [-0.0, -0.098])
     """
     if not scene.data:
         raise InputError("a configuration that reads files says how: data: [{kind: ...}]", key="data")

@@ -271,6 +271,6 @@ def test_senseless_scenes_are_refused(change):
 
 
 def test_a_file_of_another_kind_is_refused():
-    with pytest.raises(InputError, match="grasp scene"):
+    with pytest.raises(InputError, match="expected a grasp"):
         optimize_grasp(Path(__file__).parents[2] / "configs" / "fingers" / "hand_finger.yaml")
     assert isinstance(load(CONFIGS / "mug.yaml"), GraspScene)

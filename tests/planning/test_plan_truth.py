@@ -54,7 +54,7 @@ def test_least_time_of_one_mode_is_that_of_the_bang_bang_oscillator(share):
         input={"moment_max": most},
         duration={"least": 0.1 / frequency, "most": 6.0 / frequency},
         intervals=60,
-        smooobstacle=1e-6,
+        smoothing=1e-6,
     )
     found = plan(scene)
     assert found.objective == pytest.approx(least_time_of_oscillator(frequency, reach, share * reach), rel=1e-3)
@@ -82,7 +82,7 @@ def test_least_time_of_a_damped_mode_is_that_of_two_arcs_by_matrix_exponential()
         input={"moment_max": most},
         duration={"least": 0.01, "most": 0.3},
         intervals=60,
-        smooobstacle=1e-6,
+        smoothing=1e-6,
     )
     assert plan(scene).objective == pytest.approx(first + last_of(first), rel=1e-3)
 
