@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 
-__all__ = ["main"]
-
 
 def main() -> None:
     """Run the command line; Ctrl-C is taken before anything else is imported."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-__all__ = ["ContinuumGraspError", "InputError", "Interrupted", "NumericalError", "SolverError"]
-
 
 class ContinuumGraspError(Exception):
     """Base class of every error that the package raises on purpose."""

@@ -21,8 +21,6 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-__all__ = ["held", "ignored_by_children", "leave", "listening", "pressed", "was_pressed"]
-
 STATUS = 130
 """Exit status of a command that Ctrl-C ended: 128 and the signal's number, as in shells."""
 _LONGEST_WAIT = 10.0

@@ -15,8 +15,6 @@ from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation import Equilibrium, Modes, Trajectory
 
-__all__ = ["equilibrium", "modes", "simulate"]
-
 
 def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], None] | None = None) -> Trajectory:
     """Simulate the motion of a finger, and of the object that it touches.

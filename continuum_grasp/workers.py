@@ -17,8 +17,6 @@ from typing import Any, Protocol
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.interrupt import ignored_by_children
 
-__all__ = ["ExecutorPool", "ProcessPool", "WorkerPool", "checked_count", "cores"]
-
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 

@@ -23,8 +23,6 @@ from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import spectral_radius
 from continuum_grasp.simulation.statics import Equilibrium, equilibrium_under
 
-__all__ = ["ACCURACIES", "COUNTS", "Assessment", "Choice", "Errors", "assess", "choices", "errors_of", "open_families"]
-
 COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
 """Numbers of elements that are tried: each of the few, then in steps of a quarter or so, which bound what is
 overpaid."""

@@ -22,8 +22,6 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene, Timing
 
-__all__ = ["Chosen", "allowed_accuracies", "allowed_families", "choose_fidelity", "resolve_fidelity"]
-
 _PROBE = 1e-6
 """Relative accuracy of evaluation that tells whether a number of elements can meet the tolerance: its own error is
 below that of any number of elements on the list."""

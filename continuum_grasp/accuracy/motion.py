@@ -23,8 +23,6 @@ from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.simulate import simulate
 
-__all__ = ["INSTANTS", "Motion", "Pace", "Runs", "evaluation_error", "evaluation_ns", "pace", "reference_motion", "rms"]
-
 Array = NDArray[np.float64]
 
 _FINE = (8, 12)

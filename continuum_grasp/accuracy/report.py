@@ -20,8 +20,6 @@ from continuum_grasp.results.result import File, Result
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Scene
 
-__all__ = ["COUNTS", "AccuracyReport", "accuracy_report"]
-
 FRONTS = (
     ("evaluation [ns]", "tip / L"),
     ("evaluation [ns]", "frequency 1"),

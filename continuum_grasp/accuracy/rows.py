@@ -18,8 +18,6 @@ from continuum_grasp.scene.families import PAPER_FAMILY
 from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["NOTES", "ReportRows", "Table", "columns_of"]
-
 
 @dataclass(frozen=True)
 class Table:

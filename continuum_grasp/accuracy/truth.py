@@ -17,8 +17,6 @@ from continuum_grasp.scene.loads import Actuation, ForceLoad, Load, Samples, Vec
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import interpolate
 
-__all__ = ["TrueCase", "Truth", "find_truth", "load_cases"]
-
 Array = NDArray[np.float64]
 
 STATIONS = 101

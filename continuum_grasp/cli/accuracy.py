@@ -9,8 +9,6 @@ import typer
 from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set
 from continuum_grasp.cli.output import Output, run_folder
 
-__all__ = ["accuracy"]
-
 
 def accuracy(
     config: Config,

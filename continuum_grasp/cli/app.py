@@ -26,8 +26,6 @@ from continuum_grasp.cli.sweep import sweep
 from continuum_grasp.cli.validate import validate
 from continuum_grasp.errors import ContinuumGraspError, InputError
 
-__all__ = ["app", "main"]
-
 SOLVER_FAILED = 1
 """Exit status, also of a supervisor that tripped and an object that was dropped."""
 BAD_INPUT = 2

@@ -11,8 +11,6 @@ import typer
 from continuum_grasp.cli.options import Json
 from continuum_grasp.cli.output import Output
 
-__all__ = ["doctor"]
-
 _PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "pydantic", "pyyaml", "typer", "rich")
 
 

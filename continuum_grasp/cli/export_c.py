@@ -12,8 +12,6 @@ from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
 from continuum_grasp.cli.output import Output, run_folder
 from continuum_grasp.errors import InputError
 
-__all__ = ["export_c"]
-
 
 def export_c(
     config: Config,

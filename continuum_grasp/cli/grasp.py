@@ -10,8 +10,6 @@ from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set, Verbose
 from continuum_grasp.cli.output import Output, run_folder
 from continuum_grasp.errors import SolverError
 
-__all__ = ["grasp"]
-
 
 def grasp(
     config: Config,

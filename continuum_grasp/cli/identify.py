@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.document import Document
     from continuum_grasp.scene.identify import IdentifyScene
 
-__all__ = ["identify"]
-
 
 def identify(
     config: Config,

@@ -13,8 +13,6 @@ from continuum_grasp.cli.output import Output, run_folder
 if TYPE_CHECKING:
     pass
 
-__all__ = ["modes"]
-
 
 def modes(
     config: Config,

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.mission import MissionScene
 
-__all__ = ["mpc"]
-
 TRIPPED = 1
 """Exit status of a closed loop that ended in the safe state."""
 

@@ -12,19 +12,6 @@ if TYPE_CHECKING:
     from continuum_grasp.cli.output import Output
     from continuum_grasp.scene.simulate import Scene
 
-__all__ = [
-    "Animate",
-    "Config",
-    "Json",
-    "Out",
-    "Quiet",
-    "Set",
-    "Verbose",
-    "named_path",
-    "out_option",
-    "simulation_scene",
-]
-
 
 def named_path(text: str | Path) -> Path:
     """A path that is given by its name; an empty one would be the working directory.

@@ -21,8 +21,6 @@ from continuum_grasp.interrupt import held
 if TYPE_CHECKING:
     from continuum_grasp.results import MotionResult, Result
 
-__all__ = ["Output", "run_folder"]
-
 _PATIENCE = 2.0
 """After which a progress bar appears [s]: what is done sooner needs none."""
 

@@ -13,8 +13,6 @@ from continuum_grasp.cli.output import Output, run_folder
 if TYPE_CHECKING:
     from continuum_grasp.planning import Plan
 
-__all__ = ["plan"]
-
 
 def plan(
     config: Config,

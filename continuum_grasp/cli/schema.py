@@ -11,8 +11,6 @@ from continuum_grasp.cli.options import out_option
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
-__all__ = ["schema"]
-
 
 def schema(
     kind: Annotated[

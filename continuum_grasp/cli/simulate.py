@@ -15,8 +15,6 @@ from continuum_grasp.cli.output import Output, run_folder
 if TYPE_CHECKING:
     from continuum_grasp.simulation import Trajectory
 
-__all__ = ["simulate"]
-
 
 def simulate(
     config: Config,

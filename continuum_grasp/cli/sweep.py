@@ -17,8 +17,6 @@ from continuum_grasp.cli.output import Output, run_folder
 if TYPE_CHECKING:
     from continuum_grasp.sweeps import Progress, SweepTable
 
-__all__ = ["sweep"]
-
 _LINE_SECONDS = 10.0
 """Between two lines of progress where there is no terminal [s]: a day of work is 8,640 lines of a log."""
 

@@ -14,8 +14,6 @@ from continuum_grasp.cli.output import Output
 if TYPE_CHECKING:
     from continuum_grasp.scene.load import Loaded
 
-__all__ = ["validate"]
-
 
 def validate(
     files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="YAML configurations.", show_default=False)],

@@ -32,9 +32,6 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import PAPER_FAMILY
 from continuum_grasp.scene.simulate import Fidelity
 
-__all__ = ["Converged", "ShootingProblem", "compared"]
-
-
 Array = NDArray[np.float64]
 
 _SETTINGS = Settings(tolerance=1e-8, max_iterations=200, tuning={"ipopt": {"mu_strategy": "adaptive"}})

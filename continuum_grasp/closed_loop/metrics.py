@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from continuum_grasp.closed_loop.readings import Bound
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
 
-__all__ = ["Metrics", "Times", "Tracking", "Violation", "metrics_of"]
-
 Array = NDArray[np.float64]
 
 _FINAL = 0.1

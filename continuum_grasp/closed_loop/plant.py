@@ -18,8 +18,6 @@ from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes
 
-__all__ = ["Integration", "Method", "Plant", "choose_method"]
-
 Array = NDArray[np.float64]
 
 

@@ -19,8 +19,6 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
 
-__all__ = ["PlantModel", "plant_scene"]
-
 Array = NDArray[np.float64]
 
 

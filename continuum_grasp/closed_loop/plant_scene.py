@@ -12,8 +12,6 @@ from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
 
-__all__ = ["plant_scene"]
-
 
 def plant_scene(scene: ControlScene) -> Scene:
     """The finger of a plant in its surroundings, under the loads that the controller does not know.

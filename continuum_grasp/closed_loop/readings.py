@@ -18,8 +18,6 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import HalfPlaneZone, Zone
 from continuum_grasp.simulation.contacts import ContactForces
 
-__all__ = ["Bound", "Readings"]
-
 Array = NDArray[np.float64]
 
 _FINE = 64

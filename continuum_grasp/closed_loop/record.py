@@ -20,8 +20,6 @@ from continuum_grasp.control.status import Health
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 
-__all__ = ["Moment", "Phase", "Record", "Schedule"]
-
 Array = NDArray[np.float64]
 
 _CHECKED = 50

@@ -18,8 +18,6 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
 from continuum_grasp.simulation.contacts import ContactForces
 
-__all__ = ["ControlRun"]
-
 Array = NDArray[np.float64]
 
 

@@ -23,8 +23,6 @@ from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 
-__all__ = ["Controls", "run_closed_loop"]
-
 Array = NDArray[np.float64]
 
 

@@ -13,8 +13,6 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Measured
 
-__all__ = ["Sensors"]
-
 Array = NDArray[np.float64]
 
 _PER_ELEMENT = 4

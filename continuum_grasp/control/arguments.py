@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.core.call import finite
 from continuum_grasp.errors import InputError
 
-__all__ = ["numbers", "shown", "slices", "vector"]
-
 Array = NDArray[np.float64]
 
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Status, Trip, health_text, texts
 
-__all__ = ["Command", "Estimate", "Layout", "Plan", "Times"]
-
 Array = NDArray[np.float64]
 
 _HEALTH = tuple(Health)

@@ -11,8 +11,6 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.simulation.statics import equilibrium_under
 
-__all__ = ["first_state", "rest_input"]
-
 Array = NDArray[np.float64]
 
 

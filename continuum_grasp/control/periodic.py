@@ -18,8 +18,6 @@ from continuum_grasp.control.status import Status, spread
 from continuum_grasp.core.call import positive
 from continuum_grasp.errors import InputError
 
-__all__ = ["PeriodicRun", "run_periodic"]
-
 Array = NDArray[np.float64]
 
 

@@ -19,8 +19,6 @@ from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.spectrum import sample_shapes
 
-__all__ = ["Prediction"]
-
 Array = NDArray[np.float64]
 
 _PRESSED = 10.0

@@ -9,19 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "CALL_RATE",
-    "Anomaly",
-    "Health",
-    "Statistics",
-    "Status",
-    "Trip",
-    "Verdict",
-    "health_text",
-    "spread",
-    "texts",
-]
-
 CALL_RATE = "call rate"
 """Name of what is supervised beside the sensors."""
 

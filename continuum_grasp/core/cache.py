@@ -23,8 +23,6 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["cache_folder", "library_for", "private_folder"]
-
 _LOCK = "lock"
 _LONGEST_BUILD = 2.0 * 3600.0
 """Age at which a build is over where locks do not tell [s]; a compiler is stopped after half an hour."""

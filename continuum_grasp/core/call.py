@@ -19,21 +19,6 @@ from continuum_grasp.model.finger_model import FUNCTIONS, FingerModel
 from continuum_grasp.model.functions import MATRICES
 from continuum_grasp.model.system import SYSTEM_FUNCTIONS, System
 
-__all__ = [
-    "Caller",
-    "Sections",
-    "check_moment",
-    "finite",
-    "functions_of",
-    "model_of",
-    "pointer",
-    "pointers",
-    "positive",
-    "real_array",
-    "shaped",
-    "whole",
-]
-
 Array = NDArray[np.float64]
 
 DOUBLES = ctypes.POINTER(ctypes.c_double)

@@ -17,16 +17,6 @@ from pathlib import Path
 
 from continuum_grasp.errors import ContinuumGraspError
 
-__all__ = [
-    "CompileError",
-    "Compiler",
-    "find_compiler",
-    "longest_function",
-    "quick_compile",
-    "translation_units",
-    "why_no_compiler",
-]
-
 _COMMON = ("-std=gnu11", "-march=native", "-fPIC", "-w")
 _USUAL = ("cc", "gcc", "clang")
 _LONG = 20_000

@@ -35,8 +35,6 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
 
-__all__ = ["Core", "compile"]
-
 Array = NDArray[np.float64]
 
 

@@ -13,8 +13,6 @@ import casadi as ca
 from continuum_grasp.core.precision import literal
 from continuum_grasp.errors import InputError
 
-__all__ = ["lane_function", "lane_prelude"]
-
 _PRELUDE = """
 #if defined(__AVX512F__)
 #define CG_BYTES 64

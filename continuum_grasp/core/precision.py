@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.finger_model import FingerModel
 
-__all__ = ["PRECISIONS", "check_single", "check_solvable", "literal", "precision_of", "single"]
-
 PRECISIONS = ("double", "float")
 """C types that a core may compute in."""
 

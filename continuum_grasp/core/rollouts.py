@@ -17,8 +17,6 @@ from continuum_grasp.core.compiler import CompileError, find_compiler
 from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import InputError
 
-__all__ = ["Rollouts", "Signal", "row", "signal"]
-
 Array = NDArray[np.float64]
 
 _CHUNK = 256

@@ -12,8 +12,6 @@ import casadi as ca
 from continuum_grasp.core.lanes import lane_function, lane_prelude
 from continuum_grasp.core.precision import single
 
-__all__ = ["batch_source", "entry", "function_source", "generated", "rollout_source", "rollouts_source"]
-
 _BATCH = """
 static void cg_gather(const double *from, long long stride, long long count, int size, cg_lanes *to)
 {

@@ -16,8 +16,6 @@ from continuum_grasp.export.part import Argument, Call, Code
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import arguments_of, reach_of, split
 
-__all__ = ["OutputError", "check_errors", "error_bounds", "worst_of"]
-
 Array = NDArray[Any]
 
 _CHUNK = 2048

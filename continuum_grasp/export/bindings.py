@@ -14,8 +14,6 @@ from continuum_grasp.export.part import SECONDS, Call, Method, Part, Stateful
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 
-__all__ = ["python_binding", "wasm_files"]
-
 
 def interface(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> dict[str, object]:
     """Structs and functions as plain values: fields with their shapes and types, arguments with their structs."""

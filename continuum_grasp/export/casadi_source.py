@@ -22,8 +22,6 @@ from continuum_grasp.export.source import Given, prefix_of, source_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.finger_model import FUNCTIONS
 
-__all__ = ["export_casadi"]
-
 STEP = "rk4_step"
 """Name of the Runge-Kutta step, beside those of the model's functions."""
 

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from continuum_grasp.core.precision import literal, precision_of
 
-__all__ = ["REALS", "Field", "Real", "Struct", "fields_of", "outside", "real_of"]
-
 
 @dataclass(frozen=True)
 class Real:

@@ -19,8 +19,6 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.strict_math import reference
 
-__all__ = ["Kernel"]
-
 Array = NDArray[Any]
 
 _NAMES = {value: name for name, value in vars(ca).items() if name.startswith("OP_")}

@@ -14,8 +14,6 @@ from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill, filled
 
-__all__ = ["abi_of", "calls_of", "codes_of_package", "kernels_of", "library_files", "stateful_of", "structs_of"]
-
 _LINE = 118
 """Characters of a line in the header, which is as wide as the sources of this package."""
 

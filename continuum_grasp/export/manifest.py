@@ -20,8 +20,6 @@ from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.model import FingerModel
 
-__all__ = ["FLAGS", "MANIFEST", "manifest", "manifest_text", "model_description", "write_package"]
-
 FLAGS = {
     "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],
     "gcc": ["-fexcess-precision=fast", "-fno-tree-vectorize"],

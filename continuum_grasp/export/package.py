@@ -26,8 +26,6 @@ from continuum_grasp.export.targets import Target, example_files, measure, targe
 from continuum_grasp.export.template import fill
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 
-__all__ = ["Package", "export_c"]
-
 _ASKED_ERROR = 1e-2
 """Greatest relative error of single precision by default."""
 

@@ -20,8 +20,6 @@ from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
 
-__all__ = ["SECONDS", "Argument", "Bad", "Call", "Code", "Method", "Part", "Reference", "Rows", "Stateful", "Vectors"]
-
 Array = NDArray[Any]
 Rows = Mapping[str, Array]
 """Inputs of many calls: (count, size) by the name of the argument."""

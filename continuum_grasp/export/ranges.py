@@ -17,8 +17,6 @@ from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
 
-__all__ = ["TipRange", "force_fields", "input_fields", "parameter_fields", "rate_unit", "state_fields"]
-
 _USUAL_RATE = 10.0
 """Bending ranges per second of usual motions."""
 _SPREAD = 2.0

@@ -14,8 +14,6 @@ from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 from continuum_grasp.scene.controller import Controller
 
-__all__ = ["readme"]
-
 
 def readme(
     subject: Subject,

@@ -23,8 +23,6 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["Given", "Source", "count_of", "parts_of", "positive", "prefix_of", "source_of"]
-
 _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
 """What may mean something in a comment of C, in XML, CMake, pkg-config or Markdown."""
 

@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.template import fill
 
-__all__ = ["FUNCTIONS", "c_source", "reference"]
-
 Array = NDArray[Any]
 
 

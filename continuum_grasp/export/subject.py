@@ -21,8 +21,6 @@ from continuum_grasp.export.ranges import TipRange, force_fields, input_fields, 
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
 
-__all__ = ["MOST_SUBSTEPS", "STABLE", "Subject"]
-
 _LEAST_PART = 1e-6
 """Shortest step, per the longest."""
 

@@ -18,8 +18,6 @@ from continuum_grasp.export.part import Part
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 
-__all__ = ["TOOLS", "Target", "example_files", "measure", "target_of"]
-
 
 @dataclass(frozen=True)
 class Target:

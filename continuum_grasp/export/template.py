@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 
-__all__ = ["fill", "filled"]
-
 _PLACE = re.compile(r"<<(\w+)>>")
 
 

@@ -18,18 +18,6 @@ from continuum_grasp.export.part import Argument, Bad, Call, Code, Vectors
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 
-__all__ = [
-    "arguments_of",
-    "bad_entries",
-    "check_source",
-    "reach_of",
-    "runner_head",
-    "sample",
-    "split",
-    "vectors_of",
-    "vectors_source",
-]
-
 Array = NDArray[Any]
 
 _LEAST, _IN_ALL = 64, 200

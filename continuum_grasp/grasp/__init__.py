@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 from continuum_grasp._lazy import lazy_names
 
 _MODULES = {
-    "continuum_grasp.grasp.certificate.certificate": ("Certificate", "Check", "certify"),
+    "continuum_grasp.grasp.certificate.certificate": ("Certificate", "certify"),
+    "continuum_grasp.grasp.certificate.check": ("Check",),
     "continuum_grasp.grasp.result": ("Contact", "FingerPosture", "GraspResult", "Reason", "Status"),
     "continuum_grasp.grasp.solve": ("optimize_grasp",),
 }
@@ -15,8 +16,8 @@ __all__ = [name for names in _MODULES.values() for name in names]
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate as Certificate
-    from continuum_grasp.grasp.certificate.certificate import Check as Check
     from continuum_grasp.grasp.certificate.certificate import certify as certify
+    from continuum_grasp.grasp.certificate.check import Check as Check
     from continuum_grasp.grasp.result import Contact as Contact
     from continuum_grasp.grasp.result import FingerPosture as FingerPosture
     from continuum_grasp.grasp.result import GraspResult as GraspResult

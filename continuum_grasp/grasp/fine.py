@@ -17,16 +17,6 @@ from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger
 from continuum_grasp.scene.simulate import Fidelity
 
-__all__ = [
-    "ELEMENTS",
-    "asked_tolerance",
-    "compare",
-    "resolve_elements",
-    "solve_again",
-    "with_elements",
-    "with_fine",
-]
-
 Array = NDArray[Any]
 
 FINE = 6

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.sensitivity import Sensitivity
 
-__all__ = ["Change", "Contact", "FingerPosture", "GraspResult", "Reason", "Status"]
-
 Array = NDArray[Any]
 
 

@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify
 from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.starts.starts import Start, make_starts, touching_supports
-from continuum_grasp.grasp.starts.values import start_from
+from continuum_grasp.grasp.starts.starts import make_starts
+from continuum_grasp.grasp.starts.supports import touching_supports
+from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
-
-__all__ = ["MOST", "Search", "Tried", "branch_of", "contact_modes"]
-
 
 Array = NDArray[Any]
 

@@ -12,8 +12,6 @@ from continuum_grasp.grasp.problem.values import problem_values, tension_weight
 from continuum_grasp.grasp.search import Tried
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["Sensitivity", "sensitivities"]
-
 Array = NDArray[Any]
 
 

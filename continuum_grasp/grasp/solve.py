@@ -19,8 +19,6 @@ from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.load import scene_of
 
-__all__ = ["optimize_grasp"]
-
 
 @interrupt.listening()
 def optimize_grasp(

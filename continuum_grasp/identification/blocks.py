@@ -16,8 +16,6 @@ from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["Block", "Entry", "PosesBlock", "VibrationBlock"]
-
 Array = NDArray[np.float64]
 
 

@@ -11,8 +11,6 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import column
 from continuum_grasp.identification.least_squares import least_squares
 
-__all__ = ["DampedSine", "fit_damped_sine"]
-
 Array = NDArray[np.float64]
 
 _LEAST_SAMPLES = 12

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["Data", "Frequencies", "Poses", "Reading", "TipPath"]
-
 Array = NDArray[np.float64]
 QUANTITIES = ("x", "y", "angle", "bend")
 

@@ -17,8 +17,6 @@ from continuum_grasp.results.result import File, Result, Stored
 from continuum_grasp.scene.finger import Finger, PointMass, Rod
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["Error", "Fit"]
-
 Array = NDArray[np.float64]
 
 

@@ -27,8 +27,6 @@ from continuum_grasp.scene.identify import Estimate, IdentifyScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["identify"]
-
 Array = NDArray[np.float64]
 Measurements = str | PathLike[str] | Data | Sequence[str | PathLike[str] | Data]
 

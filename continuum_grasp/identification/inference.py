@@ -15,8 +15,6 @@ from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["infer", "model_error_warnings", "refined"]
-
 Array = NDArray[np.float64]
 
 _BLIND = 1e-7

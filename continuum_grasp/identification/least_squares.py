@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import NumericalError, SolverError
 
-__all__ = ["Minimum", "least_squares"]
-
 Array = NDArray[np.float64]
 Function = Callable[[Array], tuple[Array, Array]]
 

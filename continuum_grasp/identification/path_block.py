@@ -28,8 +28,6 @@ from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
 from continuum_grasp.simulation.trajectory import limit_warnings
 
-__all__ = ["Motion", "PathBlock"]
-
 Array = NDArray[np.float64]
 
 

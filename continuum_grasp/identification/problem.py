@@ -12,8 +12,6 @@ from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.least_squares import Minimum, least_squares
 from continuum_grasp.identification.unknowns import Unknown
 
-__all__ = ["Problem", "Solution"]
-
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 

@@ -30,8 +30,6 @@ from continuum_grasp.scene.identify import (
 )
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["VARIABLE", "data_folder", "read_data"]
-
 Array = NDArray[np.float64]
 
 

@@ -22,8 +22,6 @@ from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.statics import equilibrium
 from continuum_grasp.simulation.trajectory import limit_warnings
 
-__all__ = ["Rows", "Shapes", "observation", "runtime_names"]
-
 Array = NDArray[np.float64]
 
 _ROUNDING = 0.01

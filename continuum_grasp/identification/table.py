@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.document import refuse_what_is_no_file
 
-__all__ = ["Table", "factor_to_si", "read_table", "unit_of_quantity"]
-
 Array = NDArray[np.float64]
 
 MAX_BYTES = 200_000_000

@@ -16,8 +16,6 @@ from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.identify import Estimate
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["DEADBAND", "Unknown", "read_unknowns"]
-
 Array = NDArray[np.float64]
 
 DEADBAND = "tension_deadband"

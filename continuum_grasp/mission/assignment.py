@@ -20,8 +20,6 @@ from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity, Initial
 
-__all__ = ["Assignment", "assign"]
-
 Array = NDArray[np.float64]
 
 _LARGEST = 5.0

@@ -20,8 +20,6 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.contacts import ContactForces, overlaps
 from continuum_grasp.simulation.trajectory import overlap_text
 
-__all__ = ["MissionRun", "estimated_force"]
-
 Array = NDArray[np.float64]
 T = TypeVar("T")
 

@@ -20,8 +20,6 @@ from continuum_grasp.mission.verdict import judge
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene
 
-__all__ = ["MissionRunner", "run_mission"]
-
 Progress = Callable[[float], None]
 
 

@@ -20,8 +20,6 @@ from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene, Trials
 from continuum_grasp.workers import ProcessPool, cores
 
-__all__ = ["Outcome", "Summary", "run_trials", "save_trials", "summarize", "variations"]
-
 _SEEDS = 2**31
 """Upper end of the seeds of measurement noise [1]; any whole number does."""
 

@@ -12,8 +12,6 @@ from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.plant import Timetable, Variation
 
-__all__ = ["Verdict", "friction_limits", "judge"]
-
 Array = NDArray[np.float64]
 
 FALLEN = 0.005

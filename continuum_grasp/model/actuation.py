@@ -8,8 +8,6 @@ import casadi as ca
 
 from continuum_grasp.model.planar import Scalar
 
-__all__ = ["Drive", "InputLayout", "friction_factors"]
-
 _BEND_ROUNDING = 1e-3
 """Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]: with a coefficient of 0.5
 the tension is off by a share of 5e-4 at most."""

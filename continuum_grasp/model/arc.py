@@ -18,8 +18,6 @@ from continuum_grasp.model.link import Bias, Inertia, Link, LoadedLink, Section
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, weighted_sum
 from continuum_grasp.model.stumpff import ROUNDING, stumpff
 
-__all__ = ["ArcFamily"]
-
 WAYPOINTS = 8
 """Parts of an arc between which its waypoints lie [1]: about as many as a clothoid has nodes, 3 to 16."""
 _MOMENTS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 2.0))

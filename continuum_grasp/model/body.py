@@ -11,8 +11,6 @@ from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.surroundings import Surroundings
 
-__all__ = ["Body"]
-
 _POSE = ("object_x [m]", "object_y [m]", "object_angle [rad]", "object_z [m]")
 _WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]", "table_height [m]")
 _RATES = ("object_x_rate [m/s]", "object_y_rate [m/s]", "object_angle_rate [rad/s]", "object_z_rate [m/s]")

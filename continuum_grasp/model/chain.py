@@ -17,8 +17,6 @@ import casadi as ca
 from continuum_grasp.model.link import Bias, Inertia, LoadedLink, Section
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec
 
-__all__ = ["Chain", "Force", "Moment", "Place"]
-
 
 @dataclass(frozen=True)
 class Place:

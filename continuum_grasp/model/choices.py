@@ -15,8 +15,6 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["Choices", "ModelOptions"]
-
 
 class ModelOptions(TypedDict, total=False):
     """Keywords of ``FingerModel`` and ``System``, described there; None is as good as absent."""

@@ -13,8 +13,6 @@ from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import node_count
 
-__all__ = ["Clothoid", "ClothoidFamily"]
-
 
 class Clothoid(CollocatedLink):
     """A link whose curvature is linear in the arc length; its local coordinates are those at its ends [1/m]."""

@@ -27,8 +27,6 @@ from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, weighted_s
 from continuum_grasp.model.quadrature import collocation
 from continuum_grasp.model.stumpff import rotation
 
-__all__ = ["CollocatedLink"]
-
 
 @dataclass(frozen=True)
 class _Nodes:

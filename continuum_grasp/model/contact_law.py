@@ -15,8 +15,6 @@ import casadi as ca
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.surroundings import ContactLaw
 
-__all__ = ["friction_rate", "friction_share", "normal_force", "stored_energy"]
-
 _ELASTIC = 0.5
 """Share of the cone up to which friction is elastic [1]: a contact that bears less does not creep, however it is
 shaken, and above it the onset of slip is smooth."""

@@ -21,8 +21,6 @@ from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, 
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.loads import ForceLoad
 
-__all__ = ["Equations"]
-
 
 class Equations:
     """Symbols and expressions of a model; every property is built when it is first read.

@@ -20,8 +20,6 @@ from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.families import FAMILIES
 
-__all__ = ["Family", "Rod", "family_class"]
-
 Array = NDArray[np.float64]
 Pieces = Sequence[tuple[float, float, float]]
 """Start [m], end [m] and value [1/m] of the pieces of a rest curvature."""

@@ -15,8 +15,6 @@ from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["FUNCTIONS", "FingerModel"]
-
 
 class FingerModel(Functions):
     """A planar continuum finger, written once as CasADi functions.

@@ -12,8 +12,6 @@ from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.remade import Remade
 
-__all__ = ["MATRICES", "Functions", "function_names", "matrix"]
-
 MATRICES = frozenset(
     (
         "mass_matrix.M",

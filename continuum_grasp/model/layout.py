@@ -11,8 +11,6 @@ from continuum_grasp.model.chain import Place
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
 
-__all__ = ["element_lengths", "element_ranges", "place_at", "with_breaks"]
-
 DEFAULT_RANGE = 2 * math.pi / 3
 """Bending range of one element by default [rad]; equation (44) of the paper."""
 

@@ -15,8 +15,6 @@ from dataclasses import dataclass
 
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
 
-__all__ = ["Bias", "Inertia", "Link", "Section"]
-
 
 @dataclass(frozen=True)
 class Section:

@@ -11,8 +11,6 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger, PiecewiseCurvature
 
-__all__ = ["Parameters", "at_tip"]
-
 _UNITS = {
     "base_angle": "rad",
     "gravity": "m/s2",

@@ -12,8 +12,6 @@ from typing import TypeAlias
 
 import casadi as ca
 
-__all__ = ["IDENTITY", "ZERO", "Rotation", "Scalar", "Vec", "solve_ldl", "weighted_sum"]
-
 
 def solve_ldl(matrix: Sequence[Sequence[Scalar]], right: Sequence[Scalar]) -> list[Scalar]:
     """Solve ``matrix x = right`` by an L D L' factorization without pivoting.

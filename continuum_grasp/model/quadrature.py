@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 
-__all__ = ["collocation", "node_count"]
-
 
 @dataclass(frozen=True)
 class Collocation:

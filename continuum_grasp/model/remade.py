@@ -5,8 +5,6 @@ from __future__ import annotations
 import copy
 from typing import Any, Self
 
-__all__ = ["Remade"]
-
 
 class Remade:
     """Pickles and copies by the arguments of its constructor.

@@ -18,8 +18,6 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
 from continuum_grasp.scene.simulate import Initial, Scene
 
-__all__ = ["Structure", "tip_moment_jumps"]
-
 
 class Structure:
     """The resolved structure of a model; arguments and errors as in ``FingerModel``."""

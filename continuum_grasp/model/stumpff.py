@@ -13,8 +13,6 @@ import casadi as ca
 
 from continuum_grasp.model.planar import Rotation, Scalar
 
-__all__ = ["ROUNDING", "rotation", "stumpff"]
-
 ROUNDING = 1.5e-16
 """Truncation error below which a series is as good as exact in double precision."""
 

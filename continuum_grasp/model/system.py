@@ -21,8 +21,6 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
 
-__all__ = ["SYSTEM_FUNCTIONS", "System"]
-
 
 class System(Functions):
     """A finger, and where there is one the object that it touches, as one system xd = f(x, u, w, p).

@@ -16,8 +16,6 @@ from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.touching import Pair, Station, TablePair, disc_pair, support_pairs, table_pair
 from continuum_grasp.scene.surroundings import Surroundings
 
-__all__ = ["OBJECT_PARAMETERS", "SystemEquations"]
-
 OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1", "object_x": "m", "object_y": "m"}
 """What of an object can be a run-time argument, and its unit: mass, if it moves; a factor of all its friction
 coefficients; where it is, if it is fixed."""

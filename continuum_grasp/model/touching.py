@@ -16,8 +16,6 @@ from continuum_grasp.model.surfaces import nearest, surface_of
 from continuum_grasp.scene.supports import Peg, Wall
 from continuum_grasp.scene.surroundings import ContactLaw
 
-__all__ = ["Pair", "Station", "TablePair", "disc_pair", "support_pairs", "table_pair"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class _Contact:

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from continuum_grasp.scene.solver import SolverOptions
 
-__all__ = ["Attempt", "Budget", "Multipliers", "Start", "Status"]
-
 Array = NDArray[Any]
 
 

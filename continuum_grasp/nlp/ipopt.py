@@ -10,8 +10,6 @@ from typing import Any
 from continuum_grasp.nlp.problem import NLP
 from continuum_grasp.nlp.solver import Solver
 
-__all__ = ["Method"]
-
 _PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
 _NEAR = 1e-4
 """Barrier parameter, and distance from bounds, of a start next to a solution [units of the problem]: IPOPT's defaults,

@@ -11,8 +11,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["NLP", "Block", "Constraints", "Violation"]
-
 
 @dataclass(frozen=True, eq=False)
 class NLP:

@@ -21,8 +21,6 @@ from continuum_grasp.nlp.attempt import Attempt, Budget, Multipliers, Start, Sta
 from continuum_grasp.nlp.problem import NLP
 from continuum_grasp.scene.solver import Method
 
-__all__ = ["Settings", "Solver", "new_solver"]
-
 _STATUS = {
     "Solve_Succeeded": Status.SOLVED,
     "Solved_To_Acceptable_Level": Status.ACCEPTABLE,

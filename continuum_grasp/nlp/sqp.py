@@ -14,8 +14,6 @@ import casadi as ca
 from continuum_grasp.nlp.problem import NLP
 from continuum_grasp.nlp.solver import Solver
 
-__all__ = ["Method"]
-
 
 class Method(Solver):
     """Options of ``sqpmethod``; ``tuning`` may set any of them.

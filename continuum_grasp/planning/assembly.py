@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.nlp import NLP, Constraints, Multipliers, Start
 from continuum_grasp.planning.shooting import Term
 
-__all__ = ["OBJECTIVE", "Assembly"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 

@@ -15,8 +15,6 @@ from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, Signal
 from continuum_grasp.errors import NumericalError
 
-__all__ = ["Deviation", "play"]
-
 Array = NDArray[np.float64]
 
 _EXPLICIT_UP_TO = 200

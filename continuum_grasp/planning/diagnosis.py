@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from continuum_grasp.nlp import Attempt, Violation
 from continuum_grasp.planning.problem import PlanProblem
 
-__all__ = ["Diagnosis", "diagnose"]
-
 Array = NDArray[np.float64]
 
 _MET = 1e-5

@@ -18,8 +18,6 @@ from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.result import Plan
 from continuum_grasp.scene.plan import PlanScene
 
-__all__ = ["checked", "excess_over_intervals", "satisfied_between_nodes", "simulated"]
-
 Array = NDArray[np.float64]
 
 PARTS = 4

@@ -12,8 +12,6 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import Term, derived
 
-__all__ = ["GoalPart", "goal_parts"]
-
 Array = NDArray[np.float64]
 
 _STILL_WHEN_RELAXED = 1e4

@@ -15,8 +15,6 @@ from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import Term, derived, shooting_interval
 
-__all__ = ["Grid", "StateBounds", "add_collocation", "add_shooting", "default_substeps"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 

@@ -21,8 +21,6 @@ from continuum_grasp.scene.plan import PlanScene, RowAim
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 
-__all__ = ["Hint", "Path", "Posture", "closing", "detours", "final_posture", "first_state_of_plan", "smooth_path"]
-
 Array = NDArray[np.float64]
 
 _ITERATIONS = 60

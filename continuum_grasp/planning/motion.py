@@ -19,8 +19,6 @@ from continuum_grasp.planning.shooting import Term, derived
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.signals import interpolate
 
-__all__ = ["Motion", "compiled", "parameters_over_time"]
-
 Array = NDArray[np.float64]
 
 _COMPILE_FROM = 150_000

@@ -16,8 +16,6 @@ from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import derived
 
-__all__ = ["PlanProblem"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 

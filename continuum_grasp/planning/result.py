@@ -20,8 +20,6 @@ from continuum_grasp.results.result import File, MotionResult, Stored
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.contacts import ContactForces
 
-__all__ = ["Constraint", "Plan", "PlanStatus"]
-
 Array = NDArray[np.float64]
 
 _ACTIVE = 1e-6

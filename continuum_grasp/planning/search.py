@@ -20,8 +20,6 @@ from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.result import Plan
 from continuum_grasp.scene.plan import PlanScene, PlanSolver
 
-__all__ = ["FEASIBLE", "Search"]
-
 Array = NDArray[np.float64]
 
 FEASIBLE = 1e-6

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-__all__ = ["Term", "derived", "shooting_interval"]
-
 _WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)  # of the slopes of RK4
 _AHEAD = (0.0, 0.5, 0.5, 1.0)  # share of the step at which each slope is taken
 

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.result import Constraint
 
-__all__ = ["constraints_of", "objective_of", "plan"]
-
 Array = NDArray[np.float64]
 
 

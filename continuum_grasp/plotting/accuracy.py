@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.accuracy.report import AccuracyReport
 
-__all__ = ["plot_accuracy"]
-
 _LOOKS = ((BLUE, "o"), (GREEN, "s"), (ORANGE, "D"), (INK, "^"))
 """Color and marker of the families, in the order of their table."""
 _PANELS = (

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.identification.fit import Fit
 
-__all__ = ["plot_all_predictions", "plot_predictions", "plot_residuals"]
-
 
 def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
     """Draw residuals in standard deviations, set by set; those that were not fitted as open rings.

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.sweeps.maps import Front, GridMap, ScatterMap
 
-__all__ = ["plot_front", "plot_map"]
-
 _HATCHES = ("////", "....", "xxxx", "\\\\\\\\", "oooo", "++++", "----")
 _MARKERS = ("x", "+", "v", "s", "^", "d", "1")
 _SHADES = ("#BFBFBF", "#D9D9D9", "#CFC4B8", "#C3CBD3", "#D8C8D0", "#C9D3C3", "#E0DCC8")

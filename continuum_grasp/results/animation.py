@@ -18,8 +18,6 @@ from continuum_grasp.results.atomic import replacing
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-__all__ = ["save_picture", "write_animation"]
-
 _RANGES = {".gif": 50.0, ".mp4": 240.0}
 """Greatest frames per second: browsers show no frame of a GIF shorter than 20 ms; 240 is the fastest screen."""
 _WIDTHS = 159, 4096

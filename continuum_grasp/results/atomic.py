@@ -10,8 +10,6 @@ from pathlib import Path
 
 from continuum_grasp.results.record import note_file
 
-__all__ = ["naming", "replacing", "write_text"]
-
 
 @contextlib.contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:

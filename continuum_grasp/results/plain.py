@@ -15,8 +15,6 @@ import numpy as np
 
 from continuum_grasp.errors import InputError
 
-__all__ = ["digest", "plain"]
-
 
 def plain(value: Any, key: str = "") -> Any:
     """A value in the types that JSON has.

@@ -16,8 +16,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-__all__ = ["begin_run", "created_now", "kind_of_run", "machine", "note_file", "note_part", "versions"]
-
 _PACKAGES = {"continuum_grasp": "continuum-grasp", "casadi": "casadi", "numpy": "numpy"}
 
 

@@ -15,8 +15,6 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.results.atomic import write_text
 from continuum_grasp.results.run_folder import Run, read_run, write_run
 
-__all__ = ["File", "MotionResult", "Result", "Stored", "maker_of"]
-
 
 @dataclass(frozen=True)
 class Stored:

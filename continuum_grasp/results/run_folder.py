@@ -20,8 +20,6 @@ from continuum_grasp.results.atomic import flush_folder, replacing, write_text
 from continuum_grasp.results.plain import digest, plain
 from continuum_grasp.results.record import begin_run, created_now, machine, versions
 
-__all__ = ["RESULT", "Run", "pack_run", "read_run", "write_run"]
-
 RESULT = "result.npz"
 META = "meta.json"
 FORMAT_VERSION = 1

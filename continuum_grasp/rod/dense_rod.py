@@ -12,9 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.scene.finger import Finger
 
-__all__ = ["DenseRod", "Mesh", "curvature_profile", "panel_edges", "with_places"]
-
-
 Array = NDArray[np.float64]
 
 _SAME_PLACE = 1e-9

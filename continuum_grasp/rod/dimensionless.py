@@ -13,8 +13,6 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["RodProblem", "read_problem"]
-
 
 @dataclass(frozen=True)
 class RodProblem:

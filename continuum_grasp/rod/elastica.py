@@ -17,8 +17,6 @@ from continuum_grasp.rod.equilibrium_path import descend, follow, newton, weakes
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["Elastica", "deformed", "solve_elastica"]
-
 Array = NDArray[np.float64]
 Guess = Callable[[Array], ArrayLike] | ArrayLike
 

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from continuum_grasp.rod.dense_rod import Mesh
 from continuum_grasp.rod.dimensionless import RodProblem
 
-__all__ = ["Balance", "RodEquations"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import SolverError
 from continuum_grasp.rod.equations import Balance, RodEquations
 
-__all__ = ["descend", "follow", "newton", "weakest"]
-
 Array = NDArray[np.float64]
 
 _CLOSE = 1e-8

@@ -9,8 +9,6 @@ from continuum_grasp.rod.elastica import Elastica
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.scene.finger import Finger
 
-__all__ = ["natural_frequencies"]
-
 Array = NDArray[np.float64]
 
 

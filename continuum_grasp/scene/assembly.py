@@ -18,20 +18,6 @@ if TYPE_CHECKING:
 
     Model = TypeVar("Model", bound=BaseModel)
 
-__all__ = [
-    "Overrides",
-    "apply_override",
-    "assembled",
-    "changed",
-    "kind_of",
-    "path_of",
-    "placed",
-    "read_overrides",
-    "take_version",
-    "validated",
-]
-
-
 _VERSION = 1
 """Of the format of configurations, the only one so far."""
 

@@ -15,11 +15,6 @@ from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.value import Length, Positive, Vector2, doubt
 
-__all__ = [
-    "ControlScene",
-]
-
-
 _CALM = 0.1
 """Share of the rate limit that the weight of the input's rate may tolerate [1]; at 0.075 the hand finger's loops
 tolerate two periods of unmodeled delay, at 0.23 none (docs/control.md)."""

@@ -14,22 +14,6 @@ from continuum_grasp.scene.integrators import CONTROL_METHODS
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Real, Value, Vector2
 
-__all__ = [
-    "BendingSensors",
-    "Bounds",
-    "Controller",
-    "DiscZone",
-    "Disturbed",
-    "Estimator",
-    "HalfPlaneZone",
-    "Horizon",
-    "InputLimits",
-    "Measured",
-    "Penalty",
-    "Plant",
-    "Zone",
-]
-
 if TYPE_CHECKING:
     Method = str
 else:

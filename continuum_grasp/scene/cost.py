@@ -12,18 +12,6 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Real, Value, Vector2
 
-__all__ = [
-    "CircleReference",
-    "Cost",
-    "ForceWeight",
-    "Reference",
-    "Row",
-    "RowSamples",
-    "Rows",
-    "ShapeWeight",
-    "Weight",
-]
-
 
 def _running(value: Any) -> Any:
     """Take a bare number as the running weight."""

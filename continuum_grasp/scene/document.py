@@ -10,9 +10,6 @@ from typing import Any
 
 from continuum_grasp.errors import InputError
 
-__all__ = ["Change", "Document", "KeyPath", "Place", "dotted", "refuse_what_is_no_file", "undotted"]
-
-
 KeyPath = tuple[str | int, ...]
 
 

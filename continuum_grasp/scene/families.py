@@ -8,8 +8,6 @@ from typing import Annotated
 from pydantic import AfterValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-__all__ = ["FAMILIES", "ONE_TURN", "PAPER_FAMILY", "CurvatureFamily", "FamilyName", "default_family"]
-
 
 @dataclass(frozen=True)
 class CurvatureFamily:

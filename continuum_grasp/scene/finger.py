@@ -9,8 +9,6 @@ from pydantic import Field, model_validator
 
 from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2, doubt
 
-__all__ = ["BasePose", "Damping", "Finger", "PiecewiseCurvature", "PointMass", "Rod", "Tendons"]
-
 _SECTION_KEYS = ("diameter", "density", "youngs_modulus")
 _LINEAR_KEYS = ("linear_density", "bending_stiffness", "rotary_inertia")
 

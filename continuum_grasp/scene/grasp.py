@@ -29,11 +29,6 @@ from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Peg, Place, Support, Switch, Wall
 from continuum_grasp.scene.value import Value
 
-__all__ = [
-    "FingerSetup",
-    "GraspScene",
-]
-
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 TOUCHING = 1e-6
 """Gap, as a part of the object's size, up to which an object at rest lies against a support."""

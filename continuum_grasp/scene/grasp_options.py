@@ -13,25 +13,6 @@ from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.supports import Switch
 from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2
 
-__all__ = [
-    "Aim",
-    "AnyFinger",
-    "Counts",
-    "Disturbances",
-    "FingerContacts",
-    "GraspContacts",
-    "GraspFinger",
-    "GraspGravity",
-    "GraspSolver",
-    "Middles",
-    "NoGravity",
-    "ObjectiveWeights",
-    "OutOfPlaneGravity",
-    "PlanarGravity",
-    "Range",
-]
-
-
 Middles = Switch | Annotated[tuple[Switch, ...], Field(strict=False, min_length=1, max_length=4)]
 Counts = Annotated[int, Field(ge=1)] | Annotated[tuple[int, ...], Field(strict=False, min_length=1, max_length=4)]
 Range = Annotated[tuple[Length, Length], Field(strict=False)]

@@ -9,20 +9,6 @@ from pydantic import Field, model_validator
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.value import Length, Positive, Real, Value
 
-__all__ = [
-    "Column",
-    "Condition",
-    "DataSet",
-    "Estimate",
-    "FrequencyTable",
-    "IdentifyScene",
-    "ReadingColumn",
-    "RingDown",
-    "RowsEqual",
-    "StaticPoses",
-    "TipTrajectory",
-]
-
 Quantity = Literal["x", "y", "angle", "bend"]
 Estimated = Annotated[float, Field(ge=-1e15, le=1e15)]
 

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["CONTROL_METHODS", "INTEGRATORS", "SIMULATION_METHODS", "Integrator"]
-
 
 @dataclass(frozen=True)
 class Integrator:

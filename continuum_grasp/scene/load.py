@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | PlanScene | Finger | Sweep
 
-__all__ = ["kind_of_scene", "load", "load_placed", "model_of", "other_kind", "scene_of"]
-
 Kind = TypeVar("Kind")
 
 _MODELS = {

@@ -8,8 +8,6 @@ from pydantic import Field, model_validator
 
 from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
 
-__all__ = ["Actuation", "ForceLoad", "Load", "MomentLoad", "Samples", "VectorSamples"]
-
 
 class _Sampled(Value):
     times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2)]

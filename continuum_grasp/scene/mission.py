@@ -11,8 +11,6 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Value
 
-__all__ = ["MissionController", "MissionScene", "Phases", "Trials"]
-
 Count = Annotated[int, Field(ge=1, le=8)]
 
 

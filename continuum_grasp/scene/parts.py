@@ -10,18 +10,6 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import TypeAlias
 
-__all__ = [
-    "OffsetPolygon",
-    "Part",
-    "Point",
-    "SuperellipsePart",
-    "check_convex",
-    "counter_clockwise",
-    "farthest",
-    "polygon_centroid",
-    "rounded",
-]
-
 Point: TypeAlias = tuple[float, float]
 
 

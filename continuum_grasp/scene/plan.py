@@ -16,22 +16,6 @@ from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.surroundings import ContactLaw, Surroundings
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Value, Vector2
 
-__all__ = [
-    "Aim",
-    "DurationRange",
-    "FineCheck",
-    "Goal",
-    "PlanBounds",
-    "PlanDiscZone",
-    "PlanHalfPlaneZone",
-    "PlanInput",
-    "PlanScene",
-    "PlanSolver",
-    "PointAim",
-    "RowAim",
-    "ShapeAim",
-]
-
 
 def _exact(value: Any) -> Any:
     """A bare row is what must be reached exactly."""

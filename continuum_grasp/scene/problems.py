@@ -15,8 +15,6 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.document import Document, KeyPath, Place
 from continuum_grasp.scene.shape import Shape
 
-__all__ = ["Problem", "explain", "input_error", "nearest", "raise_problems"]
-
 _MOST = 20
 """Problems that are listed: what a terminal shows at once."""
 _KINDS = {

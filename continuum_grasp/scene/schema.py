@@ -8,8 +8,6 @@ from typing import Any
 
 from continuum_grasp.scene.load import model_of
 
-__all__ = ["KINDS", "json_schema", "schema_text"]
-
 KINDS = ("simulate", "identify", "grasp", "mpc", "mission", "plan", "sweep", "finger")
 
 _Node = dict[str, Any]

@@ -10,8 +10,6 @@ from pydantic import BaseModel
 
 from continuum_grasp.scene.document import KeyPath
 
-__all__ = ["Shape"]
-
 _Node = dict[str, Any]
 
 

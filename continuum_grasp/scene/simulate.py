@@ -14,8 +14,6 @@ from continuum_grasp.scene.loads import Actuation, Load, Samples
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.value import Length, Positive, Real, Value, Vector2, doubt
 
-__all__ = ["Fidelity", "Initial", "Scene", "Timing"]
-
 if TYPE_CHECKING:
     Method = str
 else:

@@ -8,8 +8,6 @@ from pydantic import Field
 
 from continuum_grasp.scene.value import Positive, Value
 
-__all__ = ["Method", "SolverOptions"]
-
 Method = Literal["ipopt", "sqp"]
 """Solvers of nonlinear problems: each is a file of `continuum_grasp.nlp` with that name."""
 

@@ -10,8 +10,6 @@ from pydantic import Field, model_validator
 
 from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
 
-__all__ = ["Line", "Palm", "Peg", "Place", "Point", "Support", "Switch", "VGroove", "Wall"]
-
 Switch = Literal["on", "off", "auto"]
 
 

@@ -13,8 +13,6 @@ from continuum_grasp.scene.parts import Point
 from continuum_grasp.scene.supports import Peg, Support, Wall
 from continuum_grasp.scene.value import Extent, NonNegative, Positive, Value, doubt
 
-__all__ = ["ContactLaw", "Surroundings", "Table"]
-
 _PRESLIDING = 1e-4
 """Displacement before slip by default [m]."""
 

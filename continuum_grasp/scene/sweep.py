@@ -9,8 +9,6 @@ from pydantic import Field, model_validator
 
 from continuum_grasp.scene.value import Positive, Real, Value
 
-__all__ = ["QUANTITIES", "Draw", "Follow", "Front", "Grid", "Map", "Sample", "Sweep"]
-
 MOST_SCENES = 10_000_000
 """A plan is held in memory, about 100 bytes a scene: 1 GB."""
 

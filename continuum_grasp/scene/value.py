@@ -8,8 +8,6 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-__all__ = ["Extent", "Length", "NonNegative", "Positive", "Real", "Value", "Vector2", "doubt"]
-
 
 class Value(BaseModel):
     """A frozen value in SI units; unknown keys, NaN, infinity and absurd magnitudes are refused.

@@ -20,8 +20,6 @@ from continuum_grasp.scene.problems import explain, nearest, raise_problems
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.sweep import Draw, Sweep
 
-__all__ = ["Axis", "Random", "Tie", "Variation", "variation_of"]
-
 
 @dataclass(frozen=True)
 class Axis:

@@ -14,8 +14,6 @@ import yaml
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.document import Document, KeyPath, Place, dotted, refuse_what_is_no_file
 
-__all__ = ["parse_yaml", "read_yaml"]
-
 MAX_BYTES = 2_000_000
 """600 times the largest shipped configuration; a list of that size takes 3 s to read."""
 MAX_ALIASES = 100

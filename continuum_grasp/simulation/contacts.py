@@ -15,8 +15,6 @@ from continuum_grasp.model.surfaces import nearest
 from continuum_grasp.results.result import Stored
 from continuum_grasp.scene.objects import GraspObject
 
-__all__ = ["STORED", "ContactForces", "overlaps"]
-
 Array = NDArray[np.float64]
 
 

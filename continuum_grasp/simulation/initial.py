@@ -14,8 +14,6 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.statics import equilibrium_under
 
-__all__ = ["initial_state", "start_warnings"]
-
 Array = NDArray[np.float64]
 
 

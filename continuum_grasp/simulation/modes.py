@@ -15,8 +15,6 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import damping_matrix
 from continuum_grasp.simulation.statics import Equilibrium, equilibrium
 
-__all__ = ["Modes", "modes"]
-
 Array = NDArray[np.float64]
 
 

@@ -12,8 +12,6 @@ from continuum_grasp import interrupt
 from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
 
-__all__ = ["integrate_reference"]
-
 Array = NDArray[np.float64]
 
 _RELATIVE, _ABSOLUTE = 1e-11, 1e-12

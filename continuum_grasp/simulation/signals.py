@@ -14,8 +14,6 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["Signals", "interpolate"]
-
 Array = NDArray[np.float64]
 
 

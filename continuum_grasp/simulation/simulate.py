@@ -29,8 +29,6 @@ from continuum_grasp.simulation.spectrum import (
 from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
 from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings, overlap_text
 
-__all__ = ["simulate"]
-
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 

@@ -10,16 +10,6 @@ from numpy.typing import NDArray
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, System
 
-__all__ = [
-    "TARGET_RADIUS",
-    "contact_frequency",
-    "damping_matrix",
-    "pressed_radius",
-    "sample_shapes",
-    "spectral_radius",
-    "telling_states",
-]
-
 Array = NDArray[np.float64]
 
 _EVEN, _EXTREME = 12, 6

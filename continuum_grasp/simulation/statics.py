@@ -18,8 +18,6 @@ from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import damping_matrix
 from continuum_grasp.simulation.trajectory import LOST, limit_warnings
 
-__all__ = ["Equilibrium", "Search", "equilibrium", "equilibrium_path", "equilibrium_under"]
-
 Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-11

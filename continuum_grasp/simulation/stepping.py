@@ -20,8 +20,6 @@ from continuum_grasp.simulation.reference import integrate_reference
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.trajectory import acting_input
 
-__all__ = ["Motion", "Plan", "Stepper", "Stop"]
-
 Array = NDArray[np.float64]
 Stop = NumericalError | Interrupted
 

@@ -19,8 +19,6 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
 from continuum_grasp.simulation.contacts import ContactForces, overlaps
 
-__all__ = ["LOST", "Trajectory", "acting_input", "limit_warnings", "overlap_text"]
-
 Array = NDArray[np.float64]
 
 

@@ -19,8 +19,6 @@ from continuum_grasp.scene.document import refuse_what_is_no_file
 from continuum_grasp.sweeps.plan import Plan, differences
 from continuum_grasp.sweeps.quantities import decode
 
-__all__ = ["PLAN", "TABLE", "TableFile", "lines_of", "locked", "read_plan", "run_path", "store_plan", "write_run_files"]
-
 PLAN = "sweep.json"
 TABLE = "table.jsonl"
 _LOCK = ".lock"

@@ -16,8 +16,6 @@ from continuum_grasp.results.result import maker_of
 if TYPE_CHECKING:
     from continuum_grasp.sweeps.table import SweepTable
 
-__all__ = ["Front", "GridMap", "ScatterMap", "draw_pictures", "front_of", "map_of", "pareto"]
-
 _WORDS = {
     "tension_sum": "sum of all tensions",
     "tension_max": "greatest tension",

@@ -20,8 +20,6 @@ from continuum_grasp.scene.load import load_placed
 from continuum_grasp.scene.sweep import QUANTITIES, Sweep
 from continuum_grasp.scene.variation import Axis, Random, Tie, Variation, variation_of
 
-__all__ = ["Plan", "Point", "differences", "keys_of", "plan_of"]
-
 FORMAT_VERSION = 1
 """Of the stored plan: a sweep resumes with the version that began it."""
 _BLOCK = 4096

@@ -7,8 +7,6 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-__all__ = ["Pace", "Progress"]
-
 _WINDOW = 60.0
 """Time over which the pace is averaged [s]: scenes of a grid differ in cost, neighbors do not."""
 

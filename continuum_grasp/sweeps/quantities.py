@@ -10,8 +10,6 @@ from typing import Any
 
 from continuum_grasp.errors import InputError
 
-__all__ = ["SOLVED", "decode", "encode", "number", "quantities"]
-
 _TAIL = len(b',"check":"00000000"}\n')
 
 

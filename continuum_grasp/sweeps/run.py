@@ -23,8 +23,6 @@ from continuum_grasp.sweeps.table import SweepTable, sweep_table, write_csv
 from continuum_grasp.sweeps.worker import Job, Keep, Outcome, dask_pool, row_of_crash, run_chunk, solve
 from continuum_grasp.workers import ExecutorPool, ProcessPool, WorkerPool, checked_count, cores
 
-__all__ = ["sweep"]
-
 _CHUNK_SECONDS = 0.5
 """Work per submitted chunk [s]: long against handing it over, short against the end of a sweep."""
 _MOST_IN_A_CHUNK = 64

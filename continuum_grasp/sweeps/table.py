@@ -22,8 +22,6 @@ from continuum_grasp.sweeps.folder import TABLE, lines_of, read_plan, run_path
 from continuum_grasp.sweeps.plan import keys_of
 from continuum_grasp.sweeps.quantities import SOLVED, decode
 
-__all__ = ["CSV", "SweepTable", "sweep_table", "write_csv"]
-
 _WORDS = ("scene", "status", "reason", "message")
 
 

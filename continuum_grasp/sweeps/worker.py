@@ -27,8 +27,6 @@ from continuum_grasp.workers import ExecutorPool
 if TYPE_CHECKING:
     from continuum_grasp.grasp import GraspResult
 
-__all__ = ["Job", "Keep", "Outcome", "dask_pool", "row_of_crash", "run_chunk", "solve"]
-
 Keep: TypeAlias = Literal["all", "failed", "none"]
 _ONE_AT_A_TIME = threading.Lock()
 _MESSAGE = 300

@@ -15,8 +15,6 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.rti.settings import Settings
 from continuum_grasp.scene.control import ControlScene
 
-__all__ = ["controller_fields", "delay_periods", "estimator_fields"]
-
 _RAMP = 0.5
 """Time in which the safe ramp crosses the whole range of an input [s]: longer than the period of the first mode of the
 shipped fingers (0.4 s), so that the ramp does not make them swing."""

@@ -22,16 +22,6 @@ from continuum_grasp.core.precision import single
 from continuum_grasp.core.source import generated
 from continuum_grasp.errors import InputError
 
-__all__ = [
-    "Compiled",
-    "Field",
-    "controller_source",
-    "estimator_functions",
-    "estimator_source",
-    "load_library",
-    "settings_values",
-]
-
 Array = NDArray[np.float64]
 
 

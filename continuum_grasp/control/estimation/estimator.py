@@ -21,8 +21,6 @@ from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 
-__all__ = ["Estimator", "Filtered"]
-
 Array = NDArray[np.float64]
 
 _RESTARTED = 1

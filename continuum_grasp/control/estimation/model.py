@@ -16,8 +16,6 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Disturbed, Measured
 
-__all__ = ["Estimation", "estimation_of"]
-
 Array = NDArray[np.float64]
 
 # RK4 with the continuous extension of Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6.

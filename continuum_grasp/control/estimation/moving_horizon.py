@@ -13,8 +13,6 @@ from continuum_grasp.core.call import real_array
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.nlp import NLP, Budget, Settings, Start, new_solver
 
-__all__ = ["Smoothed", "moving_horizon"]
-
 Array = NDArray[np.float64]
 
 _ABSENT = 1e-9

@@ -16,8 +16,6 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 
-__all__ = ["Noise", "Ranges", "measurement_std", "noise_of", "ranges_of"]
-
 Array = NDArray[np.float64]
 
 _DRIVE = 0.01

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, Penalty
 
-__all__ = ["ABSENT", "HARD", "BoundedRows", "state_bounds"]
-
 Array = NDArray[np.float64]
 
 ABSENT = 1e30

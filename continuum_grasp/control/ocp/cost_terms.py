@@ -20,8 +20,6 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.cost import Cost, Weight
 from continuum_grasp.scene.finger import Finger
 
-__all__ = ["TERMS", "UNLIMITED", "CostTerm", "Outputs", "Quantities", "Tracked", "cost_terms", "tracked_groups"]
-
 Array = NDArray[np.float64]
 Limits = tuple[tuple[float, float], ...]
 

@@ -16,8 +16,6 @@ from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
 from continuum_grasp.scene.loads import Samples
 from continuum_grasp.simulation.signals import interpolate
 
-__all__ = ["Setpoints", "setpoints"]
-
 Array = NDArray[np.float64]
 Function: TypeAlias = Callable[[float], ArrayLike]
 _Given: TypeAlias = "CircleReference | RowSamples | tuple[float, ...] | Function"

@@ -16,8 +16,6 @@ from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Horizon
 
-__all__ = ["Stages", "cost_function", "stages_of", "step_function", "terminal_function"]
-
 Array = NDArray[np.float64]
 
 _TARGET = 1.5

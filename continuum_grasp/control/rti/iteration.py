@@ -15,8 +15,6 @@ from continuum_grasp.control.rti.source import PROBLEM, library_source
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError, SolverError
 
-__all__ = ["STATUS", "RealTimeIteration", "Report"]
-
 Array = NDArray[Any]
 
 STATUS = {

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.errors import InputError
 
-__all__ = ["Settings"]
-
 _TOLERANCE = {8: 1e-8, 4: 1e-4}
 """Relative tolerance of the QP's solution [1] by bytes of a number: about the square root of the machine epsilon in
 double; in single precision a thousand times the epsilon, since gradients are sums of some hundred rounded terms."""

@@ -16,17 +16,6 @@ from continuum_grasp.core.precision import single
 from continuum_grasp.core.source import generated
 from continuum_grasp.errors import InputError
 
-__all__ = [
-    "PROBLEM",
-    "dimensions",
-    "iteration_bodies",
-    "iteration_source",
-    "jacobian_products",
-    "library_source",
-    "stage_functions",
-    "template",
-]
-
 _BODY = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)
 """Name and body of a function in what CasADi writes."""
 

@@ -13,8 +13,6 @@ from typing import Any
 
 import casadi as ca
 
-__all__ = ["step"]
-
 _TOLERANCE = 1e-9
 """Last correction of the iterations, per 1 + |x| [1]. The next would be a hundredth of it; over 2e4 steps of 5 ms (two
 arcs let go) the mean energy moved by 2e-8 of the swing."""

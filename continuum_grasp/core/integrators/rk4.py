@@ -6,8 +6,6 @@ from typing import Any
 
 import casadi as ca
 
-__all__ = ["differentiated_step", "step"]
-
 
 def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.MX) -> ca.MX:
     """Next state; see ``step_function``."""

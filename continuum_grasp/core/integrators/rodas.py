@@ -9,8 +9,6 @@ from typing import Any
 
 import casadi as ca
 
-__all__ = ["step"]
-
 _GAMMA = 0.25  # with which the method is L-stable
 _ALPHA = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)  # instants of the stages
 _GAMMAS = (0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0)  # row sums, for explicit dependence on time

@@ -14,8 +14,6 @@ import casadi as ca
 
 from continuum_grasp.model.planar import solve_ldl
 
-__all__ = ["step"]
-
 _GAMMA = 1.0 - math.sqrt(0.5)
 """Makes the method L-stable [1]."""
 

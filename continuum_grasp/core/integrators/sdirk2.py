@@ -6,8 +6,6 @@ import math
 
 import casadi as ca
 
-__all__ = ["differentiated_step"]
-
 _GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 """Diagonal coefficient [1] that makes two diagonally implicit stages L-stable and of order 2; R. Alexander, SIAM J.
 Numer. Anal. 14 (1977) 1006, doi:10.1137/0714068."""

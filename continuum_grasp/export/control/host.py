@@ -16,8 +16,6 @@ from continuum_grasp.core.compiler import find_compiler, why_no_compiler
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Real
 
-__all__ = ["Host"]
-
 Array = NDArray[Any]
 
 _FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-fno-math-errno", "-shared", "-fPIC", "-w")

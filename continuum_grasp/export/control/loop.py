@@ -26,8 +26,6 @@ from continuum_grasp.export.fields import Field, Real, Struct
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.scene.control import ControlScene
 
-__all__ = ["CHANGEABLE", "DIAGNOSIS", "Loop", "identifiers", "unit_of"]
-
 Array = NDArray[np.float64]
 
 CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")

@@ -24,8 +24,6 @@ from continuum_grasp.export.part import Code, Part, Stateful, Vectors
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import bad_entries
 
-__all__ = ["SIZES", "UNKNOWN", "controller_vectors", "estimator_vectors", "stateful_usage", "stateful_vectors"]
-
 Array = NDArray[Any]
 
 _EPISODE = 70

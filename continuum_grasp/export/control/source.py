@@ -17,8 +17,6 @@ from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 
-__all__ = ["ANOMALIES", "control_sources"]
-
 _STUBS = ("stage_step", "stage_cost", "terminal_cost")
 _OF_ESTIMATOR = ("estimator_step", "estimator_outputs", "estimator_flow", "estimated_parameters")
 ANOMALIES = {

@@ -7,8 +7,6 @@ from collections.abc import Collection
 
 from continuum_grasp.core.precision import literal
 
-__all__ = ["renamed", "without", "without_prototypes"]
-
 _TOKEN = re.compile(
     r"(?P<comment>/\*.*?\*/|//[^\n]*)|(?P<text>\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*')|(?P<name>[A-Za-z_]\w*)"
     r"|(?P<number>(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])|\d\w*",

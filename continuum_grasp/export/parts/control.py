@@ -15,8 +15,6 @@ from continuum_grasp.export.part import SECONDS, Code, Method, Part, Stateful, V
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import runner_head
 
-__all__ = ["estimator", "mpc"]
-
 _Maker = Callable[[Loop, Real, Host, str], Vectors]
 
 

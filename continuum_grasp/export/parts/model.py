@@ -18,8 +18,6 @@ from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 
-__all__ = ["dynamics", "kinematics", "moment_note", "statics", "step"]
-
 
 def _dynamics_kernel(subject: Subject) -> Kernel:
     """The kernel of the equations of motion."""

@@ -36,8 +36,6 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.objects.body import Freedom, pose_bounds
 
-__all__ = ["Certificate", "Check", "certify"]
-
 Array = NDArray[Any]
 
 

@@ -17,23 +17,6 @@ from continuum_grasp.grasp.certificate.surfaces import PlacedObject, segment_dis
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.supports import Wall
 
-__all__ = [
-    "EQUILIBRIUM",
-    "GAP",
-    "LIMIT",
-    "PENETRATION",
-    "Check",
-    "clearance_checks",
-    "contact_checks",
-    "depth_in_line",
-    "depth_in_object",
-    "depth_in_wall",
-    "mode_check",
-    "overlap",
-    "worst",
-]
-
-
 EQUILIBRIUM = 1e-6
 """Limit of moment and force residuals, as a part of the greatest moment or force in play. Optima
 of IPOPT, recomputed independently, stay below 2e-7 (400 random scenes)."""

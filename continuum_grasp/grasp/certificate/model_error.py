@@ -22,9 +22,6 @@ from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["ModelError", "misfits", "model_error", "not_finite"]
-
-
 Array = NDArray[Any]
 
 SMALL = 0.005

@@ -14,8 +14,6 @@ from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.supports import Peg, Wall
 
-__all__ = ["RecomputedContact", "RecomputedGrasp", "across", "known_contacts"]
-
 Array = NDArray[Any]
 
 _BLUNT = 1e-3

@@ -13,8 +13,6 @@ from continuum_grasp.rod.dense_rod import DenseRod, curvature_profile
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.grasp_options import GraspGravity, PlanarGravity
 
-__all__ = ["FingerLoad", "RecomputedFinger", "gravity_vector"]
-
 Array = NDArray[Any]
 
 _COARSE = 1 / 64

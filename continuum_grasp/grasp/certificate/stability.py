@@ -22,8 +22,6 @@ from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, Reco
 from continuum_grasp.grasp.certificate.recomputed_finger import RecomputedFinger
 from continuum_grasp.rod.dense_rod import DenseRod
 
-__all__ = ["Stability", "contact_stability"]
-
 Array = NDArray[Any]
 
 CELLS = 120

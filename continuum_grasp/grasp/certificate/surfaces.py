@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
 
-__all__ = ["Nearest", "PlacedObject", "nearest", "segment_distance", "support_point"]
-
 Array = NDArray[Any]
 
 _FLAT = np.inf

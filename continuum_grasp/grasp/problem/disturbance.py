@@ -24,8 +24,6 @@ from continuum_grasp.grasp.problem.limits import friction_cone
 from continuum_grasp.grasp.problem.unit_finger import FingerSpec, rotation
 from continuum_grasp.grasp.problem.unknowns import FingerState, TouchState, Unknowns
 
-__all__ = ["add_disturbances"]
-
 LEAST = 0.02
 """Least sum of the curvatures of two surfaces that touch, per size of the object: below it the contact
 point would run along the finger without bound as it rolls; a finger that fits the object counts as wrapped."""

@@ -10,8 +10,6 @@ from continuum_grasp.grasp.problem.unit_finger import APEX, rotation
 from continuum_grasp.grasp.problem.unknowns import FingerState, Unknowns
 from continuum_grasp.model.surfaces.surface import CORNERS, separation
 
-__all__ = ["add_limits", "friction_cone", "guarded"]
-
 
 def add_limits(problem: Unknowns) -> None:
     """Add the inequalities to a problem whose unknowns and contacts are there."""

@@ -12,11 +12,9 @@ from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.unknowns import FingerState
 from continuum_grasp.grasp.problem.values import Units
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, turning
-from continuum_grasp.grasp.starts.starts import Start
+from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-
-__all__ = ["PointReader", "starting_point"]
 
 Array = NDArray[Any]
 Values = dict[str, Any]

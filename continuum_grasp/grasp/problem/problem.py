@@ -26,9 +26,6 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.unit_finger import rotation
 from continuum_grasp.grasp.problem.unknowns import FingerState, TouchState, Unknowns
 
-__all__ = ["GraspProblem"]
-
-
 _REGULARIZATION = 1e-8
 """Weight of the squared contact forces (scaled) beside what is sought, so that they are unique: with more than three
 contacts equilibrium alone does not fix them. It changes the optimum by less than the certificate resolves."""

@@ -10,8 +10,6 @@ from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity
 from continuum_grasp.scene.value import Value
 
-__all__ = ["RELAXATIONS", "Relaxation"]
-
 
 @dataclass(frozen=True)
 class Relaxation:

@@ -19,13 +19,11 @@ from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Sight, Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values
-from continuum_grasp.grasp.starts.starts import Start
+from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspSolver
-
-__all__ = ["Attempt", "GraspSolverRun", "solver_for"]
 
 Array = NDArray[Any]
 

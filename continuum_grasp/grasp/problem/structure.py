@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from continuum_grasp.grasp.problem.unit_finger import FingerSpec
-from continuum_grasp.grasp.starts.starts import ContactStart
+from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Surface
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
-
-__all__ = ["ContactSpec", "ProblemSpec"]
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,6 @@ from continuum_grasp.model.surfaces.surface import CORNERS
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.parts import OffsetPolygon, Part
 
-__all__ = ["Sight", "Surroundings"]
-
 Array = NDArray[Any]
 Values = dict[str, Any]
 Nearest = tuple[Array, Array, Array]

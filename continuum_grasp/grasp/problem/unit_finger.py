@@ -20,9 +20,6 @@ from continuum_grasp.scene.finger import Finger, PointMass, Rod, Tendons
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.loads import MomentLoad
 
-__all__ = ["APEX", "FingerSpec", "Numbers", "UnitFinger", "finger_numbers", "inner_masses"]
-
-
 ACCURACY = 1e-7
 """Relative accuracy of the model's quadrature by default; its positions are some ten times better."""
 _OFFSET = 0.5

@@ -16,8 +16,6 @@ from continuum_grasp.grasp.problem.unit_finger import FingerSpec, Numbers, UnitF
 from continuum_grasp.model.surfaces.surface import SurfacePoint
 from continuum_grasp.nlp import Constraints, Violation
 
-__all__ = ["BlockList", "FingerState", "TouchState", "Unknowns", "Variable"]
-
 Array = NDArray[Any]
 
 

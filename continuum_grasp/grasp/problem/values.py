@@ -13,15 +13,13 @@ from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import support_of
 from continuum_grasp.grasp.problem.unit_finger import finger_numbers
-from continuum_grasp.grasp.starts.starts import ContactStart, Start
+from continuum_grasp.grasp.starts.values import ContactStart, Start
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.offset_polygon import SHARP
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.objects.body import Freedom, pose_bounds
-
-__all__ = ["Units", "contact_features", "problem_bounds", "problem_values", "tension_weight"]
 
 Array = NDArray[Any]
 Values = dict[str, Any]

@@ -15,9 +15,6 @@ from continuum_grasp.rod.dense_rod import DenseRod, curvature_profile
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["BentFinger", "Rolling", "Section", "finger_rolling", "support_rolling"]
-
-
 Array = NDArray[Any]
 
 CELLS = 32

@@ -15,9 +15,6 @@ from continuum_grasp.grasp.quality.lp import solve_lp
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
 
-__all__ = ["ContactSet", "WrenchSpace", "object_part", "wrench_space"]
-
-
 Array = NDArray[Any]
 
 _FLAT = 1e-12

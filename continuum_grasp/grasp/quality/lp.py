@@ -13,9 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError
 
-__all__ = ["Cones", "LPOutcome", "solve_lp", "solve_socp"]
-
-
 Array = NDArray[Any]
 Outcome = Literal["optimal", "infeasible", "unbounded", "failed"]
 

@@ -17,8 +17,6 @@ from continuum_grasp.grasp.quality.bent_finger import BentFinger
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
-__all__ = ["MagLike", "mag_like"]
-
 Array = NDArray[Any]
 
 TRANSLATION = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))

@@ -20,8 +20,6 @@ from continuum_grasp.grasp.quality.lp import ROUNDS, Cones, solve_lp, solve_socp
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
-__all__ = ["LeastFriction", "greatest_mass", "least_friction"]
-
 Array = NDArray[Any]
 
 MOST = 1e4

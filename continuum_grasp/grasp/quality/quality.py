@@ -17,9 +17,6 @@ from continuum_grasp.grasp.quality.response import GraspResponse, Tendons
 from continuum_grasp.grasp.quality.response_limits import ResponseLimits
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["Quality", "Resistance", "grasp_quality", "resistance", "resistance_polygon"]
-
-
 Array = NDArray[Any]
 
 DISPLACEMENT_LIMIT = 0.1

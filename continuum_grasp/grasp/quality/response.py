@@ -20,8 +20,6 @@ from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
 
-__all__ = ["Change", "GraspResponse"]
-
 Array = NDArray[Any]
 Tendons = Literal["retensioned", "locked"]
 

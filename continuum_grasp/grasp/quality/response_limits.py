@@ -12,8 +12,6 @@ from continuum_grasp.grasp.quality.lp import Cones, solve_socp
 from continuum_grasp.grasp.quality.response import Change, GraspResponse, Tendons
 from continuum_grasp.scene.grasp import FingerSetup
 
-__all__ = ["ResponseLimits", "difference_range"]
-
 Array = NDArray[Any]
 
 UNLIMITED = 1e4

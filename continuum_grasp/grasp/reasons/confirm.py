@@ -20,8 +20,6 @@ from continuum_grasp.grasp.quality.lp import Cones, LPOutcome, solve_socp
 from continuum_grasp.grasp.reasons.posture_statics import PostureStatics
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["Confirmed", "least_amount"]
-
 Array = NDArray[Any]
 
 OFF = 0.2 * EQUILIBRIUM

@@ -19,14 +19,11 @@ from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.confirm import least_amount
 from continuum_grasp.grasp.result import Reason
 from continuum_grasp.grasp.search import Search, branch_of, contact_modes
-from continuum_grasp.grasp.starts.starts import Start
+from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.nlp import Status
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.objects import Freedom
-
-__all__ = ["Repair", "Repairs", "find_reasons", "out_of_reach"]
-
 
 FIRST, MORE = 4, 8
 """Starts per limit, and per limit that gives a grasp, or per limit again if none does."""

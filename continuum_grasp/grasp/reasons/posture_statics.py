@@ -17,8 +17,6 @@ from continuum_grasp.grasp.certificate.recomputed_finger import FingerLoad, Reco
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
-__all__ = ["PostureStatics"]
-
 Array = NDArray[Any]
 
 

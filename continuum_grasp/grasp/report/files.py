@@ -11,8 +11,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.grasp.result import GraspResult
 
-__all__ = ["page", "picture"]
-
 
 def picture(result: GraspResult) -> Axes:
     """Draw a grasp, or the closest point to one, or neither: the scene is drawn then."""

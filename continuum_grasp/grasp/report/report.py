@@ -19,12 +19,10 @@ from continuum_grasp.grasp.report.shown import (
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.certificate.certificate import Certificate, Check
+    from continuum_grasp.grasp.certificate.certificate import Certificate
+    from continuum_grasp.grasp.certificate.check import Check
     from continuum_grasp.grasp.certificate.model_error import ModelError
     from continuum_grasp.grasp.result import GraspResult
-
-__all__ = ["result_text", "result_yaml", "yaml_text"]
-
 
 _HEAD = """\
 # How the object is held, or why it is not. World frame, SI units. Forces at contacts are those on what touches the

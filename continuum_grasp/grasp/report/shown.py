@@ -14,16 +14,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.result import GraspResult
 
-__all__ = [
-    "disturbance_rows",
-    "fine_rows",
-    "further_advice",
-    "quality_of",
-    "quality_rows",
-    "resisted_forces",
-    "result_data",
-]
-
 
 def quality_of(result: GraspResult) -> Quality | None:
     """The indices of a verified grasp; None where there is none."""

@@ -17,9 +17,6 @@ from continuum_grasp.grasp.starts.scan.tip import bent_by_tip, moved_tip, tip_on
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose
 
-__all__ = ["Candidates", "find_candidates", "near_candidates", "neighbors", "postures"]
-
-
 Array = NDArray[Any]
 
 _SHIFTS = 0.01 * np.array([-1.5, -0.5, 0.5, 1.5])

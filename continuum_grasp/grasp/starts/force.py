@@ -25,8 +25,6 @@ from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects.body import Pose
 
-__all__ = ["Block", "Loads", "contact_forces", "finger_block", "imbalance", "loads_of", "support_block"]
-
 Array = NDArray[Any]
 
 _FINE = 6

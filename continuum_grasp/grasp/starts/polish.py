@@ -19,8 +19,6 @@ from continuum_grasp.grasp.starts.scan.task import FingerTask, make_task, violat
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose
 
-__all__ = ["polished"]
-
 Array = NDArray[Any]
 
 _STEPS, _STEP, _MOST, _DAMPING = 5, 1e-4, 0.8, 1e-3

@@ -12,22 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.force import contact_forces
-from continuum_grasp.grasp.starts.supports import nearest_contact, object_poses, support_contacts, touching_supports
+from continuum_grasp.grasp.starts.supports import nearest_contact, object_poses, support_contacts
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
 from continuum_grasp.grasp.starts.weighing import Weighed, Weighing, spread_order
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-
-__all__ = [
-    "ContactStart",
-    "FingerStart",
-    "Start",
-    "fallback",
-    "make_starts",
-    "shaken",
-    "support_contacts",
-    "touching_supports",
-]
-
 
 Array = NDArray[Any]
 

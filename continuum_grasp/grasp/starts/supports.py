@@ -15,15 +15,6 @@ from continuum_grasp.scene.grasp import TOUCHING, FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose, pose_bounds
 from continuum_grasp.scene.supports import Peg, Wall
 
-__all__ = [
-    "base_poses",
-    "nearest_contact",
-    "object_poses",
-    "settle",
-    "support_contacts",
-    "touching_supports",
-]
-
 Interval = tuple[float, float]
 
 _MORE_POSES = 5

@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 from continuum_grasp.rod.dense_rod import curvature_profile
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["ContactStart", "FingerStart", "Start", "start_from"]
-
-
 Array = NDArray[Any]
 
 

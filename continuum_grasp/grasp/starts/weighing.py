@@ -17,9 +17,6 @@ from continuum_grasp.grasp.starts.supports import base_poses, support_contacts
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.objects.body import Pose
 
-__all__ = ["Combined", "Weighed", "Weighing", "combine", "doubt", "spread_order"]
-
-
 Array = NDArray[Any]
 
 _BALANCED = 3e-3

@@ -36,8 +36,6 @@ from continuum_grasp.model.surfaces.surface import (
 )
 from continuum_grasp.scene.parts import OffsetPolygon
 
-__all__ = ["SHARP", "PolygonSurface"]
-
 Array = NDArray[Any]
 
 SHARP = 1e-7

@@ -20,8 +20,6 @@ from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
 from continuum_grasp.model.surfaces.surface import Feature, Nearest, Surface, SurfacePoint, length
 from continuum_grasp.scene.parts import SuperellipsePart
 
-__all__ = ["SuperellipseSurface", "smooth_support"]
-
 Array = NDArray[Any]
 
 _TINY = 1e-30

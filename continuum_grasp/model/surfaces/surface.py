@@ -19,19 +19,6 @@ from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.surfaces.outline import Frame, Outline
 from continuum_grasp.scene.parts import Part
 
-__all__ = [
-    "CORNERS",
-    "TINY",
-    "Feature",
-    "Nearest",
-    "Surface",
-    "SurfacePoint",
-    "chosen",
-    "length",
-    "nearest_of",
-    "separation",
-]
-
 Array = NDArray[Any]
 P = TypeVar("P", bound=Part)
 

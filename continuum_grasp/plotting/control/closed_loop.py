@@ -25,17 +25,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.closed_loop.result import ControlRun
 
-__all__ = [
-    "control_frames",
-    "plot_bounds",
-    "plot_control_path",
-    "plot_controller_times",
-    "plot_disturbances",
-    "plot_inputs",
-    "plot_tracking",
-    "plot_tracking_error",
-]
-
 _SNAPSHOTS = 9
 """Shapes drawn: of a run of a few seconds about two per second, which stay apart."""
 

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.planning.result import Plan
 
-__all__ = ["plot_plan_inputs", "plot_plan_path"]
-
 _SNAPSHOTS = 12
 """Nodes drawn, as of the snapshots of a simulation."""
 

@@ -18,23 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
-__all__ = [
-    "Box",
-    "bend_box",
-    "color_bar",
-    "colors",
-    "head",
-    "inline_svg",
-    "new_axes",
-    "new_figure",
-    "plane_axes",
-    "quiet",
-    "split_unit",
-    "symbol",
-    "time_axes",
-    "time_map",
-]
-
 Box = tuple[float, float, float, float]
 
 _SYMBOL = re.compile(r"(theta|kappa|tau|phi)_?(\d*)")

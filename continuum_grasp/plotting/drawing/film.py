@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.text import Text
 
-__all__ = ["Film"]
-
 _DPI = 100
 """Pixels per inch: labels of 9 points are 12 pixels high, which suits a frame of 640 pixels."""
 _BESIDE, _BELOW = 80, 110

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.scene.finger import Finger
 
-__all__ = ["draw_body", "draw_clamp", "finger_outline", "mass_positions", "masses_of"]
-
 Array = NDArray[Any]
 
 _CLAMP_WIDTH, _CLAMP_DEPTH = 0.12, 0.035

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.quiver import Quiver
     from matplotlib.text import Annotation
 
-__all__ = ["Force", "draw_arrow", "draw_forces", "explain", "force_keys", "force_scale", "sizes_of"]
-
 Array = NDArray[Any]
 
 Force = tuple[Array, Array, str]

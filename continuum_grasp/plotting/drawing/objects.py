@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.objects import GraspObject
     from continuum_grasp.scene.supports import Support
 
-__all__ = ["draw_object", "draw_supports", "draw_zones", "object_outlines", "zone_points"]
-
 Array = NDArray[Any]
 
 _EDGE_WIDTH = 3.0

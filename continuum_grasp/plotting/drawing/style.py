@@ -4,24 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = [
-    "BLUE",
-    "CLAMP",
-    "EDGE",
-    "FAINT",
-    "FORBIDDEN",
-    "GRAY",
-    "GREEN",
-    "INK",
-    "MATERIAL",
-    "OBJECT",
-    "ORANGE",
-    "PURPLE",
-    "SKY",
-    "YELLOW",
-    "Z",
-]
-
 # Okabe and Ito's palette, which color-blind readers tell apart
 BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
 INK, GRAY = "#222222", "#8A8A8A"

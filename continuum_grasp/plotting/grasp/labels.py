@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Text
 
-__all__ = ["Label", "place_labels"]
-
 Array = NDArray[Any]
 
 _CELL = 2.0

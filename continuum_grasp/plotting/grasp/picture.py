@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.grasp.result import Contact, GraspResult
 
-__all__ = ["Row", "plot_grasp"]
-
 Array = NDArray[Any]
 
 _DRAWING = (6.2, 5.4)

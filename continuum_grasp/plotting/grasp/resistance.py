@@ -14,8 +14,6 @@ from continuum_grasp.plotting.drawing.style import BLUE, INK, ORANGE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_resistance", "resistance_extremes", "resistance_words"]
-
 Array = NDArray[Any]
 
 

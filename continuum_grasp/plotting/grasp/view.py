@@ -20,8 +20,6 @@ from continuum_grasp.scene.grasp_options import GraspFinger, PlanarGravity
 if TYPE_CHECKING:
     from continuum_grasp.grasp.result import Contact, GraspResult
 
-__all__ = ["MM", "GraspView", "lighter", "turned"]
-
 Array = NDArray[Any]
 
 MM = 1e3

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.mission.result import MissionRun
 
-__all__ = ["instants", "mission_frames", "plot_mission_snapshots", "pull_label"]
-
 Array = NDArray[Any]
 _SEEN = 0.05
 """Share of the greatest force below which a force is not drawn: its arrow would be shorter than its head."""

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from continuum_grasp.mission.result import MissionRun
     from continuum_grasp.mission.trials import Outcome
 
-__all__ = ["plot_mission_timeline", "plot_trials"]
-
 _BANDS = {
     "approach": "#EAF2FA",
     "squeeze": "#D3E5F5",

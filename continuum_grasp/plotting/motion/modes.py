@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.simulation.modes import Modes
 
-__all__ = ["plot_modes"]
-
 
 def plot_modes(
     modes: Modes,

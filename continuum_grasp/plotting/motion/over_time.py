@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from continuum_grasp.planning.result import Plan
     from continuum_grasp.simulation.trajectory import Trajectory
 
-__all__ = ["plot_contact_forces", "plot_coordinates", "plot_energy"]
-
 _QUANTITY = {"rad": "bending angle", "1/m": "curvature"}
 
 

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from continuum_grasp.planning.result import Plan
     from continuum_grasp.simulation.trajectory import Trajectory
 
-__all__ = ["motion_frames", "plot_snapshots", "plot_tip_path"]
-
 
 def plot_snapshots(
     trajectory: Trajectory,

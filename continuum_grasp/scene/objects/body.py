@@ -10,8 +10,6 @@ from pydantic import Field, model_validator
 from continuum_grasp.scene.parts import Part, Point, farthest
 from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
 
-__all__ = ["Freedom", "MemberPlace", "ObjectBody", "Pose", "pose_bounds"]
-
 Pose = tuple[float, float, float]
 
 Interval = Annotated[tuple[Real, Real], Field(strict=False)]

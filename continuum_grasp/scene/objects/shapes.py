@@ -19,21 +19,6 @@ from continuum_grasp.scene.parts import (
 )
 from continuum_grasp.scene.value import Extent, NonNegative, Value, Vector2
 
-__all__ = [
-    "Box",
-    "BoxMember",
-    "Circle",
-    "CircleMember",
-    "Ellipse",
-    "EllipseMember",
-    "Polygon",
-    "PolygonMember",
-    "RoundedPolygon",
-    "RoundedPolygonMember",
-    "Superellipse",
-    "SuperellipseMember",
-]
-
 
 class _CircleShape(Value):
     shape: Literal["circle"]

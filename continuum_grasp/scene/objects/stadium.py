@@ -8,8 +8,6 @@ from continuum_grasp.scene.objects.body import MemberPlace, ObjectBody
 from continuum_grasp.scene.parts import OffsetPolygon, Part
 from continuum_grasp.scene.value import Extent, Value
 
-__all__ = ["Stadium", "StadiumMember"]
-
 
 class _StadiumShape(Value):
     shape: Literal["stadium"]

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate
     from continuum_grasp.grasp.result import GraspResult
 
-__all__ = ["result_page"]
-
 
 def result_page(result: GraspResult, *, resisted: ArrayLike | None = None) -> str:
     """The result as an HTML page: picture, numbers, certificate, and the reasons where there is no grasp.

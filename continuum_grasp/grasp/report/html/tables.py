@@ -12,20 +12,6 @@ from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
 
-__all__ = [
-    "PAGE_STYLE",
-    "badge",
-    "cards",
-    "contacts_table",
-    "details",
-    "escaped",
-    "fingers_table",
-    "items",
-    "section",
-    "statistics_table",
-    "table",
-]
-
 PAGE_STYLE = """
 :root { --ink: #222; --quiet: #666; --line: #ddd; --good: #00694b; --bad: #a03000; --accent: #0072b2; }
 * { box-sizing: border-box; }

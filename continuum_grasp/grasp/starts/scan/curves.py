@@ -16,20 +16,6 @@ from numpy.typing import NDArray
 
 from continuum_grasp.model.surfaces.outline import Outline
 
-__all__ = [
-    "arc_tangent",
-    "bends",
-    "curvature_at",
-    "guess_table",
-    "sample",
-    "segment_end",
-    "table_of",
-    "tangent",
-    "touch",
-    "turning",
-]
-
-
 Array = NDArray[Any]
 
 _X, _W = np.polynomial.legendre.leggauss(12)

@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ElasticaTable", "elastica_table", "projection"]
-
 Array = NDArray[Any]
 
 _FIRST = np.linspace(-10.0, 10.0, 33)

@@ -13,8 +13,6 @@ from continuum_grasp.grasp.starts.scan.curves import arc_tangent, guess_table, s
 from continuum_grasp.grasp.starts.scan.task import ALLOWED, FingerTask, Postures, join, touching_family, unique
 from continuum_grasp.model.surfaces.outline import Outline
 
-__all__ = ["ends_of", "first_joint", "moved_joint", "next_joint"]
-
 Array = NDArray[Any]
 
 _REACH, _GRID = 6.0, 29

@@ -19,8 +19,6 @@ from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
-__all__ = ["ALLOWED", "FingerTask", "Postures", "join", "make_task", "touching_family", "unique", "violation"]
-
 Array = NDArray[Any]
 Pose = tuple[float, float, float]
 

@@ -15,8 +15,6 @@ from continuum_grasp.grasp.starts.scan.joint import ends_of
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, touching_family, unique
 from continuum_grasp.model.surfaces.outline import Outline
 
-__all__ = ["bent_by_tip", "moved_tip", "tip_only", "with_tip"]
-
 Array = NDArray[Any]
 
 _TIP_REACH, _TIP_GRID = 8.0, 33
