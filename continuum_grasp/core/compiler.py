@@ -58,10 +58,9 @@ class Compiler:
         return (*_COMMON, level, *(_GCC if is_gcc and unit.count("\n") <= _SHORT else ()))
 
     def identity(self, source: str) -> str:
-        """Everything that a compiled source depends on."""
-        units = translation_units(source, _LONG)
-        parts = (part for unit in units for part in (*self.flags(unit), unit))
-        return "\0".join((*self.command, self.version, self.machine, *parts))
+        """Everything that a compiled source depends on; this file decides on flags and translation units."""
+        rules = f"quick {quick_compile()}", Path(__file__).read_text()
+        return "\0".join((*self.command, self.version, self.machine, *rules, source))
 
     def build(self, source: Path, library: Path) -> None:
         """Compile a source file to a shared library; long functions apart, as many at a time as there are processors.
@@ -206,7 +205,8 @@ def translation_units(source: str, limit: int) -> list[str]:
             before += piece[head.start() :] if is_static else f"{signature};\n"
             continue
         declared = f"{_HIDDEN if is_static else ''}{signature}"
-        units.append(f"{before}{declared}\n{{\n{_single_assignment(piece[head.end() :])}")
+        body = piece[head.end() :]
+        units.append(f"{before}{declared}\n{{\n{body if quick_compile() else _single_assignment(body)}")
         whole += f"{lead}{declared};\n"
         before += f"{declared};\n"
     return [whole, *units]

@@ -39,6 +39,7 @@ class Rollouts:
         self._step = step
         self._single = single
         self._code = self._levels = None
+        self._chains: dict[int, ca.Function] = {}
         if library is not None:
             if single:
                 self._levels = getattr(library, f"{step.name()}_levels")
@@ -144,12 +145,12 @@ class Rollouts:
         self, states: Array, x0: Array, keep: int, sub: int, h: float, u: Array, w: Array, p: Array
     ) -> int:
         chunk = max(1, min(keep, _CHUNK // sub))
-        chain = self._step.mapaccum("chain", sub * chunk)
         states[0] = x0
         for k in range(0, keep, chunk):
             length = sub * min(chunk, keep - k)
-            if length < sub * chunk:
-                chain = self._step.mapaccum("chain", length)
+            # Making a chain takes as long as running it, and the windows of a motion have few lengths.
+            if length not in self._chains:
+                self._chains[length] = self._step.mapaccum("chain", length)
             at = 2 * k * sub
             samples = [
                 rows[at + i : at + i + 2 * length - 1 : 2].T if len(rows) > 1 else np.repeat(rows.T, length, axis=1)
@@ -157,7 +158,9 @@ class Rollouts:
                 for i in range(3)
             ]
             fixed = ca.repmat(ca.DM(p), 1, length), ca.repmat(ca.DM(h), 1, length)
-            following = np.array(chain(states[k], *[ca.DM(v) for v in samples], *fixed)).T[sub - 1 :: sub]
+            following = np.array(self._chains[length](states[k], *[ca.DM(v) for v in samples], *fixed)).T[
+                sub - 1 :: sub
+            ]
             states[k + 1 : k + 1 + len(following)] = following
             broken = np.flatnonzero(~np.all(np.isfinite(following), axis=1))
             if broken.size:
