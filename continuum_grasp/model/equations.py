@@ -350,6 +350,12 @@ class Equations:
         return net
 
     @cached_property
+    def force_at_rest(self) -> list[Scalar]:
+        """The same where neither finger nor inputs move: without mass matrix and velocity products, half the work."""
+        acting = self.chain.motion_forces(None, self.gravity_vector, *self.loads)
+        return [acting[k] + self.actuation[k] - self.elastic[k] for k in range(self._structure.n)]
+
+    @cached_property
     def state_rate(self) -> list[Scalar]:
         """Derivative of the state."""
         rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]

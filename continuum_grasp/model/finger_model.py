@@ -287,8 +287,7 @@ class FingerModel(Functions):
     def statics(self) -> ca.Function:
         """What is missing for equilibrium, and the tangent stiffness."""
         eq = self._equations
-        rest = [ca.SX.zeros(v.shape) for v in (eq.q, eq.q)]
-        missing = self.inverse_dynamics(eq.q, *rest, eq.u, eq.w, eq.p)
+        missing = -column(eq.force_at_rest)
         return self._function("statics", "q u w p", Q=missing, K=ca.jacobian(missing, eq.q))
 
     @cached_property

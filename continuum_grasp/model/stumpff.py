@@ -47,10 +47,7 @@ def horner_degree(angle_range: float, accuracy: float, top: int) -> int:
 
 def _series(x: Scalar, k: int, degree: int) -> Scalar:
     """c_k(x) to the given degree, by Horner's rule."""
-    value: Scalar = (-1.0) ** degree / math.factorial(2 * degree + k)
-    for n in range(degree - 1, -1, -1):
-        value = value * x + (-1.0) ** n / math.factorial(2 * n + k)
-    return value
+    return ca.polyval(ca.DM([(-1.0) ** n / math.factorial(2 * n + k) for n in range(degree, -1, -1)]), x)
 
 
 def stumpff(theta: Scalar, angle_range: float, accuracy: float = ROUNDING, top: int = 7) -> list[Scalar]:
