@@ -19,6 +19,7 @@ from continuum_grasp.core.cache import cache_folder
 from continuum_grasp.model import FingerModel
 from continuum_grasp.rod.elastica import solve_elastica
 from continuum_grasp.rod.frequencies import natural_frequencies
+from tests.marks import few
 from tests.rods import NITINOL, ROOT, UNIT, force, rod_scene, without_compiler  # noqa: F401
 
 pytestmark = pytest.mark.usefixtures("without_compiler")
@@ -37,7 +38,7 @@ def own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
 
 
-@pytest.mark.parametrize(("seed", "tolerance"), [(seed, (2e-2, 5e-3, 1e-3)[seed % 3]) for seed in range(15)])
+@pytest.mark.parametrize(("seed", "tolerance"), few([(seed, (2e-2, 5e-3, 1e-3)[seed % 3]) for seed in range(15)], 6))
 def test_the_choice_keeps_the_tolerance(seed, tolerance):
     """Measured again by the public way, against the exact rod at other places and its frequencies."""
     chosen = choose_fidelity(random_scene(seed), tolerance)
@@ -49,11 +50,12 @@ def test_the_choice_keeps_the_tolerance(seed, tolerance):
         assert found == pytest.approx(natural_frequencies(moving.finger, rod)[0], rel=tolerance)
 
 
-@pytest.mark.parametrize("seed", [1, 4, 8, 12, 20])
+@pytest.mark.parametrize("seed", few([1, 4, 8, 12, 20], 2))
 def test_nothing_cheaper_would_have_done(seed):
     assert cheaper(choose_fidelity(random_scene(seed), 5e-3)) == ""
 
 
+@pytest.mark.slow
 def test_a_tighter_tolerance_costs_more():
     costs = [
         choose_fidelity(scene(time={"duration": 1.0, "step": 0.01}), t).best.cost for t in (5e-2, 1e-2, 1e-3, 1e-4)
@@ -106,6 +108,7 @@ def test_the_peak_of_a_short_load_is_a_load_case():
         assert len(names) <= 12
 
 
+@pytest.mark.slow
 def test_many_contacts_get_an_element_each():
     contacts = [0.6 * (k + 1) / 21 for k in range(20)]
     chosen = choose_fidelity(scene(contacts=contacts), 1e-2)

@@ -84,6 +84,7 @@ def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, package
     assert all(int(cases) >= 200 for _, cases in found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
     flags = (*STRICT, "-O1", "-g", SANITIZE, "-fno-sanitize-recover=all")
@@ -93,6 +94,7 @@ def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
     run(fuzz, 3000)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(compiler, packages, tmp_path):  # noqa: F811
     """The vectors are full of NaN and infinity, of which the compiler may assume that there are none."""
@@ -125,6 +127,7 @@ def test_nothing_is_called_or_stored_and_the_stack_is_bounded(name, real, packag
     assert max(int(size) for _, size, _ in rows) <= 6000
 
 
+@pytest.mark.slow
 @needs("cppcheck")
 def test_cppcheck_finds_nothing(packages):  # noqa: F811
     package = packages("observed", "float")

@@ -30,6 +30,7 @@ def after_all_commands(tmp_path_factory):
     return place, said
 
 
+@pytest.mark.slow
 @needs("cmake", "make", "arm-none-eabi-gcc", "qemu-system-arm")
 def test_every_command_runs(after_all_commands):
     place, said = after_all_commands

@@ -12,6 +12,8 @@ from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from tests.export_cases import STRICT, compile_programs, needs, packages, run, scene, two_arcs  # noqa: F401
 
+pytestmark = pytest.mark.slow
+
 ELSEWHERE = {
     "ARM": ("arm-linux-gnueabihf-gcc -static", "qemu-arm", ()),
     "big-endian POWER": ("powerpc-linux-gnu-gcc -static", "qemu-ppc", ()),

@@ -23,6 +23,7 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspContacts, GraspSolver
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.objects import Circle
+from tests.marks import few
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +75,7 @@ RANDOM = [10, 21, 23, 24, 27, 29, 30, 40, 43, 52, 58, 60]
 """Seeds of scenes of all shapes and families that have a grasp."""
 
 
-@pytest.mark.parametrize("seed", RANDOM)
+@pytest.mark.parametrize("seed", few(RANDOM, 5))
 def test_random_scenes_against_linear_programming(seed):
     scene = one_finger(seed)
     best = Search(numbers(scene)).best()
@@ -169,7 +170,7 @@ def test_weak_tendon_is_named_with_the_tension_needed():
     assert reason.needed == pytest.approx(needed, rel=1e-3)
 
 
-@pytest.mark.parametrize(("gravity", "most"), [(PLANAR, 36.5), (UPRIGHT, 60.0)], ids=["planar", "out_of_plane"])
+@pytest.mark.parametrize(("gravity", "most"), few([(PLANAR, 36.5), (UPRIGHT, 60.0)], 1), ids=["planar", "out_of_plane"])
 def test_low_friction_is_named_with_the_coefficient_needed(gravity, most):
     found = numbers(make_scene("arc", gravity, max_tension=most))
     needed = Search(found).least_friction(found)

@@ -161,6 +161,7 @@ def test_slippery_bottle_names_the_coefficient_twice():
     assert "by linear programming" in result.table()
 
 
+@pytest.mark.slow
 def test_heavy_bottle_names_the_mass_twice():
     reasons, _ = reasons_of("heavy_bottle.yaml")
     reported = [reason for reason in reasons.values() if reason.confirmed is not None]

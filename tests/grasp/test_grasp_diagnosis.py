@@ -11,6 +11,7 @@ from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity
+from tests.marks import few
 
 
 def middle_only(friction, gravity=UPRIGHT, family="arc", **changes):
@@ -19,7 +20,7 @@ def middle_only(friction, gravity=UPRIGHT, family="arc", **changes):
 
 
 @pytest.mark.parametrize("family", ["arc", "matched_clothoid"])
-@pytest.mark.parametrize("friction", [0.5, 1.5])
+@pytest.mark.parametrize("friction", few([0.5, 1.5], 1))
 def test_no_mass_at_all_is_no_repair(family, friction):
     result = optimize_grasp(middle_only(friction, family=family), raise_on_failure=False)
     assert not result.solved
@@ -46,6 +47,7 @@ def test_tilt_balance_is_named_with_the_moment_that_is_missing():
     assert optimize_grasp(middle_only(1.5, ignoring)).solved
 
 
+@pytest.mark.slow
 def test_tilt_is_no_reason_where_it_is_ignored_or_harmless():
     ignoring = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81, tilt="ignore")
     ignored = optimize_grasp(middle_only(0.5, ignoring), raise_on_failure=False)

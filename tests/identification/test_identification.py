@@ -174,6 +174,7 @@ def test_stiffness_and_damping_from_closed_forms():
     assert fit["material_damping"] == pytest.approx(eta, rel=3e-3)
 
 
+@pytest.mark.slow
 def test_repeats_that_agree_better_than_their_sets_are_named():
     rng = np.random.default_rng(0)
     sets = [Frequencies([1] * 6, frequency(1) + at + 1e-4 * rng.standard_normal(6)) for at in (-0.01, 0.0, 0.015)]

@@ -121,6 +121,7 @@ def test_two_arcs_pay_for_their_stiffness_with_a_wrong_modulus():
     assert 0.85 < fit["youngs_modulus"] / TRUTH["stiffer"] < 0.95
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_truth_at_their_rate():
     """40 noisy repeats of the four releases; the bounds are 3.3 binomial standard deviations."""
     repeats, unknowns = 40, read_unknowns(scene_of(0), NAMES)

@@ -105,6 +105,7 @@ def test_ring_downs_have_the_frequencies_of_an_independent_fit(ring_downs):
     assert len(ring_downs.entries) == 2 * 54
 
 
+@pytest.mark.slow
 def test_handbook_values_give_each_orientation_within_one_percent():
     fit = identified(
         "strip_ring_down", "beam_free_vibration", parameters=[Estimate(name="material_damping", start=1e-3)]
@@ -125,6 +126,7 @@ def test_horizontal_predicts_hanging_and_standing(ring_downs):
     assert 0.004 < ratio < 0.014  # damping ratios of the late window, as published
 
 
+@pytest.mark.slow
 def test_stiffness_and_density_are_not_distinguished_by_a_ring_down():
     scene = cg.load(CONFIGS / "strip_ring_down.yaml")
     fit = cg.identify(scene, FOLDER / "beam_free_vibration", parameters=[scene.estimate[0], "linear_density"])

@@ -186,6 +186,7 @@ def spoilt_scenes(draw):
     return data
 
 
+@pytest.mark.slow
 @settings(max_examples=300, **STEADY)
 @given(spoilt_scenes())
 def test_spoilt_scenes_load_or_say_why(data):
@@ -198,6 +199,7 @@ def test_spoilt_scenes_load_or_say_why(data):
         assert loaded(yaml.safe_dump(found.model_dump(mode="json"))) == found
 
 
+@pytest.mark.slow
 @settings(max_examples=200, **STEADY)
 @given(scenes(), st.data())
 def test_noise_in_a_file_is_explained(data, drawn):
