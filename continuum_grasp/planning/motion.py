@@ -160,7 +160,7 @@ class Motion:
         errors = self._errors()
         running = time * ca.dot(errors, errors) / 2 / of_objective
         squared = ca.sqrt(time / of_objective) * errors
-        # A free duration stretches time: d/d(tau) = T d/dt, with tau from 0 to 1.
+        # The duration is an unknown: d/d(tau) = T d/dt, with tau from 0 to 1.
         z, out = ca.vertcat(s, v, duration), ca.vertcat(time * rate, running)
         term = derived("flow", z, d, out, exact=self.exact, squared=squared)
         work = term.hessian.n_instructions() * self.scene.intervals
