@@ -8,6 +8,8 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +18,8 @@ from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted,
 from continuum_grasp.results import begin_run
 from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, lines_of, locked, store_plan, write_run_files
+from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, locked, rows_of, store_plan, write_run_files
 from continuum_grasp.sweeps.plan import Plan, Point, plan_of
-from continuum_grasp.sweeps.progress import Pace, Progress
 from continuum_grasp.sweeps.table import SweepTable, sweep_table, write_csv
 from continuum_grasp.sweeps.worker import Job, Keep, Outcome, dask_pool, row_of_crash, run_chunk, solve
 from continuum_grasp.workers import ExecutorPool, ProcessPool, WorkerPool, checked_count, cores
@@ -29,8 +30,75 @@ _MOST_IN_A_CHUNK = 64
 """Scenes per chunk [1]: these are tried again one by one where their worker dies."""
 _REPORT_SECONDS = 0.2
 """Least time between two reports of progress [s]."""
+_WINDOW = 60.0
+"""Time over which the pace is averaged [s]: scenes of a grid differ in cost, neighbors do not."""
 _TRIES = 2
 """Times that a scene may end its worker: once with others, and once alone."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a sweep stands.
+
+    Attributes
+    ----------
+    done, total : int
+        Rows in the table, and rows that there will be.
+    new : int
+        Rows of this call.
+    seconds : float
+        Since it began [s].
+    rate : float
+        Rows per second of the last minute; 0 before the first.
+    remaining : float or None
+        Time left at this rate [s].
+    counts : mapping of str to int
+        Rows by status.
+    """
+
+    done: int
+    total: int
+    new: int
+    seconds: float
+    rate: float
+    remaining: float | None
+    counts: Mapping[str, int]
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        left = "" if self.remaining is None else f", {_clock(self.remaining)} left"
+        kinds = ", ".join(f"{count} {status}" for status, count in sorted(self.counts.items()))
+        return f"{self.done} of {self.total}, {self.rate:.3g}/s{left}" + (f" ({kinds})" if kinds else "")
+
+
+class _Pace:
+    """Measures the rate over the last minute."""
+
+    def __init__(self, total: int, done: int) -> None:
+        self._total, self._first, self._began = total, done, time.monotonic()
+        self._marks: deque[tuple[float, int]] = deque([(self._began, done)])
+
+    def progress(self, done: int, counts: Mapping[str, int]) -> Progress:
+        """The progress with so many rows."""
+        now = time.monotonic()
+        if self._marks[-1][1] == self._first < done:  # workers needed their time to start
+            self._marks.clear()
+        self._marks.append((now, done))
+        while len(self._marks) > 2 and now - self._marks[0][0] > _WINDOW:
+            self._marks.popleft()
+        since, before = self._marks[0]
+        rate = (done - before) / (now - since) if done > before and now > since else 0.0
+        remaining = (self._total - done) / rate if rate > 0 else None
+        return Progress(done, self._total, done - self._first, now - self._began, rate, remaining, dict(counts))
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours} h {minutes:02d} min"
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
 
 
 @interrupt.listening()
@@ -118,17 +186,15 @@ def sweep(
 
 class _Run:
     def __init__(self, plan: Plan, job: Job, folder: Path, progress: Callable[[Progress], None] | None) -> None:
-        self.plan, self.job, self.folder, self.tell = plan, job, folder, progress
+        self.plan, self.job, self.folder, self.listener = plan, job, folder, progress
         self.there = bytearray(len(plan))
         self.counts: Counter[str] = Counter()
         self.file = TableFile(folder / TABLE)
-        for _, _, row in lines_of(folder / TABLE):
-            index = row.get("index")
-            if isinstance(index, int) and 0 <= index < len(plan) and not self.there[index]:
-                self.there[index] = 1
-                self.counts[row["status"]] += 1
+        for _, row in rows_of(folder, len(plan)):
+            self.there[row["index"]] = 1
+            self.counts[row["status"]] += 1
         self.done = self.before = sum(self.there)
-        self.pace = Pace(len(plan), self.done)
+        self.pace = _Pace(len(plan), self.done)
         self.flying: dict[Future[list[Outcome]], list[Point]] = {}
         self.again: deque[Point] = deque()
         self.tries: Counter[int] = Counter()
@@ -185,15 +251,16 @@ class _Run:
             return [self.again.popleft()]
         size = 1
         if self.each is not None:
+            # A third of a worker's share of what is left: chunks shrink, so that all workers end together.
             left = len(self.plan) - self.done
             size = int(min(_CHUNK_SECONDS / max(self.each, 1e-4), left / (3 * workers), _MOST_IN_A_CHUNK))
-        return [self.plan.point(index) for _, index in zip(range(max(1, size)), self.fresh, strict=False)]
+        return [self.plan.point(index) for index in islice(self.fresh, max(1, size))]
 
     def _taken(self, pool: WorkerPool, future: Future[list[Outcome]]) -> list[Outcome]:
         points = self.flying.pop(future)
         try:
             outcomes = future.result()
-        except ContinuumGraspError:
+        except ContinuumGraspError:  # a column that grasps do not have: no row can have it
             raise
         except CancelledError as error:
             raise self._stopped("the scheduler is gone") from error
@@ -202,7 +269,7 @@ class _Run:
                 raise self._stopped(f"a worker cannot do the work: {type(error).__name__}: {error}") from error
             return self._suspected(points)
         seconds = sum(outcome.seconds for outcome in outcomes)
-        mean = seconds / len(outcomes)
+        mean = seconds / len(outcomes)  # neighbors cost alike, so that the last chunks foretell the next one
         self.each = mean if self.each is None else 0.5 * (self.each + mean)
         self.busy += seconds
         return outcomes
@@ -221,7 +288,7 @@ class _Run:
     def _write(self, outcomes: Sequence[Outcome]) -> None:
         lines = []
         for outcome in outcomes:
-            if self.there[outcome.index]:
+            if self.there[outcome.index]:  # a cluster may compute a scene twice
                 continue
             if outcome.files:
                 write_run_files(self.folder, outcome.index, outcome.files)
@@ -232,8 +299,8 @@ class _Run:
         self.file.append(b"".join(lines))
 
     def _report(self, last: bool = False) -> None:
-        if self.tell is not None and (last or time.monotonic() - self.reported > _REPORT_SECONDS):
-            self.tell(self.pace.progress(self.done, self.counts))
+        if self.listener is not None and (last or time.monotonic() - self.reported > _REPORT_SECONDS):
+            self.listener(self.pace.progress(self.done, self.counts))
             self.reported = time.monotonic()
 
     def _stopped(self, what: str) -> SolverError:
@@ -259,5 +326,6 @@ def _pool(executor: Executor | None, scheduler: str | None, count: int | None) -
         return dask_pool(scheduler)
     if executor is None:
         return nullcontext(ProcessPool(count or cores()))
+    # Executors of the standard library have their number under this name.
     known = count or getattr(executor, "_max_workers", None) or cores()
     return nullcontext(ExecutorPool(executor, lambda: known))

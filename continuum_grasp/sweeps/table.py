@@ -18,9 +18,8 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.results import replacing
 from continuum_grasp.results.result import maker_of
 from continuum_grasp.scene.problems import nearest
-from continuum_grasp.sweeps.folder import TABLE, lines_of, read_plan, run_path
+from continuum_grasp.sweeps.folder import SOLVED, TABLE, decode, read_plan, rows_of, run_path
 from continuum_grasp.sweeps.plan import keys_of
-from continuum_grasp.sweeps.quantities import SOLVED, decode
 
 _WORDS = ("scene", "status", "reason", "message")
 
@@ -160,26 +159,17 @@ def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any]
     plan = read_plan(target)
     keys, numbers = keys_of(plan), list(plan["columns"])
     found: dict[str, list[Any]] = {name: [] for name in ("index", *_WORDS, *keys, *numbers)}
-    seen = bytearray(int(plan["scenes"]))
-    for _, _, row in lines_of(target / TABLE):
-        index = row["index"]
-        if not 0 <= index < len(seen) or seen[index]:
-            continue
-        seen[index] = 1
-        found["index"].append(index)
-        for name in _WORDS:
-            found[name].append(row[name])
-        for name in keys:
-            found[name].append(row["values"][name])
-        for name in numbers:
-            found[name].append(row.get(name))
+    for _, row in rows_of(target, int(plan["scenes"])):
+        own = row | row["values"]
+        for name, values in found.items():
+            values.append(own.get(name))
     order = np.argsort(np.array(found["index"], dtype=int), kind="stable")
     columns = {name: _column(values, name in _WORDS)[order] for name, values in found.items()}
     units = {key: unit for key, unit in plan.get("units", {}).items() if unit}
     follow = (key for key, tie in plan["follow"].items() if tie["key"] in plan["vary"])
     grid = (*plan["vary"], *follow)
     pictures = plan.get("pictures", {})
-    return SweepTable(target, len(seen), tuple(keys), columns, grid, units, pictures, statistics or {})
+    return SweepTable(target, int(plan["scenes"]), tuple(keys), columns, grid, units, pictures, statistics or {})
 
 
 def _column(values: list[Any], words: bool) -> NDArray[Any]:
@@ -211,9 +201,8 @@ def write_csv(folder: Path) -> Path:
     plan = read_plan(folder)
     keys, numbers = keys_of(plan), list(plan["columns"])
     places = np.full(int(plan["scenes"]), -1, dtype=np.int64)
-    for place, _, row in lines_of(folder / TABLE):
-        if 0 <= row["index"] < len(places) and places[row["index"]] < 0:
-            places[row["index"]] = place
+    for place, row in rows_of(folder, len(places)):
+        places[row["index"]] = place
     rest = ("status", "reason", *numbers, *_LAST)
     with (
         open(folder / TABLE, "rb") as table,
