@@ -64,12 +64,7 @@ class Assignment:
 def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignment:
     """Optimize the grasp of a mission, where it has not been found already, and say what its controller has to do.
 
-    Raises
-    ------
-    SolverError
-        If there is no verified grasp.
-    InputError
-        If the grasp is not one that a mission can carry out.
+    Raises a SolverError where there is no verified grasp, an InputError where a mission cannot carry it out.
     """
     found = optimize_grasp(mission.grasp) if grasp is None else grasp
     if grasp is None and found.statistics["interrupted"]:

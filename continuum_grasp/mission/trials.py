@@ -110,6 +110,7 @@ def _outcomes(assignment: Assignment, drawn: list[Variation], jobs: int) -> Iter
     if jobs == 1:
         yield from ((k, _outcome(first, variation)) for k, variation in enumerate(drawn))
         return
+    # Each worker makes its controller and plant once, from compiled code that is in the cache by now.
     pool, finished = ProcessPool(jobs, _start, assignment), False
     try:
         for k, future in pool.as_completed(_run, drawn):
@@ -207,7 +208,7 @@ def summarize(outcomes: Sequence[Outcome]) -> Summary:
 
     def column(name: str) -> np.ndarray:
         values = np.abs(np.array([getattr(verdict, name) for verdict in judged], dtype=float))
-        values = values[~np.isnan(values)]
+        values = values[~np.isnan(values)]  # a mission that was dropped early has no hold
         return values if values.size else np.array([np.nan])
 
     return Summary(

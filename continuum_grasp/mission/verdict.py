@@ -93,6 +93,7 @@ def judge(
     carried = (t >= lift.start) & (t <= lower.start)
     still = (t >= hold.end - _SETTLED * (hold.end - hold.start)) & (t <= hold.end)
     whole = bool(t[-1] >= lower.start)  # a mission that was stopped before counts as not held
+    # Of what was lifted: heights before the lift do not count.
     sunk = float(np.max(pose[carried][:1, 3] - pose[carried][:, 3], initial=0.0))
     moved = float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0))
     wanted = assignment.force

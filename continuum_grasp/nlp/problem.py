@@ -127,18 +127,14 @@ class Block:
     upper: Array
     scale: Array
 
-    def excess(self, values: Array) -> Array:
-        """By how much values (count, size) in units of the problem violate the bounds."""
-        return np.asarray(np.maximum(np.maximum(self.lower - values, values - self.upper), 0.0))
-
     def violation(self, values: Array) -> Violation:
-        """The worst entry; its amount is infinite where a value is not finite."""
-        excess = np.where(np.isfinite(values).all(), self.excess(values), np.inf)
+        """The worst entry of values (count, size); its amount is infinite where a value is not finite."""
+        excess = np.maximum(np.maximum(self.lower - values, values - self.upper), 0.0)
+        excess = np.where(np.isfinite(values).all(), excess, np.inf)
         amounts = excess * self.scale
         index = int(amounts.argmax())
-        return Violation(
-            self.name, index, float(amounts.flat[index]), self.unit, self.key, float(excess.max(initial=0.0))
-        )
+        worst = float(excess.max(initial=0.0))
+        return Violation(self.name, index, float(amounts.flat[index]), self.unit, self.key, worst)
 
 
 class Constraints:

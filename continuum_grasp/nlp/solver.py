@@ -124,7 +124,7 @@ class Solver(ABC):
             stop = _Stop(problem)
             common: dict[str, Any] = {
                 "print_time": False,
-                "error_on_fail": False,
+                "error_on_fail": False,  # the status reports it
                 "show_eval_warnings": False,
                 # Assembled derivatives have no derivatives of their own, which these two would need.
                 "no_nlp_grad": True,

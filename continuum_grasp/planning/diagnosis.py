@@ -93,7 +93,7 @@ def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
     """Gain in units of the problem per relative widening of each limit: multiplier times limit."""
     assembly, motion = problem.assembly, problem.motion
     high, lam = np.array(assembly.high), attempt.multipliers
-    free = np.array(assembly.low) < high
+    free = np.array(assembly.low) < high  # fixed unknowns are no limits
 
     def of_columns(columns: NDArray[np.int64]) -> float:
         chosen = np.unique(columns)
@@ -110,7 +110,9 @@ def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
         if block.name.startswith("input rate"):
             rates.append(float((force * (attempt.x[time] * most)).sum()))
         elif block.key.startswith("bounds."):
-            limit = np.where(np.isfinite(block.upper), np.abs(block.upper), 1.0)
+            limit = np.where(
+                np.isfinite(block.upper), np.abs(block.upper), 1.0
+            )  # of zones, which have none: the finger's length
             found[block.name] = float((force * limit).sum())
     found["input rate"] = sum(rates)
     found["duration"] = max(0.0, -_time_slope(problem, attempt) * attempt.x[time])

@@ -49,10 +49,7 @@ _OVER_TIGHTENING = 1.1
 def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts: int = PARTS) -> Array:
     """States (N * parts + 1, nx) of a model under the inputs of a path, at ``parts`` equal parts of every interval.
 
-    Raises
-    ------
-    NumericalError
-        If a state is not finite; ``result`` holds the states before.
+    A state that is not finite raises a NumericalError, whose ``result`` holds the states before.
     """
     intervals = len(path.u) - 1
     interval = path.duration / intervals
@@ -103,6 +100,7 @@ def excess_over_intervals(motion: Motion, states: Array) -> Array:
     """Largest amounts (N, ns) by which the state's bounds are left in each interval, as shares of their scales."""
     bounded, model = motion.bounded, motion.prediction
     count = len(states)
+    # As in the problem, bounds are of the state alone, whatever the input and the loads.
     fixed = (np.zeros(model.nu), parameters_over_time(motion.scene, model, [0.0])[0])
     every = motion.rows.map(count)(states.T, *(np.tile(v, (count, 1)).T for v in fixed))
     rows = np.array(every).T

@@ -63,13 +63,7 @@ class GoalPart:
 
 
 def goal_parts(motion: Motion) -> list[GoalPart]:
-    """The aims of a scene.
-
-    Raises
-    ------
-    InputError
-        If an aim has another number of entries than what it is for.
-    """
+    """The aims of a scene. One with a wrong number of entries raises an InputError."""
     goal, model, length = motion.scene.goal, motion.prediction, motion.length
     x, u, _, p, _ = motion.physical
     found = []

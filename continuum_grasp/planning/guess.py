@@ -150,7 +150,7 @@ def _least_squares(residual: ca.Function, y: Array, low: Array, high: Array) -> 
                 break
         else:
             damping *= 4.0
-            if damping > 1e8:
+            if damping > 1e8:  # a step this short changes nothing
                 break
     return value, y
 
@@ -174,15 +174,7 @@ def smooth_path(motion: Motion, x0: Array, first: Posture, last: Posture, side: 
 
 
 def first_state_of_plan(scene: PlanScene, model: Prediction) -> tuple[Array, Posture]:
-    """State (nx) at time zero, under the input before the motion, and its posture.
-
-    Raises
-    ------
-    InputError
-        If ``initial.q`` or ``initial.qd`` has the wrong size.
-    SolverError
-        If an initial equilibrium is not found.
-    """
+    """State (nx) at time zero, under the input before the motion, and its posture. Raises what `initial_state` does."""
     u, finger = scene.initial_input, model.system.finger_model
     held = Actuation(tip_moment=u[0]) if len(u) == 1 else Actuation(tensions=(u[0], u[1]))
     alone = Scene(
@@ -206,13 +198,7 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Hint | None
     """The same plan with the goal of its grasp, and the posture there; a plan without a grasp as it is.
 
     ``given`` is the grasp, or its run folder, where it was found already.
-
-    Raises
-    ------
-    SolverError
-        There is no verified grasp.
-    InputError
-        The grasp does not fit the plan.
+    Raises a SolverError where there is no verified grasp, and an InputError where it does not fit the plan.
     """
     if scene.grasp is None:
         if given is not None:

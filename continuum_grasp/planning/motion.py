@@ -73,7 +73,7 @@ class Motion:
         """Scales by which unknowns, defects and objective are of the order of one, as IPOPT's tolerances assume."""
         scene, time = self.scene, self.first_duration
         least, most = scene.input_limits
-        u = np.full(self.nu, most - least if self.nu == 2 else most)
+        u = np.full(self.nu, most - least if self.nu == 2 else most)  # a moment's range is symmetric
         objective = {
             "least_time": time,
             "least_effort": float(u @ u) * time,
@@ -206,6 +206,7 @@ def parameters_over_time(scene: PlanScene, model: Prediction, times: ArrayLike) 
     p = np.tile(np.array(model.p_nominal, dtype=float), (len(instants), 1))
     names = list(model.p_names)
     for load in scene.loads:
+        # With contacts, forces at them and at the tip are parameters; without, that at the tip alone is.
         place = [k for k, at in enumerate(scene.contacts) if abs(at - load.at) <= 1e-9 * length]
         start = names.index(f"contact_{place[0] + 1}_x [N]" if place else "tip_x [N]")
         force = load.force

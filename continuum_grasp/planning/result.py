@@ -249,6 +249,7 @@ class Plan(MotionResult):
         """Backbones (len(indices), points, 2) at some of the nodes [m]."""
         where = self.prediction.sections(tuple(np.linspace(0.0, self.length, points).tolist()))
         model = self.prediction
+        # Column by column: x and y of one place after the other.
         flat = ca.Function("places", [model.x, model.u, model.p], [ca.vec(where(model.x, model.u, model.p)[0])])
         return self._over_time(flat, indices).reshape(-1, points, 2)
 
@@ -267,6 +268,7 @@ class Plan(MotionResult):
         instants = np.atleast_1d(np.asarray(t, dtype=float))
         if self.scene.input.form == "linear":
             return np.stack([np.interp(instants, self.t, column) for column in self.u.T], axis=1)
+        # A node counts to the interval that it begins, also where rounding put the instant a little before it.
         k = np.searchsorted(self.t, instants * (1 + 1e-12), side="right") - 1
         return np.asarray(self.u[np.clip(k, 0, len(self.u) - 1)])
 

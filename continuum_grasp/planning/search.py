@@ -65,6 +65,7 @@ class Search:
         """
         if self.warm is not None:
             w, multipliers = self._warm_start(self.warm)
+            # Where there are no multipliers, a low first barrier keeps the solver near the plan all the same.
             self._try("warm", w, multipliers, _BARRIERS[0])
         if self.best is None and self.scene.object is not None:
             self._try_motion()
@@ -77,6 +78,7 @@ class Search:
     def _try_motion(self) -> None:
         """Start from what the finger does under an input that grows smoothly: it keeps off the object, or presses."""
         direct = smooth_path(self.motion, self.x0, self.first, self.last, 0.0)
+        # Its states satisfy the equations of motion: the solver has contacts right from the start.
         try:
             states = simulated(self.scene, self.motion.prediction, direct, self.x0, 1)
         except NumericalError:

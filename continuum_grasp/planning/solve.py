@@ -161,6 +161,7 @@ def _lead(scene: PlanScene, u: Array, duration: float) -> str:
     ``input.initial``) and at the last one too: a drive that takes an interval for each jump ends up to one later.
     """
     most = scene.input.rate_max
+    # Only least time gains by jumps, and inputs that are linear over an interval have none.
     if scene.objective != "least_time" or scene.input.form == "linear" or most is None:
         return ""
     first, last = (float(np.abs(jump).max()) for jump in (u[0] - np.array(scene.initial_input), u[-1] - u[-2]))

@@ -38,10 +38,7 @@ _ABOUT = ("name", "created", "versions", "columns", "units", "pictures")
 def store_plan(folder: Path, plan: Plan) -> list[str]:
     """Write the plan into a new folder, or compare it with the one that is there: what to know before work goes on.
 
-    Raises
-    ------
-    InputError
-        The folder holds a sweep of another plan, or a table without one.
+    Another plan in it, or a table without one, raises an InputError.
     """
     new, pictures = plan.as_json(), plan.pictures
     if not (folder / PLAN).exists():
@@ -74,13 +71,7 @@ def _write(folder: Path, plan: Mapping[str, Any]) -> None:
 
 
 def read_plan(folder: Path) -> dict[str, Any]:
-    """The plan that a folder holds.
-
-    Raises
-    ------
-    InputError
-        There is none, or it cannot be read.
-    """
+    """The plan that a folder holds. Raises an InputError where there is none, or it cannot be read."""
     path = folder / PLAN
     refuse_what_is_no_file(path)
     try:
@@ -191,10 +182,7 @@ def write_run_files(folder: Path, index: int, files: Mapping[str, bytes]) -> Non
 def locked(folder: Path) -> Iterator[None]:
     """Keep other processes from working in the folder; the system lets go of it when this one ends, however it ends.
 
-    Raises
-    ------
-    InputError
-        Another process works in it.
+    Raises an InputError where one does.
     """
     folder.mkdir(parents=True, exist_ok=True)
     refuse_what_is_no_file(folder / _LOCK)

@@ -68,11 +68,6 @@ def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median"
     """A map of a quantity: over the grid where both keys belong to it, else point by point.
 
     ``reduce`` ("median", "mean", "least" or "greatest") is what a place of the grid shows that several grasps share.
-
-    Raises
-    ------
-    InputError
-        There is no such column.
     """
     labels = _label(table, x), _label(table, y), _label(table, color)
     shown = np.where(table.solved, _numbers(table[color]), np.nan)
@@ -83,6 +78,7 @@ def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median"
     ys, row = _places(table[y])
     color_at = np.full((len(ys), len(xs)), np.nan)
     kind_at = np.full(color_at.shape, "", dtype=object)
+    # Rows of one place stand together after sorting: one pass, also for millions of rows.
     order = np.lexsort((column, row))
     cells = row[order] * len(xs) + column[order]
     starts = np.flatnonzero(np.diff(cells, prepend=-1))
@@ -92,7 +88,7 @@ def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median"
         if len(there):
             color_at[place] = _REDUCE[reduce](there)
         else:
-            names, counts = np.unique(kinds[rows], return_counts=True)
+            names, counts = np.unique(kinds[rows], return_counts=True)  # the most frequent reason
             kind_at[place] = names[np.argmax(counts)]
     return Map(xs, ys, color_at, kind_at.astype(str), labels)
 
@@ -100,13 +96,7 @@ def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median"
 def front_of(
     table: SweepTable, x: str, y: str, x_best: str = "least", y_best: str = "least", color: str | None = None
 ) -> Front:
-    """Two quantities of all grasps, and the Pareto front.
-
-    Raises
-    ------
-    InputError
-        There is no such column.
-    """
+    """Two quantities of all grasps, and the Pareto front."""
     solved = table.solved
     xs, ys = _numbers(table[x])[solved], _numbers(table[y])[solved]
     shades = None if color is None else _numbers(table[color])[solved]
@@ -135,13 +125,7 @@ def pareto(
 
 
 def draw_pictures(table: SweepTable, pictures: Mapping[str, Sequence[Mapping[str, Any]]], folder: Path) -> list[Path]:
-    """Draw the ``maps`` and the ``pareto`` pictures that a configuration asks for into a folder.
-
-    Raises
-    ------
-    InputError
-        There is no column of a name.
-    """
+    """Draw the ``maps`` and the ``pareto`` pictures that a configuration asks for into a folder."""
     from continuum_grasp.results import save_picture
 
     plot_map, plot_front = (maker_of(f"plotting.sweep:{name}") for name in ("plot_map", "plot_front"))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.results.plain import plain
 from continuum_grasp.scene.assembly import Overrides, apply_override, placed, read_overrides, validated
 from continuum_grasp.scene.document import KeyPath, Place
 from continuum_grasp.scene.load import load_placed
@@ -82,8 +83,6 @@ class Plan:
 
     def as_json(self) -> dict[str, Any]:
         """What decides which scenes there are and what their rows hold, as plain data."""
-        from continuum_grasp.results.plain import plain
-
         sample = self.sweep.sample
         found: dict[str, Any] = plain(
             {
@@ -184,13 +183,7 @@ def keys_of(plan: Mapping[str, Any]) -> list[str]:
 
 
 def plan_of(config: str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides = ()) -> Plan:
-    """The scenes of a configuration.
-
-    Raises
-    ------
-    InputError
-        It is no sweep, or something in it is wrong.
-    """
+    """The scenes of a configuration. Raises an InputError where it is no sweep, or something in it is wrong."""
     if isinstance(config, Mapping):
         document, file = placed(config, Place("sweep")), Path("sweep")
         for path, new in read_overrides(overrides):

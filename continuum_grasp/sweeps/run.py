@@ -72,27 +72,6 @@ class Progress:
         return f"{self.done} of {self.total}, {self.rate:.3g}/s{left}" + (f" ({kinds})" if kinds else "")
 
 
-class _Pace:
-    """Measures the rate over the last minute."""
-
-    def __init__(self, total: int, done: int) -> None:
-        self._total, self._first, self._began = total, done, time.monotonic()
-        self._marks: deque[tuple[float, int]] = deque([(self._began, done)])
-
-    def progress(self, done: int, counts: Mapping[str, int]) -> Progress:
-        """The progress with so many rows."""
-        now = time.monotonic()
-        if self._marks[-1][1] == self._first < done:  # workers needed their time to start
-            self._marks.clear()
-        self._marks.append((now, done))
-        while len(self._marks) > 2 and now - self._marks[0][0] > _WINDOW:
-            self._marks.popleft()
-        since, before = self._marks[0]
-        rate = (done - before) / (now - since) if done > before and now > since else 0.0
-        remaining = (self._total - done) / rate if rate > 0 else None
-        return Progress(done, self._total, done - self._first, now - self._began, rate, remaining, dict(counts))
-
-
 def _clock(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
@@ -173,6 +152,7 @@ def sweep(
     plan = plan_of(config, overrides)
     target = _folder(config, folder)
     with locked(target):
+        # The plan comes before any row: a table is never without the plan that it is of.
         notes = store_plan(target, plan)
         job = Job(plan.variation.base, plan.keys, plan.paths, plan.sweep.record, keep, evaluate or solve)
         run = _Run(plan, job, target, progress)
@@ -194,7 +174,6 @@ class _Run:
             self.there[row["index"]] = 1
             self.counts[row["status"]] += 1
         self.done = self.before = sum(self.there)
-        self.pace = _Pace(len(plan), self.done)
         self.flying: dict[Future[list[Outcome]], list[Point]] = {}
         self.again: deque[Point] = deque()
         self.tries: Counter[int] = Counter()
@@ -202,20 +181,17 @@ class _Run:
         self.each: float | None = None
         self.busy = 0.0
         self.began = self.reported = time.monotonic()
+        self.marks = deque([(self.began, self.done)])
 
     def go(self, pool: WorkerPool) -> None:
         """Work until every scene has its row.
 
-        Raises
-        ------
-        SolverError
-            The workers are gone, or cannot do the work.
-        Interrupted
-            Ctrl-C.
+        Raises a SolverError where the workers are gone or cannot do the work, and Interrupted on Ctrl-C.
         """
         finished = False
         try:
             while self._fill(pool):
+                # At most a second, so that progress is reported also while nothing ends.
                 back = wait(self.flying, timeout=1.0, return_when=FIRST_COMPLETED).done
                 outcomes = [outcome for future in back for outcome in self._taken(pool, future)]
                 self._fill(pool)  # idle workers get work before anything is written
@@ -290,7 +266,7 @@ class _Run:
         for outcome in outcomes:
             if self.there[outcome.index]:  # a cluster may compute a scene twice
                 continue
-            if outcome.files:
+            if outcome.files:  # before the row: a scene with a row is never computed again
                 write_run_files(self.folder, outcome.index, outcome.files)
             lines.append(outcome.line)
             self.there[outcome.index] = 1
@@ -300,8 +276,21 @@ class _Run:
 
     def _report(self, last: bool = False) -> None:
         if self.listener is not None and (last or time.monotonic() - self.reported > _REPORT_SECONDS):
-            self.listener(self.pace.progress(self.done, self.counts))
+            self.listener(self._progress())
             self.reported = time.monotonic()
+
+    def _progress(self) -> Progress:
+        now, marks = time.monotonic(), self.marks
+        if marks[-1][1] == self.before < self.done:  # workers needed their time to start
+            marks.clear()
+        marks.append((now, self.done))
+        while len(marks) > 2 and now - marks[0][0] > _WINDOW:
+            marks.popleft()
+        since, before = marks[0]
+        rate = (self.done - before) / (now - since) if self.done > before and now > since else 0.0
+        left = (len(self.plan) - self.done) / rate if rate > 0 else None
+        new, seconds = self.done - self.before, now - self.began
+        return Progress(self.done, len(self.plan), new, seconds, rate, left, dict(self.counts))
 
     def _stopped(self, what: str) -> SolverError:
         return SolverError(

@@ -175,7 +175,7 @@ def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any]
 def _column(values: list[Any], words: bool) -> NDArray[Any]:
     if words or any(isinstance(value, str | bool) for value in values):
         return np.array([_word(value) for value in values], dtype=str)
-    if values and all(isinstance(value, int) for value in values):
+    if values and all(isinstance(value, int) for value in values):  # NaN needs floats
         return np.array(values, dtype=int)
     return np.array([np.nan if value is None else value for value in values], dtype=float)
 
@@ -185,36 +185,27 @@ def _word(value: Any) -> str:
 
 
 CSV = "table.csv"
-_FIRST, _LAST = ("index", "scene"), ("message",)
 
 
 def write_csv(folder: Path) -> Path:
-    """Write ``table.csv``, in the order of the scenes; holds one row in memory at a time.
-
-    Raises
-    ------
-    InputError
-        There is no sweep in the folder.
-    OSError
-        The file cannot be written.
-    """
+    """Write ``table.csv``, in the order of the scenes; holds one row in memory at a time."""
     plan = read_plan(folder)
     keys, numbers = keys_of(plan), list(plan["columns"])
     places = np.full(int(plan["scenes"]), -1, dtype=np.int64)
     for place, row in rows_of(folder, len(places)):
         places[row["index"]] = place
-    rest = ("status", "reason", *numbers, *_LAST)
+    first, rest = ("index", "scene"), ("status", "reason", *numbers, "message")
     with (
         open(folder / TABLE, "rb") as table,
         replacing(folder / CSV) as temporary,
         open(temporary, "w", encoding="utf-8", newline="") as file,
     ):
         writer = csv.writer(file)
-        writer.writerow([*_FIRST, *keys, *rest])
+        writer.writerow([*first, *keys, *rest])
         for place in places[places >= 0]:
             table.seek(place)
             row = decode(table.readline()) or {}
-            values = row.get("values", {})
-            cells = [*(row.get(name) for name in _FIRST), *map(values.get, keys), *map(row.get, rest)]
+            cells = [*map(row.get, first), *map(row.get("values", {}).get, keys), *map(row.get, rest)]
+            # true and false as in YAML and JSON, not as in Python.
             writer.writerow([json.dumps(cell) if isinstance(cell, bool) else cell for cell in cells])
     return folder / CSV

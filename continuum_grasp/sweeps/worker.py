@@ -19,9 +19,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
+from pydantic import ValidationError
+
 from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
+from continuum_grasp.results.plain import digest
 from continuum_grasp.scene.document import KeyPath, dotted
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.problems import explain
 from continuum_grasp.sweeps.folder import SOLVED, encode
 from continuum_grasp.sweeps.plan import Point
 from continuum_grasp.workers import ExecutorPool
@@ -80,17 +84,9 @@ def solve(scene: GraspScene) -> Any:
 
 
 def run_chunk(job: Job, points: Sequence[Point]) -> list[Outcome]:
-    """Evaluate scenes, one at a time.
-
-    Raises
-    ------
-    InputError
-        A column is asked for that grasps do not have.
-    OSError
-        The files of a run could not be written where they are put together.
-    """
+    """Evaluate scenes, one at a time. Raises an InputError where a column is asked for that grasps do not have."""
     with _ONE_AT_A_TIME, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+        warnings.simplefilter("ignore")  # thousands of rows would repeat them
         return [_run(job, point) for point in points]
 
 
@@ -136,8 +132,6 @@ def _outcome(
     reason: str = "",
     files: dict[str, bytes] | None = None,
 ) -> Outcome:
-    from continuum_grasp.results.plain import digest
-
     text = " ".join(message.split())
     row = {
         "index": point.index,
@@ -154,6 +148,7 @@ def _outcome(
 def scene_data(job: Job, point: Point) -> dict[str, Any]:
     """The scene of a point as plain data; shorter paths are set first."""
     data = copy.deepcopy(job.base)
+    # So that ``finger.base`` is set in the ``finger`` that is varied too.
     for path, value in sorted(zip(job.paths, point.values, strict=True), key=lambda pair: len(pair[0])):
         parent: Any = data
         for part in path[:-1]:
@@ -166,10 +161,6 @@ def scene_data(job: Job, point: Point) -> dict[str, Any]:
 
 
 def _scene(data: dict[str, Any]) -> GraspScene:
-    from pydantic import ValidationError
-
-    from continuum_grasp.scene.problems import explain
-
     try:
         return GraspScene.model_validate(data)
     except ValidationError as error:
@@ -213,10 +204,7 @@ def _meta(result: GraspResult) -> dict[str, Any]:
 def quantities(result: Any, record: Sequence[str]) -> dict[str, Any]:
     """Numbers of a result by column, ``record`` included; None where there is no grasp to have them.
 
-    Raises
-    ------
-    InputError
-        A grasp has no number of a name in ``record``.
+    A name that grasps do not have raises an InputError.
     """
     solved = str(result.status) in SOLVED
     reason = result.reasons[0] if result.reasons else None
@@ -243,25 +231,16 @@ def _number(value: Any) -> float | int | str | None:
     return int(value) if isinstance(value, bool) else value
 
 
-def _quality(result: Any) -> Any:
-    from continuum_grasp.grasp import GraspResult
-
-    if isinstance(result, GraspResult):
-        from continuum_grasp.grasp.report.shown import quality_of
-
-        return quality_of(result)
-    return result.quality
-
-
 def _recorded(result: Any, name: str, solved: bool) -> Any:
     root, *parts = name.split(".")
-    value = _quality(result) if root == "quality" else getattr(result, root)
+    # Without a grasp, reading the quality raises; other results than those of `optimize_grasp` have no ``solved``.
+    value = None if root == "quality" and not getattr(result, "solved", True) else getattr(result, root)
     for part in parts:
         if value is None:
             return None
         known = part in value if isinstance(value, Mapping) else hasattr(value, part)
         if not known:
-            if not solved:
+            if not solved:  # what failed early has no certificate, and few statistics
                 return None
             there = value if isinstance(value, Mapping) else [n for n in dir(value) if not n.startswith("_")]
             raise InputError(f"a grasp has no number of this name; {part!r} is none of {', '.join(there)}", key=name)
@@ -275,10 +254,7 @@ def _recorded(result: Any, name: str, solved: bool) -> Any:
 def dask_pool(address: str, patience: float = _PATIENCE) -> Iterator[ExecutorPool]:
     """The workers of a running Dask scheduler, at an address such as ``tcp://127.0.0.1:8786``.
 
-    Raises
-    ------
-    InputError
-        Dask is not installed, or no scheduler answers.
+    Raises an InputError where Dask is not installed, or no scheduler answers.
     """
     try:
         distributed: Any = import_module("distributed")
@@ -287,10 +263,12 @@ def dask_pool(address: str, patience: float = _PATIENCE) -> Iterator[ExecutorPoo
             "a Dask cluster needs the extra 'cluster': pip install 'continuum-grasp[cluster]'", key="scheduler"
         ) from None
     try:
+        # Not the default one: the caller may use Dask for something else.
         client: Any = distributed.Client(address, timeout=patience, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:  # TimeoutError is an OSError
         raise InputError(f"no Dask scheduler answers at {address!r}: {error}", key="scheduler") from None
     try:
+        # Not pure: a scene that is tried again is computed again.
         yield ExecutorPool(client.get_executor(pure=False), _Count(client))
     finally:
         client.close()
