@@ -88,6 +88,7 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     if finger.tendons is None or resistance is None:
         raise InputError("a mission needs tendons, and disturbances that the grasp resists", key="grasp")
     lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
+    # Tendon 1 bends the finger positively, tendon 2 the other way: one of them closes it.
     side = 1.0 if tensions[0] >= tensions[1] else -1.0
     moment = side * _about_to_touch(finger, finger.tendons, body, side)
     rest = np.full(2, finger.tendons.min_tension)

@@ -34,6 +34,7 @@ def variations(trials: Trials) -> list[Variation]:
         return float(1.0 + reach * rng.uniform(-1.0, 1.0))
 
     found = []
+    # Plant by plant in a fixed order of draws: more plants begin with those of fewer.
     for _ in range(trials.count):
         stiffness, damping = factor(trials.stiffness), factor(trials.damping)
         mass, friction = factor(trials.mass), factor(trials.friction)

@@ -11,6 +11,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+Array = NDArray[Any]
+Indices = NDArray[np.int64]
+
 
 @dataclass(frozen=True, eq=False)
 class NLP:
@@ -61,10 +64,6 @@ class NLP:
             "hess_lag": ("nlp_hess_l", hessian_inputs, ["triu:hess:gamma:x:x"], {"gamma": ["f", "g"]}),
         }
         return {key: self.derivatives.get(key) or oracle.factory(*how) for key, how in found.items()}
-
-
-Array = NDArray[Any]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

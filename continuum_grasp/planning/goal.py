@@ -77,6 +77,7 @@ def goal_parts(motion: Motion) -> list[GoalPart]:
         weight = getattr(goal, name).weight
         found.append(GoalPart(f"goal {name}", key, unit, names, np.array(target), np.full(size, scale), weight, value))
 
+    # Scales make errors of different kinds comparable: a tenth of the length, half a radian, at least a newton.
     if goal.tip is not None:
         add("tip", "m", ("x", "y"), goal.tip.value, 0.1 * length, model.tip(x, u, p))
     if goal.bending is not None:

@@ -54,6 +54,7 @@ class Search:
         # Plans start far from their solution, where the adaptive barrier is the more robust one; no bound is relaxed,
         # since the limits of a plan are reported as satisfied.
         ipopt = {"acceptable_iter": 20, "bound_relax_factor": 0.0, "mu_strategy": "adaptive"}
+        # Constraints are met to 1e-8 also where the optimum is asked for less accurately.
         tolerance, most = options.tolerance, options.max_iterations
         self._solver = new_solver(Settings(options.method, tolerance, min(1e-8, tolerance), most, {"ipopt": ipopt}))
 

@@ -58,7 +58,7 @@ def store_plan(folder: Path, plan: Plan) -> list[str]:
             + ". Take another folder, or remove this one to begin anew",
             file=str(folder),
         )
-    if old.get("pictures") != pictures:
+    if old.get("pictures") != pictures:  # which decide nothing that is computed
         begin_run(folder, "sweep", retained=(PLAN,))
         _write(folder, {**old, "pictures": pictures})
     was, now = old.get("versions", {}), versions()
@@ -193,7 +193,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _lock(file: IO[bytes]) -> bool:
-    """Whether the file could be locked; where the system or the file system has no locks, everybody may work."""
+    """Whether the file could be locked; where the system or the file system has no locks, any process may work."""
     with suppress(ImportError):
         import fcntl
 

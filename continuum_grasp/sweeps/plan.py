@@ -64,6 +64,7 @@ class Plan:
 
     def point(self, index: int) -> Point:
         """The scene of a number: draws change fastest, then the last key of the grid."""
+        # Every place of the grid meets the same draws: differences between places are not those of samples.
         place, draw = divmod(index, 1 if self.sweep.sample is None else self.sweep.sample.count)
         values: list[Any] = []
         labels: list[Any] = []
