@@ -91,7 +91,8 @@ class PlanProblem:
         motion, grid, solver = self.motion, self.grid, self.motion.scene.solver
         w = np.zeros(self.assembly.size)
         w[grid.time] = path.duration / motion.scales.time
-        w[grid.s] = s = motion.scaled_state(path.x, path.u)
+        s = motion.scaled_state(path.x, path.u)
+        w[grid.s] = s
         if motion.linear:
             w[grid.v] = np.diff(path.u, axis=0) / path.duration * grid.intervals / motion.scales.rate
         else:

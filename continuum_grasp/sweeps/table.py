@@ -21,6 +21,7 @@ from continuum_grasp.scene.problems import nearest
 from continuum_grasp.sweeps.folder import SOLVED, TABLE, decode, read_plan, rows_of, run_path
 from continuum_grasp.sweeps.plan import keys_of
 
+CSV = "table.csv"
 _WORDS = ("scene", "status", "reason", "message")
 
 
@@ -182,9 +183,6 @@ def _column(values: list[Any], words: bool) -> NDArray[Any]:
 
 def _word(value: Any) -> str:
     return "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
-
-
-CSV = "table.csv"
 
 
 def write_csv(folder: Path) -> Path:
