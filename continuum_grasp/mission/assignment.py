@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.grasp.result import FingerPosture, GraspResult
+from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.model import System
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Controller
 from continuum_grasp.scene.cost import Cost, ForceWeight, Reference, Weight
 from continuum_grasp.scene.families import default_family
-from continuum_grasp.scene.finger import BasePose, Finger
+from continuum_grasp.scene.finger import BasePose, Finger, Tendons
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity, Initial
@@ -27,7 +27,9 @@ _LARGEST = 5.0
 _CLEARANCE = 0.003
 """Distance from the object at which the approach ends [m]."""
 _MARGIN = 1.5
-"""Greatest curvature per that of the free finger under the greatest tension."""
+"""Greatest curvature per that of the free finger under the greatest tension: contact forces bend it further."""
+_MOST_BEND = 20.0
+"""Greatest bending range that a scene may declare [rad]."""
 _DENSE = 60
 """Places along the finger whose distance is looked at."""
 _STEPS = 200
@@ -36,57 +38,33 @@ _STEPS = 200
 
 @dataclass(frozen=True)
 class Assignment:
-    """What is to be done.
-
-    Attributes
-    ----------
-    mission : MissionScene
-    grasp : GraspResult
-        The grasp that is carried out.
-    control : ControlScene
-        Finger, object and controller of all phases.
-    tensions : (2,) ndarray
-        Of the grasp [N].
-    before : (2,) ndarray
-        With which the finger is about to touch [N].
-    rest : (2,) ndarray
-        Least tensions [N].
-    bends : (N,) ndarray
-        Bending angles of the controller's elements when it is about to touch [rad].
-    posture : (N,) ndarray
-        Bending angles of the same elements in the grasp [rad].
-    force : float
-        Normal force of the grasp at the contact where it is held [N].
-    pulls : (K, 3) ndarray
-        Wrenches that are pulled with: world force x, y [N] and moment about the center of mass [N m].
-    """
+    """What is to be done."""
 
     mission: MissionScene
     grasp: GraspResult
+    """The grasp that is carried out."""
     control: ControlScene
+    """Finger, object and controller of all phases."""
     tensions: Array
+    """Of the grasp (2) [N]."""
     before: Array
+    """With which the finger is about to touch (2) [N]."""
     rest: Array
+    """Least tensions (2) [N]."""
     bends: Array
+    """Bending angles of the controller's elements (N) when it is about to touch [rad]."""
     posture: Array
+    """Bending angles of the same elements in the grasp [rad]."""
     force: float
+    """Normal force of the grasp at the contact where it is held [N]."""
     pulls: Array
+    """Wrenches that are pulled with (K, 3): world force x, y [N] and moment about the center of mass [N m]."""
 
 
 def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignment:
-    """Optimize the grasp of a mission and say what its controller has to do.
+    """Optimize the grasp of a mission, where it has not been found already, and say what its controller has to do.
 
-    Parameters
-    ----------
-    grasp : GraspResult, optional
-        The grasp, where it has been found already.
-
-    Raises
-    ------
-    SolverError
-        If there is no verified grasp.
-    InputError
-        If the grasp is not one that a mission can carry out.
+    Raises a SolverError where there is no verified grasp, an InputError where a mission cannot carry it out.
     """
     found = optimize_grasp(mission.grasp) if grasp is None else grasp
     if grasp is None and found.statistics["interrupted"]:
@@ -95,21 +73,28 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
         raise SolverError("no grasp to carry out", status=found.status.value, advice=found.advice, result=found)
     (name, posture), *_ = found.fingers.items()
     contacts = {contact.name: contact for contact in found.contacts}
-    touching = [contacts.get(f"{name}.middle"), contacts.get(f"{name}.tip")]
-    if any(contact is None for contact in touching):
+    middle, tip = contacts.get(f"{name}.middle"), contacts.get(f"{name}.tip")
+    if middle is None or tip is None:
         raise InputError("a mission needs a middle contact and one of the tip", key="grasp.contacts")
-    held = touching[0 if mission.controller.held == "middle" else 1]
-    middle, force = (touching[0].station, held.normal_force) if touching[0] and held else (0.0, 0.0)
-    finger = _finger(mission, posture.base)
-    control = _control_scene(mission, finger, _object(mission, found), middle, force)
+    force = (middle if mission.controller.held == "middle" else tip).normal_force
+    given = mission.grasp.setups[0].finger
+    base, pose = posture.base.tolist(), found.object_pose.tolist()
+    finger = given.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
+    if mission.drive_tension is not None and finger.tendons is not None:
+        finger = finger.replaced(tendons=finger.tendons.replaced(max_tension=mission.drive_tension))
+    body = mission.grasp.object.replaced(position=(pose[0], pose[1]), angle=pose[2], free=None)
+    control = _control_scene(mission, finger, body, middle.station, force)
     resistance = found.quality.resistance if found.quality is not None else None
     if finger.tendons is None or resistance is None:
         raise InputError("a mission needs tendons, and disturbances that the grasp resists", key="grasp")
-    tensions = np.array(posture.tensions)
+    lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
+    # Tendon 1 bends the finger positively, tendon 2 the other way: one of them closes it.
     side = 1.0 if tensions[0] >= tensions[1] else -1.0
-    moment = side * _about_to_touch(control, side)
+    moment = side * _about_to_touch(finger, finger.tendons, body, side)
     rest = np.full(2, finger.tendons.min_tension)
     pull = np.array([max(moment, 0.0), max(-moment, 0.0)]) / finger.tendons.offset
+    # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
+    edges = np.cumsum([0.0, *lengths])
     factors = np.minimum(np.asarray(resistance.factors), _LARGEST)
     return Assignment(
         mission=mission,
@@ -118,32 +103,11 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
         tensions=tensions,
         before=rest + pull,
         rest=rest,
-        bends=moment / finger.rod.stiffness * np.asarray(control.fidelity.elements),
-        posture=_posture(posture, np.asarray(control.fidelity.elements)),
+        bends=moment / finger.rod.stiffness * lengths,
+        posture=np.diff(np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3]))),
         force=force,
         pulls=mission.pull_share * factors[:, None] * np.asarray(resistance.wrenches),
     )
-
-
-def _finger(mission: MissionScene, base: Array) -> Finger:
-    """The finger of the grasp, as placed by it, with the whole range of its drive."""
-    given = mission.grasp.setups[0].finger
-    placed = given.replaced(base=BasePose(position=(float(base[0]), float(base[1])), angle=float(base[2])))
-    if mission.drive_tension is None or given.tendons is None:
-        return placed
-    return placed.replaced(tendons=given.tendons.replaced(max_tension=mission.drive_tension))
-
-
-def _posture(found: FingerPosture, lengths: Array) -> Array:
-    """Bending angles in the grasp of elements of other lengths [rad]."""
-    at, angle = found.backbone[:, 0], np.unwrap(found.backbone[:, 3])
-    edges = np.concatenate([[0.0], np.cumsum(lengths)])
-    return np.diff(np.interp(edges, at, angle))
-
-
-def _object(mission: MissionScene, grasp: GraspResult) -> GraspObject:
-    x, y, angle = (float(v) for v in grasp.object_pose)
-    return mission.grasp.object.replaced(position=(x, y), angle=angle, free=None)
 
 
 def _control_scene(
@@ -151,8 +115,10 @@ def _control_scene(
 ) -> ControlScene:
     asked = mission.controller
     before, after = asked.elements
-    beyond = finger.rod.length - middle
-    lengths = (*[middle / before] * before, *[beyond / after] * after)
+    lengths = (*[middle / before] * before, *[(finger.rod.length - middle) / after] * after)
+    tendons = finger.tendons
+    most = 0.0 if tendons is None else tendons.max_tension * tendons.offset / finger.rod.stiffness
+    reach = min(max(lengths) * min(_MARGIN * most, finger.curvature_limit), _MOST_BEND)
     cost = Cost(
         bending=Weight(running=asked.posture),
         contact_force=ForceWeight(running=asked.force, of=(asked.contact,)),
@@ -164,13 +130,11 @@ def _control_scene(
         schema_version=1,
         name=mission.name,
         finger=finger,
-        gravity=(0.0, 0.0),
+        gravity=(0.0, 0.0),  # it acts out of the plane
         contacts=(middle,),
         object=body,
         contact_law=mission.contact_law.replaced(friction=0.0),
-        fidelity=Fidelity(
-            family=default_family(free_tip=False), elements=lengths, bending_range=_reach(finger, lengths)
-        ),
+        fidelity=Fidelity(family=default_family(free_tip=False), elements=lengths, bending_range=reach),
         parameters=("bending_stiffness",) if mission.estimator.disturbances.bending_stiffness is not None else (),
         controller=Controller(
             period=asked.period,
@@ -187,25 +151,15 @@ def _control_scene(
     )
 
 
-def _reach(finger: Finger, lengths: tuple[float, ...]) -> float:
-    """Bending range of an element that the greatest tension and some contact force do not exceed [rad]."""
-    tendons = finger.tendons
-    most = 0.0 if tendons is None else tendons.max_tension * tendons.offset / finger.rod.stiffness
-    return min(max(lengths) * min(_MARGIN * most, finger.curvature_limit), 20.0)
-
-
-def _about_to_touch(control: ControlScene, side: float) -> float:
+def _about_to_touch(finger: Finger, tendons: Tendons, body: GraspObject, side: float) -> float:
     """Size of the tip moment at which the free finger comes close to the object [N m]."""
-    finger, body = control.finger, control.object
-    if body is None or finger.tendons is None:
-        return 0.0
     system = System(finger, gravity=(0.0, 0.0), family=default_family(free_tip=True), elements=1, tip_force=False)
     family = system.finger_model.structure.family
     where = system.sections(tuple(np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]))
-    most = (finger.tendons.max_tension - finger.tendons.min_tension) * finger.tendons.offset
+    most = (tendons.max_tension - tendons.min_tension) * tendons.offset
     reached = 0.0
     for moment in np.linspace(0.0, most, _STEPS + 1):
-        kappa = side * moment / finger.rod.stiffness
+        kappa = side * moment / finger.rod.stiffness  # without weight and contact it is an arc
         shape = family.coordinates(np.array([kappa * finger.rod.length]), np.full((1, family.degree + 1), kappa))
         points = np.array(where(system.state(q=shape), [0.0, 0.0], [])[0]).T
         gap = min(body.distance((float(x), float(y))) for x, y in points) - finger.thickness_radius

@@ -19,35 +19,39 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.scene.surroundings import Table
 
+Array = NDArray[np.float64]
+
 _FINGER, _OBJECT = ("bending_stiffness", "material_damping"), ("object_mass", "friction_factor")
+"""What of finger and object varies from plant to plant: run-time numbers, so that equations are compiled once."""
+_LEAST = 0.85
+"""Share of the grasp's tension that is retained while the object is held."""
+_OPPOSED = 3.0
+"""What the other tendon may pull meanwhile beyond its least tension [N]."""
+_SUNK = 0.05
+"""How far the table sinks [m]."""
+_WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
 
 
 @dataclass(frozen=True)
 class Variation:
-    """How one plant differs from another.
-
-    Attributes
-    ----------
-    stiffness, damping : float or None
-        Per that of the controller's finger [1]; None: as the mission's ``plant`` says.
-    mass, friction : float
-        Of the object and of all its contacts, per those of the mission [1].
-    shift : (float, float)
-        Of where the object stands, world x, y [m].
-    seed : int or None
-        Of the measurement noise; None: as the mission's ``plant`` says.
-    """
+    """How one plant differs from another; None: as the mission's ``plant`` says."""
 
     stiffness: float | None = None
+    """Per that of the controller's finger [1]."""
     damping: float | None = None
+    """Per that of the controller's finger [1]."""
     mass: float = 1.0
+    """Of the object, per that of the mission [1]."""
     friction: float = 1.0
+    """Of all contacts of the object, per that of the mission [1]."""
     shift: tuple[float, float] = (0.0, 0.0)
+    """Of where the object stands, world x, y [m]."""
     seed: int | None = None
+    """Of the measurement noise."""
 
 
 def mission_plant_model(assignment: Assignment) -> PlantModel:
-    """Its equations; what varies is a run-time number, so that they are compiled once."""
+    """Equations of the plant."""
     mission, control = assignment.mission, assignment.control
     if control.object is None:
         raise ValueError("a mission has an object")
@@ -65,45 +69,19 @@ def mission_plant_model(assignment: Assignment) -> PlantModel:
 
 
 def mission_plant(
-    assignment: Assignment,
-    timetable: Timetable,
-    prediction: Prediction,
-    variation: Variation | None = None,
-    model: PlantModel | None = None,
+    assignment: Assignment, timetable: Timetable, prediction: Prediction, variation: Variation, equations: PlantModel
 ) -> Plant:
-    """A plant at the start of a mission.
-
-    Parameters
-    ----------
-    timetable : Timetable
-        When the table sinks, and what pulls when.
-    variation : Variation, optional
-        How it differs from the mission's own plant.
-    model : PlantModel, optional
-        Its equations, where they are made already.
-    """
-    asked = variation or Variation()
-    equations = mission_plant_model(assignment) if model is None else model
+    """A plant at the start of a mission; its equations are those of ``mission_plant_model``."""
     own, nominal = assignment.mission.plant, np.array(equations.system.p_nominal)
-    stiffness = 1.0 if asked.stiffness is None else asked.stiffness / own.stiffness
-    damping = 1.0 if asked.damping is None else asked.damping / own.damping
-    equations.p = nominal * np.array([stiffness, damping, asked.mass, asked.friction])
+    # The equations have the factors of the mission's ``plant`` already.
+    stiffness = 1.0 if variation.stiffness is None else variation.stiffness / own.stiffness
+    damping = 1.0 if variation.damping is None else variation.damping / own.damping
+    equations.p = nominal * np.array([stiffness, damping, variation.mass, variation.friction])
     equations.outside = timetable.outside()
-    plant = Plant(assignment.control, prediction, assignment.mission.controller.period, equations, asked.seed)
+    plant = Plant(assignment.control, prediction, assignment.mission.controller.period, equations, variation.seed)
     plant.x = plant.x.copy()
-    plant.x[equations.system.object_states] += np.array([*asked.shift, 0.0, 0.0])
+    plant.x[equations.system.object_states] += np.array([*variation.shift, 0.0, 0.0])
     return plant
-
-
-Array = NDArray[np.float64]
-
-_LEAST = 0.85
-"""Share of the grasp's tension that is retained while the object is held."""
-_OPPOSED = 3.0
-"""What the other tendon may pull meanwhile beyond its least tension [N]."""
-_SUNK = 0.05
-"""How far the table sinks [m]."""
-_WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
 
 
 @dataclass(frozen=True)
@@ -116,17 +94,8 @@ class Span:
 
 
 class Timetable:
-    """Phases of a mission.
-
-    Parameters
-    ----------
-    assignment : Assignment
-        What is to be done.
-
-    Attributes
-    ----------
-    spans : tuple of Span
-        approach, squeeze, lift, hold, then ``pull 1`` and so on with a ``rest`` after each, lower, release, end.
+    """Phases of a mission: approach, squeeze, lift, hold, then ``pull 1`` and so on with a ``rest`` after each, lower,
+    release, end.
     """
 
     def __init__(self, assignment: Assignment) -> None:
@@ -135,6 +104,7 @@ class Timetable:
         lengths = [("approach", asked.approach), ("squeeze", asked.squeeze), ("lift", asked.lift), ("hold", asked.hold)]
         for k in range(len(assignment.pulls)):
             lengths += [(f"pull {k + 1}", asked.pull), ("rest", asked.rest)]
+        # "end": nothing is asked any more, so that what still moves comes to rest.
         lengths += [("lower", asked.lower), ("release", asked.release), ("end", 0.25 * asked.release)]
         ends = np.cumsum([length for _, length in lengths])
         self.spans = tuple(
@@ -160,6 +130,7 @@ class Timetable:
     def rows(self, t: Array, names: tuple[str, ...]) -> Array:
         """Setpoints (T, nr) at instants (T,) [s], in the order of ``Stages.r_names``."""
         of = self._of
+        # The posture goes from straight to touching, and from there to the grasp; release undoes both at once.
         closed = self._risen(t, "squeeze") - self._risen(t, "release")
         begun = self._risen(t, "approach") - self._risen(t, "release")
         tensions = of.rest + np.outer(begun, of.before - of.rest) + np.outer(closed, of.tensions - of.before)
@@ -171,37 +142,34 @@ class Timetable:
 
     def phases(self, stages: Stages) -> list[Phase]:
         """The phases for a closed loop; contact forces are followed once there are any, the posture until then."""
+        begin = {name: self._weighing(stages, held=name == "lift") for name in ("approach", "lift", "release")}
         found = []
         for span in self.spans:
-            begin = None
-            if span.name in ("approach", "lift", "release"):
-                begin = self._weighing(stages, held=span.name == "lift")
-            found.append(Phase(span.name, self._rows_since(span.start, stages), span.end - span.start, begin=begin))
+            rows = partial(self._rows_since, span.start, stages.r_names)
+            found.append(Phase(span.name, rows, span.end - span.start, begin=begin.get(span.name)))
         return found
+
+    def _rows_since(self, start: float, names: tuple[str, ...], since: Array) -> Array:
+        return self.rows(start + since, names)
 
     def _weighing(self, stages: Stages, *, held: bool) -> Callable[[Any, Any], None]:
         """Gives the controller the weights and limits of a phase; what is held is not let go to correct a force."""
         off = "bending_" if held else "contact_force"
+        # One drive follows the posture or a force. Rates stay weighted, since they damp either.
         keep = [not name.startswith(off) or "rate" in name for name in stages.r_names]
         weights = np.where(keep, stages.weights, 0.0)
         low, high = stages.u_min, stages.u_max
         if held:
-            pulls = self._of.tensions > self._of.rest + 1.0
+            pulls = self._of.tensions > self._of.rest + 1.0  # [N]: the tendon that closes the finger
             low = np.where(pulls, np.clip(_LEAST * self._of.tensions, low, high), low)
             high = np.where(pulls, high, np.minimum(high, self._of.rest + _OPPOSED))
         return lambda controller, plant: controller.change(weights=weights, u_min=low, u_max=high)
-
-    def _rows_since(self, start: float, stages: Stages) -> Callable[[Array], Array]:
-        return lambda since: self.rows(start + since, stages.r_names)
 
     # -- the plant's ------------------------------------------------------------------------------------------------
 
     def outside(self) -> dict[str, Callable[[Array], Array]]:
         """Height of the table, and what pulls at the object, as functions of instants."""
-        pulling: dict[str, Callable[[Array], Array]] = {
-            name: partial(self._pull, axis) for axis, name in enumerate(_WRENCH)
-        }
-        return {"table_height [m]": self._table, **pulling}
+        return {"table_height [m]": self._table, **{name: partial(self._pull, k) for k, name in enumerate(_WRENCH)}}
 
     def _table(self, t: Array) -> Array:
         return -_SUNK * (self._risen(t, "lift") - self._risen(t, "lower"))
@@ -210,12 +178,13 @@ class Timetable:
         total = np.zeros_like(t)
         for k, wrench in enumerate(self._of.pulls):
             span = self.span(f"pull {k + 1}")
-            quarter = 0.25 * (span.end - span.start)
+            quarter = 0.25 * (span.end - span.start)  # to grow, and to fade; half of it stays
             total += wrench[axis] * _smooth((t - span.start) / quarter)
             total -= wrench[axis] * _smooth((t - span.end + quarter) / quarter)
         return total
 
 
 def _smooth(share: Array) -> Array:
+    """The quintic from 0 to 1 with neither rate nor acceleration at both ends: setpoints that a drive can follow."""
     s = np.clip(share, 0.0, 1.0)
     return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s * s))

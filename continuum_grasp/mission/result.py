@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.plant import Span, Timetable, Variation
-from continuum_grasp.mission.verdict import Verdict, friction_limits
+from continuum_grasp.mission.verdict import Verdict, friction_limits, present
 from continuum_grasp.results.result import File, MotionResult, Result, Stored
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Scene
@@ -21,27 +20,11 @@ from continuum_grasp.simulation.contacts import ContactForces, overlaps
 from continuum_grasp.simulation.trajectory import overlap_text
 
 Array = NDArray[np.float64]
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class MissionRun(MotionResult):
-    """A mission that was carried out.
-
-    Attributes
-    ----------
-    assignment : Assignment
-    timetable : Timetable
-    variation : Variation
-        How the plant differed from the mission's own.
-    run : ControlRun
-        The closed loop.
-    scene : Scene
-        The plant's finger with object and supports.
-    force_estimate : (K,) ndarray
-        Normal force of the held contact as the controller estimated it [N].
-    verdict : Verdict
-    """
+    """A mission that was carried out."""
 
     kind: ClassVar[str] = "mpc"
     stored: ClassVar[tuple[Stored, ...]] = (
@@ -61,9 +44,13 @@ class MissionRun(MotionResult):
     assignment: Assignment
     timetable: Timetable
     variation: Variation
+    """How the plant differed from the mission's own."""
     run: ControlRun
+    """The closed loop."""
     scene: Scene = field(repr=False)
+    """The plant's finger with object and supports."""
     force_estimate: Array
+    """Normal force of the held contact as the controller estimated it (K,) [N]."""
     verdict: Verdict
 
     @property
@@ -94,12 +81,12 @@ class MissionRun(MotionResult):
     @cached_property
     def contacts(self) -> ContactForces:
         """Gaps and forces of all contacts."""
-        return _present(self.run.contacts)
+        return present(self.run.contacts)
 
     @cached_property
     def object_pose(self) -> Array:
         """Pose of the object (K + 1, 4): x, y [m], angle [rad], height [m]."""
-        return _present(self.run.object_pose)
+        return present(self.run.object_pose)
 
     @property
     def body(self) -> GraspObject:
@@ -114,19 +101,19 @@ class MissionRun(MotionResult):
         """Share of the friction cone (K + 1, contacts) that each contact uses [1]; NaN for the table and in the air."""
         contacts = self.contacts
         limits = friction_limits(self.assignment, self.variation, contacts.names) * contacts.normal_force
+        # Contacts without a limit bear nothing, or are the table, whose friction is of another kind.
         found: Array = np.divide(contacts.shear, limits, out=np.full_like(limits, np.nan), where=limits > 0.0)
         return found
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What the user must know: that of the closed loop, and of a finger in the object between its contacts."""
-        run, contacts, poses = self.run, self.contacts, self.object_pose
-        half = self.scene.finger.thickness_radius
+        run, half = self.run, self.scene.finger.thickness_radius
 
         def overlap(indices: NDArray[np.intp]) -> Array:
-            return overlaps(self.body, poses[indices, :3], run.backbone(indices), half)
+            return overlaps(self.body, self.object_pose[indices, :3], run.backbone(indices), half)
 
-        found = overlap_text(run.t, contacts, overlap, half)
+        found = overlap_text(run.t, self.contacts, overlap, half)
         if not found:
             return run.warnings
         return (*run.warnings, f"between its contacts the finger overlaps the object by {found}: add more_contacts")
@@ -174,12 +161,6 @@ class MissionRun(MotionResult):
         return {"grasp": self.assignment.grasp}
 
 
-def _present(value: T | None) -> T:
-    if value is None:
-        raise ValueError("a mission has an object that moves")
-    return value
-
-
 def wrench_text(wrench: Array) -> str:
     """A wrench in words, without what is zero."""
     units = (("N", "in x", 1.0), ("N", "in y", 1.0), ("mN m", "about z", 1e3))
@@ -189,13 +170,3 @@ def wrench_text(wrench: Array) -> str:
         if value
     ]
     return ", ".join(words) or "nothing"
-
-
-def estimated_force(run: ControlRun, model: Prediction, contact: str) -> Array:
-    """Normal force (K,) of a contact in the controller's model, at its estimates [N]."""
-    if not len(run.u):
-        return np.zeros(0)
-    k = model.contact_names.index(contact)
-    mapped = model.contact_force.map(len(run.u))(run.estimate[:, : model.nx].T, run.u.T, run.parameters.T)
-    found: Array = np.array(mapped)[k]
-    return found

@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable
 from os import PathLike
 
+import numpy as np
+
 from continuum_grasp import interrupt
-from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.controller import Controller
@@ -15,7 +16,7 @@ from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment, assign
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
-from continuum_grasp.mission.result import MissionRun, estimated_force
+from continuum_grasp.mission.result import MissionRun
 from continuum_grasp.mission.verdict import judge
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene
@@ -72,18 +73,13 @@ def run_mission(
 
 
 class MissionRunner:
-    """Controller and plant of a mission, made once for any number of runs.
-
-    Parameters
-    ----------
-    assignment : Assignment
-        What is to be done.
-    """
+    """Controller and plant of a mission, made once for any number of runs."""
 
     def __init__(self, assignment: Assignment) -> None:
         self.assignment, self.timetable = assignment, Timetable(assignment)
+        # Without a deadline of its own a mission never drops a command for being late.
         self._controller = Controller(assignment.control, deadline=assignment.mission.controller.deadline or math.inf)
-        self._model: PlantModel = mission_plant_model(assignment)
+        self._model = mission_plant_model(assignment)
 
     def run(self, variation: Variation | None = None, progress: Progress | None = None) -> MissionRun:
         """Carry the mission out on one plant; errors are those of ``run_mission``."""
@@ -96,6 +92,7 @@ class MissionRunner:
             if isinstance(error.result, ControlRun):
                 error.result = self._judged(asked, error.result)
             raise
+        # Ctrl-C at the very end: the verdict is whole, and comes with the exception.
         with interrupt.held(quietly=True) as pressed:
             judged = self._judged(asked, found)
         if pressed():
@@ -103,7 +100,12 @@ class MissionRunner:
         return judged
 
     def _judged(self, variation: Variation, run: ControlRun) -> MissionRun:
-        of = self.assignment
-        force = estimated_force(run, self._controller.prediction, of.mission.controller.contact)
+        of, model = self.assignment, self._controller.prediction
+        force = np.zeros(0)
+        if len(run.u):
+            # Normal force of the held contact in the controller's model, at its estimates.
+            given = run.estimate[:, : model.nx].T, run.u.T, run.parameters.T
+            forces = np.array(model.contact_force.map(len(run.u))(*given))
+            force = forces[model.contact_names.index(of.mission.controller.contact)]
         verdict = judge(of, self.timetable, variation, run, force)
         return MissionRun(of, self.timetable, variation, run, self._model.scene, force, verdict)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from io import StringIO
 from os import PathLike
 from pathlib import Path
 
@@ -32,6 +34,7 @@ def variations(trials: Trials) -> list[Variation]:
         return float(1.0 + reach * rng.uniform(-1.0, 1.0))
 
     found = []
+    # Plant by plant in a fixed order of draws: more plants begin with those of fewer.
     for _ in range(trials.count):
         stiffness, damping = factor(trials.stiffness), factor(trials.damping)
         mass, friction = factor(trials.mass), factor(trials.friction)
@@ -108,6 +111,7 @@ def _outcomes(assignment: Assignment, drawn: list[Variation], jobs: int) -> Iter
     if jobs == 1:
         yield from ((k, _outcome(first, variation)) for k, variation in enumerate(drawn))
         return
+    # Each worker makes its controller and plant once, from compiled code that is in the cache by now.
     pool, finished = ProcessPool(jobs, _start, assignment), False
     try:
         for k, future in pool.as_completed(_run, drawn):
@@ -165,27 +169,14 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Summary:
-    """Many plants in numbers; of those that have a verdict.
-
-    Attributes
-    ----------
-    plants, held, succeeded : int
-        All of them; those on which the object was never dropped; those that also let it go in the end.
-    force_error_median, force_error_worst, estimate_error_worst : float
-        Of the held contact force, per setpoint; see ``Verdict``.
-    sunk_worst, moved_worst : float
-        [m]
-    slip_margin_least : float
-        Share of the friction cone.
-    fallbacks : int
-        On all plants together.
-    failed : tuple of int
-        Those that did not succeed, by number.
-    """
+    """Many plants in numbers; of those that have a verdict, whose attributes they are of."""
 
     plants: int
+    """All of them."""
     held: int
+    """Those on which the object was never dropped."""
     succeeded: int
+    """Those that also let it go in the end."""
     force_error_median: float
     force_error_worst: float
     estimate_error_worst: float
@@ -193,7 +184,9 @@ class Summary:
     moved_worst: float
     slip_margin_least: float
     fallbacks: int
+    """On all plants together."""
     failed: tuple[int, ...]
+    """Those that did not succeed, by number."""
 
     def pairs(self) -> dict[str, str]:
         """Values with their units, by name."""
@@ -216,7 +209,7 @@ def summarize(outcomes: Sequence[Outcome]) -> Summary:
 
     def column(name: str) -> np.ndarray:
         values = np.abs(np.array([getattr(verdict, name) for verdict in judged], dtype=float))
-        values = values[~np.isnan(values)]
+        values = values[~np.isnan(values)]  # a mission that was dropped early has no hold
         return values if values.size else np.array([np.nan])
 
     return Summary(
@@ -235,13 +228,7 @@ def summarize(outcomes: Sequence[Outcome]) -> Summary:
 
 
 def save_trials(outcomes: Sequence[Outcome], folder: str | Path) -> Path:
-    """Write ``trials.csv`` into a folder, one line per plant.
-
-    Returns
-    -------
-    pathlib.Path
-        The file.
-    """
+    """Write ``trials.csv`` into a folder, one line per plant; returns the file."""
     from continuum_grasp.results import begin_run, write_text
 
     rows: list[dict[str, object]] = []
@@ -249,12 +236,11 @@ def save_trials(outcomes: Sequence[Outcome], folder: str | Path) -> Path:
         own = asdict(outcome.variation)
         x, y = own.pop("shift")
         judged = asdict(outcome.verdict) if outcome.verdict is not None else {}
-        rows.append({**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")})
+        row = {**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")}
+        rows.append({name: f"{value:.9g}" if isinstance(value, float) else value for name, value in row.items()})
     columns = list(dict.fromkeys(name for row in rows for name in row))
-    lines = [",".join(columns), *(",".join(_cell(row.get(name, "")) for name in columns) for row in rows)]
-    return write_text("\n".join(lines) + "\n", begin_run(folder, "mpc") / "trials.csv")
-
-
-def _cell(value: object) -> str:
-    text = "" if value is None else f"{value:.9g}" if isinstance(value, float) else str(value)
-    return '"' + text.replace('"', '""') + '"' if "," in text or '"' in text else text
+    text = StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return write_text(text.getvalue(), begin_run(folder, "mpc") / "trials.csv")

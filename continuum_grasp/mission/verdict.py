@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.plant import Timetable, Variation
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 FALLEN = 0.005
 """Height that an object loses before it counts as dropped [m]."""
@@ -23,46 +25,33 @@ _SMOOTHED = 0.1
 _LOADED = 0.05
 """Share of the held force below which a contact's friction is not judged."""
 _FALLBACKS = ("previous_plan", "safe_ramp")
+"""Statuses of commands that are not of a new plan."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A mission in numbers; NaN for what was not reached.
-
-    Attributes
-    ----------
-    held : bool
-        Whether the object was never dropped.
-    sunk : float
-        Greatest height that it lost between lift and lowering [m].
-    moved : float
-        Greatest distance that it moved in the plane while it was held, pulls included [m].
-    force_error : float
-        Greatest error of the held contact force, smoothed over 0.1 s, in the second half of the hold, per setpoint.
-    force_mean_error : float
-        Error of its mean there, per setpoint.
-    force_estimate_error : float
-        Error of the mean of its estimate there, per setpoint.
-    slip_margin : float
-        Least share of the friction cone that was left at any contact while nothing pulled.
-    pulled_margin : float
-        The same while something pulled; zero: a contact slipped.
-    released : bool
-        Whether nothing of the finger touched the object in the end.
-    fallbacks : int
-        Commands that were not of a new plan.
-    """
+    """A mission in numbers; NaN for what was not reached."""
 
     held: bool
+    """Whether the object was never dropped."""
     sunk: float
+    """Greatest height that it lost between lift and lowering [m]."""
     moved: float
+    """Greatest distance that it moved in the plane while it was held, pulls included [m]."""
     force_error: float
+    """Greatest error of the held contact force, smoothed over 0.1 s, in the second half of the hold, per setpoint."""
     force_mean_error: float
+    """Error of its mean there, per setpoint."""
     force_estimate_error: float
+    """Error of the mean of its estimate there, per setpoint."""
     slip_margin: float
+    """Least share of the friction cone that was left at any contact while nothing pulled."""
     pulled_margin: float
+    """The same while something pulled; zero: a contact slipped."""
     released: bool
+    """Whether nothing of the finger touched the object in the end."""
     fallbacks: int
+    """Commands that were not of a new plan."""
 
     @property
     def succeeded(self) -> bool:
@@ -95,24 +84,16 @@ def _percent(share: float) -> str:
 def judge(
     assignment: Assignment, timetable: Timetable, variation: Variation, run: ControlRun, force_estimate: Array
 ) -> Verdict:
-    """The verdict on a closed loop, read off the plant.
+    """The verdict on a closed loop, which may have been stopped early, read off the plant.
 
-    Parameters
-    ----------
-    variation : Variation
-        Of the plant; its friction counts.
-    run : ControlRun
-        With contacts and pose of an object that moves; it may have been stopped early.
-    force_estimate : (K,) ndarray
-        Estimated normal force of the held contact [N].
+    ``force_estimate`` (K,) is the estimated normal force of the held contact [N].
     """
-    contacts, pose, t = run.contacts, run.object_pose, run.t
-    if contacts is None or pose is None:
-        raise ValueError("a mission has an object that moves")
+    contacts, pose, t = present(run.contacts), present(run.object_pose), run.t
     lift, hold, lower = (timetable.span(name) for name in ("lift", "hold", "lower"))
     carried = (t >= lift.start) & (t <= lower.start)
     still = (t >= hold.end - _SETTLED * (hold.end - hold.start)) & (t <= hold.end)
-    whole = bool(t[-1] >= lower.start)
+    whole = bool(t[-1] >= lower.start)  # a mission that was stopped before counts as not held
+    # Of what was lifted: heights before the lift do not count.
     sunk = float(np.max(pose[carried][:1, 3] - pose[carried][:, 3], initial=0.0))
     moved = float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0))
     wanted = assignment.force
@@ -123,17 +104,18 @@ def judge(
     normal, shear = contacts.normal_force[:, bearing], contacts.shear[:, bearing]
     limits = friction_limits(assignment, variation, [contacts.names[k] for k in bearing]) * normal
     margins = 1.0 - shear / np.maximum(limits, 1e-9)
+    # Where hardly anything presses, the cone is too small for its share to mean something.
     margins[normal < _LOADED * wanted] = 1.0
     calm, pulled = (t >= hold.start) & (t <= hold.end), (t > hold.end) & (t < lower.start)
     return Verdict(
         held=whole and sunk < FALLEN,
         sunk=sunk,
         moved=moved,
-        force_error=_greatest(np.abs(smooth[still] - wanted)) / wanted,
-        force_mean_error=_mean(force[still] - wanted) / wanted,
-        force_estimate_error=_mean((force_estimate - force[:-1])[still[:-1]]) / wanted,
-        slip_margin=-_greatest(-margins[calm]),
-        pulled_margin=-_greatest(-margins[pulled]),
+        force_error=_over(np.max, np.abs(smooth[still] - wanted)) / wanted,
+        force_mean_error=_over(np.mean, force[still] - wanted) / wanted,
+        force_estimate_error=_over(np.mean, (force_estimate - force[:-1])[still[:-1]]) / wanted,
+        slip_margin=_over(np.min, margins[calm]),
+        pulled_margin=_over(np.min, margins[pulled]),
         released=whole and bool(np.all(contacts.normal_force[-1, fingers] == 0.0)),
         fallbacks=sum(word in _FALLBACKS for word in run.status),
     )
@@ -150,15 +132,18 @@ def friction_limits(assignment: Assignment, variation: Variation, names: Sequenc
 
 
 def _smoothed(values: Array, window: int) -> Array:
-    """Moving average over a window, shorter at both ends."""
+    """Moving average over a window, shorter at both ends: sums divided by the number of values in them."""
     kernel = np.ones(min(window, len(values)))
     found: Array = np.convolve(values, kernel, "same") / np.convolve(np.ones_like(values), kernel, "same")
     return found
 
 
-def _greatest(values: Array) -> float:
-    return float(np.max(values)) if values.size else np.nan
+def _over(reduce: Callable[[Array], Any], values: Array) -> float:
+    return float(reduce(values)) if values.size else np.nan
 
 
-def _mean(values: Array) -> float:
-    return float(np.mean(values)) if values.size else np.nan
+def present(value: T | None) -> T:
+    """What the closed loop of a mission always has."""
+    if value is None:
+        raise ValueError("a mission has an object that moves")
+    return value

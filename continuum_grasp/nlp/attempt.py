@@ -150,6 +150,7 @@ class Budget:
     def share(self, iterations: int | None) -> Iterator[Budget]:
         """Spend at most so many iterations (all that are left by default) on what runs in the block."""
         granted = min(iterations or self.left, self.left)
+        # The callback that counts also sees the start, before the first iteration.
         part = Budget(granted + 1, self.until)
         try:
             yield part
@@ -158,15 +159,12 @@ class Budget:
             self.stopped |= part.stopped
 
     @property
-    def late(self) -> bool:
-        """Whether it is time for the emergency stop; who asks acts on it, so that it counts as one."""
+    def over(self) -> bool:
+        """Whether there is nothing left to spend, or the emergency stop came; who asks acts on it: it counts as one."""
+        if self.left <= 0:
+            return True
         self.stopped |= time.monotonic() > self.until
         return self.stopped
-
-    @property
-    def over(self) -> bool:
-        """Whether there is nothing left to spend, or the emergency stop came."""
-        return self.left <= 0 or self.late
 
     @property
     def cut(self) -> str:

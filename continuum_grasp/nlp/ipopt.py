@@ -37,6 +37,7 @@ class Method(Solver):
             **tuning,
         }
         if near:
+            # The first barrier parameter counts for the monotone strategy alone.
             own |= {"warm_start_init_point": "yes", "mu_strategy": "monotone", "mu_init": _NEAR}
             own |= {f"warm_start_{name}": push for name in _PUSHES}
         elif barrier is not None:

@@ -11,6 +11,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+Array = NDArray[Any]
+Indices = NDArray[np.int64]
+
 
 @dataclass(frozen=True, eq=False)
 class NLP:
@@ -61,10 +64,6 @@ class NLP:
             "hess_lag": ("nlp_hess_l", hessian_inputs, ["triu:hess:gamma:x:x"], {"gamma": ["f", "g"]}),
         }
         return {key: self.derivatives.get(key) or oracle.factory(*how) for key, how in found.items()}
-
-
-Array = NDArray[Any]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -127,18 +126,14 @@ class Block:
     upper: Array
     scale: Array
 
-    def excess(self, values: Array) -> Array:
-        """By how much values (count, size) in units of the problem violate the bounds."""
-        return np.asarray(np.maximum(np.maximum(self.lower - values, values - self.upper), 0.0))
-
     def violation(self, values: Array) -> Violation:
-        """The worst entry; its amount is infinite where a value is not finite."""
-        excess = np.where(np.isfinite(values).all(), self.excess(values), np.inf)
+        """The worst entry of values (count, size); its amount is infinite where a value is not finite."""
+        excess = np.maximum(np.maximum(self.lower - values, values - self.upper), 0.0)
+        excess = np.where(np.isfinite(values).all(), excess, np.inf)
         amounts = excess * self.scale
         index = int(amounts.argmax())
-        return Violation(
-            self.name, index, float(amounts.flat[index]), self.unit, self.key, float(excess.max(initial=0.0))
-        )
+        worst = float(excess.max(initial=0.0))
+        return Violation(self.name, index, float(amounts.flat[index]), self.unit, self.key, worst)
 
 
 class Constraints:

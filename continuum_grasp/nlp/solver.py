@@ -109,18 +109,10 @@ class Solver(ABC):
             found = function(x0=np.clip(start.x, start.low, start.high), p=start.p, **bounds, **given)
         stats = self.statistics(function)
         x, g, bound_forces, forces = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
-        outcome = str(stats["return_status"])
-        return Attempt(
-            _STATUS.get(outcome, Status.FAILED),
-            outcome,
-            x,
-            g,
-            float(found["f"]),
-            Multipliers(bound_forces, forces),
-            int(stats.get("iter_count", stop.calls - 1)),
-            time.perf_counter() - began,
-            start.violation(x, g),
-        )
+        outcome, iterations = str(stats["return_status"]), int(stats.get("iter_count", stop.calls - 1))
+        status, multipliers = _STATUS.get(outcome, Status.FAILED), Multipliers(bound_forces, forces)
+        seconds, violation = time.perf_counter() - began, start.violation(x, g)
+        return Attempt(status, outcome, x, g, float(found["f"]), multipliers, iterations, seconds, violation)
 
     def statistics(self, function: ca.Function) -> dict[str, Any]:
         """What the solver reports of its last run: ``return_status``, ``iter_count``."""
@@ -132,7 +124,7 @@ class Solver(ABC):
             stop = _Stop(problem)
             common: dict[str, Any] = {
                 "print_time": False,
-                "error_on_fail": False,
+                "error_on_fail": False,  # the status reports it
                 "show_eval_warnings": False,
                 # Assembled derivatives have no derivatives of their own, which these two would need.
                 "no_nlp_grad": True,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -25,7 +26,10 @@ OBJECTIVE = -1
 
 @dataclass
 class _Placed:
-    """A term at many places: columns (nz, count) that it reads, rows (no, count) that it adds to, with factors."""
+    """A term at many places: columns (nz, count) that it reads, rows (no, count) that it adds to, with factors.
+
+    Rows are those of the objective and then the constraints, so that one matrix serves both.
+    """
 
     term: Term
     columns: Indices
@@ -37,24 +41,18 @@ class _Placed:
 class Assembly(Constraints):
     """Minimize f(w) subject to lower <= g(w) <= upper and low <= w <= high.
 
-    Attributes
-    ----------
-    semidefinite : bool
-        Whether all terms have Hessians of Gauss and Newton.
-    low, high : list of float
-        Bounds of the unknowns.
-    margins : dict of str to ndarray
-        By how much the bounds of a block are moved inwards, by its name.
+    ``semidefinite`` states whether all terms have Hessians of Gauss and Newton. ``margins`` are amounts by which the
+    bounds of a block are moved inwards, by its name.
     """
 
-    def __init__(self, *, semidefinite: bool = False) -> None:
+    def __init__(self, *, semidefinite: bool) -> None:
         super().__init__()
         self.semidefinite = semidefinite
         self.low: list[float] = []
         self.high: list[float] = []
         self.margins: dict[str, Array] = {}
         self._placed: list[_Placed] = []
-        self._linear: list[tuple[int, int, float]] = []
+        self._linear: list[list[NDArray[Any]]] = []
 
     def variables(self, count: int, size: int, low: ArrayLike = -np.inf, high: ArrayLike = np.inf) -> Indices:
         """Add unknowns: their column numbers (count, size)."""
@@ -69,39 +67,24 @@ class Assembly(Constraints):
             self.low[column] = self.high[column] = float(value)
 
     def add(
-        self,
-        term: Term,
-        columns: Indices,
-        rows: Indices | Sequence[int],
-        data: ArrayLike,
-        factors: ArrayLike = 1.0,
+        self, term: Term, columns: Indices, rows: Indices | Sequence[int], data: ArrayLike, factors: ArrayLike = 1.0
     ) -> None:
-        """Add a term at several places.
+        """Add factors (count, no) times the outputs of a term at several places to rows (count, no), -1: the objective.
 
-        Parameters
-        ----------
-        columns : (count, nz) ndarray of int
-            Unknowns that it reads at each place.
-        rows : (count, no) array_like of int
-            Rows to which its outputs are added; -1 for the objective.
-        data : array_like
-            Numbers that it reads at each place (count, columns, rows of its input), or the same for all.
-        factors : array_like
-            By which outputs are multiplied, (count, no) or less.
+        It reads the unknowns of ``columns`` (count, nz), and ``data``: numbers of each place (count, columns, rows of
+        its input), or the same for all.
         """
         count = len(columns)
-        into = np.broadcast_to(np.asarray(rows, dtype=np.int64), (count, term.size)).T
+        into = np.broadcast_to(np.asarray(rows, dtype=np.int64) + 1, (count, term.size)).T
         high, wide = term.value.size_in(1)
         numbers = np.asarray(data, dtype=float).ravel()
         every = np.tile(numbers, 1 if numbers.size == count * high * wide else count)
-        factor = np.broadcast_to(factors, (count, term.size)).T.copy()
+        factor = np.broadcast_to(factors, (count, term.size)).T
         self._placed.append(_Placed(term, columns.T, into, factor, every.reshape(count * wide, high).T))
 
     def add_linear(self, rows: Indices | int, columns: Indices, factors: ArrayLike) -> None:
         """Add factor times unknown to rows (or to the objective), entry by entry."""
-        shape = columns.shape
-        every = (np.broadcast_to(v, shape).ravel().tolist() for v in (rows, columns, factors))
-        self._linear += list(zip(*every, strict=True))
+        self._linear.append([np.broadcast_to(v, columns.shape).ravel() for v in (rows + 1, columns, factors)])
 
     # -- what the solver takes ----------------------------------------------------------------------------------------
 
@@ -119,102 +102,85 @@ class Assembly(Constraints):
     def _w(self) -> ca.MX:
         return ca.MX.sym("w", self.size)
 
-    def _given(self, placed: _Placed) -> ca.MX:
+    def _given(self, placed: _Placed) -> tuple[ca.MX, ca.DM]:
         """What a term reads, a column per place."""
+        # CasADi's vectors are read column by column: hence ``order="F"`` everywhere.
         picked = self._w[placed.columns.ravel(order="F").tolist()]
-        return ca.reshape(picked, *placed.columns.shape)
+        return ca.reshape(picked, *placed.columns.shape), ca.DM(placed.data)
 
     @cached_property
-    def _values(self) -> tuple[ca.MX, ca.MX]:
+    def _straight(self) -> list[NDArray[Any]]:
+        """Rows, columns and factors of all that is linear."""
+        return [np.concatenate(parts) for parts in zip(*self._linear, strict=True)]
+
+    def _values(self) -> ca.MX:
         """Objective and constraints."""
-        total = ca.MX.zeros(1 + self.count)
-        if self._linear:
-            rows, columns, factors = (np.array(v) for v in zip(*self._linear, strict=True))
-            matrix = _sparse(rows + 1, columns, factors, 1 + self.count, self.size)
-            total = ca.mtimes(matrix, self._w)
+        rows, columns, factors = self._straight
+        total = ca.mtimes(_sparse(rows, columns, factors, 1 + self.count, self.size), self._w)
         for placed in self._placed:
-            out = placed.term.value.map(placed.rows.shape[1])(self._given(placed), ca.DM(placed.data))
-            spread = _sparse(
-                placed.rows.ravel(order="F") + 1,
-                np.arange(placed.rows.size),
-                placed.factors.ravel(order="F"),
-                1 + self.count,
-                placed.rows.size,
-            )
-            total += ca.mtimes(spread, ca.vec(out))
-        return total[0], total[1:]
+            rows, factors = placed.rows.ravel(order="F"), placed.factors.ravel(order="F")
+            out = placed.term.value.map(placed.rows.shape[1])(*self._given(placed))
+            total += ca.mtimes(_sparse(rows, np.arange(rows.size), factors, 1 + self.count, rows.size), ca.vec(out))
+        return total
 
-    @cached_property
-    def _slopes(self) -> tuple[ca.MX, ca.MX]:
-        """Gradient of the objective (sparse row) and Jacobian of the constraints."""
-        entries: list[tuple[Indices, Indices, Array]] = []
-        blocks: list[ca.MX] = []
+    def _slopes(self) -> ca.MX:
+        """Gradient of the objective (a row) above the Jacobian of the constraints, sparse."""
+        entries, blocks = [], []
         for placed in self._placed:
-            outputs, places = placed.rows.shape
-            inputs = placed.columns.shape[0]
-            out = placed.term.jacobian.map(places)(self._given(placed), ca.DM(placed.data))
+            out = placed.term.jacobian.map(placed.rows.shape[1])(*self._given(placed))
             blocks.append(ca.vec(out))
-            rows = np.tile(placed.rows[:, None, :], (1, inputs, 1))
-            columns = np.tile(placed.columns[None, :, :], (outputs, 1, 1))
-            factors = np.tile(placed.factors[:, None, :], (1, inputs, 1))
-            entries.append(tuple(v.ravel(order="F") for v in (rows, columns, factors)))  # type: ignore[arg-type]
-        if self._linear:
-            rows, columns, factors = (np.array(v) for v in zip(*self._linear, strict=True))
-            blocks.append(ca.MX.ones(rows.size))
-            entries.append((rows, columns, factors.astype(float)))
-        matrix = _gathered(entries, blocks, 1 + self.count, self.size, shift=1)
-        return matrix[0, :], matrix[1:, :]
+            each = np.broadcast_arrays(placed.rows[:, None], placed.columns[None], placed.factors[:, None])
+            entries.append([v.ravel(order="F") for v in each])
+        blocks.append(ca.MX.ones(self._straight[0].size))
+        return _gathered([*entries, self._straight], blocks, 1 + self.count, self.size)
 
-    def _curvature(self, of_objective: ca.MX, multipliers: ca.MX) -> ca.MX:
-        """Upper triangle of the Hessian of the Lagrangian."""
-        every = ca.vertcat(of_objective, multipliers)
-        entries: list[tuple[Indices, Indices, Array]] = []
-        blocks: list[ca.MX] = []
+    def _curvature(self, multipliers: ca.MX) -> ca.MX:
+        """Upper triangle of the Hessian of the Lagrangian; multipliers are those of objective and constraints."""
+        entries, blocks = [], []
         for placed in self._placed:
-            inputs, places = placed.columns.shape
-            picked = every[(placed.rows.ravel(order="F") + 1).tolist()] * ca.DM(placed.factors.ravel(order="F"))
-            weights = ca.reshape(picked, *placed.rows.shape)
-            out = placed.term.hessian.map(places)(self._given(placed), ca.DM(placed.data), weights)
-            rows = np.tile(placed.columns[:, None, :], (1, inputs, 1)).ravel(order="F")
-            columns = np.tile(placed.columns[None, :, :], (inputs, 1, 1)).ravel(order="F")
+            picked = multipliers[placed.rows.ravel(order="F").tolist()]
+            weights = ca.reshape(picked * ca.DM(placed.factors.ravel(order="F")), *placed.rows.shape)
+            out = placed.term.hessian.map(placed.rows.shape[1])(*self._given(placed), weights)
+            each = np.broadcast_arrays(placed.columns[:, None], placed.columns[None])
+            rows, columns = (v.ravel(order="F") for v in each)
             # The lower triangle counts too where a place reads its unknowns in another order than that of the columns.
             upper = rows <= columns
             blocks.append(ca.vec(out)[np.flatnonzero(upper).tolist()])
-            entries.append((rows[upper], columns[upper], np.ones(int(upper.sum()))))
+            entries.append([rows[upper], columns[upper], np.ones(int(upper.sum()))])
         return _gathered(entries, blocks, self.size, self.size)
 
     @cached_property
     def nlp(self) -> NLP:
         """The problem with its derivatives."""
         w, p = self._w, ca.MX.sym("p", 0)
-        f, g = self._values
-        gradient, jacobian = self._slopes
+        values, slopes = self._values(), self._slopes()
+        f, g = values[0], values[1:]
         sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.count)
-        hessian_names = ["x", "p", "lam_f", "lam_g"]
+        hessian, given = self._curvature(ca.vertcat(sigma, lam)), ["x", "p", "lam_f", "lam_g"]
+        gradient = ca.densify(slopes[0, :].T)
         functions = {
-            "grad_f": ca.Function("nlp_grad_f", [w, p], [f, ca.densify(gradient.T)], ["x", "p"], ["f", "grad_f_x"]),
-            "jac_g": ca.Function("nlp_jac_g", [w, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
-            "hess_lag": ca.Function(
-                "nlp_hess_l", [w, p, sigma, lam], [self._curvature(sigma, lam)], hessian_names, ["triu_hess_gamma_x_x"]
-            ),
+            "grad_f": ca.Function("nlp_grad_f", [w, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
+            "jac_g": ca.Function("nlp_jac_g", [w, p], [g, slopes[1:, :]], ["x", "p"], ["g", "jac_g_x"]),
+            "hess_lag": ca.Function("nlp_hess_l", [w, p, sigma, lam], [hessian], given, ["triu_hess_gamma_x_x"]),
         }
         return NLP("plan", w, f, g, p, functions, self.semidefinite)
 
 
+def _pattern(rows: Indices, columns: Indices, height: int, width: int) -> tuple[ca.Sparsity, Indices]:
+    """Pattern of a matrix from the places of its entries, and which of its nonzeros each of them is."""
+    key, place = np.unique(columns * height + rows, return_inverse=True)
+    return ca.Sparsity.triplet(height, width, (key % height).tolist(), (key // height).tolist()), place
+
+
 def _sparse(rows: Indices, columns: Indices, factors: Array, height: int, width: int) -> ca.DM:
     """A sparse matrix from its entries, those of one place added."""
-    key, place = np.unique(columns * height + rows, return_inverse=True)
-    values = np.bincount(place, weights=factors, minlength=key.size)
-    pattern = ca.Sparsity.triplet(height, width, (key % height).tolist(), (key // height).tolist())
-    return ca.DM(pattern, values)
+    pattern, place = _pattern(rows, columns, height, width)
+    return ca.DM(pattern, np.bincount(place, weights=factors, minlength=pattern.nnz()))
 
 
-def _gathered(
-    entries: list[tuple[Indices, Indices, Array]], blocks: list[ca.MX], height: int, width: int, shift: int = 0
-) -> ca.MX:
+def _gathered(entries: Sequence[Sequence[NDArray[Any]]], blocks: list[ca.MX], height: int, width: int) -> ca.MX:
     """A sparse matrix whose entries are sums of entries of vectors times factors."""
-    rows, columns, factors = (np.concatenate([e[k] for e in entries]) for k in range(3))
-    key, place = np.unique(columns * height + rows + shift, return_inverse=True)
-    pattern = ca.Sparsity.triplet(height, width, (key % height).tolist(), (key // height).tolist())
-    add = _sparse(place, np.arange(place.size), factors, key.size, place.size)
+    rows, columns, factors = (np.concatenate(parts) for parts in zip(*entries, strict=True))
+    pattern, place = _pattern(rows, columns, height, width)
+    add = _sparse(place, np.arange(place.size), factors, pattern.nnz(), place.size)
     return ca.MX(pattern, ca.mtimes(add, ca.vertcat(*blocks)))

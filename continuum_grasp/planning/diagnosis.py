@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,56 +18,6 @@ _COUNTS = 0.2
 """Share of the strongest limit from which on another one is named too."""
 _WEAK = 1e-6
 """Gain per share of a limit, in units of the squared distance, below which it does not stop anything."""
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """What a plan that may miss its goal tells.
-
-    Attributes
-    ----------
-    met : bool
-        Whether the goal and all bounds are met after all.
-    violated : tuple of str
-        What is missed, by name and amount.
-    message : str
-    advice : str
-    """
-
-    met: bool
-    violated: tuple[str, ...]
-    message: str
-    advice: str
-
-
-def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis:
-    """What stops a plan, from the solution of its relaxed problem."""
-    missed, worst = _missed(problem, attempt.x)
-    outside = _outside(problem, attempt)
-    strengths = _strengths(problem, attempt)
-    most = max(strengths.values(), default=0.0)
-    named = [name for name, value in sorted(strengths.items(), key=lambda item: -item[1]) if value > _COUNTS * most]
-    stops = most > _WEAK * max(worst, 1.0)
-    nearest = _nearest(problem, attempt.x)
-    if not missed and not outside:
-        return Diagnosis(True, (), "", "")
-    what = f"goal out of reach: {nearest}" if missed else "a bound of the state cannot be satisfied"
-    if not missed:
-        advice = "the motion begins outside the bound, or is driven out of it: move the bound or the initial state"
-    elif stops:
-        zone = ("zone {0} stops it", "move or shrink bounds.keep_out.{0}")
-        texts = [[text.format(name) for text in _TEXTS.get(name, zone)] for name in named]
-        what += "; " + " and ".join(text for text, _ in texts)
-        advice = "; or ".join(text for _, text in texts)
-    else:
-        what += "; no limit stops it"
-        advice = (
-            "one drive bends the whole finger: a posture with other bends, or a tip beside its path, cannot be held; "
-            "give the goal a weight, or end: moving"
-        )
-    return Diagnosis(False, (*missed, *outside), what, advice)
-
-
 _TEXTS = {
     "input": ("the input limit stops it", "raise the input's limits (finger.tendons.max_tension or input.moment_max)"),
     "input rate": ("the input's rate limit stops it", "raise input.rate_max"),
@@ -76,6 +26,40 @@ _TEXTS = {
     "speed": ("the speed limit stops it", "raise bounds.speed"),
 }
 """What the message says of a limit, and what to try."""
+
+
+class Diagnosis(NamedTuple):
+    """What is missed, by name and amount, and what stops the plan."""
+
+    violated: tuple[str, ...]
+    message: str
+    advice: str
+
+
+def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis | None:
+    """What stops a plan, from the solution of its relaxed problem; None if goal and bounds are met after all."""
+    missed, worst = _missed(problem, attempt.x)
+    outside = _outside(problem, attempt)
+    if not missed and not outside:
+        return None
+    strengths = _strengths(problem, attempt)
+    most = max(strengths.values(), default=0.0)
+    if not missed:
+        what = "a bound of the state cannot be satisfied"
+        advice = "the motion begins outside the bound, or is driven out of it: move the bound or the initial state"
+    elif most > _WEAK * max(worst, 1.0):
+        named = [name for name, value in sorted(strengths.items(), key=lambda item: -item[1]) if value > _COUNTS * most]
+        zone = ("zone {0} stops it", "move or shrink bounds.keep_out.{0}")
+        texts = [[text.format(name) for text in _TEXTS.get(name, zone)] for name in named]
+        stops, advice = " and ".join(text for text, _ in texts), "; or ".join(text for _, text in texts)
+        what = f"goal out of reach: {_nearest(problem, attempt.x)}; {stops}"
+    else:
+        what = f"goal out of reach: {_nearest(problem, attempt.x)}; no limit stops it"
+        advice = (
+            "one drive bends the whole finger: a posture with other bends, or a tip beside its path, cannot be held; "
+            "give the goal a weight, or end: moving"
+        )
+    return Diagnosis((*missed, *outside), what, advice)
 
 
 def _missed(problem: PlanProblem, w: Array) -> tuple[list[str], float]:
@@ -91,6 +75,7 @@ def _missed(problem: PlanProblem, w: Array) -> tuple[list[str], float]:
         worst = max(worst, float(error.max()))
         if error.max() > _MET:
             k, off = int(error.argmax()), error * part.scale
+            # Points are missed by their distance, anything else by its worst entry.
             amount = float(np.hypot(*off.reshape(-1, 2).T).max()) if part.unit == "m" else float(off[k])
             unit = part.unit if part.unit != "state" else part.names[k]
             found.append(str(Violation(part.name, k, amount, unit, part.key, float(error[k]))))
@@ -99,21 +84,16 @@ def _missed(problem: PlanProblem, w: Array) -> tuple[list[str], float]:
 
 def _outside(problem: PlanProblem, attempt: Attempt) -> list[str]:
     """State bounds that are left, with their amounts."""
-    found = []
-    for block in problem.assembly.blocks:
-        if not block.key.startswith("bounds."):
-            continue
-        worst = block.violation(problem.bounds.values(attempt.x, attempt.g, block))
-        if worst.scaled > _MET:
-            found.append(str(worst))
-    return found
+    blocks = [block for block in problem.assembly.blocks if block.key.startswith("bounds.")]
+    worst = [block.violation(problem.bounds.values(attempt.x, attempt.g, block)) for block in blocks]
+    return [str(violation) for violation in worst if violation.scaled > _MET]
 
 
 def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
-    """Gain in units of the problem per relative widening of each limit."""
+    """Gain in units of the problem per relative widening of each limit: multiplier times limit."""
     assembly, motion = problem.assembly, problem.motion
     high, lam = np.array(assembly.high), attempt.multipliers
-    free = np.array(assembly.low) < high
+    free = np.array(assembly.low) < high  # fixed unknowns are no limits
 
     def of_columns(columns: NDArray[np.int64]) -> float:
         chosen = np.unique(columns)
@@ -125,13 +105,14 @@ def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
     found = {"input": of_columns(problem.inputs)}
     rates = [of_columns(problem.grid.v)] if motion.linear else []
     most = (motion.scene.input.rate_max or 0.0) * motion.scales.time / problem.grid.intervals / motion.scales.u
-    share = attempt.x[time] * most
     for block in assembly.blocks:
         force = np.abs(lam.constraints[block.rows])
         if block.name.startswith("input rate"):
-            rates.append(float((force * share).sum()))
+            rates.append(float((force * (attempt.x[time] * most)).sum()))
         elif block.key.startswith("bounds."):
-            limit = np.where(np.isfinite(block.upper), np.abs(block.upper), 1.0)
+            limit = np.where(
+                np.isfinite(block.upper), np.abs(block.upper), 1.0
+            )  # of zones, which have none: the finger's length
             found[block.name] = float((force * limit).sum())
     found["input rate"] = sum(rates)
     found["duration"] = max(0.0, -_time_slope(problem, attempt) * attempt.x[time])
@@ -143,6 +124,7 @@ def _time_slope(problem: PlanProblem, attempt: Attempt) -> float:
     assembly, time = problem.assembly, problem.grid.time[0, 0]
     if attempt.x[time] < assembly.high[time] * (1 - 1e-6):
         return 0.0
+    # Not its multiplier: a duration that is given is a fixed unknown, which IPOPT takes out of the problem.
     gradient = assembly.nlp.functions["grad_f"](attempt.x, [])[1]
     jacobian = assembly.nlp.functions["jac_g"](attempt.x, [])[1]
     return float(gradient[time]) + float(jacobian[:, int(time)].T @ attempt.multipliers.constraints)

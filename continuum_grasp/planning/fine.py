@@ -1,53 +1,106 @@
-"""How a plan fares in a fine simulation and on a finer model, and the bounds tightened at nodes where it tells so."""
+"""A plan on a finely integrated model and on a finer one, and bounds tightened where it leaves them between nodes."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.core.integrators import step_function
+from continuum_grasp.core.rollouts import Rollouts, Signal
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.nlp import Attempt
-from continuum_grasp.planning.check import Deviation, play
 from continuum_grasp.planning.guess import Path, first_state_of_plan
 from continuum_grasp.planning.motion import Motion, parameters_over_time
 from continuum_grasp.planning.problem import PlanProblem
-from continuum_grasp.planning.result import Plan
+from continuum_grasp.planning.result import Deviation, Plan
 from continuum_grasp.scene.plan import PlanScene
 
 Array = NDArray[np.float64]
 
 PARTS = 4
 """Parts of an interval at which bounds are looked at."""
+_EXPLICIT_UP_TO = 200
+"""Sub-steps per part up to which the explicit method is taken."""
+_RADIUS = 0.1
+"""Product of step and fastest rate of the explicit method: 1/27 of its stability limit."""
+_IMPLICIT_STEP = 5e-4
+"""Longest step of the implicit method, for what is too stiff [s]."""
+_COMPILE_FROM = 20_000_000
+"""Instructions of a whole motion from which on it is compiled."""
 _OUTSIDE = 1e-3
 """Share of a bound's scale from which on there is a warning."""
 _FINER_OFF = 0.01
 """Deviation of the tip on a finer model, per finger length, from which on there is a warning."""
+_ROUNDS = 5
+"""Most rounds of tightening; shipped plans need up to three."""
+_EXCESS = 2e-4
+"""Share of a bound's scale by which it may be violated between the nodes; a plan's warning begins at 1e-3."""
+_OVER_TIGHTENING = 1.1
+"""Factor on the excess, so that rounds converge from the safe side."""
 
 
 def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts: int = PARTS) -> Array:
-    """States (N * parts + 1, nx) of a model under the inputs of a path.
+    """States (N * parts + 1, nx) of a model under the inputs of a path, at ``parts`` equal parts of every interval.
 
-    Raises
-    ------
-    NumericalError
-        If a state is not finite.
+    A state that is not finite raises a NumericalError, whose ``result`` holds the states before.
     """
-    intervals, nu = len(path.u) - 1, model.nu
-    rate = model.fastest_rate(*(np.full(nu, limit) for limit in scene.input_limits))
+    intervals = len(path.u) - 1
+    interval = path.duration / intervals
+    h = interval / parts
+    rate = model.fastest_rate(*(np.full(model.nu, limit) for limit in scene.input_limits))
+    method, substeps = "rk4", max(2, math.ceil(rate * h / _RADIUS))
+    if substeps > _EXPLICIT_UP_TO:
+        # Stiff contacts: an L-stable method may step over what has died out long before.
+        method, substeps = "rodas", max(4, math.ceil(h / _IMPLICIT_STEP))
+    run = _rollout(model, method, intervals * parts * substeps)
     times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.load_varies else [0.0]
     p = parameters_over_time(scene, model, times)
-    t = np.linspace(0.0, path.duration, intervals + 1)
-    return play(model, rate, x0, t, path.u, p, linear=scene.input.form == "linear", parts=parts)
+    at = np.linspace(0.0, 1.0, 2 * substeps * parts + 1)  # half steps, at which the methods evaluate their slopes
+    states = [x0[None]]
+    # Interval by interval: at a node a held input has two values.
+    for k in range(intervals):
+        last = path.u[k + 1] if scene.input.form == "linear" else path.u[k]
+        u = path.u[k] + (last - path.u[k]) * at[:, None]
+        instants = 2 * parts * (k + at)
+        columns = [np.interp(instants, np.arange(len(p)), column) for column in p.T]
+        w = np.ascontiguousarray(np.reshape(columns, (model.np, len(at))).T)
+        begin = np.ascontiguousarray(states[-1][-1:])
+        signals = Signal(u[None], model.nu, 0), Signal(w[None], model.np, 0)
+        found, count = run(begin, parts, substeps, h / substeps, *signals, np.zeros(0))
+        states.append(found[0, 1 : count[0] + 1])
+        if count[0] < parts:
+            time = float(k * interval + count[0] * h)
+            message = f"the simulated state is not finite after t = {time:g} s"
+            raise NumericalError(message, time=time, result=np.concatenate(states))
+    return np.concatenate(states)
+
+
+def _rollout(model: Prediction, method: str, steps: int) -> Rollouts:
+    """Rollouts in which parameters take the place of forces, since they may vary over time."""
+    none = ca.SX.sym("none", 0)
+    inputs, names = [model.x, model.u, model.p, none], ["x", "u", "w", "p"]
+    rate = model.dynamics(model.x, model.u, model.p)
+    dynamics = ca.Function("forward_dynamics", inputs, [rate], names, ["xd"])
+    functions = SimpleNamespace(forward_dynamics=dynamics)
+    if method == "rodas":
+        slopes = [ca.densify(ca.jacobian(rate, v)) for v in (model.x, model.u)]
+        functions.linearization = ca.Function("linearization", inputs, slopes, names, ["A", "B"])
+    # Four evaluations per step of rk4.
+    return Rollouts.of(step_function(functions, method), 4 * dynamics.n_instructions() * steps > _COMPILE_FROM)
 
 
 def excess_over_intervals(motion: Motion, states: Array) -> Array:
     """Largest amounts (N, ns) by which the state's bounds are left in each interval, as shares of their scales."""
     bounded, model = motion.bounded, motion.prediction
     count = len(states)
+    # As in the problem, bounds are of the state alone, whatever the input and the loads.
     fixed = (np.zeros(model.nu), parameters_over_time(motion.scene, model, [0.0])[0])
     every = motion.rows.map(count)(states.T, *(np.tile(v, (count, 1)).T for v in fixed))
     rows = np.array(every).T
@@ -57,21 +110,23 @@ def excess_over_intervals(motion: Motion, states: Array) -> Array:
 
 
 def checked(plan: Plan, motion: Motion) -> Plan:
-    """The same plan with what a fine simulation of its inputs says."""
+    """The same plan with what a fine simulation of its inputs shows."""
     scene, model, warnings = plan.scene, motion.prediction, list(plan.warnings)
     path = Path(plan.x, plan.u, plan.duration)
     try:
         states = simulated(scene, model, path, plan.x[0])
     except NumericalError as error:
         return replace(plan, warnings=(*warnings, f"{error}: take more intervals or sub-steps, or collocation"))
-    text = _outside(motion, excess_over_intervals(motion, states))
     found = _deviation("the plan's model, finely integrated", model, plan, states)
     if found.tip > scene.check.tolerance * plan.length:
         warnings.append(
             f"a fine simulation is up to {1e3 * found.tip:.3g} mm off the plan ({1e3 * found.final_tip:.3g} mm at the "
             "end): take more intervals, or more solver.substeps"
         )
-    if text:
+    hard = excess_over_intervals(motion, states)[:, motion.hard]
+    if hard.max(initial=0.0) > _OUTSIDE:
+        name = np.array(motion.bounded.names)[motion.hard][int(hard.max(axis=0).argmax())]
+        text = f"{name} is left by {100 * hard.max():.2g} % of its scale"
         warnings.append(f"between the nodes {text}: take more intervals")
     finer = None
     if scene.check.finer is not None:
@@ -90,19 +145,8 @@ def _deviation(name: str, model: Prediction, plan: Plan, states: Array) -> Devia
     return Deviation(name, float(off.max()), float(off[-1]), float(np.abs(rates).max()), tuple(map(float, force)))
 
 
-def _outside(motion: Motion, excess: Array) -> str:
-    """The hard bound that is left most, if one is."""
-    hard = excess[:, motion.hard]
-    if not hard.size or hard.max() <= _OUTSIDE:
-        return ""
-    name = np.array(motion.bounded.names)[motion.hard][int(hard.max(axis=0).argmax())]
-    return f"{name} is left by {100 * hard.max():.2g} % of its scale"
-
-
 def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | None, list[str]]:
-    """The same on the finer model."""
-    if scene.check.finer is None:
-        return None, []
+    """Deviation on the finer model, and warnings."""
     law = scene.check.contact_law or scene.contact_law
     # Not validated again: this law may have dry friction, which plans themselves cannot have.
     fine = scene.model_copy(update={"fidelity": scene.check.finer, "contact_law": law})
@@ -118,27 +162,18 @@ def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | Non
     return found, [f"on {name} the tip ends {1e3 * found.final_tip:.3g} mm from the plan: raise fidelity.elements"]
 
 
-_ROUNDS = 5
-"""Most rounds; shipped plans need up to three."""
-_EXCESS = 2e-4
-"""Share of a bound's scale by which it may be violated between the nodes; a plan's warning begins at 1e-3."""
-_OVER_TIGHTENING = 1.1
-"""Factor on the excess, so that rounds converge from the safe side."""
-
-
 def satisfied_between_nodes(
     problem: PlanProblem, found: Attempt, solved: Callable[..., Attempt], over: Callable[[], bool]
 ) -> tuple[Attempt, int]:
     """Tighten bounds at the nodes where a plan violates them in between: the plan, and how often that was done.
 
     Where no plan satisfies the tightened bounds, the last one that was found is retained. ``solved`` solves the problem
-    from unknowns and, if they are known, multipliers; ``over`` tells whether the search has to end.
+    from unknowns and, if they are known, multipliers; ``over`` states whether the search has to end.
     """
-    motion, grid = problem.motion, problem.grid
-    hard = motion.hard
+    motion, hard = problem.motion, problem.motion.hard
     if not hard.any():
         return found, 0
-    margins = np.zeros((grid.intervals, len(motion.hard)))
+    margins = np.zeros((problem.grid.intervals, len(hard)))
     for k in range(_ROUNDS):
         path = problem.path(found.x)
         try:
@@ -150,12 +185,12 @@ def satisfied_between_nodes(
             return found, k
         # An interval lies between two nodes; the one at the start cannot move.
         before, after = np.zeros_like(margins), _OVER_TIGHTENING * excess
-        before[:-1] = _OVER_TIGHTENING * excess[1:]
+        before[:-1] = after[1:]
         margins += np.maximum(before, after)
         problem.bounds.tighten(margins)
         attempt = solved(problem, found.x, found.multipliers)
         if not attempt.converged:
-            attempt = solved(problem, found.x)
+            attempt = solved(problem, found.x)  # multipliers of active bounds that have moved can mislead the solver
         if not attempt.converged or over():
             return found, k
         found = attempt

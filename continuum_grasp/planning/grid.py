@@ -22,22 +22,17 @@ _LONGER = 2.0
 """How much longer than where the search begins a duration is expected to be."""
 _TARGET = 0.6
 """Product of sub-step and fastest rate, where the Runge-Kutta method is accurate to some 1e-4 of the fastest mode."""
+_PARTS = 4
+"""Places per interval at which the finger stays out of zones [1], the last one at the node."""
+_OUTSIDE_WHEN_RELAXED = 100.0
+"""Penalty per share by which a hard bound is violated, where only the distance from the goal is minimized
+[units of the squared distance]: large, so that bounds give way last."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Columns of the unknowns of a plan.
-
-    Attributes
-    ----------
-    time : (1, 1) ndarray of int
-        The duration.
-    s : (N + 1, ns) ndarray of int
-        States at the nodes.
-    v : (N, nv) ndarray of int
-        Controls of the intervals.
-    inner : (N, degree, ns) ndarray of int
-        States at the collocation points; empty for multiple shooting.
+    """Columns of the unknowns of a plan: duration (1, 1), states at the nodes (N + 1, ns), controls (N, nu), and states
+    at the collocation points (N, degree, ns), which multiple shooting does not have.
     """
 
     time: Indices
@@ -58,9 +53,7 @@ class Grid:
 def default_substeps(motion: Motion) -> int:
     """Runge-Kutta steps per interval that the stiffness asks for."""
     scene = motion.scene
-    least, most = scene.input_limits
-    low, high = np.full(motion.nu, least), np.full(motion.nu, most)
-    rate = motion.prediction.fastest_rate(low, high)
+    rate = motion.prediction.fastest_rate(*(np.full(motion.nu, limit) for limit in scene.input_limits))
     longest = min(scene.duration_range[1], _LONGER * motion.first_duration)
     return max(1, math.ceil(longest / scene.intervals * rate / _TARGET))
 
@@ -84,16 +77,18 @@ def add_collocation(assembly: Assembly, motion: Motion, grid: Grid, weight: floa
     rates, ends, quadrature = (np.array(m) for m in ca.collocation_coeff(points))
     data = _numbers(motion, (np.arange(intervals)[:, None] + np.array(points)) / intervals)
     h = 1.0 / intervals
+    # A polynomial is given by its values at the start of the interval and at the points.
+    basis = [grid.s[:-1], *(grid.inner[:, j] for j in range(degree))]
     for j in range(degree):
         rows = _defects(assembly, motion, intervals, f"motion at point {j + 1}")
         into = np.hstack([rows, np.full((intervals, 1), OBJECTIVE)])
         factors = np.append(np.full(motion.ns, -h), weight * h * quadrature.ravel()[j])
         assembly.add(motion.flow, grid.reads(grid.inner[:, j]), into, data[:, j], factors)
-        for i in range(degree + 1):
-            assembly.add_linear(rows, grid.s[:-1] if i == 0 else grid.inner[:, i - 1], rates[i, j])
+        for columns, rate in zip(basis, rates[:, j], strict=True):
+            assembly.add_linear(rows, columns, rate)
     rows = _defects(assembly, motion, intervals)
-    for i, end in enumerate(ends.ravel()):
-        assembly.add_linear(rows, grid.s[:-1] if i == 0 else grid.inner[:, i - 1], end)
+    for columns, end in zip(basis, ends.ravel(), strict=True):
+        assembly.add_linear(rows, columns, end)
     assembly.add_linear(rows, grid.s[1:], -1.0)
 
 
@@ -103,15 +98,9 @@ def _defects(assembly: Assembly, motion: Motion, intervals: int, name: str = "mo
 
 def _numbers(motion: Motion, shares: Array) -> Array:
     """What the motion reads (count, points, nd) at shares of the duration (count, points)."""
+    # Only where the duration is given does anything vary over time.
     rows = motion.numbers(shares.ravel() * motion.scene.duration_range[1])
     return rows.reshape(*shares.shape, -1)
-
-
-_PARTS = 4
-"""Places per interval at which the finger stays out of zones [1], the last one at the node."""
-_OUTSIDE_WHEN_RELAXED = 100.0
-"""Penalty per share by which a hard bound is violated, where only the distance from the goal is minimized
-[units of the squared distance]: large, so that bounds give way last."""
 
 
 @dataclass(frozen=True)
@@ -126,16 +115,9 @@ class _Bound:
 
 
 class StateBounds:
-    """What the state must not leave, at the nodes and for zones also between them.
+    """What the state must not leave, at the nodes and for zones also between them; ``relaxed`` bounds have a penalty.
 
     Between nodes the state is a cubic polynomial through both nodes with their rates, as far as these are states too.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Gets the rows.
-    relaxed : bool
-        Whether hard bounds get a penalty.
     """
 
     def __init__(self, assembly: Assembly, motion: Motion, grid: Grid, relaxed: bool) -> None:
@@ -151,11 +133,11 @@ class StateBounds:
             if name in zones:
                 key, unit, size = f"bounds.keep_out.{name}", "m", motion.length
             bound = self._bounds[name] = self._bound(entries, _PARTS if name in zones else 1)
-            scale = np.full(len(entries), size)
             count = grid.intervals * bound.parts
+            scale = np.full(len(entries), size)
             rows = assembly.rows(name, key, unit, count, scale, lower[entries], upper[entries])
             assembly.add(bound.term, bound.columns, rows, bound.data)
-            share = motion.first_duration / count / motion.scales.objective
+            share = motion.first_duration / count / motion.scales.objective  # penalties are per second
             if relaxed:
                 self._soften(rows, np.full(len(entries), _OUTSIDE_WHEN_RELAXED), np.zeros(len(entries)))
             elif not motion.hard[entries].any():
@@ -167,12 +149,11 @@ class StateBounds:
         before, after, time = ca.SX.sym("before", motion.ns), ca.SX.sym("after", motion.ns), ca.SX.sym("T")
         at = ca.SX.sym("at")
         s, _, _, numbers = motion.symbols
-        model_x, _, _, p, _ = motion.physical
-        rows = motion.rows(model_x, ca.DM.zeros(motion.nu), p)[entries]
+        x, _, _, p, _ = motion.physical
+        rows = motion.rows(x, ca.DM.zeros(motion.nu), p)[entries]
         state = self._between(before, after, time, at) if parts > 1 else after
-        value = ca.substitute(rows, s, state)
         z, d = ca.vertcat(before, after, time), ca.vertcat(numbers, at)
-        term = derived("rows", z, d, value, exact=motion.exact)
+        term = derived("rows", z, d, ca.substitute(rows, s, state), exact=motion.exact)
         shares = np.tile(np.arange(1, parts + 1) / parts, grid.intervals)
         columns = np.hstack([grid.s[:-1], grid.s[1:], np.repeat(grid.time, grid.intervals, axis=0)])
         fixed = np.tile(motion.numbers([0.0]), (len(shares), 1))
@@ -183,14 +164,15 @@ class StateBounds:
         motion, names = self._motion, self._motion.prediction.x_names
         rates = {name.split(" ")[0]: k for k, name in enumerate(names)}
         h = time * motion.scales.time / self._grid.intervals
+        change = after - before
         values = []
         for k in range(motion.ns):
             rate = rates.get(f"{names[k].split(' ')[0]}_rate") if k < motion.nx else None
-            change = after[k] - before[k]
-            value = before[k] + at * change
+            value = before[k] + at * change[k]
             if rate is not None:
+                # Hermite's cubic: the line, and what the rates at both ends differ from its slope.
                 size = h * float(motion.scales.x[rate] / motion.scales.x[k])
-                first, last = size * before[rate] - change, size * after[rate] - change
+                first, last = size * before[rate] - change[k], size * after[rate] - change[k]
                 value += at * (1 - at) * ((1 - at) * first - at * last)
             values.append(value)
         return ca.vertcat(*values)
@@ -201,6 +183,7 @@ class StateBounds:
         penalty = ca.dot(ca.DM(linear), z) + 0.5 * ca.dot(ca.DM(quadratic), z * z)
         squared = ca.DM(np.sqrt(quadratic)) * z
         term = derived("penalty", z, ca.SX(0, 1), penalty, exact=self._motion.exact, squared=squared)
+        # One slack for either direction, both positive: a smooth form of the absolute value.
         for sign in (1.0, -1.0):
             slack = self._assembly.variables(len(rows), rows.shape[1], 0.0)
             self._assembly.add_linear(rows, slack, sign)
@@ -224,6 +207,7 @@ def _groups(names: list[str], zones: tuple[str, ...]) -> dict[str, list[int]]:
     found: dict[str, list[int]] = {}
     for k, name in enumerate(names):
         stem, _, number = name.rpartition("_")
+        # A zone may itself be called "post_1".
         label = name if name in zones else stem if number.isdigit() else name
         found.setdefault("speed" if label == "bending_rate" else label, []).append(k)
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import casadi as ca
@@ -16,6 +17,7 @@ from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.planning.goal import GoalPart
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.scene.finger import BasePose
+from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.plan import PlanScene, RowAim
 from continuum_grasp.scene.simulate import Scene
@@ -25,10 +27,10 @@ Array = NDArray[np.float64]
 
 _ITERATIONS = 60
 """Most steps of the least squares for the final posture [1]; the plan's solver closes what they leave."""
-_BALANCE = 0.1
-"""Weight of balance against that of the goal in the final posture."""
-_DETOURS = (0.0, 0.5, -0.5, 1.0, -1.0)
-"""Amplitudes of the paths, in half bending ranges, bent to one side or the other in between."""
+_BALANCE, _BALANCE_HELD = 0.1, 10.0
+"""Weight of balance against that of the goal in the final posture: little, unless the plan has to end in balance."""
+_NEAR_FIRST = 1e-3
+"""Weight of what leaves the posture open: little, so that it decides nothing else."""
 
 
 @dataclass(frozen=True)
@@ -57,28 +59,23 @@ class Path:
 
 
 def final_posture(motion: Motion, goal: list[GoalPart], first: Posture, near: Hint | None = None) -> Posture:
-    """A posture at rest and nearly in balance that meets the goal as well as may be.
-
-    It is sought near the first one, or near what is given.
-    """
-    if all(part.name in ("still", "held") for part in goal):
+    """A posture at rest and nearly in balance that meets the goal as well as may be, near the first one or the hint."""
+    if all(part.at_rest for part in goal):
         return first
-    n = len(first.q)
-    least, most = motion.scene.input_limits
-    slope = _residual(motion, goal, first)
-    reach = np.abs(motion.prediction.shapes(16)).max(axis=0)
-    low = np.concatenate([np.full(n, -2.0), np.full(motion.nu, least) / motion.scales.u])
-    high = np.concatenate([np.full(n, 2.0), np.full(motion.nu, most) / motion.scales.u])
-    best: tuple[float, Array] | None = None
+    n, reach = len(first.q), motion.reach
+    residual = _residual(motion, goal, first)
+    # Coordinates may leave the range of the sample shapes, which reach half the bending range.
+    low, high = (
+        np.concatenate([np.full(n, side), np.full(motion.nu, limit) / motion.scales.u])
+        for side, limit in zip((-2.0, 2.0), motion.scene.input_limits, strict=True)
+    )
     starts = [Posture(first.q + side * reach, first.u) for side in (0.0, 0.5, -0.5)]
     if near is not None:
         starts = [Posture(_with_bends(motion, first, near.bends), near.u)]
-    for start in starts:
-        y = np.clip(np.concatenate([start.q / reach, start.u / motion.scales.u]), low, high)
-        value, y = _least_squares(slope, y, low, high)
-        if best is None or value < 0.9 * best[0]:
-            best = value, y
-    y = first.q / reach if best is None else best[1]
+    points = [np.concatenate([start.q / reach, start.u / motion.scales.u]) for start in starts]
+    found = [_least_squares(residual, np.clip(y, low, high), low, high) for y in points]
+    # A later start has to be clearly better: the first one is nearest.
+    _, y = reduce(lambda best, new: new if new[0] < 0.9 * best[0] else best, found)
     return Posture(y[:n] * reach, y[n:] * motion.scales.u)
 
 
@@ -96,8 +93,7 @@ def _with_bends(motion: Motion, first: Posture, bends: Array) -> Array:
 
 def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Function:
     """(y = scaled [q, u]) -> errors of the goal and of balance, and their Jacobian."""
-    model = motion.prediction
-    n, reach = len(first.q), np.abs(model.shapes(16)).max(axis=0)
+    model, n, reach = motion.prediction, len(first.q), motion.reach
     y = ca.SX.sym("y", n + motion.nu)
     q, u = y[:n] * ca.DM(reach), y[n:] * ca.DM(motion.scales.u)
     # A state at rest is affine in q and u.
@@ -108,41 +104,41 @@ def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Functi
     s = x / ca.DM(motion.scales.x)
     if motion.linear:
         s = ca.vertcat(s, y[n:])
-    end = motion.scene.duration_range[1]
-    numbers = ca.DM(motion.numbers([end]).ravel())
+    numbers = ca.DM(motion.numbers([motion.scene.duration_range[1]]).ravel())
     p = numbers[: model.np]
     errors = []
     for part in goal:
         if part.key == "goal.contact_force":
             errors.append((_spring_forces(motion, x, u, p) - ca.DM(part.target)) / ca.DM(part.scale))
-        elif part.name not in ("still", "held"):
+        elif not part.at_rest:
             errors.append(part.rows(motion).value(ca.vertcat(s, y[n:]), numbers))
+    # Accelerations, per that of an oscillation over the reach whose period is the duration.
     frequency = 2.0 * np.pi / motion.first_duration
     rate = model.dynamics(x, u, p)[n : 2 * n] / ca.DM(reach * frequency**2)
     held = any(part.name == "held" for part in goal)
-    errors += [
-        rate * (10.0 if held else _BALANCE),
-        1e-3 * (y - ca.DM([*(first.q / reach), *(first.u / motion.scales.u)])),
-    ]
-    residual = ca.vertcat(*errors)
+    away = y - ca.DM([*(first.q / reach), *(first.u / motion.scales.u)])
+    residual = ca.vertcat(*errors, rate * (_BALANCE_HELD if held else _BALANCE), _NEAR_FIRST * away)
     return ca.Function("residual", [y], [residual, ca.jacobian(residual, y)])
 
 
 def _spring_forces(motion: Motion, x: ca.SX, u: ca.SX, p: ca.DM) -> ca.SX:
-    """Contact forces as if surfaces that are apart pulled: they tell the way to where they touch."""
+    """Contact forces as if surfaces that are apart pulled: they point to where they touch."""
     model, law = motion.prediction, motion.scene.contact_law
     gap = ca.Function("gap", [model.x, model.u, model.p], [model.system.touch(*model.arguments)[0]])(x, u, p)
     return -(law.stiffness if law is not None else 0.0) * gap[: len(model.contact_names)]
 
 
 def _least_squares(residual: ca.Function, y: Array, low: Array, high: Array) -> tuple[float, Array]:
-    """Levenberg and Marquardt, clipped to the bounds: half the sum of squares and where."""
+    """Levenberg and Marquardt, clipped to the bounds: half the sum of squares and where.
+
+    Not scipy's ``least_squares``, since starts are part of what makes a plan repeatable to the last bit.
+    """
     damping = 1e-2
     r, jacobian = (np.array(v) for v in residual(y))
     value = 0.5 * float((r * r).sum())
     for _ in range(_ITERATIONS):
         normal = jacobian.T @ jacobian
-        least = 1e-12 * float(np.trace(normal))
+        least = 1e-12 * float(np.trace(normal))  # what rounding leaves of a singular matrix
         step = np.linalg.solve(normal + max(damping, least) * np.eye(len(y)), -jacobian.T @ r).ravel()
         trial = np.clip(y + step, low, high)
         r_new, jacobian_new = (np.array(v) for v in residual(trial))
@@ -154,19 +150,19 @@ def _least_squares(residual: ca.Function, y: Array, low: Array, high: Array) -> 
                 break
         else:
             damping *= 4.0
-            if damping > 1e8:
+            if damping > 1e8:  # a step this short changes nothing
                 break
     return value, y
 
 
 def smooth_path(motion: Motion, x0: Array, first: Posture, last: Posture, side: float) -> Path:
-    """Postures that go smoothly from the first to the last, bent to a side in between."""
-    model, n = motion.prediction, len(first.q)
-    time = motion.first_duration
+    """Postures that go smoothly from the first to the last, bent to a side in between by half bending ranges."""
+    model, n, time = motion.prediction, len(first.q), motion.first_duration
     tau = np.linspace(0.0, 1.0, motion.scene.intervals + 1)[:, None]
+    # The quintic with neither rate nor acceleration at both ends, and its derivative.
     blend = tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
     rate = 30.0 * tau**2 * (1.0 - tau) ** 2
-    reach = np.abs(model.shapes(16)).max(axis=0) / 2.0
+    reach = motion.reach / 2.0
     bump = side * reach * np.sin(np.pi * tau) ** 2
     q = first.q + blend * (last.q - first.q) + bump
     qd = (rate * (last.q - first.q) + side * reach * np.pi * np.sin(2.0 * np.pi * tau)) / time
@@ -177,24 +173,11 @@ def smooth_path(motion: Motion, x0: Array, first: Posture, last: Posture, side: 
     return Path(x, u, time)
 
 
-def detours(count: int) -> tuple[float, ...]:
-    """Sides of the first paths to be tried."""
-    more = tuple(sign * amount for amount in (0.25, 1.5) for sign in (1.0, -1.0))
-    return (*_DETOURS, *more)[:count]
-
-
 def first_state_of_plan(scene: PlanScene, model: Prediction) -> tuple[Array, Posture]:
-    """State (nx) at time zero, under the input before the motion, and its posture.
-
-    Raises
-    ------
-    InputError
-        If ``initial.q`` or ``initial.qd`` has the wrong size.
-    SolverError
-        If an initial equilibrium is not found.
-    """
+    """State (nx) at time zero, under the input before the motion, and its posture. Raises what `initial_state` does."""
     u, finger = scene.initial_input, model.system.finger_model
     held = Actuation(tip_moment=u[0]) if len(u) == 1 else Actuation(tensions=(u[0], u[1]))
+    # Equilibria are those of simulated scenes: the finger alone, under the input before the motion.
     alone = Scene(
         schema_version=1,
         finger=scene.finger,
@@ -213,55 +196,40 @@ def first_state_of_plan(scene: PlanScene, model: Prediction) -> tuple[Array, Pos
 
 
 def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Hint | None]:
-    """The same plan with the goal of its grasp, and the posture there.
+    """The same plan with the goal of its grasp, and the posture there; a plan without a grasp as it is.
 
-    Parameters
-    ----------
-    scene : PlanScene
-        A plan; one without a grasp is given back as it is.
-    given : GraspResult or path-like, optional
-        The grasp, or its run folder, where it was found already.
-
-    Raises
-    ------
-    SolverError
-        There is no verified grasp.
-    InputError
-        The grasp does not fit the plan.
+    ``given`` is the grasp, or its run folder, where it was found already.
+    Raises a SolverError where there is no verified grasp, and an InputError where it does not fit the plan.
     """
     if scene.grasp is None:
         if given is not None:
             raise InputError("the plan has no grasp to carry out", key="grasp")
         return scene, None
     name = scene.grasp.setups[0].name
-    data = _numbers(scene, given)
+    data = _arrays(scene.grasp, given)
     if f"{name}.backbone" not in data or "object.pose" not in data:
         raise InputError(f"expected the grasp of a finger called {name!r}", key="grasp")
-    of_finger = {
-        str(contact): (float(station), float(force[0]))
-        for contact, station, force in zip(
-            data["contact_names"], data["contact_stations"], data["contact_forces"], strict=True
-        )
-        if str(contact).startswith(f"{name}.")
-    }
+    touching = zip(data["contact_names"], data["contact_stations"], data["contact_forces"], strict=True)
+    of_finger = {str(contact): (float(station), float(force[0])) for contact, station, force in touching}
     tip = of_finger.pop(f"{name}.tip", (0.0, 0.0))[1]
-    middle = sorted(of_finger.values())
-    backbone, base, pose = data[f"{name}.backbone"], data[f"{name}.base"], data["object.pose"]
+    middle = sorted(place for contact, place in of_finger.items() if contact.startswith(f"{name}."))
+    backbone, base, pose = data[f"{name}.backbone"], data[f"{name}.base"].tolist(), data["object.pose"].tolist()
     aim = RowAim(value=(*(force for _, force in middle), tip), weight=scene.goal.grasp_weight)
-    touched = scene.object
     found = scene.replaced(
         grasp=None,
-        finger=scene.finger.replaced(base=BasePose(position=(float(base[0]), float(base[1])), angle=float(base[2]))),
-        object=touched and touched.replaced(position=(float(pose[0]), float(pose[1])), angle=float(pose[2])),
+        finger=scene.finger.replaced(base=BasePose(position=tuple(base[:2]), angle=base[2])),
+        object=scene.object and scene.object.replaced(position=tuple(pose[:2]), angle=pose[2]),
         contacts=tuple(at for at, _ in middle),
         goal=scene.goal.replaced(contact_force=aim),
     )
-    tensions = np.clip(data[f"{name}.tensions"], *found.input_limits)
-    return found, Hint(_bends(found, backbone), tensions)
+    # Bending angles of the plan's elements, whose ends are not the stations of the grasp.
+    edges = np.cumsum([0.0, *Prediction(found).system.finger_model.lengths])
+    bends = np.diff(np.interp(edges, backbone[:, 0], np.unwrap(backbone[:, 3])))
+    return found, Hint(bends, np.clip(data[f"{name}.tensions"], *found.input_limits))
 
 
-def _numbers(scene: PlanScene, given: Any) -> Mapping[str, Any]:
-    """Arrays of the grasp."""
+def _arrays(grasp: GraspScene, given: Any) -> Mapping[str, Any]:
+    """Arrays of the grasp, which is optimized where it is not given."""
     from continuum_grasp.grasp import optimize_grasp
 
     if isinstance(given, (str, os.PathLike)):
@@ -271,19 +239,10 @@ def _numbers(scene: PlanScene, given: Any) -> Mapping[str, Any]:
         if run.meta.get("kind") != "grasp" or run.meta.get("status") not in ("optimal", "feasible"):
             raise InputError("there is no verified grasp in this folder", file=os.fspath(given))
         return run.arrays
-    if scene.grasp is None:
-        return {}
-    result = optimize_grasp(scene.grasp, raise_on_failure=False) if given is None else given
+    result = optimize_grasp(grasp, raise_on_failure=False) if given is None else given
     if given is None and result.statistics["interrupted"]:
         raise Interrupted("interrupted while the grasp was optimized")
     if not result.solved:
         raise SolverError("no grasp to close to", status=str(result.status), advice=result.advice, result=result)
     arrays: Mapping[str, Any] = result.arrays
     return arrays
-
-
-def _bends(scene: PlanScene, backbone: Array) -> Array:
-    """Bending angles of the plan's elements in the grasp [rad]."""
-    lengths = Prediction(scene).system.finger_model.lengths
-    edges = np.concatenate([[0.0], np.cumsum(lengths)])
-    return np.diff(np.interp(edges, backbone[:, 0], np.unwrap(backbone[:, 3])))

@@ -8,7 +8,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.goal import goal_parts
 from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting, default_substeps
@@ -20,31 +19,16 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _EFFORT_WHEN_RELAXED = 1e-4
-"""Weight of the objective where only the distance from the goal is sought."""
+"""Weight of the objective where only the distance from the goal is sought: it makes inputs unique, no more."""
 
 
 class PlanProblem:
-    """Unknowns, constraints and objective of a plan.
+    """Unknowns, constraints and objective of a plan from a state x0 (nx).
 
-    Parameters
-    ----------
-    x0 : (nx,) ndarray
-        State at the beginning.
-    relaxed : bool
-        Whether the distance from the goal is minimized in place of the objective, and hard bounds have a penalty.
-
-    Attributes
-    ----------
-    assembly : Assembly
-    grid : Grid
-    before : (1, nu) ndarray of int
-        Columns of the input before the motion begins.
-    inputs : (N + 1, nu) ndarray of int
-        Columns of the inputs at the nodes; the last one is held after the end.
-    goal : list of GoalPart
-    bounds : StateBounds
-    substeps : int
-        Runge-Kutta steps per interval; 0 for collocation.
+    Where it is ``relaxed``, the distance from the goal is minimized in place of the objective, and hard bounds have a
+    penalty. ``before`` (1, nu) are columns of the input before the motion begins, ``inputs`` (N + 1, nu) those of the
+    inputs at the nodes; the last one is held after the end. ``substeps`` are Runge-Kutta steps per interval; 0 for
+    collocation.
     """
 
     def __init__(self, motion: Motion, x0: Array, *, relaxed: bool = False) -> None:
@@ -71,8 +55,7 @@ class PlanProblem:
         motion, assembly = self.motion, self.assembly
         scene, intervals = motion.scene, motion.scene.intervals
         first = np.array(scene.initial_input)
-        least_time, most_time = (t / motion.scales.time for t in scene.duration_range)
-        time = assembly.variables(1, 1, least_time, most_time)
+        time = assembly.variables(1, 1, *(t / motion.scales.time for t in scene.duration_range))
         low, high = np.full(motion.ns, -np.inf), np.full(motion.ns, np.inf)
         limits = [np.full(motion.nu, bound) / motion.scales.u for bound in scene.input_limits]
         if motion.linear:
@@ -80,7 +63,7 @@ class PlanProblem:
             most = np.inf if scene.input.rate_max is None else scene.input.rate_max
             limits = [-most / motion.scales.rate, most / motion.scales.rate]
         s = assembly.variables(intervals + 1, motion.ns, low, high)
-        v = assembly.variables(intervals, motion.nv, limits[0], limits[1])
+        v = assembly.variables(intervals, motion.nu, *limits)
         degree = scene.solver.degree if scene.method == "collocation" else 0
         inner = assembly.variables(intervals * degree, motion.ns).reshape(intervals, degree, motion.ns)
         assembly.fix(s[0], motion.scaled_state(x0, first))
@@ -90,8 +73,9 @@ class PlanProblem:
             return
         self.before = assembly.variables(1, motion.nu)
         assembly.fix(self.before, first / motion.scales.u)
-        changes = scene.goal.end == "held" or scene.goal.input is not None
-        self.inputs = np.vstack([v, assembly.variables(1, motion.nu, limits[0], limits[1]) if changes else v[-1:]])
+        # The input may jump at the last node where the goal depends on what is held after the end.
+        jumps = scene.goal.end == "held" or scene.goal.input is not None
+        self.inputs = np.vstack([v, assembly.variables(1, motion.nu, *limits) if jumps else v[-1:]])
 
     @property
     def _changes(self) -> tuple[Indices, Indices]:
@@ -99,26 +83,24 @@ class PlanProblem:
         inputs = self.inputs
         if self.motion.linear:
             return inputs[1:], inputs[:-1]
-        count = len(np.unique(inputs[:, 0]))
+        count = len(np.unique(inputs[:, 0]))  # the last one is that before it where it does not jump
         return inputs[:count], np.vstack([self.before, inputs[: count - 1]])
 
     def start(self, path: Path) -> Array:
         """Unknowns that stand for a path."""
-        motion, grid = self.motion, self.grid
+        motion, grid, solver = self.motion, self.grid, self.motion.scene.solver
         w = np.zeros(self.assembly.size)
         w[grid.time] = path.duration / motion.scales.time
         s = motion.scaled_state(path.x, path.u)
         w[grid.s] = s
-        w[grid.v] = (
-            np.diff(path.u, axis=0) / path.duration * grid.intervals / motion.scales.rate
-            if motion.linear
-            else (path.u[:-1] / motion.scales.u)
-        )
-        if not motion.linear:
+        if motion.linear:
+            w[grid.v] = np.diff(path.u, axis=0) / path.duration * grid.intervals / motion.scales.rate
+        else:
+            w[grid.v] = path.u[:-1] / motion.scales.u
             w[self.inputs[-1]] = path.u[-1] / motion.scales.u
             w[self.before] = np.array(motion.scene.initial_input) / motion.scales.u
         if grid.inner.size:
-            tau = np.array(ca.collocation_points(motion.scene.solver.degree, motion.scene.solver.points))[:, None]
+            tau = np.array(ca.collocation_points(solver.degree, solver.points))[:, None]
             w[grid.inner] = s[:-1, None] * (1.0 - tau) + s[1:, None] * tau
         return w
 
@@ -128,7 +110,7 @@ class PlanProblem:
         x = w[grid.s][:, : motion.nx] * motion.scales.x
         return Path(x, w[self.inputs] * motion.scales.u, float(w[grid.time[0, 0]]) * motion.scales.time)
 
-    # -- limits -------------------------------------------------------------------------------------------------------
+    # -- limits, goal and objective -----------------------------------------------------------------------------------
 
     def _add_rate_limit(self) -> None:
         """Changes between intervals within the rate times their length."""
@@ -137,25 +119,22 @@ class PlanProblem:
             return
         now, before = self._changes
         share = most * motion.scales.time / self.grid.intervals / motion.scales.u
-        unit = "N m" if motion.nu == 1 else "N"
         for name, sign in (("input rate, up", 1.0), ("input rate, down", -1.0)):
-            rows = self.assembly.rows(name, "input.rate_max", unit, len(now), motion.scales.u, -np.inf)
+            rows = self.assembly.rows(name, "input.rate_max", motion.input_unit, len(now), motion.scales.u, -np.inf)
             self.assembly.add_linear(rows, now, sign)
             self.assembly.add_linear(rows, before, -sign)
             self.assembly.add_linear(rows, np.broadcast_to(self.grid.time, rows.shape), -share)
-
-    # -- goal and objective -------------------------------------------------------------------------------------------
 
     def _add_goal(self) -> None:
         end = np.hstack([self.grid.s[-1:], self.inputs[-1:]])
         data = self.motion.numbers([self.motion.scene.duration_range[1]])
         for part in self.goal:
-            if self.relaxed or part.weight is not None:
-                if part.weight is None or not self.relaxed:
-                    self.assembly.add(part.cost(self.motion, self.relaxed), end, [OBJECTIVE], data)
-                continue
-            rows = self.assembly.rows(part.name, part.key, part.unit, 1, part.scale)
-            self.assembly.add(part.rows(self.motion), end, rows, data)
+            exact = part.weight is None
+            if exact and not self.relaxed:
+                rows = self.assembly.rows(part.name, part.key, part.unit, 1, part.scale)
+                self.assembly.add(part.rows(self.motion), end, rows, data)
+            elif exact or not self.relaxed:
+                self.assembly.add(part.cost(self.motion, self.relaxed), end, [OBJECTIVE], data)
 
     def _add_objective(self) -> None:
         motion, scene = self.motion, self.motion.scene
@@ -165,13 +144,22 @@ class PlanProblem:
         if scene.objective == "least_time":
             self.assembly.add_linear(OBJECTIVE, self.grid.time, 1.0)
             self._add_changes(lambda change, time: scene.smoothing * ca.dot(change, change))
+        # Half of 2: least_input_rate is the integral of the squared rate, a cost's weight is that of half of it.
         rate_weight = scene.cost.input_rate if scene.cost is not None else 2.0
         if scene.objective in ("least_input_rate", "tracking") and rate_weight and not motion.linear:
             scale = ca.DM(motion.scales.u)
             factor = 0.5 * rate_weight * self.grid.intervals / motion.scales.objective
+            # Held inputs have no rate: a change counts as one that takes an interval.
             self._add_changes(lambda change, time: factor * ca.dot(change * scale, change * scale) / time)
         if motion.tracked is not None:
-            self._add_terminal(motion.tracked)
+            # Half the weighted squared errors at the end, of what depends on the state.
+            x, _, _, p, r = motion.physical
+            count, (s, _, _, d) = motion.tracked.of_state, motion.symbols
+            errors = (motion.outputs(x, ca.DM.zeros(motion.nu), p) - r)[:count]
+            weighted = ca.DM(np.sqrt(motion.tracked.weights[:count, 1])) * errors
+            half = 0.5 * ca.dot(weighted, weighted)
+            term = derived("terminal", s, d, half, exact=motion.exact, squared=weighted)
+            self.assembly.add(term, self.grid.s[-1:], [OBJECTIVE], motion.numbers([scene.duration_range[1]]))
 
     def _add_changes(self, cost: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
         """A cost of the input's changes, in units of its range, and of the duration [s]."""
@@ -181,13 +169,3 @@ class PlanProblem:
         term = derived("change", z, ca.SX(0, 1), cost(now - before, motion.scales.time * time))
         columns = np.hstack([*self._changes, np.repeat(self.grid.time, len(self._changes[0]), axis=0)])
         self.assembly.add(term, columns, [OBJECTIVE], [])
-
-    def _add_terminal(self, tracked: Outputs) -> None:
-        """Half the weighted squared errors of what is tracked at the end."""
-        motion = self.motion
-        x, _, _, p, r = motion.physical
-        errors = (motion.outputs(x, ca.DM.zeros(motion.nu), p) - r)[: tracked.of_state]
-        weighted = ca.DM(np.sqrt(tracked.weights[: tracked.of_state, 1])) * errors
-        term = motion.of_state("terminal", 0.5 * ca.dot(weighted, weighted), squared=weighted)
-        data = motion.numbers([motion.scene.duration_range[1]])
-        self.assembly.add(term, self.grid.s[-1:], [OBJECTIVE], data)

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.planning.check import Deviation
 from continuum_grasp.planning.motion import parameters_over_time
 from continuum_grasp.results.result import File, MotionResult, Stored
 from continuum_grasp.scene.plan import PlanScene
@@ -78,6 +77,22 @@ class Constraint:
 
     def __str__(self) -> str:
         return f"{self.name}: off by {self.excess:.3g} {self.unit} ({self.key})"
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far a simulated motion is from a plan."""
+
+    model: str
+    """What was simulated."""
+    tip: float
+    """Largest deviation of the tip [m]."""
+    final_tip: float
+    """Deviation of the tip at the end [m]."""
+    final_rate: float
+    """Largest bending rate at the end [rad/s]."""
+    contact_forces: tuple[float, ...] = ()
+    """Normal force at each place where the finger may touch the object, at the end [N]."""
 
 
 @dataclass(frozen=True)
@@ -230,28 +245,11 @@ class Plan(MotionResult):
 
         return ContactForces.from_expressions(tuple(model.system.touch_names), touch, rows)
 
-    @cached_property
-    def _energies(self) -> tuple[Array, Array]:
-        model = self.prediction
-        x, u, _, p = model.arguments
-        both = ca.vertcat(*model.system.energy(x, u, p))
-        found = self._over_time(ca.Function("energy", [model.x, model.u, model.p], [both]))
-        return found[:, 0], found[:, 1]
-
-    @property
-    def kinetic(self) -> Array:
-        """Kinetic energy (N + 1,) [J]."""
-        return self._energies[0]
-
-    @property
-    def potential(self) -> Array:
-        """Elastic energy and potential of the weight (N + 1,) [J]."""
-        return self._energies[1]
-
     def backbone(self, indices: ArrayLike, points: int = 50) -> Array:
         """Backbones (len(indices), points, 2) at some of the nodes [m]."""
         where = self.prediction.sections(tuple(np.linspace(0.0, self.length, points).tolist()))
         model = self.prediction
+        # Column by column: x and y of one place after the other.
         flat = ca.Function("places", [model.x, model.u, model.p], [ca.vec(where(model.x, model.u, model.p)[0])])
         return self._over_time(flat, indices).reshape(-1, points, 2)
 
@@ -270,6 +268,7 @@ class Plan(MotionResult):
         instants = np.atleast_1d(np.asarray(t, dtype=float))
         if self.scene.input.form == "linear":
             return np.stack([np.interp(instants, self.t, column) for column in self.u.T], axis=1)
+        # A node counts to the interval that it begins, also where rounding put the instant a little before it.
         k = np.searchsorted(self.t, instants * (1 + 1e-12), side="right") - 1
         return np.asarray(self.u[np.clip(k, 0, len(self.u) - 1)])
 
@@ -317,13 +316,17 @@ class Plan(MotionResult):
             for name, about in meta["constraints"].items()
         }
         state = {name.removeprefix("solver "): data[name] for name in data if name.startswith("solver ")}
+        deviation, finer = (
+            None if one is None else Deviation(**{**one, "contact_forces": tuple(one["contact_forces"])})
+            for one in (meta["deviation"], meta["finer"])
+        )
         return cls(
             scene=PlanScene(**meta["config"]),
             status=PlanStatus(meta["status"]),
             constraints=constraints,
             violated=tuple(meta["violated"]),
-            deviation=_deviation(meta["deviation"]),
-            finer=_deviation(meta["finer"]),
+            deviation=deviation,
+            finer=finer,
             warnings=tuple(meta["warnings"]),
             solver_state=state,
             t=data["t"],
@@ -331,7 +334,3 @@ class Plan(MotionResult):
             u=data["u"],
             **{name: meta[name] for name in ("message", "advice", "objective", "iterations", "times", "statistics")},
         )
-
-
-def _deviation(found: dict[str, Any] | None) -> Deviation | None:
-    return None if found is None else Deviation(**{**found, "contact_forces": tuple(found["contact_forces"])})

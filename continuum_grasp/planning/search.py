@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -14,63 +13,50 @@ from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, new_solver
 from continuum_grasp.planning.diagnosis import Diagnosis, diagnose
 from continuum_grasp.planning.fine import satisfied_between_nodes, simulated
-from continuum_grasp.planning.guess import Hint, Path, Posture, detours, final_posture, first_state_of_plan, smooth_path
+from continuum_grasp.planning.guess import Hint, Path, Posture, final_posture, first_state_of_plan, smooth_path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.result import Plan
-from continuum_grasp.scene.plan import PlanScene, PlanSolver
+from continuum_grasp.scene.plan import PlanScene
 
 Array = NDArray[np.float64]
 
 FEASIBLE = 1e-6
 """Violation below which constraints count as satisfied [units of the problem]: 100 times the solver's tolerance."""
+_SIDES = (0.0, 0.5, -0.5, 1.0, -1.0, 0.25, -0.25, 1.5, -1.5)
+"""Amplitudes of the paths, in half bending ranges, bent to one side or the other in between."""
 _STARTS_WITH_ZONES = 5
 """The direct path, and two to either side [1], so that both ways past a zone are tried."""
 _BARRIERS = (1e-3, 1e-4, 1e-2)
 """First barrier parameters from a simulated motion with contact, whose forces change steeply."""
 
 
-@dataclass
 class Search:
     """Starts of the solver, and the best of what they gave.
 
-    Attributes
-    ----------
-    scene : PlanScene
-    warm : Plan or None
-        From which to begin.
-    near : Hint or None
-        Near what the last posture is sought.
-    attempts, relaxed : list of (str, Attempt)
-        What was tried, by name, at the problem and at the relaxed one that seeks the least distance from the goal.
-    best : Attempt or None
-        The best plan.
-    diagnosis : Diagnosis or None
-        Where there is no plan, what the nearest one tells.
-    interrupted : bool
-        Whether Ctrl-C was pressed.
-    tightened : int
-        How often bounds were tightened at the nodes.
+    ``warm`` is a plan from which to begin, ``near`` a posture near which the last one is sought. ``attempts`` and
+    ``relaxed`` are what was tried, by name, at the problem and at the relaxed one that seeks the least distance from
+    the goal; ``diagnosis`` is what stops the nearest one of these. ``tightened`` counts how often bounds were tightened
+    at the nodes.
     """
 
-    scene: PlanScene
-    warm: Plan | None = None
-    near: Hint | None = None
-    attempts: list[tuple[str, Attempt]] = field(default_factory=list)
-    relaxed: list[tuple[str, Attempt]] = field(default_factory=list)
-    best: Attempt | None = None
-    diagnosis: Diagnosis | None = None
-    interrupted: bool = False
-    tightened: int = 0
-
-    def __post_init__(self) -> None:
-        scene = self.scene
+    def __init__(self, scene: PlanScene, warm: Plan | None = None, near: Hint | None = None) -> None:
+        self.scene, self.warm, self.near = scene, warm, near
+        self.attempts: list[tuple[str, Attempt]] = []
+        self.relaxed: list[tuple[str, Attempt]] = []
+        self.best: Attempt | None = None
+        self.diagnosis: Diagnosis | None = None
+        self.interrupted, self.tightened = False, 0
         self.motion = Motion(scene)
         self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
         self.problem = PlanProblem(self.motion, self.x0)
-        self.budget = Budget.of(scene.solver)
-        self._solver = new_solver(_settings(scene.solver))
-        self._near: PlanProblem | None = None
+        self.budget, options = Budget.of(scene.solver), scene.solver
+        # Plans start far from their solution, where the adaptive barrier is the more robust one; no bound is relaxed,
+        # since the limits of a plan are reported as satisfied.
+        ipopt = {"acceptable_iter": 20, "bound_relax_factor": 0.0, "mu_strategy": "adaptive"}
+        # Constraints are met to 1e-8 also where the optimum is asked for less accurately.
+        tolerance, most = options.tolerance, options.max_iterations
+        self._solver = new_solver(Settings(options.method, tolerance, min(1e-8, tolerance), most, {"ipopt": ipopt}))
 
     def run(self) -> None:
         """Try all starts.
@@ -80,19 +66,20 @@ class Search:
         """
         if self.warm is not None:
             w, multipliers = self._warm_start(self.warm)
+            # Where there are no multipliers, a low first barrier keeps the solver near the plan all the same.
             self._try("warm", w, multipliers, _BARRIERS[0])
         if self.best is None and self.scene.object is not None:
             self._try_motion()
         if self.best is None:
             self._try_paths()
         if self.best is not None and self.best.converged and not self.over:
-            self.best, self.tightened = satisfied_between_nodes(
-                self.problem, self.best, self._solved, lambda: self.over
-            )
+            found = satisfied_between_nodes(self.problem, self.best, self._solved, lambda: self.over)
+            self.best, self.tightened = found
 
     def _try_motion(self) -> None:
         """Start from what the finger does under an input that grows smoothly: it keeps off the object, or presses."""
         direct = smooth_path(self.motion, self.x0, self.first, self.last, 0.0)
+        # Its states satisfy the equations of motion: the solver has contacts right from the start.
         try:
             states = simulated(self.scene, self.motion.prediction, direct, self.x0, 1)
         except NumericalError:
@@ -103,12 +90,15 @@ class Search:
                 self._try(f"simulated, barrier {barrier:g}", w, None, barrier)
 
     def _try_paths(self) -> None:
-        failed = False
-        for name, path in self._paths():
+        count, failed = self.scene.solver.starts or (_STARTS_WITH_ZONES if self.scene.bounds.keep_out else 1), False
+        for side in _SIDES[:count]:
+            name = "direct" if side == 0.0 else f"detour {side:+g}"
             if self.over and self.attempts:
                 return
+            path = smooth_path(self.motion, self.x0, self.first, self.last, side)
             if not failed:
                 failed = not self._try(name, self.problem.start(path))
+            # Not with contact, whose forces do not change before surfaces touch: their distance from a goal is flat.
             if failed and not self.over and self.scene.object is None:
                 self._approach(name, path)
 
@@ -117,30 +107,25 @@ class Search:
         """Whether there is nothing left to spend, or Ctrl-C was pressed."""
         return self.interrupted or self.budget.over
 
-    def _paths(self) -> Iterator[tuple[str, Path]]:
-        count = self.scene.solver.starts or (_STARTS_WITH_ZONES if self.scene.bounds.keep_out else 1)
-        for side in detours(count):
-            name = "direct" if side == 0.0 else f"detour {side:+g}"
-            yield name, smooth_path(self.motion, self.x0, self.first, self.last, side)
-
     def _warm_start(self, earlier: Plan) -> tuple[Array, Multipliers | None]:
         """Unknowns and, where everything has its place as before, multipliers of an earlier plan."""
         known, wanted = earlier.x_names, list(self.motion.prediction.x_names)
         if earlier.n != self.motion.prediction.system.n or earlier.u.shape[1] != self.motion.nu:
             raise InputError("the plan has other bending coordinates or inputs than this model", key="warm")
-        least, most = self.scene.duration_range
+        state, assembly = earlier.solver_state, self.problem.assembly
+        if (
+            np.array_equal(state.get("units", []), self.motion.units)
+            and len(state["w"]) == assembly.size
+            and len(state["constraints"]) == assembly.count
+        ):
+            return state["w"], Multipliers(state["bounds"], state["constraints"])
         t = np.linspace(0.0, earlier.duration, self.scene.intervals + 1)
         states, x = earlier.states_at(t), np.tile(self.x0, (len(t), 1))
         for k, name in enumerate(wanted):
             if name in known:
                 x[:, k] = states[:, known.index(name)]
-        path = Path(x, earlier.inputs_at(t), float(np.clip(earlier.duration, least, most)))
-        state, assembly = earlier.solver_state, self.problem.assembly
-        if not np.array_equal(state.get("units", []), self.motion.units):
-            return self.problem.start(path), None
-        if len(state["w"]) != assembly.size or len(state["constraints"]) != assembly.count:
-            return self.problem.start(path), None
-        return state["w"], Multipliers(state["bounds"], state["constraints"])
+        path = Path(x, earlier.inputs_at(t), float(np.clip(earlier.duration, *self.scene.duration_range)))
+        return self.problem.start(path), None
 
     @cached_property
     def last(self) -> Posture:
@@ -166,39 +151,29 @@ class Search:
         self.interrupted |= pressed()
         return attempt
 
+    @cached_property
+    def _near_goal(self) -> PlanProblem:
+        """The relaxed problem."""
+        return PlanProblem(self.motion, self.x0, relaxed=True)
+
     def _approach(self, name: str, path: Path) -> None:
         """How near the goal can be reached; if it can, the search goes on from there."""
-        if self._near is None:
-            self._near = PlanProblem(self.motion, self.x0, relaxed=True)
-        problem = self._near
+        problem = self._near_goal
         attempt = self._solved(problem, problem.start(path))
         if not attempt.violation < FEASIBLE:
             return
         self.relaxed.append((name, attempt))
         found = diagnose(problem, attempt)
-        if found.met and not self.over:
+        if found is None and not self.over:
             self._try(f"{name}, from the goal", self.problem.start(problem.path(attempt.x)))
         elif attempt.objective <= min(a.objective for _, a in self.relaxed):
             self.diagnosis = found
 
     @property
     def nearest(self) -> tuple[PlanProblem, Attempt]:
-        """What comes nearest to the goal, and its problem; the last attempt where that was not sought."""
-        if self._near is None or not self.relaxed:
-            return self.problem, self.attempts[-1][1]
-        return self._near, min((a for _, a in self.relaxed), key=lambda a: a.objective)
+        """What comes nearest to the goal, and its problem."""
+        return self._near_goal, min((a for _, a in self.relaxed), key=lambda a: a.objective)
 
 
 def _rank(attempt: Attempt) -> tuple[bool, float]:
     return not attempt.converged, attempt.objective
-
-
-def _settings(options: PlanSolver) -> Settings:
-    """What plans ask of a solver.
-
-    IPOPT: the adaptive barrier, since plans start far from their solution; no bound is relaxed, since the limits of a
-    plan are reported as satisfied.
-    """
-    ipopt = {"acceptable_iter": 20, "bound_relax_factor": 0.0, "mu_strategy": "adaptive"}
-    tolerance = options.tolerance
-    return Settings(options.method, tolerance, min(1e-8, tolerance), options.max_iterations, {"ipopt": ipopt})

@@ -8,6 +8,7 @@ control and the transformed adjoint system, Numer. Math. 87 (2000), doi:10.1007/
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -16,108 +17,11 @@ _AHEAD = (0.0, 0.5, 0.5, 1.0)  # share of the step at which each slope is taken
 
 
 @dataclass(frozen=True)
-class _Stage:
-    """A stage of a step: its argument, the numbers it reads, and the sensitivities of the argument."""
-
-    z: ca.MX
-    d: ca.MX
-    by_z: ca.MX
-    slope: ca.MX
-
-
-def shooting_interval(flow: Term, ns: int, intervals: int, substeps: int) -> Term:
-    """The state at the end of an interval, and what the objective grows by.
-
-    Parameters
-    ----------
-    flow : Term
-        (z = [s, v, T], d) -> rates of s and of the objective, for time from 0 to 1.
-    ns : int
-        Number of states.
-    intervals, substeps : int
-        Intervals of the plan, and steps per interval.
-
-    Returns
-    -------
-    Term
-        (z, D (nd, 2 substeps + 1): numbers at half steps) -> [s at the end, increment of the objective].
-    """
-    h = 1.0 / (intervals * substeps)
-    z = ca.MX.sym("z", flow.value.numel_in(0))
-    d = ca.MX.sym("D", flow.value.numel_in(1), 2 * substeps + 1)
-    weights = ca.MX.sym("weights", ns + 1)
-    _, slope, stages = _steps(flow, z, d, ns, h, substeps)
-    hessian = _second_order(flow, stages, weights, ns, h)
-    inputs, names = [z, d], ["z", "d"]
-    value = _steps(flow, z, d, ns, h, substeps, derivatives=False)[0]
-    return Term(
-        ca.Function("interval", inputs, [value], names, ["o"]),
-        ca.Function("interval_jac", inputs, [slope], names, ["J"]),
-        ca.Function("interval_hess", [*inputs, weights], [hessian], [*names, "weights"], ["H"]),
-    )
-
-
-def _steps(
-    flow: Term, z: ca.MX, d: ca.MX, ns: int, h: float, substeps: int, *, derivatives: bool = True
-) -> tuple[ca.MX, ca.MX, list[_Stage]]:
-    """End, its sensitivities, and all stages."""
-    nz = z.numel()
-    state, held = ca.vertcat(z[:ns], 0.0), z[ns:]
-    by_z = ca.vertcat(ca.MX.eye(nz)[:ns, :], ca.MX.zeros(1, nz))
-    held_by_z = ca.MX.eye(nz)[ns:, :]
-    stages: list[_Stage] = []
-    for i in range(substeps):
-        k, k_by_z = ca.MX.zeros(ns + 1), ca.MX.zeros(ns + 1, nz)
-        total, total_by_z = state, by_z
-        for weight, ahead in zip(_WEIGHTS, _AHEAD, strict=True):
-            at = ca.vertcat(state[:ns] + ahead * h * k[:ns], held)
-            numbers = d[:, 2 * i + int(2 * ahead)]
-            k = flow.value(at, numbers)
-            if derivatives:
-                at_by_z = ca.vertcat(by_z[:ns, :] + ahead * h * k_by_z[:ns, :], held_by_z)
-                slope = flow.jacobian(at, numbers)
-                k_by_z = ca.mtimes(slope, at_by_z)
-                total_by_z = total_by_z + weight * h * k_by_z
-                stages.append(_Stage(at, numbers, at_by_z, slope))
-            total = total + weight * h * k
-        state, by_z = total, total_by_z
-    return state, by_z, stages
-
-
-def _second_order(flow: Term, stages: list[_Stage], weights: ca.MX, ns: int, h: float) -> ca.MX:
-    """Hessian of the weighted outputs, backwards over the stages."""
-    nz = stages[0].z.numel()
-    hessian = ca.MX.zeros(nz, nz)
-    after = weights
-    for first in range(len(stages) - 4, -1, -4):
-        pulled = ca.MX.zeros(ns)
-        before = after
-        for j in (3, 2, 1, 0):
-            stage = stages[first + j]
-            adjoint = _WEIGHTS[j] * h * after
-            if j < 3:
-                adjoint = adjoint + ca.vertcat(_AHEAD[j + 1] * h * pulled, 0.0)
-            pulled = ca.mtimes(stage.slope[:, :ns].T, adjoint)
-            before = before + ca.vertcat(pulled, 0.0)
-            inner = flow.hessian(stage.z, stage.d, adjoint)
-            hessian = hessian + ca.mtimes(stage.by_z.T, ca.mtimes(inner, stage.by_z))
-        after = before
-    return hessian
-
-
-@dataclass(frozen=True)
 class Term:
     """A function of unknowns and numbers with its derivatives.
 
-    Attributes
-    ----------
-    value : casadi.Function
-        (z, d) -> o (no).
-    jacobian : casadi.Function
-        (z, d) -> J (no, nz), dense.
-    hessian : casadi.Function
-        (z, d, weights (no)) -> H (nz, nz), dense and symmetric: that of the weighted sum of the outputs, or what
-        stands for it.
+    ``value`` is (z, d) -> o (no); ``jacobian`` (z, d) -> J (no, nz), dense; ``hessian`` (z, d, weights (no)) -> H
+    (nz, nz), dense and symmetric: that of the weighted sum of the outputs, or what stands for it.
     """
 
     value: ca.Function
@@ -131,18 +35,10 @@ class Term:
 
 
 def derived(name: str, z: ca.SX, d: ca.SX, o: ca.SX, *, exact: bool = True, squared: ca.SX | None = None) -> Term:
-    """A term from its expression.
+    """A term from its outputs o as expressions of unknowns z and numbers d.
 
-    Parameters
-    ----------
-    z, d : casadi.SX
-        Unknowns and numbers.
-    o : casadi.SX
-        Outputs.
-    exact : bool
-        False: the Hessian is that of Gauss and Newton, of the last output alone.
-    squared : casadi.SX, optional
-        Errors whose half sum of squares the last output is, for Gauss and Newton.
+    Where it is not ``exact``, the Hessian is that of Gauss and Newton, of the last output alone: half the sum of
+    squares of ``squared``.
     """
     outputs = ca.densify(ca.SX(o))
     weights = ca.SX.sym("weights", outputs.numel())
@@ -153,8 +49,83 @@ def derived(name: str, z: ca.SX, d: ca.SX, o: ca.SX, *, exact: bool = True, squa
         hessian = weights[-1] * ca.mtimes(slope.T, slope)
     else:
         hessian = ca.SX(z.numel(), z.numel())
+    # Dense, so that the assembly knows the place of every entry.
     return Term(
         ca.Function(name, [z, d], ca.cse([outputs]), ["z", "d"], ["o"]),
         ca.Function(f"{name}_jac", [z, d], ca.cse([ca.densify(ca.jacobian(outputs, z))]), ["z", "d"], ["J"]),
         ca.Function(f"{name}_hess", [z, d, weights], ca.cse([ca.densify(hessian)]), ["z", "d", "weights"], ["H"]),
     )
+
+
+class _Stage(NamedTuple):
+    """A stage of a step: its argument, the numbers it reads, the argument's sensitivities, and the flow's Jacobian."""
+
+    z: ca.MX
+    d: ca.MX
+    by_z: ca.MX
+    slope: ca.MX
+
+
+def shooting_interval(flow: Term, ns: int, intervals: int, substeps: int) -> Term:
+    """The state at the end of an interval, and what the objective grows by.
+
+    ``flow`` is (z = [s (ns), v, T], d) -> rates of s and of the objective, for time from 0 to 1. The term found is
+    (z, D (nd, 2 substeps + 1): numbers at half steps) -> [s at the end, increment of the objective].
+    """
+    h = 1.0 / (intervals * substeps)
+    z = ca.MX.sym("z", flow.value.numel_in(0))
+    d = ca.MX.sym("D", flow.value.numel_in(1), 2 * substeps + 1)
+    weights = ca.MX.sym("weights", ns + 1)
+    value, slope, stages = _steps(flow, z, d, ns, h, substeps)
+    hessian = _second_order(flow, stages, weights, ns, h)
+    inputs, names = [z, d], ["z", "d"]
+    return Term(
+        ca.Function("interval", inputs, [value], names, ["o"]),
+        ca.Function("interval_jac", inputs, [slope], names, ["J"]),
+        ca.Function("interval_hess", [*inputs, weights], [hessian], [*names, "weights"], ["H"]),
+    )
+
+
+def _steps(flow: Term, z: ca.MX, d: ca.MX, ns: int, h: float, substeps: int) -> tuple[ca.MX, ca.MX, list[_Stage]]:
+    """End, its sensitivities, and all stages."""
+    nz = z.numel()
+    # The last entry is the objective: it is summed up, and no stage reads it.
+    state, held = ca.vertcat(z[:ns], 0.0), z[ns:]
+    by_z = ca.vertcat(ca.MX.eye(nz)[:ns, :], ca.MX.zeros(1, nz))
+    held_by_z = ca.MX.eye(nz)[ns:, :]
+    stages: list[_Stage] = []
+    for i in range(substeps):
+        k, k_by_z = ca.MX.zeros(ns + 1), ca.MX.zeros(ns + 1, nz)
+        total, total_by_z = state, by_z
+        for weight, ahead in zip(_WEIGHTS, _AHEAD, strict=True):
+            at = ca.vertcat(state[:ns] + ahead * h * k[:ns], held)
+            at_by_z = ca.vertcat(by_z[:ns, :] + ahead * h * k_by_z[:ns, :], held_by_z)
+            numbers = d[:, 2 * i + int(2 * ahead)]
+            k, slope = flow.value(at, numbers), flow.jacobian(at, numbers)
+            k_by_z = ca.mtimes(slope, at_by_z)
+            stages.append(_Stage(at, numbers, at_by_z, slope))
+            total, total_by_z = total + weight * h * k, total_by_z + weight * h * k_by_z
+        state, by_z = total, total_by_z
+    return state, by_z, stages
+
+
+def _second_order(flow: Term, stages: list[_Stage], weights: ca.MX, ns: int, h: float) -> ca.MX:
+    """Hessian of the weighted outputs, backwards over the stages."""
+    nz = stages[0].z.numel()
+    hessian = ca.MX.zeros(nz, nz)
+    after = weights  # adjoint of the state at the end of a step
+    for first in range(len(stages) - 4, -1, -4):
+        pulled = ca.MX.zeros(ns)
+        before = after
+        for j in (3, 2, 1, 0):
+            stage = stages[first + j]
+            # A slope acts on the end of the step by its weight, and on the next stage's argument.
+            adjoint = _WEIGHTS[j] * h * after
+            if j < 3:
+                adjoint = adjoint + ca.vertcat(_AHEAD[j + 1] * h * pulled, 0.0)
+            pulled = ca.mtimes(stage.slope[:, :ns].T, adjoint)
+            before = before + ca.vertcat(pulled, 0.0)
+            inner = flow.hessian(stage.z, stage.d, adjoint)
+            hessian = hessian + ca.mtimes(stage.by_z.T, ca.mtimes(inner, stage.by_z))
+        after = before
+    return hessian

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +15,14 @@ from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.nlp import Attempt
 from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.guess import closing
-from continuum_grasp.planning.result import Plan, PlanStatus
+from continuum_grasp.planning.problem import PlanProblem
+from continuum_grasp.planning.result import Constraint, Plan, PlanStatus
 from continuum_grasp.planning.search import FEASIBLE, Search
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.plan import PlanScene
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
-
-from continuum_grasp.planning.problem import PlanProblem
-from continuum_grasp.planning.result import Constraint
 
 Array = NDArray[np.float64]
 
@@ -105,7 +103,7 @@ def plan(
 
 def _result(search: Search) -> Plan:
     """The best plan, or what comes nearest."""
-    problem, attempt, scene = search.problem, search.best, search.scene
+    problem, attempt, scene, motion = search.problem, search.best, search.scene, search.motion
     status, message, advice = PlanStatus.OPTIMAL, "solved", ""
     violated: tuple[str, ...] = ()
     if attempt is None:
@@ -119,11 +117,12 @@ def _result(search: Search) -> Plan:
     elif search.budget.cut:
         status = PlanStatus.FEASIBLE
         message = f"all constraints are satisfied at the nodes, but {_cut(search)} before the search was complete"
-    path = problem.path(attempt.x)
+    path, multipliers = problem.path(attempt.x), attempt.multipliers
     lead = "" if violated else _lead(scene, path.u, path.duration)
     warnings = [lead] if lead else []
     if search.interrupted:
         warnings.append("the search was interrupted")
+    tried = [*search.attempts, *((f"{name}, distance from the goal", a) for name, a in search.relaxed)]
     return Plan(
         scene=scene,
         status=status,
@@ -131,18 +130,26 @@ def _result(search: Search) -> Plan:
         t=np.linspace(0.0, path.duration, scene.intervals + 1),
         x=path.x,
         u=path.u,
-        objective=objective_of(problem, attempt),
-        constraints=constraints_of(problem, attempt),
+        # Without the smoothing that makes inputs of least time unique.
+        objective=path.duration if scene.objective == "least_time" else attempt.objective * motion.scales.objective,
+        constraints=_constraints(problem, attempt),
         iterations=attempt.iterations,
         violated=violated,
         advice=advice,
         warnings=tuple(warnings),
-        statistics=_statistics(search),
+        statistics={
+            "starts": [f"{name}: {a.outcome} after {a.iterations} iterations, {a.seconds:.2f} s" for name, a in tried],
+            "unknowns": search.problem.assembly.size,
+            "constraints": search.problem.assembly.count,
+            "substeps": search.problem.substeps,
+            "tightened": search.tightened,
+            "cut_short": search.budget.cut,
+        },
         solver_state={
             "w": attempt.x,
-            "bounds": attempt.multipliers.bounds,
-            "constraints": attempt.multipliers.constraints,
-            "units": search.motion.units,
+            "bounds": multipliers.bounds,
+            "constraints": multipliers.constraints,
+            "units": motion.units,
         },
     )
 
@@ -154,6 +161,7 @@ def _lead(scene: PlanScene, u: Array, duration: float) -> str:
     ``input.initial``) and at the last one too: a drive that takes an interval for each jump ends up to one later.
     """
     most = scene.input.rate_max
+    # Only least time gains by jumps, and inputs that are linear over an interval have none.
     if scene.objective != "least_time" or scene.input.form == "linear" or most is None:
         return ""
     first, last = (float(np.abs(jump).max()) for jump in (u[0] - np.array(scene.initial_input), u[-1] - u[-2]))
@@ -168,10 +176,10 @@ def _lead(scene: PlanScene, u: Array, duration: float) -> str:
 def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
     """Status, message, advice and what is violated."""
     found = search.diagnosis
-    if found is not None and not found.met and not search.budget.stopped:
+    if found is not None and not search.budget.stopped:
         return PlanStatus.INFEASIBLE, found.message, found.advice, found.violated
     last = search.attempts[-1][1]
-    broken = [c for c in constraints_of(search.problem, last).values() if c.excess > FEASIBLE]
+    broken = [c for c in _constraints(search.problem, last).values() if c.excess > FEASIBLE]
     violated = tuple(str(c) for c in sorted(broken, key=lambda c: -c.excess))
     advice = "give the solver more iterations, more intervals, another initial duration, or a warm start"
     if search.scene.object is not None:
@@ -180,19 +188,6 @@ def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
         )
     status = PlanStatus.TIMED_OUT if search.budget.stopped else PlanStatus.NOT_SOLVED
     return status, f"no plan was found: {_stopped(search, last)}", advice, violated
-
-
-def _statistics(search: Search) -> dict[str, Any]:
-    assembly = search.problem.assembly
-    tried = [*search.attempts, *((f"{name}, distance from the goal", a) for name, a in search.relaxed)]
-    return {
-        "starts": [f"{name}: {a.outcome} after {a.iterations} iterations, {a.seconds:.2f} s" for name, a in tried],
-        "unknowns": assembly.size,
-        "constraints": assembly.count,
-        "substeps": search.problem.substeps,
-        "tightened": search.tightened,
-        "cut_short": search.budget.cut,
-    }
 
 
 def _cut(search: Search) -> str:
@@ -213,38 +208,29 @@ def _stopped(search: Search, attempt: Attempt) -> str:
     }.get(attempt.outcome, f"the solver ended with {attempt.outcome}")
 
 
-def constraints_of(problem: PlanProblem, attempt: Attempt) -> dict[str, Constraint]:
+def _constraints(problem: PlanProblem, attempt: Attempt) -> dict[str, Constraint]:
     """All constraints by name, in physical units."""
     motion, assembly = problem.motion, problem.assembly
     unit_cost, lam = motion.scales.objective, attempt.multipliers
     found = {}
+
+    def add(name: str, key: str, unit: str, scale: Array, values: Array, low: Array, high: Array, force: Array) -> None:
+        # A multiplier is objective per bound: its unit is the quotient of both units of the problem.
+        bounds = values * scale, low * scale, high * scale
+        found[name] = Constraint(name, key, unit, *bounds, force * unit_cost / scale)
+
     for block in assembly.blocks:
-        values = problem.bounds.values(attempt.x, attempt.g, block)
-        found[block.name] = Constraint(
-            block.name,
-            block.key,
-            block.unit,
-            values * block.scale,
-            block.lower * block.scale,
-            block.upper * block.scale,
-            lam.constraints[block.rows] * unit_cost / block.scale,
-        )
-    unit = "N m" if motion.nu == 1 else "N"
+        values, force = problem.bounds.values(attempt.x, attempt.g, block), lam.constraints[block.rows]
+        add(block.name, block.key, block.unit, block.scale, values, block.lower, block.upper, force)
+    unit = motion.input_unit
     of_input = "finger.tendons" if motion.nu == 2 else "input.moment_max"
-    bounded = [("input", of_input, unit, problem.inputs, motion.scales.u)]
-    bounded.append(("duration", "duration", "s", problem.grid.time, np.array([motion.scales.time])))
+    of_columns = [
+        ("input", of_input, unit, problem.inputs, motion.scales.u),
+        ("duration", "duration", "s", problem.grid.time, np.array([motion.scales.time])),
+    ]
     if motion.linear and motion.scene.input.rate_max is not None:
-        bounded.append(("input rate", "input.rate_max", f"{unit}/s", problem.grid.v, motion.scales.rate))
+        of_columns.append(("input rate", "input.rate_max", f"{unit}/s", problem.grid.v, motion.scales.rate))
     low, high = np.array(assembly.low), np.array(assembly.high)
-    for name, key, unit, columns, scale in bounded:
-        parts = (attempt.x[columns] * scale, low[columns] * scale, high[columns] * scale)
-        found[name] = Constraint(name, key, unit, *parts, lam.bounds[columns] * unit_cost / scale)
+    for name, key, unit, columns, scale in of_columns:
+        add(name, key, unit, scale, *(v[columns] for v in (attempt.x, low, high, lam.bounds)))
     return found
-
-
-def objective_of(problem: PlanProblem, attempt: Attempt) -> float:
-    """The objective in its own unit, without what makes inputs unique."""
-    motion = problem.motion
-    if motion.scene.objective == "least_time":
-        return problem.path(attempt.x).duration
-    return attempt.objective * motion.scales.objective

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
 
-    from continuum_grasp.sweeps.maps import Front, GridMap, ScatterMap
+    from continuum_grasp.sweeps.maps import Front, Map
 
 _HATCHES = ("////", "....", "xxxx", "\\\\\\\\", "oooo", "++++", "----")
 _MARKERS = ("x", "+", "v", "s", "^", "d", "1")
@@ -22,12 +22,12 @@ _SHADES = ("#BFBFBF", "#D9D9D9", "#CFC4B8", "#C3CBD3", "#D8C8D0", "#C9D3C3", "#E
 """Distinguish reasons why there is no grasp, in print too: none is a color of the quantity's scale."""
 
 
-def plot_map(drawn: GridMap | ScatterMap, *, ax: Axes | None = None) -> Axes:
+def plot_map(drawn: Map, *, ax: Axes | None = None) -> Axes:
     """Draw a quantity over two columns in color; places without a grasp are hatched, or crossed, by reason.
 
     Parameters
     ----------
-    drawn : GridMap or ScatterMap
+    drawn : Map
         Of `continuum_grasp.sweeps.maps`.
     ax : matplotlib.axes.Axes, optional
         Where to draw; new axes where not given.
@@ -40,10 +40,10 @@ def plot_map(drawn: GridMap | ScatterMap, *, ax: Axes | None = None) -> Axes:
     --------
     >>> import numpy as np
     >>> from continuum_grasp import plotting
-    >>> from continuum_grasp.sweeps.maps import ScatterMap
+    >>> from continuum_grasp.sweeps.maps import Map
     >>> labels = "diameter [m]", "friction [1]", "tension [N]"
     >>> points = np.array([0.07, 0.08]), np.array([0.3, 0.4]), np.array([5.0, 4.0]), np.array(["", ""])
-    >>> ax = plotting.plot_map(ScatterMap(*points, labels))
+    >>> ax = plotting.plot_map(Map(*points, labels))
     >>> ax.get_xlabel()
     'diameter [m]'
     """
@@ -110,7 +110,7 @@ def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _draw_grid(ax: Axes, drawn: GridMap | ScatterMap, kinds: list[str]) -> ScalarMappable:
+def _draw_grid(ax: Axes, drawn: Map, kinds: list[str]) -> ScalarMappable:
     from matplotlib.colors import ListedColormap
 
     x, y = _edges(drawn.x), _edges(drawn.y)
@@ -132,7 +132,7 @@ def _draw_grid(ax: Axes, drawn: GridMap | ScatterMap, kinds: list[str]) -> Scala
     return shown
 
 
-def _draw_points(ax: Axes, drawn: GridMap | ScatterMap, kinds: list[str]) -> ScalarMappable:
+def _draw_points(ax: Axes, drawn: Map, kinds: list[str]) -> ScalarMappable:
     size = 26.0 if len(drawn.x) < 2000 else 6.0
     for k, kind in enumerate(kinds):
         here = drawn.kind == kind

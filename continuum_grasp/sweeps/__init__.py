@@ -1,7 +1,6 @@
 """Many grasps from one scene: grids and random draws, on as many processes as there are."""
 
-from continuum_grasp.sweeps.progress import Progress
-from continuum_grasp.sweeps.run import sweep
+from continuum_grasp.sweeps.run import Progress, sweep
 from continuum_grasp.sweeps.table import SweepTable, sweep_table
 
 __all__ = ["Progress", "SweepTable", "sweep", "sweep_table"]

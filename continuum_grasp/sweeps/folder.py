@@ -1,11 +1,16 @@
-"""The folder of a sweep: its plan, its table as it grows, and the runs; one process works in it at a time."""
+"""The folder of a sweep: its plan, its table as it grows, and the runs; one process works in it at a time.
+
+A row of the table is a line of JSON that states whether it is whole, so that a killed process spoils none.
+"""
 
 from __future__ import annotations
 
 import json
+import mmap
 import os
 import shutil
 import time
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -17,29 +22,23 @@ from continuum_grasp.results.atomic import naming
 from continuum_grasp.results.record import created_now, versions
 from continuum_grasp.scene.document import refuse_what_is_no_file
 from continuum_grasp.sweeps.plan import Plan, differences
-from continuum_grasp.sweeps.quantities import decode
 
 PLAN = "sweep.json"
 TABLE = "table.jsonl"
 _LOCK = ".lock"
 _FLUSH_SECONDS = 2.0
 """Time between two writes to the disk [s]: what a loss of power can cost."""
+_TAIL = len(b',"check":"00000000"}\n')
+SOLVED = ("optimal", "feasible")
+"""Statuses that mean a verified grasp."""
 _ABOUT = ("name", "created", "versions", "columns", "units", "pictures")
 """Entries of the stored plan that do not decide what is computed."""
 
 
 def store_plan(folder: Path, plan: Plan) -> list[str]:
-    """Write the plan into a new folder, or compare it with the one that is there.
+    """Write the plan into a new folder, or compare it with the one that is there: what to know before work goes on.
 
-    Returns
-    -------
-    list of str
-        What to know before the work goes on.
-
-    Raises
-    ------
-    InputError
-        The folder holds a sweep of another plan, or a table without one.
+    Another plan in it, or a table without one, raises an InputError.
     """
     new, pictures = plan.as_json(), plan.pictures
     if not (folder / PLAN).exists():
@@ -59,7 +58,7 @@ def store_plan(folder: Path, plan: Plan) -> list[str]:
             + ". Take another folder, or remove this one to begin anew",
             file=str(folder),
         )
-    if old.get("pictures") != pictures:
+    if old.get("pictures") != pictures:  # which decide nothing that is computed
         begin_run(folder, "sweep", retained=(PLAN,))
         _write(folder, {**old, "pictures": pictures})
     was, now = old.get("versions", {}), versions()
@@ -72,13 +71,7 @@ def _write(folder: Path, plan: Mapping[str, Any]) -> None:
 
 
 def read_plan(folder: Path) -> dict[str, Any]:
-    """The plan that a folder holds.
-
-    Raises
-    ------
-    InputError
-        There is none, or it cannot be read.
-    """
+    """The plan that a folder holds. Raises an InputError where there is none, or it cannot be read."""
     path = folder / PLAN
     refuse_what_is_no_file(path)
     try:
@@ -92,19 +85,36 @@ def read_plan(folder: Path) -> dict[str, Any]:
     return found
 
 
-def lines_of(path: Path) -> Iterator[tuple[int, bytes, dict[str, Any]]]:
-    """Place in the file, line and row of every whole line of a table; torn and damaged lines are left out."""
-    refuse_what_is_no_file(path)
+def encode(row: Mapping[str, Any]) -> bytes:
+    """A row as a line of JSON that ends with the CRC-32 of what stands before it."""
+    text = json.dumps(row, separators=(",", ":"), ensure_ascii=True, allow_nan=False).encode("ascii")
+    return b'%s,"check":"%08x"}\n' % (text[:-1], zlib.crc32(text))
+
+
+def decode(line: bytes) -> dict[str, Any] | None:
+    """The row of a line; None where the line is torn or damaged."""
+    body, tail = line[:-_TAIL] + b"}", line[-_TAIL:]
+    if tail != b',"check":"%08x"}\n' % zlib.crc32(body):
+        return None
     try:
-        file = open(path, "rb")  # noqa: SIM115
-    except FileNotFoundError:
-        return
-    with file:
-        place = 0
+        row = json.loads(body)
+    except ValueError:
+        return None
+    return row if isinstance(row, dict) else None
+
+
+def rows_of(folder: Path, count: int) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Place in the table's file, and row, of each of ``count`` scenes that has one; damaged lines are left out."""
+    path, seen, place = folder / TABLE, bytearray(count), 0
+    refuse_what_is_no_file(path)
+    with suppress(FileNotFoundError), open(path, "rb") as file:
         for line in file:
             row = decode(line)
-            if row is not None:
-                yield place, line, row
+            index = None if row is None else row.get("index")
+            # The first row counts: where the file system has no locks, two processes may have worked on a scene.
+            if row is not None and isinstance(index, int) and 0 <= index < count and not seen[index]:
+                seen[index] = 1
+                yield place, row
             place += len(line)
 
 
@@ -112,26 +122,25 @@ class TableFile:
     """The growing table: whole lines are appended, each in one write, and nothing in it is ever changed.
 
     Every line is handed to the system at once, so that a killed process loses none; the disk is asked to keep them
-    every two seconds, so that a power cut costs no more than that.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        A torn line at its end, of a process that was killed, is cut off.
+    every two seconds, so that a power cut costs no more than that. A torn line at its end, of a process that was
+    killed, is cut off.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         refuse_what_is_no_file(path)
         self._handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0), 0o644)
-        _cut_torn_end(self._handle)
+        if os.fstat(self._handle).st_size:
+            with mmap.mmap(self._handle, 0, access=mmap.ACCESS_READ) as content:
+                whole = content.rfind(b"\n") + 1
+            os.ftruncate(self._handle, whole)
         self._flushed = time.monotonic()
 
     def append(self, lines: bytes) -> None:
         """Add whole lines."""
         view = memoryview(lines)
         with naming(self._path):
-            while view:
+            while view:  # the system may take a part of it
                 view = view[os.write(self._handle, view) :]
             if time.monotonic() - self._flushed > _FLUSH_SECONDS:
                 os.fsync(self._handle)
@@ -173,10 +182,7 @@ def write_run_files(folder: Path, index: int, files: Mapping[str, bytes]) -> Non
 def locked(folder: Path) -> Iterator[None]:
     """Keep other processes from working in the folder; the system lets go of it when this one ends, however it ends.
 
-    Raises
-    ------
-    InputError
-        Another process works in it.
+    Raises an InputError where one does.
     """
     folder.mkdir(parents=True, exist_ok=True)
     refuse_what_is_no_file(folder / _LOCK)
@@ -187,21 +193,16 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _lock(file: IO[bytes]) -> bool:
-    try:
-        import fcntl
-    except ImportError:
-        return _lock_elsewhere(file)
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:  # file systems without locks
-        return True
-    return True
-
-
-def _lock_elsewhere(file: IO[bytes]) -> bool:
+    """Whether the file could be locked; where the system or the file system has no locks, any process may work."""
     with suppress(ImportError):
+        import fcntl
+
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            return not isinstance(error, BlockingIOError)
+        return True
+    with suppress(ImportError):  # Windows
         import msvcrt
 
         file.seek(0)
@@ -210,19 +211,3 @@ def _lock_elsewhere(file: IO[bytes]) -> bool:
         except OSError:
             return False
     return True
-
-
-def _cut_torn_end(handle: int) -> None:
-    """Cut off what stands behind the last end of a line."""
-    end = os.lseek(handle, 0, os.SEEK_END)
-    place = end
-    while place > 0:
-        start = max(0, place - 65536)
-        os.lseek(handle, start, os.SEEK_SET)
-        found = os.read(handle, place - start).rfind(b"\n")
-        if found >= 0:
-            place = start + found + 1
-            break
-        place = start
-    if place < end:
-        os.ftruncate(handle, place)

@@ -34,88 +34,51 @@ _REDUCE: dict[str, Callable[[NDArray[np.float64]], Any]] = {
 
 
 @dataclass(frozen=True)
-class GridMap:
-    """A quantity over two keys of a grid.
-
-    Attributes
-    ----------
-    x, y : ndarray, shape (nx,), (ny,)
-        Values of the keys in the order of the picture, numbers or words.
-    color : ndarray, shape (ny, nx)
-        The quantity; NaN where there is no grasp.
-    kind : ndarray of str, shape (ny, nx)
-        Why there is none; empty where there is one, or no row yet.
-    labels : (str, str, str)
-        Of x, y and color, with units.
-    """
+class Map:
+    """A quantity over two keys of a grid, or over two columns that lie anywhere: then all arrays are (rows,)."""
 
     x: NDArray[Any]
+    """Values of the key (nx,) in the order of the picture, numbers or words."""
     y: NDArray[Any]
+    """The same (ny,)."""
     color: NDArray[np.float64]
+    """The quantity (ny, nx); NaN where there is no grasp."""
     kind: NDArray[np.str_]
+    """Why there is none (ny, nx); empty where there is one, or no row yet."""
     labels: tuple[str, str, str]
-
-
-@dataclass(frozen=True)
-class ScatterMap:
-    """A quantity over two columns that lie anywhere; all arrays of shape (rows,), as in `GridMap`."""
-
-    x: NDArray[Any]
-    y: NDArray[Any]
-    color: NDArray[np.float64]
-    kind: NDArray[np.str_]
-    labels: tuple[str, str, str]
+    """Of x, y and color, with units."""
 
 
 @dataclass(frozen=True)
 class Front:
-    """Two quantities of all grasps, and those that no other beats in both.
-
-    Attributes
-    ----------
-    x, y : ndarray, shape (rows,)
-    color : ndarray, shape (rows,), or None
-    best : ndarray of int, shape (n,)
-        Positions of the front in x and y, with increasing x.
-    labels : (str, str, str)
-        Of x, y and color, with units.
-    best_words : str
-        Which way is better.
-    """
+    """Two quantities of all grasps (rows,), and those that no other beats in both."""
 
     x: NDArray[np.float64]
     y: NDArray[np.float64]
     color: NDArray[np.float64] | None
     best: NDArray[np.int64]
+    """Positions of the front in x and y (n,), with increasing x."""
     labels: tuple[str, str, str]
+    """Of x, y and color, with units."""
     best_words: str
+    """Which way is better."""
 
 
-def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median") -> GridMap | ScatterMap:
+def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median") -> Map:
     """A map of a quantity: over the grid where both keys belong to it, else point by point.
 
-    Parameters
-    ----------
-    table : SweepTable
-    x, y, color : str
-        Columns.
-    reduce : {"median", "mean", "least", "greatest"}
-        What a place of the grid shows where several grasps share it.
-
-    Raises
-    ------
-    InputError
-        There is no such column.
+    ``reduce`` ("median", "mean", "least" or "greatest") is what a place of the grid shows that several grasps share.
     """
     labels = _label(table, x), _label(table, y), _label(table, color)
     shown = np.where(table.solved, _numbers(table[color]), np.nan)
     kinds = np.where(table.solved, "", table.kinds)
     if not {x, y} <= set(table.grid_keys):
-        return ScatterMap(table[x], table[y], shown, kinds, labels)
+        return Map(table[x], table[y], shown, kinds, labels)
     xs, column = _places(table[x])
     ys, row = _places(table[y])
     color_at = np.full((len(ys), len(xs)), np.nan)
     kind_at = np.full(color_at.shape, "", dtype=object)
+    # Rows of one place stand together after sorting: one pass, also for millions of rows.
     order = np.lexsort((column, row))
     cells = row[order] * len(xs) + column[order]
     starts = np.flatnonzero(np.diff(cells, prepend=-1))
@@ -125,21 +88,15 @@ def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median"
         if len(there):
             color_at[place] = _REDUCE[reduce](there)
         else:
-            names, counts = np.unique(kinds[rows], return_counts=True)
+            names, counts = np.unique(kinds[rows], return_counts=True)  # the most frequent reason
             kind_at[place] = names[np.argmax(counts)]
-    return GridMap(xs, ys, color_at, kind_at.astype(str), labels)
+    return Map(xs, ys, color_at, kind_at.astype(str), labels)
 
 
 def front_of(
     table: SweepTable, x: str, y: str, x_best: str = "least", y_best: str = "least", color: str | None = None
 ) -> Front:
-    """Two quantities of all grasps, and the Pareto front.
-
-    Raises
-    ------
-    InputError
-        There is no such column.
-    """
+    """Two quantities of all grasps, and the Pareto front."""
     solved = table.solved
     xs, ys = _numbers(table[x])[solved], _numbers(table[y])[solved]
     shades = None if color is None else _numbers(table[color])[solved]
@@ -155,17 +112,9 @@ def pareto(
 ) -> NDArray[np.int64]:
     """Positions of the points that no other point beats: none is as good in both and better in one.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-    x_greatest, y_greatest : bool
-        Whether greater is better.
-
-    Returns
-    -------
-    ndarray of int, shape (m,)
-        With increasing x; of equal points the first.
+    With increasing x; of equal points the first.
     """
+    # Sorted by x, a point belongs to the front where its y is less than that of all before it.
     a, b = (-x if x_greatest else x), (-y if y_greatest else y)
     found, least = [], np.inf
     for k in np.lexsort((np.arange(len(a)), b, a)):
@@ -176,17 +125,7 @@ def pareto(
 
 
 def draw_pictures(table: SweepTable, pictures: Mapping[str, Sequence[Mapping[str, Any]]], folder: Path) -> list[Path]:
-    """Draw the ``maps`` and the ``pareto`` pictures that a configuration asks for into a folder.
-
-    Returns
-    -------
-    list of pathlib.Path
-
-    Raises
-    ------
-    InputError
-        There is no column of a name.
-    """
+    """Draw the ``maps`` and the ``pareto`` pictures that a configuration asks for into a folder."""
     from continuum_grasp.results import save_picture
 
     plot_map, plot_front = (maker_of(f"plotting.sweep:{name}") for name in ("plot_map", "plot_front"))

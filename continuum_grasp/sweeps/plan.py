@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from statistics import NormalDist
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.results.plain import plain
 from continuum_grasp.scene.assembly import Overrides, apply_override, placed, read_overrides, validated
 from continuum_grasp.scene.document import KeyPath, Place
 from continuum_grasp.scene.load import load_placed
@@ -36,24 +38,10 @@ class Point:
 
 
 class Plan:
-    """The scenes of a sweep, one by one.
+    """The scenes of a sweep, one by one; ``variation`` is the same sweep, resolved.
 
-    Parameters
-    ----------
-    sweep : Sweep
-    variation : Variation
-        The same, resolved.
-
-    Attributes
-    ----------
-    keys : tuple of str
-        The varied keys: of the grid, drawn, and following.
-    paths : tuple of tuple
-        Where they lie in the scene.
-    columns : tuple of str
-        Names of the numbers that every run gives.
-    units : dict of str to str
-        Of keys and columns, where known.
+    ``keys`` are the varied keys: of the grid, drawn, and following; ``paths`` is where they lie in the scene.
+    ``columns`` are the numbers that every run gives, ``units`` those of keys and columns, where known.
     """
 
     def __init__(self, sweep: Sweep, variation: Variation) -> None:
@@ -65,7 +53,7 @@ class Plan:
         self.units = {**QUANTITIES, **{one.key: one.unit for one in varied}}
         self._counts = [len(axis.values) for axis in variation.axes]
         self._sources = [self.keys.index(tie.source) for tie in variation.ties]
-        self._drawn: tuple[int, NDArray[np.float64]] | None = None
+        self._seed = 0 if sweep.sample is None else sweep.sample.seed
         self._shift = np.random.default_rng(self._seed).random(len(variation.draws))
 
     def __len__(self) -> int:
@@ -76,10 +64,11 @@ class Plan:
 
     def point(self, index: int) -> Point:
         """The scene of a number: draws change fastest, then the last key of the grid."""
+        # Every place of the grid meets the same draws: differences between places are not those of samples.
         place, draw = divmod(index, 1 if self.sweep.sample is None else self.sweep.sample.count)
         values: list[Any] = []
         labels: list[Any] = []
-        for axis, k in zip(self.variation.axes, self._places(place), strict=True):
+        for axis, k in zip(self.variation.axes, np.unravel_index(place, self._counts), strict=True):
             values.append(axis.values[k])
             labels.append(axis.labels[k])
         if self.variation.draws:
@@ -88,14 +77,13 @@ class Plan:
                 values.append(value)
                 labels.append(label)
         for tie, source in zip(self.variation.ties, self._sources, strict=True):
+            # 15 digits: 0.1 times 3 is 0.3 in the table.
             values.append(float(f"{tie.times * values[source] + tie.plus:.15g}"))
             labels.append(values[-1])
         return Point(index, tuple(values), tuple(labels))
 
     def as_json(self) -> dict[str, Any]:
         """What decides which scenes there are and what their rows hold, as plain data."""
-        from continuum_grasp.results.plain import plain
-
         sample = self.sweep.sample
         found: dict[str, Any] = plain(
             {
@@ -127,43 +115,34 @@ class Plan:
         """The pictures that the configuration asks for, as plain data."""
         return {name: [one.model_dump() for one in getattr(self.sweep, name)] for name in ("maps", "pareto")}
 
-    def _places(self, place: int) -> list[int]:
-        found = []
-        for count in reversed(self._counts):
-            place, k = divmod(place, count)
-            found.append(k)
-        return found[::-1]
-
-    @property
-    def _seed(self) -> int:
-        return 0 if self.sweep.sample is None else self.sweep.sample.seed
-
     def _shares(self, draw: int) -> NDArray[np.float64]:
         """Numbers between 0 and 1, one per drawn key."""
         count = len(self.variation.draws)
         if self.sweep.sample is not None and self.sweep.sample.method == "halton":
             from scipy.stats.qmc import Halton
 
-            # The first point of the sequence is the corner 0 and left out.
+            # The first point of the sequence is the corner 0 and left out; a seed shifts all points alike, modulo 1.
             point = Halton(count, scramble=False).fast_forward(draw + 1).random()[0]
             return np.asarray((point + self._shift) % 1.0)
         block, row = divmod(draw, _BLOCK)
-        if self._drawn is None or self._drawn[0] != block:
-            self._drawn = block, np.random.default_rng([self._seed, block]).random((_BLOCK, count))
-        return np.asarray(self._drawn[1][row])
+        return np.asarray(_drawn(self._seed, block, count)[row])
+
+
+@lru_cache(maxsize=1)
+def _drawn(seed: int, block: int, count: int) -> NDArray[np.float64]:
+    """A block of random rows."""
+    return np.random.default_rng([seed, block]).random((_BLOCK, count))
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any], most: int = 6) -> list[str]:
     """What differs between two plans, in words, key by key."""
     a, b = _leaves(old), _leaves(new)
     found = []
-    for key in [*a, *(key for key in b if key not in a)]:
-        if key not in b:
-            found.append(f"{key}: {_short(a[key])} there, not given here")
-        elif key not in a:
-            found.append(f"{key}: not given there, {_short(b[key])} here")
-        elif a[key] != b[key]:
-            found.append(f"{key}: {_short(a[key])} there, {_short(b[key])} here")
+    for key in {**a, **b}:
+        there = f"{_short(a[key])} there" if key in a else "not given there"
+        here = f"{_short(b[key])} here" if key in b else "not given here"
+        if key not in a or key not in b or a[key] != b[key]:
+            found.append(f"{key}: {there}, {here}")
     return found[:most] + ([f"and {len(found) - most} more"] if len(found) > most else [])
 
 
@@ -177,6 +156,7 @@ def _value(draw: Random, share: float) -> tuple[Any, Any]:
     elif draw.kind == "log_uniform":
         value = math.exp(math.log(low) + (math.log(high) - math.log(low)) * share)
     else:
+        # The share 0 is possible, and has no finite value.
         value = NormalDist(low, high).inv_cdf(min(max(share, 1e-15), 1.0 - 1e-15))
     return value, value
 
@@ -204,13 +184,7 @@ def keys_of(plan: Mapping[str, Any]) -> list[str]:
 
 
 def plan_of(config: str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides = ()) -> Plan:
-    """The scenes of a configuration.
-
-    Raises
-    ------
-    InputError
-        It is no sweep, or something in it is wrong.
-    """
+    """The scenes of a configuration. Raises an InputError where it is no sweep, or something in it is wrong."""
     if isinstance(config, Mapping):
         document, file = placed(config, Place("sweep")), Path("sweep")
         for path, new in read_overrides(overrides):

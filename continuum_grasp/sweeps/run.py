@@ -8,6 +8,8 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +18,8 @@ from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted,
 from continuum_grasp.results import begin_run
 from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, lines_of, locked, store_plan, write_run_files
+from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, locked, rows_of, store_plan, write_run_files
 from continuum_grasp.sweeps.plan import Plan, Point, plan_of
-from continuum_grasp.sweeps.progress import Pace, Progress
 from continuum_grasp.sweeps.table import SweepTable, sweep_table, write_csv
 from continuum_grasp.sweeps.worker import Job, Keep, Outcome, dask_pool, row_of_crash, run_chunk, solve
 from continuum_grasp.workers import ExecutorPool, ProcessPool, WorkerPool, checked_count, cores
@@ -29,8 +30,54 @@ _MOST_IN_A_CHUNK = 64
 """Scenes per chunk [1]: these are tried again one by one where their worker dies."""
 _REPORT_SECONDS = 0.2
 """Least time between two reports of progress [s]."""
+_WINDOW = 60.0
+"""Time over which the pace is averaged [s]: scenes of a grid differ in cost, neighbors do not."""
 _TRIES = 2
 """Times that a scene may end its worker: once with others, and once alone."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a sweep stands.
+
+    Attributes
+    ----------
+    done, total : int
+        Rows in the table, and rows that there will be.
+    new : int
+        Rows of this call.
+    seconds : float
+        Since it began [s].
+    rate : float
+        Rows per second of the last minute; 0 before the first.
+    remaining : float or None
+        Time left at this rate [s].
+    counts : mapping of str to int
+        Rows by status.
+    """
+
+    done: int
+    total: int
+    new: int
+    seconds: float
+    rate: float
+    remaining: float | None
+    counts: Mapping[str, int]
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        left = "" if self.remaining is None else f", {_clock(self.remaining)} left"
+        kinds = ", ".join(f"{count} {status}" for status, count in sorted(self.counts.items()))
+        return f"{self.done} of {self.total}, {self.rate:.3g}/s{left}" + (f" ({kinds})" if kinds else "")
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours} h {minutes:02d} min"
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
 
 
 @interrupt.listening()
@@ -105,6 +152,7 @@ def sweep(
     plan = plan_of(config, overrides)
     target = _folder(config, folder)
     with locked(target):
+        # The plan comes before any row: a table is never without the plan that it is of.
         notes = store_plan(target, plan)
         job = Job(plan.variation.base, plan.keys, plan.paths, plan.sweep.record, keep, evaluate or solve)
         run = _Run(plan, job, target, progress)
@@ -118,17 +166,14 @@ def sweep(
 
 class _Run:
     def __init__(self, plan: Plan, job: Job, folder: Path, progress: Callable[[Progress], None] | None) -> None:
-        self.plan, self.job, self.folder, self.tell = plan, job, folder, progress
+        self.plan, self.job, self.folder, self.listener = plan, job, folder, progress
         self.there = bytearray(len(plan))
         self.counts: Counter[str] = Counter()
         self.file = TableFile(folder / TABLE)
-        for _, _, row in lines_of(folder / TABLE):
-            index = row.get("index")
-            if isinstance(index, int) and 0 <= index < len(plan) and not self.there[index]:
-                self.there[index] = 1
-                self.counts[row["status"]] += 1
+        for _, row in rows_of(folder, len(plan)):
+            self.there[row["index"]] = 1
+            self.counts[row["status"]] += 1
         self.done = self.before = sum(self.there)
-        self.pace = Pace(len(plan), self.done)
         self.flying: dict[Future[list[Outcome]], list[Point]] = {}
         self.again: deque[Point] = deque()
         self.tries: Counter[int] = Counter()
@@ -136,20 +181,17 @@ class _Run:
         self.each: float | None = None
         self.busy = 0.0
         self.began = self.reported = time.monotonic()
+        self.marks = deque([(self.began, self.done)])
 
     def go(self, pool: WorkerPool) -> None:
         """Work until every scene has its row.
 
-        Raises
-        ------
-        SolverError
-            The workers are gone, or cannot do the work.
-        Interrupted
-            Ctrl-C.
+        Raises a SolverError where the workers are gone or cannot do the work, and Interrupted on Ctrl-C.
         """
         finished = False
         try:
             while self._fill(pool):
+                # At most a second, so that progress is reported also while nothing ends.
                 back = wait(self.flying, timeout=1.0, return_when=FIRST_COMPLETED).done
                 outcomes = [outcome for future in back for outcome in self._taken(pool, future)]
                 self._fill(pool)  # idle workers get work before anything is written
@@ -185,15 +227,16 @@ class _Run:
             return [self.again.popleft()]
         size = 1
         if self.each is not None:
+            # A third of a worker's share of what is left: chunks shrink, so that all workers end together.
             left = len(self.plan) - self.done
             size = int(min(_CHUNK_SECONDS / max(self.each, 1e-4), left / (3 * workers), _MOST_IN_A_CHUNK))
-        return [self.plan.point(index) for _, index in zip(range(max(1, size)), self.fresh, strict=False)]
+        return [self.plan.point(index) for index in islice(self.fresh, max(1, size))]
 
     def _taken(self, pool: WorkerPool, future: Future[list[Outcome]]) -> list[Outcome]:
         points = self.flying.pop(future)
         try:
             outcomes = future.result()
-        except ContinuumGraspError:
+        except ContinuumGraspError:  # a column that grasps do not have: no row can have it
             raise
         except CancelledError as error:
             raise self._stopped("the scheduler is gone") from error
@@ -202,7 +245,7 @@ class _Run:
                 raise self._stopped(f"a worker cannot do the work: {type(error).__name__}: {error}") from error
             return self._suspected(points)
         seconds = sum(outcome.seconds for outcome in outcomes)
-        mean = seconds / len(outcomes)
+        mean = seconds / len(outcomes)  # neighbors cost alike, so that the last chunks foretell the next one
         self.each = mean if self.each is None else 0.5 * (self.each + mean)
         self.busy += seconds
         return outcomes
@@ -221,9 +264,9 @@ class _Run:
     def _write(self, outcomes: Sequence[Outcome]) -> None:
         lines = []
         for outcome in outcomes:
-            if self.there[outcome.index]:
+            if self.there[outcome.index]:  # a cluster may compute a scene twice
                 continue
-            if outcome.files:
+            if outcome.files:  # before the row: a scene with a row is never computed again
                 write_run_files(self.folder, outcome.index, outcome.files)
             lines.append(outcome.line)
             self.there[outcome.index] = 1
@@ -232,9 +275,22 @@ class _Run:
         self.file.append(b"".join(lines))
 
     def _report(self, last: bool = False) -> None:
-        if self.tell is not None and (last or time.monotonic() - self.reported > _REPORT_SECONDS):
-            self.tell(self.pace.progress(self.done, self.counts))
+        if self.listener is not None and (last or time.monotonic() - self.reported > _REPORT_SECONDS):
+            self.listener(self._progress())
             self.reported = time.monotonic()
+
+    def _progress(self) -> Progress:
+        now, marks = time.monotonic(), self.marks
+        if marks[-1][1] == self.before < self.done:  # workers needed their time to start
+            marks.clear()
+        marks.append((now, self.done))
+        while len(marks) > 2 and now - marks[0][0] > _WINDOW:
+            marks.popleft()
+        since, before = marks[0]
+        rate = (self.done - before) / (now - since) if self.done > before and now > since else 0.0
+        left = (len(self.plan) - self.done) / rate if rate > 0 else None
+        new, seconds = self.done - self.before, now - self.began
+        return Progress(self.done, len(self.plan), new, seconds, rate, left, dict(self.counts))
 
     def _stopped(self, what: str) -> SolverError:
         return SolverError(
@@ -259,5 +315,6 @@ def _pool(executor: Executor | None, scheduler: str | None, count: int | None) -
         return dask_pool(scheduler)
     if executor is None:
         return nullcontext(ProcessPool(count or cores()))
+    # Executors of the standard library have their number under this name.
     known = count or getattr(executor, "_max_workers", None) or cores()
     return nullcontext(ExecutorPool(executor, lambda: known))

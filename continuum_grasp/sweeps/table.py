@@ -18,10 +18,10 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.results import replacing
 from continuum_grasp.results.result import maker_of
 from continuum_grasp.scene.problems import nearest
-from continuum_grasp.sweeps.folder import TABLE, lines_of, read_plan, run_path
+from continuum_grasp.sweeps.folder import SOLVED, TABLE, decode, read_plan, rows_of, run_path
 from continuum_grasp.sweeps.plan import keys_of
-from continuum_grasp.sweeps.quantities import SOLVED, decode
 
+CSV = "table.csv"
 _WORDS = ("scene", "status", "reason", "message")
 
 
@@ -160,32 +160,23 @@ def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any]
     plan = read_plan(target)
     keys, numbers = keys_of(plan), list(plan["columns"])
     found: dict[str, list[Any]] = {name: [] for name in ("index", *_WORDS, *keys, *numbers)}
-    seen = bytearray(int(plan["scenes"]))
-    for _, _, row in lines_of(target / TABLE):
-        index = row["index"]
-        if not 0 <= index < len(seen) or seen[index]:
-            continue
-        seen[index] = 1
-        found["index"].append(index)
-        for name in _WORDS:
-            found[name].append(row[name])
-        for name in keys:
-            found[name].append(row["values"][name])
-        for name in numbers:
-            found[name].append(row.get(name))
+    for _, row in rows_of(target, int(plan["scenes"])):
+        own = row | row["values"]
+        for name, values in found.items():
+            values.append(own.get(name))
     order = np.argsort(np.array(found["index"], dtype=int), kind="stable")
     columns = {name: _column(values, name in _WORDS)[order] for name, values in found.items()}
     units = {key: unit for key, unit in plan.get("units", {}).items() if unit}
     follow = (key for key, tie in plan["follow"].items() if tie["key"] in plan["vary"])
     grid = (*plan["vary"], *follow)
     pictures = plan.get("pictures", {})
-    return SweepTable(target, len(seen), tuple(keys), columns, grid, units, pictures, statistics or {})
+    return SweepTable(target, int(plan["scenes"]), tuple(keys), columns, grid, units, pictures, statistics or {})
 
 
 def _column(values: list[Any], words: bool) -> NDArray[Any]:
     if words or any(isinstance(value, str | bool) for value in values):
         return np.array([_word(value) for value in values], dtype=str)
-    if values and all(isinstance(value, int) for value in values):
+    if values and all(isinstance(value, int) for value in values):  # NaN needs floats
         return np.array(values, dtype=int)
     return np.array([np.nan if value is None else value for value in values], dtype=float)
 
@@ -194,38 +185,25 @@ def _word(value: Any) -> str:
     return "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
-CSV = "table.csv"
-_FIRST, _LAST = ("index", "scene"), ("message",)
-
-
 def write_csv(folder: Path) -> Path:
-    """Write ``table.csv``, in the order of the scenes; holds one row in memory at a time.
-
-    Raises
-    ------
-    InputError
-        There is no sweep in the folder.
-    OSError
-        The file cannot be written.
-    """
+    """Write ``table.csv``, in the order of the scenes; holds one row in memory at a time."""
     plan = read_plan(folder)
     keys, numbers = keys_of(plan), list(plan["columns"])
     places = np.full(int(plan["scenes"]), -1, dtype=np.int64)
-    for place, _, row in lines_of(folder / TABLE):
-        if 0 <= row["index"] < len(places) and places[row["index"]] < 0:
-            places[row["index"]] = place
-    rest = ("status", "reason", *numbers, *_LAST)
+    for place, row in rows_of(folder, len(places)):
+        places[row["index"]] = place
+    first, rest = ("index", "scene"), ("status", "reason", *numbers, "message")
     with (
         open(folder / TABLE, "rb") as table,
         replacing(folder / CSV) as temporary,
         open(temporary, "w", encoding="utf-8", newline="") as file,
     ):
         writer = csv.writer(file)
-        writer.writerow([*_FIRST, *keys, *rest])
+        writer.writerow([*first, *keys, *rest])
         for place in places[places >= 0]:
             table.seek(place)
             row = decode(table.readline()) or {}
-            values = row.get("values", {})
-            cells = [*(row.get(name) for name in _FIRST), *map(values.get, keys), *map(row.get, rest)]
+            cells = [*map(row.get, first), *map(row.get("values", {}).get, keys), *map(row.get, rest)]
+            # true and false as in YAML and JSON, not as in Python.
             writer.writerow([json.dumps(cell) if isinstance(cell, bool) else cell for cell in cells])
     return folder / CSV

@@ -6,22 +6,28 @@ A Dask cluster may be the pool of workers.
 from __future__ import annotations
 
 import copy
+import math
 import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
+from pydantic import ValidationError
+
 from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
+from continuum_grasp.results.plain import digest
 from continuum_grasp.scene.document import KeyPath, dotted
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.problems import explain
+from continuum_grasp.sweeps.folder import SOLVED, encode
 from continuum_grasp.sweeps.plan import Point
-from continuum_grasp.sweeps.quantities import SOLVED, encode, quantities
 from continuum_grasp.workers import ExecutorPool
 
 if TYPE_CHECKING:
@@ -29,38 +35,33 @@ if TYPE_CHECKING:
 
 Keep: TypeAlias = Literal["all", "failed", "none"]
 _ONE_AT_A_TIME = threading.Lock()
+"""Solvers share memory, so that the threads of a worker take turns."""
 _MESSAGE = 300
 """Characters of a message in the table: lines stay readable."""
 _MEMORY = Path("/dev/shm")
 """Memory as a folder on Linux: files of a run are put together without touching a disk."""
+_PATIENCE = 10.0
+"""How long to wait for an answer of the scheduler [s]."""
+_ASK_AGAIN = 2.0
+"""How long a count of workers is taken as current [s]: asking is a call over the network."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """What all scenes of a sweep share; travels with every chunk.
-
-    Attributes
-    ----------
-    base : dict
-        The scene as plain data.
-    keys : tuple of str
-        The varied keys, as the table names them.
-    paths : tuple of tuple
-        Where they lie in the scene.
-    record : tuple of str
-        Further columns of the table.
-    keep : {"all", "failed", "none"}
-        Of which runs files are wanted.
-    evaluate : callable
-        From a GraspScene to a GraspResult.
-    """
+    """What all scenes of a sweep share; travels with every chunk."""
 
     base: dict[str, Any]
+    """The scene as plain data."""
     keys: tuple[str, ...]
+    """The varied keys, as the table names them."""
     paths: tuple[KeyPath, ...]
+    """Where they lie in the scene."""
     record: tuple[str, ...]
+    """Further columns of the table."""
     keep: Keep
+    """Of which runs files are wanted."""
     evaluate: Callable[[GraspScene], Any]
+    """From a scene to a GraspResult."""
 
 
 @dataclass(frozen=True)
@@ -83,77 +84,83 @@ def solve(scene: GraspScene) -> Any:
 
 
 def run_chunk(job: Job, points: Sequence[Point]) -> list[Outcome]:
-    """Evaluate scenes; one at a time, also where a worker has several threads, since solvers share memory.
-
-    Raises
-    ------
-    InputError
-        A column is asked for that grasps do not have.
-    OSError
-        The files of a run could not be written where they are put together.
-    """
+    """Evaluate scenes, one at a time. Raises an InputError where a column is asked for that grasps do not have."""
     with _ONE_AT_A_TIME, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+        warnings.simplefilter("ignore")  # thousands of rows would repeat them
         return [_run(job, point) for point in points]
 
 
 def row_of_crash(job: Job, point: Point, message: str) -> Outcome:
     """The row of a scene that took its worker process with it, twice."""
-    from continuum_grasp.results.plain import digest
-
-    return _outcome(job, point, digest(scene_data(job, point))[:16], "crashed", "", message, None)
+    return _outcome(job, point, scene_data(job, point), "crashed", message)
 
 
 def _run(job: Job, point: Point) -> Outcome:
-    from continuum_grasp.results.plain import digest
-
     data = scene_data(job, point)
-    key = digest(data)[:16]
     began = time.perf_counter()
+
+    def seconds() -> float:
+        return float(f"{time.perf_counter() - began:.6g}")
+
     try:
         scene = _scene(data)
     except InputError as error:
-        return _outcome(job, point, key, "invalid", "", str(error), None)
+        return _outcome(job, point, data, "invalid", str(error))
     try:
         result = job.evaluate(scene)
+    except ContinuumGraspError as error:
+        kind = "invalid" if isinstance(error, InputError) else "error"
+        status = error.status if isinstance(error, SolverError) else kind
+        return _outcome(job, point, data, status, str(error), {"seconds": seconds()})
     except Exception as error:
-        seconds = time.perf_counter() - began
-        status = "error"
-        if isinstance(error, InputError):
-            status = "invalid"
-        elif isinstance(error, SolverError):
-            status = error.status
-        text = str(error) if isinstance(error, ContinuumGraspError) else f"{type(error).__name__}: {error}"
-        return _outcome(job, point, key, status, "", text, {"seconds": float(f"{seconds:.6g}")})
-    numbers = quantities(result, job.record)  # some are only computed when they are asked for
-    numbers["seconds"] = float(f"{time.perf_counter() - began:.6g}")
+        return _outcome(job, point, data, "error", f"{type(error).__name__}: {error}", {"seconds": seconds()})
+    # Some numbers are only computed when they are asked for: their time counts.
+    numbers = quantities(result, job.record) | {"seconds": seconds()}
     status = str(result.status)
     reason = result.reasons[0].name if result.reasons else ""
     wanted = job.keep == "all" or (job.keep == "failed" and status not in SOLVED)
-    files = _files(result) if wanted else {}
-    return _outcome(job, point, key, status, reason, result.message, numbers, files)
+    return _outcome(job, point, data, status, result.message, numbers, reason, _files(result) if wanted else {})
+
+
+def _outcome(
+    job: Job,
+    point: Point,
+    data: dict[str, Any],
+    status: str,
+    message: str,
+    numbers: Mapping[str, Any] = MappingProxyType({}),
+    reason: str = "",
+    files: dict[str, bytes] | None = None,
+) -> Outcome:
+    text = " ".join(message.split())
+    row = {
+        "index": point.index,
+        "scene": digest(data)[:16],
+        "values": dict(zip(job.keys, point.labels, strict=True)),
+        "status": status,
+        "reason": reason,
+        "message": text if len(text) <= _MESSAGE else text[: _MESSAGE - 3] + "...",
+        **numbers,
+    }
+    return Outcome(point.index, status, reason, float(numbers.get("seconds", 0.0)), encode(row), files or {})
 
 
 def scene_data(job: Job, point: Point) -> dict[str, Any]:
     """The scene of a point as plain data; shorter paths are set first."""
     data = copy.deepcopy(job.base)
+    # So that ``finger.base`` is set in the ``finger`` that is varied too.
     for path, value in sorted(zip(job.paths, point.values, strict=True), key=lambda pair: len(pair[0])):
         parent: Any = data
         for part in path[:-1]:
             child = parent.get(part) if isinstance(parent, dict) else parent[part]
-            if child is None:
-                child = {}
-                parent[part] = child
+            if child is None:  # a section that is left out, or null, is one of defaults
+                child = parent[part] = {}
             parent = child
         parent[path[-1]] = copy.deepcopy(value)
     return data
 
 
 def _scene(data: dict[str, Any]) -> GraspScene:
-    from pydantic import ValidationError
-
-    from continuum_grasp.scene.problems import explain
-
     try:
         return GraspScene.model_validate(data)
     except ValidationError as error:
@@ -194,51 +201,60 @@ def _meta(result: GraspResult) -> dict[str, Any]:
     }
 
 
-def _outcome(
-    job: Job,
-    point: Point,
-    key: str,
-    status: str,
-    reason: str,
-    message: str,
-    numbers: dict[str, Any] | None,
-    files: dict[str, bytes] | None = None,
-) -> Outcome:
-    text = " ".join(message.split())
-    row = {
-        "index": point.index,
-        "scene": key,
-        "values": dict(zip(job.keys, point.labels, strict=True)),
-        "status": status,
-        "reason": reason,
-        "message": text if len(text) <= _MESSAGE else text[: _MESSAGE - 3] + "...",
-        **(numbers or {}),
-    }
-    seconds = float((numbers or {}).get("seconds") or 0.0)
-    return Outcome(point.index, status, reason, seconds, encode(row), files or {})
+def quantities(result: Any, record: Sequence[str]) -> dict[str, Any]:
+    """Numbers of a result by column, ``record`` included; None where there is no grasp to have them.
+
+    A name that grasps do not have raises an InputError.
+    """
+    solved = str(result.status) in SOLVED
+    reason = result.reasons[0] if result.reasons else None
+    found: dict[str, Any] = dict.fromkeys(("tension_sum", "tension_max", "normal_force_max", "friction_margin"))
+    contacts = result.contacts if solved else ()
+    if solved:
+        tensions = [float(t) for finger in result.fingers.values() for t in finger.tensions]
+        found |= {"tension_sum": sum(tensions), "tension_max": max(tensions, default=None)}
+        found["normal_force_max"] = max((c.normal_force for c in contacts), default=None)
+        found["friction_margin"] = min((c.friction_margin for c in contacts), default=None)
+    found["contacts"] = len(contacts) if solved else None
+    found["iterations"] = result.statistics.get("iterations")
+    found["reason_limit"] = None if reason is None else reason.limit
+    found["reason_needed"] = None if reason is None else reason.needed
+    found |= {name: _recorded(result, name, solved) for name in record}
+    return {name: _number(value) for name, value in found.items()}
 
 
-_PATIENCE = 10.0
-"""How long to wait for an answer of the scheduler [s]."""
-_ASK_AGAIN = 2.0
-"""How long a count of workers is taken as current [s]: asking is a call over the network."""
+def _number(value: Any) -> float | int | str | None:
+    """A value as it may stand in a row: None for nothing, NaN and infinity, which JSON does not have."""
+    value = value.item() if hasattr(value, "item") else value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return int(value) if isinstance(value, bool) else value
+
+
+def _recorded(result: Any, name: str, solved: bool) -> Any:
+    root, *parts = name.split(".")
+    # Without a grasp, reading the quality raises; other results than those of `optimize_grasp` have no ``solved``.
+    value = None if root == "quality" and not getattr(result, "solved", True) else getattr(result, root)
+    for part in parts:
+        if value is None:
+            return None
+        known = part in value if isinstance(value, Mapping) else hasattr(value, part)
+        if not known:
+            if not solved:  # what failed early has no certificate, and few statistics
+                return None
+            there = value if isinstance(value, Mapping) else [n for n in dir(value) if not n.startswith("_")]
+            raise InputError(f"a grasp has no number of this name; {part!r} is none of {', '.join(there)}", key=name)
+        value = value[part] if isinstance(value, Mapping) else getattr(value, part)
+    if value is None or isinstance(value, str | int | float) or getattr(value, "ndim", 1) == 0:
+        return value
+    raise InputError(f"not one number, but {type(value).__name__}", key=name)
 
 
 @contextmanager
 def dask_pool(address: str, patience: float = _PATIENCE) -> Iterator[ExecutorPool]:
-    """The workers of a running Dask scheduler.
+    """The workers of a running Dask scheduler, at an address such as ``tcp://127.0.0.1:8786``.
 
-    Parameters
-    ----------
-    address : str
-        Such as ``tcp://127.0.0.1:8786``.
-    patience : float
-        How long to wait for an answer [s].
-
-    Raises
-    ------
-    InputError
-        Dask is not installed, or no scheduler answers.
+    Raises an InputError where Dask is not installed, or no scheduler answers.
     """
     try:
         distributed: Any = import_module("distributed")
@@ -247,10 +263,12 @@ def dask_pool(address: str, patience: float = _PATIENCE) -> Iterator[ExecutorPoo
             "a Dask cluster needs the extra 'cluster': pip install 'continuum-grasp[cluster]'", key="scheduler"
         ) from None
     try:
+        # Not the default one: the caller may use Dask for something else.
         client: Any = distributed.Client(address, timeout=patience, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:  # TimeoutError is an OSError
         raise InputError(f"no Dask scheduler answers at {address!r}: {error}", key="scheduler") from None
     try:
+        # Not pure: a scene that is tried again is computed again.
         yield ExecutorPool(client.get_executor(pure=False), _Count(client))
     finally:
         client.close()

@@ -12,8 +12,8 @@ from grasp_scenes import UPRIGHT, make_scene
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp_options import GraspSolver
+from continuum_grasp.sweeps.folder import decode
 from continuum_grasp.sweeps.plan import Point
-from continuum_grasp.sweeps.quantities import decode
 from continuum_grasp.sweeps.worker import Job, run_chunk, solve
 
 CLOCKS = ("monotonic", "perf_counter", "process_time", "thread_time", "time")

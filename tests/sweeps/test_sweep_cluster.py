@@ -15,7 +15,7 @@ import pytest
 
 from continuum_grasp import sweep
 from continuum_grasp.errors import InputError
-from continuum_grasp.sweeps.quantities import decode
+from continuum_grasp.sweeps.folder import decode
 from tests.sweep_cases import DEADLY, LOG, ROOT, held, masses, slow
 
 distributed = pytest.importorskip("distributed")

@@ -17,8 +17,7 @@ import pytest
 
 from continuum_grasp import sweep, sweep_table
 from continuum_grasp.errors import InputError, Interrupted, SolverError
-from continuum_grasp.sweeps.folder import locked
-from continuum_grasp.sweeps.quantities import decode, encode
+from continuum_grasp.sweeps.folder import decode, encode, locked
 from tests.sweep_cases import BROKEN, DEADLY, LOG, MUG, ROOT, STUCK, held, masses, slow
 
 
