@@ -219,14 +219,14 @@ def _neighbors(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feat
     """Features and unknowns with one contact passed on to the face or corner that it is at the end of."""
     attempt, parts = tried.attempt, scene.object.parts
     for contact in tried.solver.problem.spec.contacts:
-        variable = tried.solver.problem.parts.variables.get(f"place, {contact.name}")
-        if variable is None or contact.surface.is_smooth or contact.finger < 0:
+        if contact.surface.is_smooth or contact.finger < 0:
             continue
+        place = tried.solver.problem.x.at[f"place, {contact.name}"]
         part = parts[attempt.start.contacts[contact.name].part]
         ring, now = contact.surface.features(part), attempt.features[contact.name]
         if len(ring) < 2:
             continue
-        at, index = attempt.x[variable.start : variable.stop], ring.index(now)
+        at, index = attempt.x[place], ring.index(now)
         face = now.upper[0] > now.lower[0]
         share = at[0] if face else (at[1] - now.lower[1]) / (now.upper[1] - now.lower[1])
         for end, step in ((0.0, -1), (1.0, 1)):
@@ -234,9 +234,9 @@ def _neighbors(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feat
                 new = ring[(index + step) % len(ring)]
                 x = attempt.x.copy()
                 if face:  # on to a corner
-                    x[variable.start : variable.stop] = 0.0, new.upper[1] if step < 0 else new.lower[1]
+                    x[place] = 0.0, new.upper[1] if step < 0 else new.lower[1]
                 else:
-                    x[variable.start : variable.stop] = 1.0 if step < 0 else 0.0, new.lower[1]
+                    x[place] = 1.0 if step < 0 else 0.0, new.lower[1]
                 yield {**attempt.features, contact.name: new}, x
 
 

@@ -250,8 +250,7 @@ class Repairs:
             self.scene,
             start,
             search.budget,
-            relaxed={name: relaxation.most},
-            given={name: amount},
+            relaxed=(relaxation, amount),
             **options,
         )
         if not np.isfinite(attempt.x).all():

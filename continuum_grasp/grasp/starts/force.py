@@ -187,7 +187,7 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Can
     points, normals = origin + turn * found.points, turn * np.exp(1j * found.angles)
     mesh = _Mesh.of(setup, found)
     at = mesh.sections
-    curve, _ = sample(found.knots, found.curvatures, np.concatenate([np.zeros((len(found), 1)), at], axis=1))
+    curve = sample(found.knots, found.curvatures, np.concatenate([np.zeros((len(found), 1)), at], axis=1))
     base = found.bases
     world = (base[:, 0] + 1j * base[:, 1])[:, None] + length * np.exp(1j * base[:, 2:]) * curve[:, 1:]
     rest = finger.rest_curvature if isinstance(finger.rest_curvature, int | float) else 0.0

@@ -97,15 +97,13 @@ def curvature_at(knots: Array, curvatures: Array, at: Array) -> Array:
     return out
 
 
-def sample(knots: Array, curvatures: Array, at: Array) -> tuple[Array, Array]:
-    """Points (B, S) and angles (B, S) at increasing positions ``at`` (B, S), the first of which is 0."""
+def sample(knots: Array, curvatures: Array, at: Array) -> Array:
+    """Points (B, S) at increasing positions ``at`` (B, S), the first of which is 0."""
     step = np.diff(at, axis=1)
     inner = at[:, :-1, None] + step[..., None] * _TWO
-    shape = inner.shape
-    angle = turning(knots, curvatures, inner.reshape(shape[0], -1)).reshape(shape)
+    angle = turning(knots, curvatures, inner.reshape(len(inner), -1)).reshape(inner.shape)
     move = 0.5 * step * (1j * np.exp(1j * angle)).sum(axis=2)
-    points = np.concatenate([np.zeros((shape[0], 1), complex), np.cumsum(move, axis=1)], axis=1)
-    return points, turning(knots, curvatures, at)
+    return np.concatenate([np.zeros((len(move), 1), complex), np.cumsum(move, axis=1)], axis=1)
 
 
 def bends(knots: Array, curvatures: Array, joints: Array, counts: tuple[int, ...]) -> Array:

@@ -225,7 +225,7 @@ def _clear(task: FingerTask, family: Postures | None) -> Postures | None:
         return None
     share = np.linspace(0.0, 1.0, 33)
     at = family.knots[:, -1:] * share
-    points, _ = sample(family.knots, family.curvatures, at)
+    points = sample(family.knots, family.curvatures, at)
     depth = task.half - task.distance(points).min(axis=1)
     good = depth <= ALLOWED
     if good.any():

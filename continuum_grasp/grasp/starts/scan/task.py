@@ -214,7 +214,7 @@ def make_task(scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, sid
 def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) -> Array:
     """By how much each curve penetrates beyond what is allowed, or breaks a limit (B,)."""
     at = np.broadcast_to(np.linspace(0.0, 1.0, _STATIONS), (len(knots), _STATIONS))
-    points, _ = sample(knots, curvatures, at)
+    points = sample(knots, curvatures, at)
     worst = np.maximum(task.half - task.distance(points).min(axis=1) - ALLOWED, 0.0)
     beyond = at >= (joints[:, :1] if joints.shape[1] else 0.5)
     for point, normal, half_length in task.walls:
