@@ -54,7 +54,9 @@ def polished(
         if not same or mine.stations.shape[1] != 1 or not np.all(np.diff(mine.knots[0]) > 0.0):
             return None
         base = (float(mine.bases[0, 0]), float(mine.bases[0, 1]), float(mine.bases[0, 2]))
-        fingers.append(_Finger(scene, loads, setup, make_task(scene, setup, base, pose, 1), pose, mine))
+        fingers.append(
+            _Finger(scene, loads, setup, make_task(scene, setup, base, pose, 1, (setup.tip_name,)), pose, mine)
+        )
     bent = [f.start.curvatures.copy() for f in fingers]
     best = [b.copy() for b in bent]
     least = np.full(len(bent[0]), np.inf)

@@ -87,13 +87,12 @@ class Weighing:
         self.scene, self.on = scene, on
         self.setups, self.loads = scene.setups, loads_of(scene)
         self._supported = any(wall.name in on for wall in scene.walls) or any(peg.name in on for peg in scene.pegs)
-        self._touches = [(tuple(n in on for n in s.middle_names), s.tip_name in on) for s in self.setups]
 
     def at_pose(self, pose: Pose, number: int) -> Weighed | None:
         """What is found at the ``number``-th pose of the object; None where a finger does not reach it."""
         found: list[Candidates] = []
-        for setup, (middles, tip) in zip(self.setups, self._touches, strict=True):
-            candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, middles, tip)
+        for setup in self.setups:
+            candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, self.on)
             if candidates is None:
                 return None
             found.append(candidates.take(_least_violation(candidates)))
@@ -128,11 +127,9 @@ class Weighing:
     def _next_to(self, at: Weighed, scale: float) -> Weighed:
         best = spread_order(at.score, at.features, _BEST)
         more: list[Candidates] = []
-        for setup, candidates, index, (middles, tip) in zip(
-            self.setups, at.candidates, at.index, self._touches, strict=True
-        ):
+        for setup, candidates, index in zip(self.setups, at.candidates, at.index, strict=True):
             some = candidates.take(np.unique(index[best]))
-            near = near_candidates(self.scene, setup, some, at.pose, middles, tip, scale)
+            near = near_candidates(self.scene, setup, some, at.pose, self.on, scale)
             more.append(some if near is None else near.take(_least_violation(near)))
         return self._weigh(at.pose, more)
 
