@@ -169,7 +169,7 @@ def bent_by_tip(task: FingerTask) -> Postures | None:
         groups.append(replace(clothoids, knots=np.broadcast_to(knots, bent.shape), curvatures=bent))
     cone = math.atan(task.friction) + _BESIDE_CONE
     for part, shape in enumerate(task.shapes):
-        # 0.7: no neighbor in the table is farther away than that; where all are, distances need not be known.
+        # Neighbors in the table are up to 0.7 apart (99 % are closer): farther away no crossing is to be expected.
         near = np.abs(table.tips - shape.center) < shape.extent + task.half + 0.7
         gap = np.full(table.tips.shape, np.nan)
         gap[near] = shape.distance(table.tips[near]) - task.half
