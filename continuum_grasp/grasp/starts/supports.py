@@ -65,10 +65,6 @@ def touching_supports(scene: GraspScene, pose: Pose) -> frozenset[str]:
     )
 
 
-def _to_object(z: complex, pose: Pose) -> complex:
-    return (z - complex(pose[0], pose[1])) * cmath.exp(-1j * pose[2])
-
-
 def _to_world(z: complex, pose: Pose) -> complex:
     return complex(pose[0], pose[1]) + z * cmath.exp(1j * pose[2])
 
@@ -79,41 +75,39 @@ def _along(wall: Wall, pose: Pose, point: complex) -> float:
     return (rel * cmath.exp(-1j * wall.normal_angle)).imag
 
 
-def _lowest(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float) -> list[tuple[int, complex, float]]:
-    """Part, point in the object's frame and height of the lowest points above a wall, the leftmost and rightmost of
-    those that are level.
+def _lowest(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float) -> list[tuple[int, complex]]:
+    """Part and point in the object's frame of the lowest point above a wall; the leftmost and the rightmost one where
+    several are level to within ``flat``.
     """
     down = cmath.exp(1j * (wall.normal_angle + math.pi - pose[2]))
     ends = [(part, point) for part, shape in enumerate(shapes) for point, _ in shape.extremes(down, flat)]
     heights = [wall.height((w.real, w.imag)) for w in (_to_world(point, pose) for _, point in ends)]
-    low = min(heights)
-    level = [(part, point, h) for (part, point), h in zip(ends, heights, strict=True) if h <= low + flat]
-    if len(level) == 1:
-        return level
-    level.sort(key=lambda end: _along(wall, pose, end[1]))
-    if abs(level[0][1] - level[-1][1]) <= flat:
-        return [min(level, key=lambda end: end[2])]
-    return [level[0], level[-1]]
+    level = [(h, *end) for h, end in zip(heights, ends, strict=True) if h <= min(heights) + flat]
+    level.sort(key=lambda end: _along(wall, pose, end[2]))
+    if len(level) > 1 and abs(level[0][2] - level[-1][2]) <= flat:
+        # One corner, shared by two faces or two parts.
+        level = [min(level, key=lambda end: end[0])]
+    return [(part, point) for _, part, point in (level if len(level) == 1 else (level[0], level[-1]))]
 
 
 def _wall_ends(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float) -> list[ContactStart]:
     level = _lowest(shapes, wall, pose, flat)
     normal = math.remainder(wall.normal_angle + math.pi - pose[2], math.tau)
     if len(level) == 2 and np.isfinite(wall.half_length):
-        (first, a, height), (second, b, _) = level
-        low, high = _along(wall, pose, a), _along(wall, pose, b)
+        low, high = (_along(wall, pose, point) for _, point in level)
+        face = level[1][1] - level[0][1]
         clipped = []
-        for part, point, at in ((first, a, low), (second, b, high)):
+        for (part, point), at in zip(level, (low, high), strict=True):
             aim = min(max(at, -wall.half_length), wall.half_length)
-            share = (aim - at) / (high - low)
-            clipped.append((part, point + share * (b - a), height))
+            clipped.append((part, point + (aim - at) / (high - low) * face))
         level = clipped if abs(clipped[0][1] - clipped[1][1]) > flat else clipped[:1]
-    return [ContactStart(part, (point.real, point.imag), normal) for part, point, _ in level]
+    return [ContactStart(part, (point.real, point.imag), normal) for part, point in level]
 
 
 def nearest_contact(scene: GraspScene, pose: Pose, world: complex) -> ContactStart:
     """The place on the object nearest to a world point [m]."""
-    outlines, at = object_outlines(scene), np.array([_to_object(world, pose)])
+    outlines = object_outlines(scene)
+    at = np.array([(world - complex(pose[0], pose[1])) * cmath.exp(-1j * pose[2])])
     part = int(np.argmin([float(outline.distance(at)[0]) for outline in outlines]))
     place = outlines[part].walk(outlines[part].nearest(at)[1])
     point = complex(place.point[0])
@@ -231,7 +225,7 @@ def _beside(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose, flat: flo
     """Whether the object's lowest points are beyond the ends of a finite wall."""
     if not isinstance(body, Wall) or math.isinf(body.half_length):
         return False
-    along = [_along(body, pose, point) for _, point, _ in _lowest(shapes, body, pose, flat)]
+    along = [_along(body, pose, point) for _, point in _lowest(shapes, body, pose, flat)]
     slack = flat + 1e-9 * body.half_length
     return max(along) < -body.half_length - slack or min(along) > body.half_length + slack
 

@@ -173,7 +173,7 @@ def combine(
     if len(blocks) == 1 or paired:
         return _weigh(loads, blocks, supports, [np.arange(len(block.needed)) for block in blocks])
     alone = [_alone(loads, block) for block in blocks]
-    if len(blocks) == 2 and supports.onto.shape[2] == 0 and all(block.single for block in blocks):
+    if len(blocks) == 2 and supports.onto.shape[2] == 0 and all(block.contacts == 1 for block in blocks):
         return _weigh(loads, blocks, supports, _opposed(loads, alone))
     most = _PER_FINGER[len(blocks)]
     picks = [
