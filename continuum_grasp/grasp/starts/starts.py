@@ -52,7 +52,7 @@ def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
         posture = int(index[row])
         length = setup.finger.rod.length
         knots, bent = candidates.knots[posture], candidates.curvatures[posture]
-        # Knots at one place with one curvature are padding; where the curvature steps, the first is moved back a little.
+        # Knots at one place with one curvature are padding; where the curvature steps, the first is moved back.
         retained = np.concatenate([[True], (np.diff(knots) > 1e-9) | (np.abs(np.diff(bent)) > 1e-12)])
         knots, bent = knots[retained], bent[retained]
         knots[:-1] -= _STEP * (np.diff(knots) <= 0.0)

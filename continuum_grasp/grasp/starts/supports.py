@@ -36,8 +36,7 @@ def object_outlines(scene: GraspScene) -> tuple[Outline, ...]:
 
 
 def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> dict[str, ContactStart]:
-    """Contacts of the object with the walls and pegs wanted, by name, at a world pose [m, rad], whether it touches there
-    or not.
+    """Contacts of the object with walls and pegs by name at a world pose [m, rad], whether it touches there or not.
 
     A wall touches the outermost point; a flat face that lies on it touches at its two ends, "<wall>.1" and "<wall>.2",
     as far as a finite wall reaches.
