@@ -63,8 +63,8 @@ def asked_tolerance(scene: GraspScene) -> float | None:
 def resolve_elements(
     scene: GraspScene, first: GraspResult, tolerance: float, budget: Budget
 ) -> tuple[GraspScene, str, Change | None]:
-    """The scene with the fewest elements whose grasp differs from a fine model's by no more than a tolerance; the choice
-    in words; and what the fine model changes about it: tension (relative) and contact points (per length).
+    """The scene with the fewest elements whose grasp differs from a fine model's by no more than a tolerance, that
+    choice in words, and what the fine model changes: tension (relative) and contact points (per length).
 
     ``first`` is the grasp of the scene with some elements.
     """

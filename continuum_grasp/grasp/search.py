@@ -66,23 +66,14 @@ class Tried:
 
 
 class Search:
-    """Finds and verifies grasps of a scene within a budget.
-
-    Attributes
-    ----------
-    tried, good : list of Tried
-        All attempts, and those that the certificate confirms.
-    fallback : Tried or None
-        A grasp with least tension, where something else is sought.
-    build_seconds, start_seconds : float
-        Spent on building solvers, and on starts.
-    """
+    """Finds and verifies grasps of a scene within a budget."""
 
     def __init__(self, scene: GraspScene, budget: Budget) -> None:
         self.scene, self.budget = scene, budget
         self.tried: list[Tried] = []
-        self.good: list[Tried] = []
-        self.fallback: Tried | None = None
+        self.good: list[Tried] = []  # those that the certificate confirms
+        self.fallback: Tried | None = None  # a grasp with least tension, where something else is sought
+        # Spent on building solvers, and on starts.
         self.build_seconds = self.start_seconds = 0.0
         self._rng = np.random.default_rng(scene.solver.random_seed)
 

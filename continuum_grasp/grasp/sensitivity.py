@@ -17,20 +17,12 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """By how much what is sought changes with one number of the scene, to first order.
-
-    Attributes
-    ----------
-    name : str
-    derivative : float
-        Of the sum of tensions [N] where that is the objective, else of the objective as it is minimized, per ``unit``.
-    unit : str
-        Of the number that changes.
-    """
+    """By how much what is sought changes with one number of the scene, to first order."""
 
     name: str
     derivative: float
-    unit: str
+    """Of the sum of tensions [N] where that is the objective, else of the objective as it is minimized, per ``unit``."""
+    unit: str  # of the number that changes
 
 
 def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:

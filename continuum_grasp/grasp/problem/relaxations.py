@@ -13,51 +13,27 @@ from continuum_grasp.scene.value import Value
 
 @dataclass(frozen=True)
 class Relaxation:
-    """A limit that may be relaxed by an amount z >= 0, in SI units.
-
-    Attributes
-    ----------
-    key : str
-        YAML key of the limit.
-    needed : str
-        Sentence for a reason; ``{limit}``, ``{needed}`` stand for numbers.
-    start : callable
-        An amount to begin the search with, for a scene; well inside what it may be.
-    limit : callable, optional
-        The limit of a scene. None: no key of the scene holds one, and the amount itself is the number to report.
-    relaxed : callable
-        The scene with its limit relaxed by an amount.
-    repair : str
-        What to do; ``{key}``, ``{needed}`` and ``{unit}`` stand for these.
-    most : float
-        Amount from which on a relaxation makes no sense.
-    size : int
-        Components of the relaxation; beyond one, the amount is their norm.
-    additive : bool
-        Whether the amount has the unit of the limit; False: it is a part of it.
-    excuses : callable, optional
-        Whether a check of the certificate, by its name, may then be off by the amount: where no key of the scene can
-        be changed for it.
-    without : callable
-        The scene without what is in the way, where no key of it can be changed by the amount.
-    applies : callable
-        Whether a scene has the limit at all.
-    """
+    """A limit that may be relaxed by an amount z >= 0, in SI units."""
 
     name: str
-    key: str
+    key: str  # YAML key of the limit
     unit: str
-    needed: str
-    start: Callable[[GraspScene], float]
+    needed: str  # sentence for a reason; ``{limit}``, ``{needed}`` stand for numbers
+    start: Callable[[GraspScene], float]  # an amount to begin the search with; well inside what it may be
     limit: Callable[[GraspScene], float] | None = None
+    """The limit of a scene. None: no key of the scene holds one, and the amount itself is the number to report."""
     relaxed: Callable[[GraspScene, float], GraspScene] = lambda scene, amount: scene
-    repair: str = "{key} = {needed:.4g} {unit}"
-    most: float = float("inf")
-    size: int = 1
-    additive: bool = True
+    """The scene with its limit relaxed by an amount."""
+    repair: str = "{key} = {needed:.4g} {unit}"  # what to do; ``{key}``, ``{needed}`` and ``{unit}`` stand for these
+    most: float = float("inf")  # amount from which on a relaxation makes no sense
+    size: int = 1  # components of the relaxation; beyond one, the amount is their norm
+    additive: bool = True  # whether the amount has the unit of the limit; False: it is a part of it
     excuses: Callable[[str], bool] | None = None
+    """Whether a check of the certificate, by its name, may then be off by the amount: where no key of the scene can be
+    changed for it."""
     without: Callable[[GraspScene], GraspScene] = lambda scene: scene
-    applies: Callable[[GraspScene], bool] = lambda scene: True
+    """The scene without what is in the way, where no key of it can be changed by the amount."""
+    applies: Callable[[GraspScene], bool] = lambda scene: True  # whether a scene has the limit at all
 
     def eased(self, scene: GraspScene, amount: float) -> GraspScene:
         """The scene to start from; the same one where nothing is known to be in the way."""

@@ -96,20 +96,9 @@ class GraspSolverRun:
     ) -> Attempt:
         """Solve from a start, moving the guarded places to where fingers are deepest.
 
-        Parameters
-        ----------
-        scene : GraspScene
-        start : Start
-        budget : Budget
-            What this takes is taken from it.
-        iterations : int, optional
-            Most iterations of all solver runs together; all that the budget has by default.
-        relaxed : (Relaxation, float), optional
-            A limit that may be relaxed, and the amount to begin with (SI); the amount is minimized then.
-        features : dict, optional
-            Where the contacts sit; by default where the start has them.
-        x0 : ndarray, optional
-            Unknowns to begin with; by default those of the start.
+        Iterations are taken from the budget, which may be restricted to so many ``iterations``. A limit may be
+        ``relaxed``; its amount is minimized then, beginning with the one given (SI). Contacts sit on ``features`` and
+        the unknowns begin with ``x0``, by default those of the start.
 
         Raises
         ------
@@ -136,20 +125,10 @@ class GraspSolverRun:
         with budget.share(iterations) as part:
             attempts, numbers = self._rounds(scene, known, values, part)
         last = attempts[-1]
+        total = {"iterations": sum(a.iterations for a in attempts), "seconds": time.perf_counter() - began}
+        violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
         return Attempt(
-            last.status,
-            last.outcome,
-            last.x,
-            last.g,
-            last.objective,
-            last.multipliers,
-            sum(a.iterations for a in attempts),
-            time.perf_counter() - began,
-            last.violation,
-            start,
-            features,
-            numbers,
-            problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts),
+            **{**vars(last), **total}, start=start, features=features, numbers=numbers, violations=violations
         )
 
     def _rounds(

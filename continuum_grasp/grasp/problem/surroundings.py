@@ -177,6 +177,7 @@ def _deepest(depth: Array, count: int) -> Array:
     """Per element, the fractions (N, count) where it is deepest, apart from each other, by parabolas."""
     left, picks = depth.copy(), []
     left[:, [0, -1]] = -np.inf  # ends are looked after on their own
+    # Half of an even spacing between two picks, so that both do not fall into one dip.
     near, rows = FINE // (2 * count), np.arange(len(depth))
     for _ in range(count):
         pick = left.argmax(axis=1)

@@ -27,27 +27,7 @@ _OFFSET = 0.5
 
 
 class UnitFinger:
-    """The unknowns and run-time numbers of a finger, its model, and what follows from them as expressions.
-
-    Attributes
-    ----------
-    spec : FingerSpec
-    model : FingerModel
-    q : casadi.SX
-        Bending coordinates of the unit finger.
-    joints : list of casadi.SX
-        Positions of the middle contacts, as parts of the length.
-    pulls : casadi.SX
-        (2,) tensions times offset, in E I / L of the finger.
-    base : casadi.SX
-        (3,) x, y and angle in the world.
-    u, p : casadi.SX
-        Input and run-time argument of the model.
-    ends : casadi.SX
-        (2, N) world positions of the elements' ends.
-    angles : casadi.SX
-        (N,) world angles there.
-    """
+    """The unknowns and run-time numbers of a finger, its model, and what follows from them as expressions."""
 
     def __init__(self, spec: FingerSpec, x: Columns, numbers: Columns, tip: ca.SX) -> None:
         """Add the finger's unknowns to ``x``; its tip bears a contact's (N, f, lift) in units of the problem."""
@@ -79,19 +59,21 @@ class UnitFinger:
             tip_force=True,
         )
         name, number = spec.name, self.number
-        self.q = x(f"{name}.q", self.model.n)
+        self.q = x(f"{name}.q", self.model.n)  # bending coordinates of the unit finger
+        # Positions of the middle contacts, as parts of the length.
         self.joints = [x(f"{name}.joint_{k}") if on else number(f"joint_{k}") for k, on in enumerate(spec.touching)]
-        self.pulls = x(f"{name}.pulls", 2)
-        self.base = x(f"{name}.base", 3) if spec.free else number("base", 3)
+        self.pulls = x(f"{name}.pulls", 2)  # tensions times offset, in E I / L of the finger
+        self.base = x(f"{name}.base", 3) if spec.free else number("base", 3)  # x, y and angle in the world
         # Friction acts on the skin, half a thickness from the backbone; the tip's couple is an input of the model.
         couple = -number("thickness") * tip[1] / number("force share") if spec.tip else ca.SX(0)
-        self.u = self.input(self.pulls, couple)
+        self.u = self.input(self.pulls, couple)  # input of the model
         values = [ca.SX(ca.vertcat(*self.element_lengths(self.joints)))]
         if spec.weighs:
             values.append(rotation(-self.base[2]) @ number("weight", 2))
         values += [number(key) for key, wanted in optional.items() if wanted and key != "gravity"]
-        self.p = ca.vertcat(*values)
+        self.p = ca.vertcat(*values)  # run-time argument of the model
         ends, angles = self.model.joints(self.q, self.u, self.p)
+        # World positions (2, N) of the elements' ends, and world angles (N,) there.
         self.ends, self.angles = self.world(ends), angles + self.base[2]
 
     def number(self, name: str, size: int = 1) -> ca.SX:
@@ -143,11 +125,11 @@ class UnitFinger:
     def _curvatures(self) -> ca.Function:
         return self.model.curvatures()
 
-    def curvatures(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+    def curvatures(self) -> list[ca.SX]:
         """Curvature of each arc, or at each node of the clothoids; (degree + 1, N) at the family's places on each
         element; and the latter times the lengths of the elements.
         """
-        return self._curvatures(self.q, self.u, self.p)  # type: ignore[no-any-return]
+        return self._curvatures.call([self.q, self.u, self.p])
 
     @property
     def probes(self) -> int:
@@ -159,6 +141,7 @@ class UnitFinger:
         """Indices and elements of the guarded waypoints: a few of each element, spread evenly."""
         found, start = [], 0
         for element, inside in enumerate(self.model.waypoint_fractions):
+            # Few are enough beside the probes: clearance makes two thirds of the Hessian's instructions (mug).
             count = min(len(inside), 4 if self.spec.elements > 3 else 6)
             wanted = (np.arange(count) + 0.5) / count
             picks = {int(np.abs(np.array(inside) - at).argmin()) for at in wanted}

@@ -35,26 +35,13 @@ class Touch:
 
 
 class Unknowns:
-    """What constraints and objective of a grasp are written in.
-
-    Attributes
-    ----------
-    spec : ProblemSpec
-    x, numbers : Columns
-        Unknowns, and run-time numbers.
-    rows : Rows
-        Constraints.
-    fingers : list of UnitFinger
-    contacts : list of Touch
-    pose : casadi.SX
-        (3,) of the object.
-    slack : dict of str to casadi.SX
-        Amount by which each limit that can be relaxed is relaxed.
-    """
+    """What constraints and objective of a grasp are written in."""
 
     def __init__(self, spec: ProblemSpec) -> None:
         self.spec = spec
-        self.x, self.numbers, self.rows = Columns(), Columns(), Rows()
+        self.x, self.numbers = Columns(), Columns()  # unknowns, run-time numbers
+        self.rows = Rows()  # constraints
+        # By how much each limit that can be relaxed is relaxed.
         self.slack = {r.name: self.x(f"relaxed {r.name}", r.size) for r in RELAXATIONS}
         self.pose = self.x("object pose", 3) if spec.free else self.numbers("object pose", 3)
         if "greatest_friction_margin" in spec.aims:

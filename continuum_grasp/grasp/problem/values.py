@@ -100,6 +100,7 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
             low[f"{name}.joint_{k}"], high[f"{name}.joint_{k}"] = (s / length for s in setup.middle_bounds)
         least = setup.tendons.min_tension * setup.tendons.offset * length / finger.rod.stiffness
         low[f"{name}.pulls"] = [least, least]
+        # Greatest tensions are constraints, which can be relaxed; a tendon that is not there has a bound.
         if finger.tendons_used != "both":
             high[f"{name}.pulls"] = [np.inf, 0.0] if finger.tendons_used == "left" else [0.0, np.inf]
         pose = (*finger.base.position, finger.base.angle)
@@ -136,6 +137,7 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, units: Units) -> Value
         "force share": moment / length / units.force,
         "thickness": finger.thickness_radius / length,
         "base": [*units.point(finger.base.position), finger.base.angle],
+        # Weight per length in units of E I / L^3: how far a finger sags per length, whatever its size.
         "weight": [g * rod.mass_per_length * length**3 / rod.stiffness for g in gravity],
         "rest_curvature": finger.curvature_pieces[0][2] * length,
         "tendon_friction": tendons.friction,

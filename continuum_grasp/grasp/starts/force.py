@@ -88,6 +88,7 @@ def loads_of(scene: GraspScene) -> Loads:
     upright = scene.gravity if isinstance(scene.gravity, OutOfPlaneGravity) else None
     stiff = max(s.finger.rod.stiffness / s.finger.rod.length**2 for s in scene.setups)
     return Loads(
+        # Where nothing weighs, forces that bend a finger well are about E I / L^2.
         force=max(scene.weight, 0.3 * stiff),
         length=scene.object.size,
         planar=scene.object.mass * gravity,
@@ -154,6 +155,7 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Can
     world = (base[:, 0] + 1j * base[:, 1])[:, None] + length * np.exp(1j * base[:, 2:]) * curve[:, 1:]
     rest = finger.rest_curvature if isinstance(finger.rest_curvature, int | float) else 0.0
     needed = finger.rod.stiffness * (curvature_at(found.knots, found.curvatures, at) / length - rest)
+    # A straight finger needs no moment, but a scale.
     scale = np.maximum(np.abs(needed).max(axis=1), 0.3 * finger.rod.stiffness / length)[:, None]
     if loads.gravity:
         needed = needed - _own_weight(setup, world, at, loads.gravity)
@@ -224,6 +226,7 @@ class _Mesh:
         rows[:, :-1] += left
         rows[:, 1:] += right
         if self.matches_tip:
+            # The tip's curvature has a balance of its own, which counts as half an element's.
             rows[:, -1] = 0.5 * values[:, -1]
         return rows
 
@@ -231,6 +234,7 @@ class _Mesh:
 def _own_weight(setup: FingerSetup, world: Array, at: Array, gravity: complex) -> Array:
     """Moment about each section of the weight of the finger beyond it (P, S)."""
     rod = setup.finger.rod
+    # Lumped half-way between sections, which is enough to rank starts.
     share = np.diff(at, axis=1, prepend=0.0) * rod.length * rod.mass_per_length
     middle = 0.5 * (world + np.concatenate([world[:, :1], world[:, :-1]], axis=1))
     force = np.cumsum(share[:, ::-1], axis=1)[:, ::-1] - share

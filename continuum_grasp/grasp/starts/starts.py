@@ -94,6 +94,7 @@ def _fallback(scene: GraspScene, on: frozenset[str]) -> Start:
         joints = tuple(low + (high - low) * (k + 1) / (size + 1) for k in range(size))
         rel = complex(pose[0] - base.position[0], pose[1] - base.position[1]) * np.exp(-1j * base.angle)
         side = 1 if rel.real <= 0.0 else -1
+        # One radian over the length, if the rod bears it.
         bend = side * min(1.0 / length, 0.5 * setup.finger.curvature_limit)
         fingers[setup.name] = FingerStart(
             (*base.position, base.angle), joints, (side,) * size, (0.0, *joints, length), (bend,) * (size + 2)
@@ -121,6 +122,7 @@ def _shaken(setups: tuple[FingerSetup, ...], starts: list[Start], count: int, rn
             limit = setup.finger.curvature_limit
             bent = np.clip(np.array(old.curvatures) * noise + added, -limit, limit)
             low, high = setup.middle_bounds
+            # Contacts move by up to 5 % of the length: half of the spacing of the scan.
             joints = np.array(old.joints) + 0.05 * length * rng.uniform(-1.0, 1.0, len(old.joints))
             joints = np.clip(np.sort(joints), low, high)
             fingers[setup.name] = FingerStart(

@@ -193,6 +193,7 @@ def _alone(loads: Loads, block: Block) -> tuple[Array, Array, Array]:
 def _opposed(loads: Loads, alone: list[tuple[Array, Array, Array]]) -> list[Array]:
     """Pairs whose forces, which their shapes fix, come closest to balancing the object."""
     (left, _, one), (right, _, two) = alone
+    # Per size of the forces, so that great ones need not cancel better.
     sums = one[:, None, :] + two[None, :, :] - loads.target[:3]
     size = 1.0 + np.abs(one).max(axis=1)[:, None] + np.abs(two).max(axis=1)[None, :]
     misfit = np.sqrt((sums**2).sum(axis=2)) / size + left[:, None] + right[None, :]

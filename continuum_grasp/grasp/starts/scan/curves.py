@@ -45,6 +45,8 @@ def segment_end(lengths: Array, curvatures: Array) -> tuple[Array, Array, Array,
     dturn = np.zeros((count, size))
     end = np.zeros(count, complex)
     dend = np.zeros((count, size), complex)
+    # Curvature is linear in the share u of an interval: per length its first value turns by u - u^2 / 2, its last by
+    # u^2 / 2.
     late = _NODES * (0.5 * _NODES)
     early = _NODES - late
     for k in range(size - 1):
@@ -241,6 +243,7 @@ def _newton(equations: Equations, first: Array, most: tuple[float, ...]) -> tupl
             left = [part[going] for part in left]
             slopes = [[part[going] for part in row] for row in slopes]
         change = _solve(slopes, left)
+        # One factor for all unknowns keeps the direction of the step.
         cut = np.ones(len(rows))
         for part, limit in zip(change, most, strict=True):
             cut = np.minimum(cut, limit / np.maximum(np.abs(part), 1e-300))

@@ -41,6 +41,7 @@ def first_joint(task: FingerTask) -> Postures | None:
     """Curves from the base to the first contact, tangent there."""
     here, size = task.middles.index(True), len(task.middles)
     low, high = task.bounds
+    # Of several contacts each leaves space for the others: a twentieth of the range, half a spacing of the positions.
     spare = (high - low) / 20.0
     positions = np.linspace(low + spare * here, high - spare * (size - 1 - here), _POSITIONS)
     if task.one_arc_to_joint:
@@ -186,6 +187,7 @@ def next_joint(task: FingerTask, family: Postures) -> Postures | None:
     point, angle = ends_of(family)
     for share in (0.15, 0.3, 0.45, 0.6, 0.8):
         ell = share * (task.bounds[1] - last)
+        # Shorter than 3 % of the length, or curved beyond 30 1/L, no curve is worth a start.
         rows = np.flatnonzero(ell > 0.03)
         if not len(rows):
             continue

@@ -107,16 +107,14 @@ def join(groups: list[P]) -> P | None:
     if not groups:
         return None
     width = max(g.knots.shape[1] for g in groups)
-    padded = []
-    for g in groups:
-        more = width - g.knots.shape[1]
-        if more:
-            knots = np.concatenate([g.knots, np.repeat(g.knots[:, -1:], more, axis=1)], axis=1)
-            curvatures = np.concatenate([g.curvatures, np.repeat(g.curvatures[:, -1:], more, axis=1)], axis=1)
-            g = replace(g, knots=knots, curvatures=curvatures)
-        padded.append(g)
-    first = padded[0]
-    return replace(first, **{n: np.concatenate([getattr(g, n) for g in padded]) for n in first.__dataclass_fields__})
+
+    def padded(values: Array) -> Array:
+        return np.pad(values, ((0, 0), (0, width - values.shape[1])), mode="edge")
+
+    # Knots without distance change nothing: the last one is repeated where a group has fewer.
+    groups = [replace(g, knots=padded(g.knots), curvatures=padded(g.curvatures)) for g in groups]
+    names = groups[0].__dataclass_fields__
+    return replace(groups[0], **{name: np.concatenate([getattr(g, name) for g in groups]) for name in names})
 
 
 def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, shape: Outline, walk: Array) -> Postures:
