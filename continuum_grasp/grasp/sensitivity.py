@@ -21,7 +21,7 @@ class Sensitivity:
 
     name: str
     derivative: float
-    """Of the sum of tensions [N] where that is the objective, else of the objective as it is minimized, per ``unit``."""
+    """Of the sum of tensions [N] where that is the objective, else of the objective as minimized, per ``unit``."""
     unit: str  # of the number that changes
 
 

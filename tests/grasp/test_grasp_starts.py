@@ -11,7 +11,8 @@ from scipy.optimize import lsq_linear
 
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
 from continuum_grasp.grasp.starts.scan.task import ALLOWED
-from continuum_grasp.grasp.starts.starts import make_starts, support_contacts, touching_supports
+from continuum_grasp.grasp.starts.starts import make_starts
+from continuum_grasp.grasp.starts.supports import support_contacts, touching_supports
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.outline import Frame
 from continuum_grasp.scene.grasp import GraspScene
