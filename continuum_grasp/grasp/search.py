@@ -147,7 +147,7 @@ class Search:
         attempt = solver.run(self.scene, start, self.budget, **options)
         if not np.isfinite(attempt.x).all():
             return None
-        arrays = solver.reader.arrays(self.scene, attempt.start, attempt.x, attempt.numbers)
+        arrays = solver.arrays(self.scene, attempt)
         found = Tried(attempt, solver, arrays, certify(self.scene, arrays))
         self.tried.append(found)
         if found.certificate.passed:

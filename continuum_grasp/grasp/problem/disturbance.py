@@ -204,6 +204,7 @@ def _keep_limits(problem: Unknowns, change: _Change, k: int) -> None:
     require, number = problem.rows.require, problem.numbers
     for contact, own in zip(problem.contacts, change.forces, strict=True):
         name = contact.spec.name
+        # Wrenches act in the plane: the lift stays.
         n, f, lift = contact.force[0] + own[0], contact.force[1] + own[1], contact.force[2]
         cone = friction_cone(problem, number(f"{name}.friction"), n, f, lift)
         require(f"disturbed friction cone, {name}, {k}", cone, "N", "contacts.friction", upper=ca.inf)

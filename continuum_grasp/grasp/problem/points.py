@@ -75,46 +75,40 @@ def _finger_start(setup: FingerSetup, finger: UnitFinger, whole: Start, units: U
     }
 
 
-class PointReader:
-    """Turns unknowns into the numbers that a result stores."""
-
-    def __init__(self, problem: GraspProblem) -> None:
-        self._problem = problem
-        self._values = _values(problem)
-
-    def arrays(self, scene: GraspScene, start: Start, x: Array, numbers: Array) -> dict[str, Array]:
-        """The physical numbers of a point; see `continuum_grasp.grasp.GraspResult`."""
-        units, spec = Units.of(scene), self._problem.spec
-        pose, points, normals, forces, stations, *rest = (np.array(v) for v in self._values(x, numbers))
-        m = units.length
-        out: dict[str, Array] = {"object.pose": pose.ravel() * [m, m, 1.0]}
-        for k, setup in enumerate(scene.setups):
-            q, shares, tip, pulls, base, line = rest[6 * k : 6 * k + 6]
-            name, rod, length = setup.name, setup.finger.rod, setup.finger.rod.length
-            family, elements = self._problem.fingers[k].model.structure.family, shares.ravel() * length
-            out |= {
-                f"{name}.family": np.array(setup.family),
-                f"{name}.q": family.coordinate_size(q.ravel(), length),
-                f"{name}.lengths": elements,
-                f"{name}.curvature_shapes": family.curvature_shapes(elements.tolist()),
-                f"{name}.tip_curvature": np.array(float(tip.ravel()[0]) / length),
-                f"{name}.tensions": pulls.ravel() * rod.stiffness / length / setup.tendons.offset,
-                f"{name}.base": base.ravel() * [m, m, 1.0],
-                f"{name}.backbone": line.T * [length, m, m, 1.0],
-            }
-        # Supports have no station.
-        lengths = [scene.setups[c.finger].finger.rod.length if c.finger >= 0 else np.nan for c in spec.contacts]
-        return out | {
-            "contact_names": np.array([contact.name for contact in spec.contacts]),
-            "contact_positions": points.T * m,
-            "contact_normals": normals.T,
-            "contact_forces": forces.T * units.force,
-            "contact_stations": stations.ravel() * lengths,
-            "contact_parts": np.array([start.contacts[contact.name].part for contact in spec.contacts], dtype=int),
+def stored_arrays(problem: GraspProblem, scene: GraspScene, start: Start, values: list[ca.DM]) -> dict[str, Array]:
+    """What a result stores of a point, from the ``values`` that the problem's reader gives there."""
+    units, spec = Units.of(scene), problem.spec
+    pose, points, normals, forces, stations, *rest = (np.array(v) for v in values)
+    m = units.length
+    out: dict[str, Array] = {"object.pose": pose.ravel() * [m, m, 1.0]}
+    for k, setup in enumerate(scene.setups):
+        q, shares, tip, pulls, base, line = rest[6 * k : 6 * k + 6]
+        name, rod, length = setup.name, setup.finger.rod, setup.finger.rod.length
+        family, elements = problem.fingers[k].model.structure.family, shares.ravel() * length
+        out |= {
+            f"{name}.family": np.array(setup.family),
+            f"{name}.q": family.coordinate_size(q.ravel(), length),
+            f"{name}.lengths": elements,
+            f"{name}.curvature_shapes": family.curvature_shapes(elements.tolist()),
+            f"{name}.tip_curvature": np.array(float(tip.ravel()[0]) / length),
+            f"{name}.tensions": pulls.ravel() * rod.stiffness / length / setup.tendons.offset,
+            f"{name}.base": base.ravel() * [m, m, 1.0],
+            f"{name}.backbone": line.T * [length, m, m, 1.0],
         }
+    # Supports have no station.
+    lengths = [scene.setups[c.finger].finger.rod.length if c.finger >= 0 else np.nan for c in spec.contacts]
+    return out | {
+        "contact_names": np.array([contact.name for contact in spec.contacts]),
+        "contact_positions": points.T * m,
+        "contact_normals": normals.T,
+        "contact_forces": forces.T * units.force,
+        "contact_stations": stations.ravel() * lengths,
+        "contact_parts": np.array([start.contacts[contact.name].part for contact in spec.contacts], dtype=int),
+    }
 
 
-def _values(problem: GraspProblem) -> ca.Function:
+def point_reader(problem: GraspProblem) -> ca.Function:
+    """What a result stores, in units of the problem, from unknowns and run-time numbers."""
     x, numbers, touched = problem.x.symbol, problem.numbers.symbol, problem.contacts
 
     def station(contact: Touch) -> ca.SX:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import nlp
-from continuum_grasp.grasp.problem.points import PointReader, starting_point
+from continuum_grasp.grasp.problem.points import point_reader, starting_point, stored_arrays
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -56,17 +56,11 @@ class Attempt(nlp.Attempt):
 
 
 class GraspSolverRun:
-    """IPOPT prepared for all scenes of one structure.
-
-    Attributes
-    ----------
-    problem : GraspProblem
-    reader : PointReader
-    """
+    """A grasp problem, and solvers prepared for all scenes of its structure."""
 
     def __init__(self, spec: ProblemSpec) -> None:
         self.problem = GraspProblem(spec)
-        self.reader = PointReader(self.problem)
+        self._read = point_reader(self.problem)
         self._near = Surroundings(self.problem)
         x, numbers = self.problem.x.symbol, self.problem.numbers.symbol
         self._nlp = nlp.NLP("grasp", x, self.problem.objective, self.problem.rows.g, numbers)
@@ -171,6 +165,10 @@ class GraspSolverRun:
         """Where the amount of a relaxation is among the unknowns, and its unit."""
         scale = units.amounts.get(relaxation.unit, 1.0) if relaxation.additive else 1.0
         return self.problem.x.at[f"relaxed {relaxation.name}"], scale
+
+    def arrays(self, scene: GraspScene, attempt: Attempt) -> dict[str, Array]:
+        """The physical numbers of an attempt; see `continuum_grasp.grasp.GraspResult`."""
+        return stored_arrays(self.problem, scene, attempt.start, self._read(attempt.x, attempt.numbers))
 
     @cached_property
     def slope(self) -> ca.Function:

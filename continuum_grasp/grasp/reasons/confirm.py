@@ -110,6 +110,7 @@ class _PostureProblem:
         count = self.normals.size
         matrix, width = np.zeros((count + tilted, 2, self.size + 1)), np.zeros((count + tilted, self.size + 1))
         for k, n in enumerate(self.normals):
+            # |(friction, lift)| <= mu N; a lift that must be zero takes no part.
             matrix[k, 0, n + 1] = 1.0
             matrix[k, 1, n + 2] = float(self.statics.most[n + 2] > 0.0)
             width[k, n] = friction[k]
@@ -117,7 +118,7 @@ class _PostureProblem:
             matrix[-1, :, :-1] = self.statics.tilt
             width[-1, -1] = 1.0
         cones = Cones.made(matrix, np.zeros((count + tilted, 2)), width, np.zeros(count + tilted))
-        if self._cuts is not None:  # tangent planes hold for every coefficient
+        if self._cuts is not None:  # tangent planes that were found hold for every coefficient
             cones.cuts = self._cuts
         self._cuts = cones.cuts
         return cones

@@ -184,13 +184,14 @@ class _Repairs:
         attempt = solver.run(self.scene, start, search.budget, relaxed=(relaxation, amount), **options)
         if not np.isfinite(attempt.x).all():
             return
+        # Out of its own iterations: most limits are no reason, so the others are tried first.
         if attempt.status is Status.STOPPED:
             self._open.setdefault(name, []).append(attempt)
         if attempt.violations:
             return
         amount, best = solver.given(self.scene, attempt.x, relaxation), self.found.get(name)
         if amount < min(math.inf if best is None else best.amount, relaxation.most * (1.0 - SHORT)):
-            arrays = solver.reader.arrays(self.scene, attempt.start, attempt.x, attempt.numbers)
+            arrays = solver.arrays(self.scene, attempt)
             amount = max(amount, self._depth(relaxation, arrays))
             if (best is None or amount < best.amount) and self._holds(relaxation, amount, arrays):
                 self.found[name] = _Repair(amount, arrays, attempt)

@@ -67,7 +67,7 @@ def find_candidates(
 
 def near_candidates(
     scene: GraspScene, setup: FingerSetup, some: Candidates, pose: Pose, on: frozenset[str], scale: float
-) -> Candidates | None:
+) -> Candidates:
     """Postures next to some, with changes of a relative size, and these themselves."""
     groups = [some]
     keys = np.concatenate([some.bases, some.sides[:, None]], axis=1)
@@ -88,7 +88,7 @@ def near_candidates(
         found = _neighbors(task, family, scale)
         if found is not None:
             groups.append(_as_candidates(task, found))
-    return join(groups)
+    return join(groups) or some
 
 
 def _as_candidates(task: FingerTask, family: Postures) -> Candidates:

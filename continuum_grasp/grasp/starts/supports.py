@@ -93,6 +93,7 @@ def _wall_ends(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float)
     level = _lowest(shapes, wall, pose, flat)
     normal = math.remainder(wall.normal_angle + math.pi - pose[2], math.tau)
     if len(level) == 2 and np.isfinite(wall.half_length):
+        # A face that reaches beyond a finite wall touches at the wall's end.
         low, high = (_along(wall, pose, point) for _, point in level)
         face = level[1][1] - level[0][1]
         clipped = []

@@ -19,6 +19,9 @@ from continuum_grasp.scene.objects.body import Pose
 
 Array = NDArray[Any]
 
+Combined = tuple[list[Array], Array, Array, Array]
+"""Posture per finger, and for each combination what is left, its cost, and its forces."""
+
 _BALANCED = 3e-3
 """What is left where a posture is in balance but for the weight of its tension in the least squares."""
 _NEARLY = 0.05
@@ -30,8 +33,6 @@ _ROUNDS, _ONE_ROUND = (2.0, 0.7), (1.0,)
 _CLOSE = 0.05
 """Relative imbalance from which on several fingers are refined in one round instead of two."""
 
-Combined = tuple[list[Array], Array, Array, Array]
-"""Posture per finger, and for each combination what is left, its cost, and its forces."""
 _MOST = 160
 """Pairs of postures that are weighed where shapes fix the forces."""
 _NEAR = 0.02
@@ -107,7 +108,7 @@ class Weighing:
         for setup, candidates, index in zip(self.setups, at.candidates, at.index, strict=True):
             some = candidates.take(np.unique(index[best]))
             near = near_candidates(self.scene, setup, some, at.pose, self.on, scale)
-            more.append(some if near is None else near.take(_least_violation(near)))
+            more.append(near.take(_least_violation(near)))
         return self._weigh(at.pose, more)
 
     def _weigh(self, pose: Pose, found: list[Candidates], paired: bool = False) -> Weighed:
@@ -184,6 +185,7 @@ def _weigh(loads: Loads, blocks: list[Block], supports: Block, index: list[Array
 
 def _alone(loads: Loads, block: Block) -> tuple[Array, Array, Array]:
     """What is left of the fingers' own balance, its cost, and what the forces then do to the object."""
+    # No load, and forces without effect on the object: its rows are zero and drop out of the least squares.
     free = Loads(loads.force, loads.length, 0j, 0.0, loads.gravity, False)
     own = Block(0.0 * block.onto[:, :3], block.moments, block.needed, block.low, block.high, block.cost)
     left, cost, forces = imbalance(free, [own], [np.arange(len(block.needed))])

@@ -108,6 +108,7 @@ def bends(knots: Array, curvatures: Array, joints: Array, counts: tuple[int, ...
     ]
     at = np.concatenate([*ends, np.ones((size, 1))], axis=1)
     lengths = np.diff(at, axis=1)
+    # Just inside the elements, since the curvature may step from one to the next.
     inside = 1e-9 * lengths
     near = np.maximum(
         np.abs(curvature_at(knots, curvatures, at[:, :-1] + inside)),
