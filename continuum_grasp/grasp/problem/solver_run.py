@@ -168,7 +168,7 @@ class GraspSolverRun:
 
     def arrays(self, scene: GraspScene, attempt: Attempt) -> dict[str, Array]:
         """The physical numbers of an attempt; see `continuum_grasp.grasp.GraspResult`."""
-        return stored_arrays(self.problem, scene, attempt.start, self._read(attempt.x, attempt.numbers))
+        return stored_arrays(self.problem, scene, attempt.start, self._read.call([attempt.x, attempt.numbers]))
 
     @cached_property
     def slope(self) -> ca.Function:
