@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -28,14 +29,8 @@ ELEMENTS = (1, 2, 3, 4)
 
 
 def with_elements(scene: GraspScene, per_segment: int, family: str | None = None) -> GraspScene:
-    """The scene with this many elements per segment between base, middle contacts and tip.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    per_segment : int
-    family : str, optional
-        None: each finger keeps its own.
+    """The scene with this many elements per segment between base, middle contacts and tip, of each finger's own family
+    or of another.
     """
 
     def changed(setup: FingerSetup) -> GraspFinger:
@@ -50,66 +45,12 @@ def with_elements(scene: GraspScene, per_segment: int, family: str | None = None
     return scene.with_fingers(fingers).replaced(fidelity=Fidelity())
 
 
-def solve_again(scene: GraspScene, found: GraspScene, arrays: dict[str, Array], budget: Budget) -> Tried | None:
-    """The grasp next to one that was found with other elements; None where there is none.
-
-    Parameters
-    ----------
-    scene : GraspScene
-        With the elements wanted.
-    found : GraspScene
-        With those of the grasp.
-    arrays : dict
-    budget : Budget
-    """
-    search = Search(scene, budget)
-    if budget.over:
-        return None
-    search.attempt(start_from(found, arrays))
-    search.slide()
-    return None if budget.stopped else search.best
-
-
-def compare(scene: GraspScene, here: dict[str, Array], there: dict[str, Array]) -> Change:
-    """What changes from one model of a grasp to another.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    here, there : dict
-        Numbers of the grasp with either model.
-    """
-    one, two = _tension(scene, here), _tension(scene, there)
-    names = [str(name) for name in there["contact_names"]]
-    places = dict(zip(names, there["contact_positions"], strict=True))
-    moved = [
-        float(np.linalg.norm(at - places[str(name)]))
-        for name, at in zip(here["contact_names"], here["contact_positions"], strict=True)
-        if str(name) in places
-    ]
-    elements = {setup.name: int(there[f"{setup.name}.lengths"].size) for setup in scene.setups}
-    length = min(setup.finger.rod.length for setup in scene.setups)
-    return Change(elements, two, two / one - 1.0 if one else 0.0, max(moved, default=0.0), length)
-
-
-def _tension(scene: GraspScene, arrays: dict[str, Array]) -> float:
-    return float(sum(arrays[f"{name}.tensions"].sum() for name in scene.named_fingers))
-
-
 def with_fine(result: GraspResult, budget: Budget) -> GraspResult:
-    """The result with what a fine model changes; as it is where that has no grasp next to it.
-
-    Parameters
-    ----------
-    result : GraspResult
-        A grasp.
-    budget : Budget
-    """
-    scene, arrays = result.scene, dict(result.arrays)
-    found = solve_again(with_elements(scene, FINE, _smooth(scene)), scene, arrays, budget)
+    """The result with what a fine model changes; as it is where that has no grasp next to it."""
+    found = _solve_again(_fine(result.scene), result, budget)
     if found is None:
         return replace(result, statistics={**result.statistics, "fine_model": _none(budget)})
-    change = compare(scene, arrays, found.arrays)
+    change = _change(result.scene, result.arrays, found.arrays)
     return replace(result, fine=change, statistics={**result.statistics, "fine_model": str(change)})
 
 
@@ -122,42 +63,42 @@ def asked_tolerance(scene: GraspScene) -> float | None:
 def resolve_elements(
     scene: GraspScene, first: GraspResult, tolerance: float, budget: Budget
 ) -> tuple[GraspScene, str, Change | None]:
-    """The scene with the fewest elements whose grasp differs from a fine model's by no more than a tolerance.
+    """The scene with the fewest elements whose grasp differs from a fine model's by no more than a tolerance, that
+    choice in words, and what the fine model changes: tension (relative) and contact points (per length).
 
-    Parameters
-    ----------
-    scene : GraspScene
-        As asked.
-    first : GraspResult
-        Its grasp with some elements.
-    tolerance : float
-        Greatest change of the tension (relative) and of contact points (per length).
-    budget : Budget
-
-    Returns
-    -------
-    scene : GraspScene
-        With the elements found.
-    note : str
-        The choice in words.
-    change : Change or None
-        What the fine model changes about it.
+    ``first`` is the grasp of the scene with some elements.
     """
-    arrays = dict(first.arrays)
-    reference = solve_again(with_elements(scene, FINE, _smooth(scene)), first.scene, arrays, budget)
+    reference = _solve_again(_fine(scene), first, budget)
     if reference is None:
         return first.scene, f"the fine model: {_none(budget)}, so no tolerance can be checked", None
     note, change, chosen = "", None, first.scene
     for count in ELEMENTS:
         chosen = with_elements(scene, count)
-        found = solve_again(chosen, first.scene, arrays, budget)
+        found = _solve_again(chosen, first, budget)
         if found is None:
             continue
-        change = compare(scene, found.arrays, reference.arrays)
+        change = _change(scene, found.arrays, reference.arrays)
+        words = ", ".join(f"{setup.name} with {setup.elements} elements ({setup.family})" for setup in chosen.setups)
         if change.size <= tolerance:
-            return chosen, f"{_words(chosen)}: {change}; tolerance {tolerance:.2%} satisfied", change
-        note = f"{_words(chosen)}: {change}; tolerance {tolerance:.2%} NOT satisfied"
+            return chosen, f"{words}: {change}; tolerance {tolerance:.2%} satisfied", change
+        note = f"{words}: {change}; tolerance {tolerance:.2%} NOT satisfied"
     return chosen, note, change
+
+
+def _fine(scene: GraspScene) -> GraspScene:
+    """The scene with many elements of the finest family that all fingers can have."""
+    has_friction = any(setup.tendons.friction > 0.0 for setup in scene.setups)
+    return with_elements(scene, FINE, default_family(free_tip=has_friction))
+
+
+def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Tried | None:
+    """The grasp of a scene with other elements next to one that was found; None where there is none."""
+    search = Search(scene, budget)
+    if budget.over:
+        return None
+    search.attempt(start_from(result.scene, dict(result.arrays)))
+    search.slide()
+    return None if budget.stopped else search.best
 
 
 def _none(budget: Budget) -> str:
@@ -166,11 +107,11 @@ def _none(budget: Budget) -> str:
     return cut.get(budget.cut, "no grasp next to this one")
 
 
-def _words(scene: GraspScene) -> str:
-    return ", ".join(f"{setup.name} with {setup.elements} elements ({setup.family})" for setup in scene.setups)
-
-
-def _smooth(scene: GraspScene) -> str:
-    """The finest family that all fingers can have."""
-    has_friction = any(setup.tendons.friction > 0.0 for setup in scene.setups)
-    return default_family(free_tip=has_friction)
+def _change(scene: GraspScene, here: Mapping[str, Array], there: Mapping[str, Array]) -> Change:
+    """What changes from one model of a grasp to another."""
+    one, two = (float(sum(a[f"{name}.tensions"].sum() for name in scene.named_fingers)) for a in (here, there))
+    before, after = (dict(zip(a["contact_names"].tolist(), a["contact_positions"], strict=True)) for a in (here, there))
+    moved = max((float(np.linalg.norm(before[name] - after[name])) for name in before if name in after), default=0.0)
+    elements = {setup.name: int(there[f"{setup.name}.lengths"].size) for setup in scene.setups}
+    length = min(setup.finger.rod.length for setup in scene.setups)
+    return Change(elements, two, two / one - 1.0 if one else 0.0, moved, length)

@@ -6,7 +6,7 @@ Which contacts are on: every choice that the switches of a scene leave.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
@@ -23,6 +23,7 @@ from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.supports import Switch
 
 Array = NDArray[Any]
 
@@ -56,15 +57,7 @@ _CHOICES = {"on": (True,), "off": (False,), "auto": (True, False)}
 
 @dataclass(frozen=True)
 class Tried:
-    """An attempt, its physical numbers and its verification.
-
-    Attributes
-    ----------
-    attempt : Attempt
-    solver : GraspSolverRun
-    arrays : dict
-    certificate : Certificate
-    """
+    """An attempt, its physical numbers and its verification."""
 
     attempt: Attempt
     solver: GraspSolverRun
@@ -73,32 +66,14 @@ class Tried:
 
 
 class Search:
-    """Finds and verifies grasps of a scene.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    budget : Budget
-        What it may spend.
-
-    Attributes
-    ----------
-    tried : list of Tried
-    good : list of Tried
-        Those that the certificate confirms.
-    starts : list of Start
-    fallback : Tried or None
-        A grasp with least tension, where something else is sought.
-    build_seconds : float
-        Spent on building solvers.
-    """
+    """Finds and verifies grasps of a scene within a budget."""
 
     def __init__(self, scene: GraspScene, budget: Budget) -> None:
         self.scene, self.budget = scene, budget
         self.tried: list[Tried] = []
-        self.good: list[Tried] = []
-        self.starts: list[Start] = []
-        self.fallback: Tried | None = None
+        self.good: list[Tried] = []  # those that the certificate confirms
+        self.fallback: Tried | None = None  # a grasp with least tension, where something else is sought
+        # Spent on building solvers, and on starts.
         self.build_seconds = self.start_seconds = 0.0
         self._rng = np.random.default_rng(scene.solver.random_seed)
 
@@ -116,8 +91,7 @@ class Search:
         Once there is a grasp, starts that do not touch and those that look much worse are skipped, and the others get
         few iterations.
         """
-        plain = self.scene.objective == "least_tension"
-        if not plain:
+        if self.scene.objective != "least_tension":
             self._from_least_tension()
         for mode in contact_modes(self.scene):
             # Modes come with the most contacts first: a branch that holds with all of them needs no try with fewer,
@@ -165,7 +139,6 @@ class Search:
         began = time.perf_counter()
         starts = make_starts(self.scene, mode, self.scene.solver.seeds, self._rng)
         self.start_seconds += time.perf_counter() - began
-        self.starts += starts
         return starts
 
     def attempt(self, start: Start, **options: Any) -> Tried | None:
@@ -174,7 +147,7 @@ class Search:
         attempt = solver.run(self.scene, start, self.budget, **options)
         if not np.isfinite(attempt.x).all():
             return None
-        arrays = solver.reader.arrays(self.scene, attempt.start, attempt.x, attempt.numbers)
+        arrays = solver.arrays(self.scene, attempt)
         found = Tried(attempt, solver, arrays, certify(self.scene, arrays))
         self.tried.append(found)
         if found.certificate.passed:
@@ -195,9 +168,10 @@ class Search:
             best = self.best
             if best is None or self.budget.over:
                 return
-            for features_, x0 in _neighbors(self.scene, best):
-                found = self.attempt(replace(best.attempt.start, label="next face"), features=features_, x0=x0)
-                if found is not None and found in self.good and _better(found, best):
+            least = best.attempt.objective - SAME * max(1.0, abs(best.attempt.objective))
+            for features, x0 in _neighbors(self.scene, best):
+                found = self.attempt(replace(best.attempt.start, label="next face"), features=features, x0=x0)
+                if found is not None and found in self.good and found.attempt.objective < least:
                     break
             else:
                 return
@@ -211,65 +185,50 @@ def branch_of(start: Start) -> tuple[Any, ...]:
     return sides, faces, places
 
 
-def _better(a: Tried, b: Tried) -> bool:
-    return a.attempt.objective < b.attempt.objective - SAME * max(1.0, abs(b.attempt.objective))
-
-
 def _neighbors(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feature], Array]]:
     """Features and unknowns with one contact passed on to the face or corner that it is at the end of."""
     attempt, parts = tried.attempt, scene.object.parts
     for contact in tried.solver.problem.spec.contacts:
-        variable = tried.solver.problem.parts.variables.get(f"place, {contact.name}")
-        if variable is None or contact.surface.is_smooth or contact.finger < 0:
+        if contact.surface.is_smooth or contact.finger < 0:
             continue
+        place = tried.solver.problem.x.at[f"place, {contact.name}"]
         part = parts[attempt.start.contacts[contact.name].part]
         ring, now = contact.surface.features(part), attempt.features[contact.name]
         if len(ring) < 2:
             continue
-        at, index = attempt.x[variable.start : variable.stop], ring.index(now)
+        # A contact's place is its position along a face and the angle of its normal, of which on a face the first is
+        # free, on a corner the second.
+        at, index = attempt.x[place], ring.index(now)
         face = now.upper[0] > now.lower[0]
         share = at[0] if face else (at[1] - now.lower[1]) / (now.upper[1] - now.lower[1])
         for end, step in ((0.0, -1), (1.0, 1)):
             if abs(share - end) < EDGE:
                 new = ring[(index + step) % len(ring)]
                 x = attempt.x.copy()
-                if face:  # on to a corner
-                    x[variable.start : variable.stop] = 0.0, new.upper[1] if step < 0 else new.lower[1]
-                else:
-                    x[variable.start : variable.stop] = 1.0 if step < 0 else 0.0, new.lower[1]
+                x[place] = (1.0 - end, new.lower[1]) if not face else (0.0, new.upper[1] if step < 0 else new.lower[1])
                 yield {**attempt.features, contact.name: new}, x
 
 
 def contact_modes(scene: GraspScene) -> list[frozenset[str]]:
-    """The sets of contacts that may be on, those with the most contacts first.
+    """The sets of contacts that may be on, those with the most contacts first, at most `MOST`.
 
-    Parameters
-    ----------
-    scene : GraspScene
-
-    Returns
-    -------
-    list of frozenset of str
-        Names of contacts of fingers, and of the supports that the object touches; every finger touches somewhere. At
-        most `MOST`.
+    They name contacts of fingers, of which every one touches somewhere, and supports that the object touches.
     """
-    fingers: list[list[frozenset[str]]] = []
+    choices: list[list[frozenset[str]]] = []
     for setup in scene.setups:
-        names = (*setup.middle_names, setup.tip_name)
-        switches = (*setup.middles, setup.tip)
-        sets = [
-            frozenset(n for n, on in zip(names, choice, strict=True) if on)
-            for choice in product(*(_CHOICES[s] for s in switches))
-        ]
-        fingers.append([s for s in sets if s])
+        chosen = _chosen(zip((*setup.middle_names, setup.tip_name), (*setup.middles, setup.tip), strict=True))
+        choices.append([names for names in chosen if names])
     supports = [(body.name, body.touch) for body in scene.places]
     if scene.object.free is None:
         touching = touching_supports(scene, scene.object.pose)
-        chosen = [frozenset(name for name, touch in supports if touch != "off" and name in touching)]
+        choices.append([frozenset(name for name, touch in supports if touch != "off" and name in touching)])
     else:
-        chosen = [
-            frozenset(name for (name, _), on in zip(supports, choice, strict=True) if on)
-            for choice in product(*(_CHOICES[touch] for _, touch in supports))
-        ]
-    modes = [frozenset().union(*sets) for sets in product(*fingers, chosen)]
+        choices.append(_chosen(supports))
+    modes = [frozenset[str]().union(*sets) for sets in product(*choices)]
     return sorted(modes, key=lambda mode: (-len(mode), sorted(mode)))[:MOST]
+
+
+def _chosen(switches: Iterable[tuple[str, Switch]]) -> list[frozenset[str]]:
+    """The sets of names that switches leave to choose."""
+    each = [[frozenset({name}) if on else frozenset() for on in _CHOICES[state]] for name, state in switches]
+    return [frozenset[str]().union(*chosen) for chosen in product(*each)]

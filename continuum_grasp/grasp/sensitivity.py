@@ -17,38 +17,23 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """By how much what is sought changes with one number of the scene, to first order.
-
-    Attributes
-    ----------
-    name : str
-    derivative : float
-        Of the sum of tensions [N] where that is the objective, else of the objective as it is minimized, per ``unit``.
-    unit : str
-        Of the number that changes.
-    """
+    """By how much what is sought changes with one number of the scene, to first order."""
 
     name: str
     derivative: float
-    unit: str
+    """Of the sum of tensions [N] where that is the objective, else of the objective as minimized, per ``unit``."""
+    unit: str  # of the number that changes
 
 
 def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:
-    """Derivatives of the answer with respect to friction, mass, and the pose of the object before the hand.
+    """Derivatives of the answer of a converged attempt with respect to friction, mass, and the pose of the object
+    before the hand.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    found : Tried
-        A converged attempt.
-
-    Returns
-    -------
-    tuple of Sensitivity
-        They hold as long as the same limits stay active. The pose is that of the object with its supports, moved
-        against all fingers' bases together; bases that are free do not move.
+    They hold as long as the same limits stay active. The pose is that of the object with its supports, moved against
+    all fingers' bases together; bases that are free do not move.
     """
     attempt, problem = found.attempt, found.solver.problem
+    # At an optimum the objective changes with a number as the Lagrangian does: unknowns and multipliers stand still.
     slope = np.asarray(found.solver.slope(attempt.x, attempt.numbers, attempt.multipliers.constraints)).ravel()
     units = 1.0 / tension_weight(scene) if scene.objective == "least_tension" else 1.0
 
@@ -57,38 +42,31 @@ def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:
         return problem.numbers.pack(numbers, 0.0)
 
     now = values(scene)
-    out = []
-    for name, unit, step, changed in _changes(scene):
-        change = (values(changed) - now) / step
-        out.append(Sensitivity(name, float(slope @ change) * units, unit))
-    return tuple(out)
+    return tuple(
+        Sensitivity(name, float(slope @ ((values(changed) - now) / step)) * units, unit)
+        for name, unit, step, changed in _changes(scene)
+    )
 
 
 def _changes(scene: GraspScene) -> list[tuple[str, str, float, GraspScene]]:
     """Name, unit, step and changed scene."""
     # The numbers of the problem are smooth in the scene's, so that a difference of 1e-6 is good to six digits.
-    step = 1e-6
-    found = [("friction between fingers and object", "1", step, _rougher(scene, step))]
+    step, reach = 1e-6, 1e-6 * scene.object.size
+    rougher = {}
+    for setup in scene.setups:
+        contacts = setup.finger.contacts.model_copy(update={"friction": setup.friction + step})
+        rougher[setup.name] = setup.finger.model_copy(update={"contacts": contacts})
+    found = [("friction between fingers and object", "1", step, scene.with_fingers(rougher))]
     if scene.weight > 0.0:
         mass = step * scene.object.mass
         heavier = scene.object.model_copy(update={"mass": scene.object.mass + mass})
         found.append(("mass of the object", "kg", mass, scene.model_copy(update={"object": heavier})))
-    reach = step * scene.object.size
-    for name, unit, size, move in (
-        ("object along x", "m", reach, (1.0, 0.0, 0.0)),
-        ("object along y", "m", reach, (0.0, 1.0, 0.0)),
-        ("object turned about its center of mass", "rad", step, (0.0, 0.0, 1.0)),
-    ):
-        found.append((name, unit, size, _moved(scene, *(size * m for m in move))))
-    return found
-
-
-def _rougher(scene: GraspScene, step: float) -> GraspScene:
-    fingers = {}
-    for setup in scene.setups:
-        contacts = setup.finger.contacts.model_copy(update={"friction": setup.friction + step})
-        fingers[setup.name] = setup.finger.model_copy(update={"contacts": contacts})
-    return scene.with_fingers(fingers)
+    return [
+        *found,
+        ("object along x", "m", reach, _moved(scene, reach, 0.0, 0.0)),
+        ("object along y", "m", reach, _moved(scene, 0.0, reach, 0.0)),
+        ("object turned about its center of mass", "rad", step, _moved(scene, 0.0, 0.0, step)),
+    ]
 
 
 def _moved(scene: GraspScene, x: float, y: float, turn: float) -> GraspScene:

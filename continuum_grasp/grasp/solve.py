@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from continuum_grasp import interrupt
-from continuum_grasp.errors import InputError, Interrupted, SolverError
+from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
@@ -16,7 +17,7 @@ from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
 
 
@@ -97,6 +98,8 @@ def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> Gr
 
 
 class _Verdict:
+    """One search with one model, and what comes of it."""
+
     def __init__(self, scene: GraspScene, budget: Budget) -> None:
         self.scene, self.budget = scene, budget
         self.began = time.monotonic()
@@ -109,34 +112,39 @@ class _Verdict:
             return self._judged()
         except KeyboardInterrupt:
             self.interrupted = True
-            if not self.search.good and self.search.fallback is None:
+            best = self._best()
+            if best is None:
                 tried = f"{len(self.search.tried)} starts tried to the end"
                 raise Interrupted(f"interrupted before a grasp was found ({tried})") from None
-            return self._solved()
+            return self._solved(best)
+
+    def _best(self) -> Tried | None:
+        return self.search.best or self.search.fallback
 
     def _judged(self) -> GraspResult:
         far = out_of_reach(self.scene)
         if far is not None:
-            return self._infeasible([far])
+            return self._infeasible([far], None)
         search = self.search
         search.run()
-        if search.good or search.fallback is not None:
-            return self._solved()
+        best = self._best()
+        if best is not None:
+            return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
         reasons = find_reasons(self.scene, search)
-        if search.good:  # feasible after all, though no start saw it
-            return self._solved()
+        best = self._best()
+        if best is not None:  # feasible after all, though no start saw it
+            return self._solved(best)
+        # Reasons found before the clock stopped the search may not be the ones that matter.
         if reasons and not self.budget.stopped:
             return self._infeasible(reasons, closest)
         return self._unsolved(closest)
 
     # -- verdicts --------------------------------------------------------------------------------------------
 
-    def _solved(self) -> GraspResult:
-        best = self.search.best or self.search.fallback
-        if best is None:
-            raise InputError("no verified grasp to report")
-        words = f"held with {self._sought(best)}"
+    def _solved(self, best: Tried) -> GraspResult:
+        tensions = [float(t) for name in self.scene.named_fingers for t in best.arrays[f"{name}.tensions"]]
+        words = f"held with {'a tension of' if len(tensions) == 2 else 'tensions of at most'} {max(tensions):.4g} N"
         status, message = Status.OPTIMAL, words
         if self.search.best is None:
             status, message = Status.FEASIBLE, f"{words}, the least there is; nothing was found for the objective"
@@ -158,21 +166,14 @@ class _Verdict:
             statistics=self._statistics(best.attempt),
         )
 
-    def _sought(self, best: Tried) -> str:
-        data = best.arrays
-        tensions = [float(t) for name in self.scene.named_fingers for t in data[f"{name}.tensions"]]
-        word = "a tension of" if len(tensions) == 2 else "tensions of at most"
-        return f"{word} {max(tensions):.4g} N"
-
-    def _infeasible(self, reasons: list[Reason], closest: Tried | None = None) -> GraspResult:
+    def _infeasible(self, reasons: list[Reason], closest: Tried | None) -> GraspResult:
         advice = "Any one of these repairs it: " + "; ".join(reason.repair for reason in reasons) + "."
-        return self._failed(Status.INFEASIBLE, reasons[0].text, closest, tuple(reasons), advice)
+        return self._failed(Status.INFEASIBLE, reasons[0].text, advice, closest, reasons)
 
     def _unsolved(self, closest: Tried | None) -> GraspResult:
         if self.budget.stopped:
             message = f"{self._cut()} before there was a verdict"
-            advice = "Raise solver.time_limit, or free the machine."
-            return self._failed(Status.TIMED_OUT, message, closest, (), advice)
+            return self._failed(Status.TIMED_OUT, message, "Raise solver.time_limit, or free the machine.", closest)
         if self.budget.cut:
             message, advice = f"{self._cut()} without a verified grasp", "Raise solver.max_total_iterations."
         elif closest is not None and closest.attempt.optimal:
@@ -187,27 +188,19 @@ class _Verdict:
                 "(contacts.middle_range), or raise solver.seeds. A scene that breaks two limits at once ends "
                 "here too."
             )
-        return self._failed(Status.NOT_SOLVED, message, closest, (), advice)
+        return self._failed(Status.NOT_SOLVED, message, advice, closest)
 
     def _failed(
-        self,
-        status: Status,
-        message: str,
-        closest: Tried | None,
-        reasons: tuple[Reason, ...],
-        advice: str,
+        self, status: Status, message: str, advice: str, closest: Tried | None, reasons: Sequence[Reason] = ()
     ) -> GraspResult:
-        violated: tuple[str, ...] = ()
-        if closest is not None:
-            violated = tuple(str(v) for v in closest.attempt.violations)
         return GraspResult(
             self.scene,
             status,
             message,
             arrays={} if closest is None else closest.arrays,
             certificate=None if closest is None else closest.certificate,
-            violated=violated,
-            reasons=reasons,
+            violated=() if closest is None else tuple(str(v) for v in closest.attempt.violations),
+            reasons=tuple(reasons),
             advice=" ".join(part for part in (self._support_note(), advice) if part),
             statistics=self._statistics(None if closest is None else closest.attempt),
         )
@@ -222,12 +215,12 @@ class _Verdict:
     def _support_note(self) -> str:
         if self.scene.object.free is not None:
             return ""
-        away = [wall for wall in self.scene.walls if self.scene.gap(wall) > 1e-6 * self.scene.object.size]
-        notes = [
-            f"The object is {self.scene.gap(wall):.4g} m away from {wall.name}, which therefore carries nothing."
-            for wall in away
-        ]
-        return " ".join(notes)
+        gaps = ((wall.name, self.scene.gap(wall)) for wall in self.scene.walls)
+        return " ".join(
+            f"The object is {gap:.4g} m away from {name}, which therefore carries nothing."
+            for name, gap in gaps
+            if gap > TOUCHING * self.scene.object.size
+        )
 
     def _statistics(self, chosen: Attempt | None) -> dict[str, Any]:
         attempts = [t.attempt for t in self.search.tried]

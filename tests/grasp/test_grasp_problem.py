@@ -186,8 +186,7 @@ def test_resisted_disturbance_against_the_fine_rod(tendons):
     search = Search(scene, Budget.of(scene.solver))
     search.run()
     best = search.best
-    variable = best.solver.problem.parts.variables["resisted disturbance"]
-    factor = float(best.attempt.x[variable.start])
+    factor = float(best.attempt.x[best.solver.problem.x.at["resisted disturbance"]][0])
     fine = resistance(scene, dict(result.arrays), displacement_limit=None)
     assert factor > 0.5
     assert fine.least == pytest.approx(factor, rel=0.05)

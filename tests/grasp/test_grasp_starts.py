@@ -229,7 +229,8 @@ def test_arcs_stay_arcs():
     finger = start.fingers["f"]
     assert start.label == "scan"
     joint = finger.joints[0]
-    first, second = finger.bends(np.array([0.0, joint, LENGTH]))
+    s, _, phi = trace(np.array(finger.knots), np.array(finger.curvatures))
+    first, second = np.diff(np.interp([0.0, joint, LENGTH], s, phi))
     assert finger.curvatures[0] == pytest.approx(first / joint)
     assert finger.curvatures[-1] == pytest.approx(second / (LENGTH - joint))
     assert second / (LENGTH - joint) == pytest.approx(-1.0 / 0.044, rel=1e-6)  # it lies on the disc

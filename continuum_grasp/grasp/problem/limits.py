@@ -6,9 +6,16 @@ from itertools import pairwise
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.unit_finger import APEX, rotation
-from continuum_grasp.grasp.problem.unknowns import FingerState, Unknowns
+from continuum_grasp.grasp.problem.blocks import rotation
+from continuum_grasp.grasp.problem.unit_finger import UnitFinger
+from continuum_grasp.grasp.problem.unknowns import Unknowns
 from continuum_grasp.model.surfaces.surface import CORNERS, separation
+
+APEX = 2e-4
+"""Rounding of the apex of spatial friction cones, as a part of the weight; it lies inside the true one."""
+SHORTEST = 0.02
+"""Least distance of two middle contacts, as a part of the length: the moments of shorter elements are all but
+dependent."""
 
 
 def add_limits(problem: Unknowns) -> None:
@@ -21,28 +28,27 @@ def add_limits(problem: Unknowns) -> None:
         _keep_object_clear(problem)
 
 
-def guarded(finger: FingerState) -> tuple[ca.SX, list[int], list[bool]]:
+def guarded(finger: UnitFinger) -> tuple[ca.SX, list[int], list[bool]]:
     """World positions (2, K) that must stay clear along a finger, the elements that they are in, and whether the finger
     touches the object there.
 
     These are waypoints, joints, and probes, which the search puts where a finger is deepest.
     """
-    spec, model = finger.spec, finger.unit.model
+    spec, model = finger.spec, finger.model
     touching = {n - 1 for n, on in zip(spec.before, spec.touching, strict=True) if on}
     touching |= {spec.elements - 1} if spec.tip else set()
-    joints, count = range(spec.elements), finger.unit.probes
-    at = ca.reshape(finger.unit.number("probes", count * spec.elements), count, spec.elements)
-    shares = finger.unit.waypoint_shares
+    joints, count = range(spec.elements), finger.probes
+    at = ca.reshape(finger.number("probes", count * spec.elements), count, spec.elements)
+    shares = finger.waypoint_shares
     every = model.waypoints(finger.q, finger.u, finger.p)
     points = ca.horzcat(
         finger.world(every[:, [k for k, _ in shares]]),
         *(finger.ends[:, k] for k in joints),
         finger.world(model.probes(count)(finger.q, finger.u, at, finger.p)),
     )
-    inside = [element for _, element in shares]
-    elements = [*inside, *joints, *(k for k in range(spec.elements) for _ in range(count))]
-    touches = [*(False for _ in inside), *(k in touching for k in joints)]
-    return points, elements, touches + [False] * (len(elements) - len(touches))
+    elements = [*(element for _, element in shares), *joints, *(k for k in joints for _ in range(count))]
+    touches = [*(False for _ in shares), *(k in touching for k in joints), *(False for _ in range(count * len(joints)))]
+    return points, elements, touches
 
 
 def friction_cone(problem: Unknowns, friction: ca.SX, n: ca.SX, f: ca.SX, lift: ca.SX) -> ca.SX:
@@ -56,82 +62,80 @@ def friction_cone(problem: Unknowns, friction: ca.SX, n: ca.SX, f: ca.SX, lift: 
 
 
 def _bound_contacts(problem: Unknowns) -> None:
-    require, number = problem.parts.require, problem.numbers
+    require, number = problem.rows.require, problem.numbers
     for contact in problem.contacts:
         name, (n, f, lift) = contact.spec.name, ca.vertsplit(contact.force)
         friction = number(f"{name}.friction") + problem.slack["friction"]
         if "greatest_friction_margin" in problem.spec.aims:
-            friction *= 1.0 - problem.parts.variables["friction margin"].symbol
+            friction *= 1.0 - problem.x("friction margin")
         cone = friction_cone(problem, friction, n, f, lift)
         require(f"friction cone, {name}", cone, "N", f"contacts.friction ({name})", upper=ca.inf)
         most = number(f"{name}.normal_force_max") + problem.slack["normal force"]
         require(f"normal force, {name}", most - n, "N", "contacts.normal_force_max", upper=ca.inf)
 
 
-def _keep_clear(problem: Unknowns, finger: FingerState) -> None:
-    spec, number, require = finger.spec, finger.unit.number, problem.parts.require
+def _keep_clear(problem: Unknowns, finger: UnitFinger) -> None:
+    name, number, spec, require = finger.spec.name, problem.numbers, problem.spec, problem.rows.require
     points, _, touches = guarded(finger)
-    tolerance, half = problem.numbers("tolerance"), problem.thickness(finger)
+    places, tolerance, half = ca.horzsplit(points), number("tolerance"), finger.thickness
     back = rotation(-problem.pose[2])
     # A place that touches has its gap as an equation already: the inequality beside it would be dependent.
     free = [j for j, touching in enumerate(touches) if not touching]
-    for part, surface in enumerate(problem.spec.surfaces):
+    for part, surface in enumerate(spec.surfaces):
         # The tolerance is never zero: a finger that lies along the object makes all its places active at once, and the
         # active constraints dependent (93 % of 60 discs converged with 0, all with 1e-9 and more).
         slack = problem.slack["clearance at the object"] + tolerance - half
-        beta = _directions(problem, f"{spec.name}.separating_{part}", len(free), surface.has_directions)
+        beta = _directions(problem, f"{name}.separating_{part}", len(free), surface.has_directions)
         spare = []
         for k, j in enumerate(free):
-            local = back @ (points[:, j] - problem.pose[:2])
-            near = number(f"corners_{part}_{j}", 2 * CORNERS) if surface.looks_at_corners else None
+            local = back @ (places[j] - problem.pose[:2])
+            near = finger.number(f"corners_{part}_{j}", 2 * CORNERS) if surface.looks_at_corners else None
             away = surface.clearance(local, beta[k] if beta.numel() else beta, _part_numbers(problem, part), near)
             spare.append(away + slack)
-        require(f"penetration into the object, {spec.name}", ca.vertcat(*spare), "m", "object", upper=ca.inf)
+        require(f"penetration into the object, {name}", ca.vertcat(*spare), "m", "object", upper=ca.inf)
     slack = problem.slack["clearance at the supports"] + tolerance
     spare = []
-    for k in range(problem.spec.planes):
-        normal, at = problem.numbers(f"plane_{k}.normal", 2), problem.numbers(f"plane_{k}.point", 2)
-        spare += [ca.dot(normal, points[:, j] - at) - number(f"needed_{k}_{j}") + slack for j in range(points.shape[1])]
-    for k in range(problem.spec.lines):
-        ends = ca.reshape(problem.numbers(f"line_{k}.ends", 4), 2, 2)
-        beta = _directions(problem, f"{spec.name}.beside_{k}", points.shape[1], True)
-        spare += [separation(points[:, j], beta[j], ends) - half + slack for j in range(points.shape[1])]
-    for k in range(problem.spec.pegs):
-        at, radius = problem.numbers(f"peg_{k}.position", 2), problem.numbers(f"peg_{k}.radius")
-        spare += [_reach(points[:, j] - at) - radius - half + slack for j in range(points.shape[1])]
-    require(f"penetration into a support, {spec.name}", ca.vertcat(*spare), "m", "supports", upper=ca.inf)
+    for k in range(spec.planes):
+        normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
+        spare += [ca.dot(normal, z - at) - finger.number(f"needed_{k}_{j}") + slack for j, z in enumerate(places)]
+    for k in range(spec.lines):
+        ends = ca.reshape(number(f"line_{k}.ends", 4), 2, 2)
+        beta = _directions(problem, f"{name}.beside_{k}", len(places), True)
+        spare += [separation(z, beta[j], ends) - half + slack for j, z in enumerate(places)]
+    for k in range(spec.pegs):
+        at, radius = number(f"peg_{k}.position", 2), number(f"peg_{k}.radius")
+        # 1e-24 keeps the root differentiable where a place is at the peg's center.
+        spare += [ca.sqrt(ca.sumsqr(z - at) + 1e-24) - radius - half + slack for z in places]
+    require(f"penetration into a support, {name}", ca.vertcat(*spare), "m", "supports", upper=ca.inf)
 
 
 def _directions(problem: Unknowns, name: str, count: int, wanted: bool) -> ca.SX:
-    return problem.parts.unknown(name, count) if wanted else ca.SX(0, 1)
-
-
-def _reach(arm: ca.SX) -> ca.SX:
-    return ca.sqrt(ca.sumsqr(arm) + 1e-24)
+    """Angles of the normals of separating lines, as unknowns."""
+    return problem.x(name, count) if wanted else ca.SX(0, 1)
 
 
 def _part_numbers(problem: Unknowns, part: int) -> ca.SX:
     return problem.numbers(f"part_{part}", problem.spec.surfaces[part].number_count)
 
 
-def _keep_limits(problem: Unknowns, finger: FingerState) -> None:
-    require, slack, number = problem.parts.require, problem.slack, finger.unit.number
+def _keep_limits(problem: Unknowns, finger: UnitFinger) -> None:
+    require, slack, number = problem.rows.require, problem.slack, finger.number
     name = finger.spec.name
     over = finger.pulls - number("pull_max") - slack["tension"] * number("pull_per_force")
     require(f"tendon tension, {name}", over, "1", f"{name}.tendons.max_tension", lower=-ca.inf)
-    bends = finger.unit.greatest_bends(finger.q, finger.u, finger.p)
+    bends = ca.vec(finger.curvatures()[2].T)
     most = number("bending_range") + slack["bending range"]
     spare = ca.vertcat(most - bends, most + bends)
     require(f"bending range, {name}", spare, "rad", "fidelity.bending_range", upper=ca.inf)
     if finger.spec.strained:
-        curvature = finger.unit.curvatures(finger.q, finger.u, finger.p)
+        # The strain of the skin is curvature times half the diameter: a limit on the curvature, relaxed by a part.
+        curvature = finger.curvatures()[0]
         most = number("curvature_limit") * (1.0 + slack["strain"])
         spare = ca.vertcat(most - curvature, most + curvature)
         require(f"bending strain, {name}", spare, "1", f"{name}.strain_limit", upper=ca.inf)
     on = [joint for joint, touches in zip(finger.joints, finger.spec.touching, strict=True) if touches]
     if len(on) > 1:
-        # Elements between two contacts have a length: the moments of shorter ones than 2 % are all but dependent.
-        gaps = ca.vertcat(*(b - a for a, b in pairwise(on))) - 0.02
+        gaps = ca.vertcat(*(b - a for a, b in pairwise(on))) - SHORTEST
         require(f"order of the middle contacts, {name}", gaps, "1", "contacts.middle", upper=ca.inf)
 
 
@@ -152,4 +156,4 @@ def _keep_object_clear(problem: Unknowns) -> None:
             away = surface.clearance(local, beta, _part_numbers(problem, part), near)
             spare.append(away - number(f"peg_{k}.radius"))
     if spare:
-        problem.parts.require("object in a support", ca.vertcat(*spare) + tolerance, "m", "supports", upper=ca.inf)
+        problem.rows.require("object in a support", ca.vertcat(*spare) + tolerance, "m", "supports", upper=ca.inf)

@@ -15,16 +15,15 @@ All numbers of the scene are run-time arguments: two scenes of one structure sha
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
+from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.problem.disturbance import add_disturbances
 from continuum_grasp.grasp.problem.limits import add_limits
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.problem.unit_finger import rotation
-from continuum_grasp.grasp.problem.unknowns import FingerState, TouchState, Unknowns
+from continuum_grasp.grasp.problem.unit_finger import UnitFinger
+from continuum_grasp.grasp.problem.unknowns import Touch, Unknowns
 
 _REGULARIZATION = 1e-8
 """Weight of the squared contact forces (scaled) beside what is sought, so that they are unique: with more than three
@@ -34,60 +33,64 @@ _TINY = 1e-6
 
 
 class GraspProblem(Unknowns):
-    """Unknowns, constraint blocks and objective of a grasp.
-
-    Parameters
-    ----------
-    spec : ProblemSpec
-
-    Attributes
-    ----------
-    objective : casadi.SX
-    """
+    """Unknowns, constraints and objective (a casadi.SX) of a grasp."""
 
     def __init__(self, spec: ProblemSpec) -> None:
         super().__init__(spec)
         for contact in self.contacts:
-            self._close(contact)
+            if contact.spec.finger >= 0:
+                self._close(contact, self.fingers[contact.spec.finger])
+            elif self.spec.free:
+                self._close_support(contact)
         for k, finger in enumerate(self.fingers):
-            # In units of the whole problem, so that the residuals of different fingers compare.
-            missing = finger_balance(finger, [c for c in self.contacts if c.spec.finger == k])
-            scale = finger.unit.number("force share") * finger.unit.number("length")
-            self.parts.require(f"finger equilibrium, {finger.spec.name}", scale * missing, "N m", finger.spec.name)
+            self._balance_finger(finger, [c for c in self.contacts if c.spec.finger == k])
         self._balance_object()
         add_limits(self)
-        self.objective = _add_objective(self)
+        self.objective = self._objective()
 
-    def _close(self, contact: TouchState) -> None:
-        """The contact's gap is zero."""
-        spec, require, key = contact.spec, self.parts.require, f"contacts.{contact.spec.name}"
-        if spec.finger >= 0:
-            finger = self.fingers[spec.finger]
-            end = finger.end_of(spec)
-            gap = finger.ends[:, end] - contact.point - self.thickness(finger) * contact.normal
-            require(f"contact gap, {spec.name}", gap, "m", key)
-            if spec.joint >= 0:
-                along = ca.vertcat(-ca.sin(finger.angles[end]), ca.cos(finger.angles[end]))
-                require(f"contact tangency, {spec.name}", ca.dot(along, contact.normal), "rad", key)
-        elif self.spec.free:
-            key = f"supports.{spec.name}"
-            if spec.peg:
-                center, radius = self.numbers(f"{spec.name}.position", 2), self.numbers(f"{spec.name}.radius")
-                require(f"contact gap, {spec.name}", contact.point + radius * contact.normal - center, "m", key)
-                return
-            normal, at = self.numbers(f"{spec.name}.wall normal", 2), self.numbers(f"{spec.name}.wall point", 2)
-            along = ca.vertcat(-normal[1], normal[0])
-            require(f"contact gap, {spec.name}", ca.dot(normal, contact.point - at), "m", key)
-            require(f"contact normal, {spec.name}", ca.dot(along, contact.normal), "rad", key)
-            if spec.bounded:
-                off, half = ca.dot(along, contact.point - at), self.numbers(f"{spec.name}.half length")
-                within = ca.vertcat(half - off, half + off)
-                require(f"contact within its support, {spec.name}", within, "m", key, upper=ca.inf)
+    def _close(self, contact: Touch, finger: UnitFinger) -> None:
+        """A finger touches: no gap, and a middle contact is tangent."""
+        spec, require, key = contact.spec, self.rows.require, f"contacts.{contact.spec.name}"
+        end = finger.end_of(spec)
+        gap = finger.ends[:, end] - contact.point - finger.thickness * contact.normal
+        require(f"contact gap, {spec.name}", gap, "m", key)
+        if spec.joint >= 0:
+            along = ca.vertcat(-ca.sin(finger.angles[end]), ca.cos(finger.angles[end]))
+            require(f"contact tangency, {spec.name}", ca.dot(along, contact.normal), "rad", key)
+
+    def _close_support(self, contact: Touch) -> None:
+        """A support touches the object, whose pose is sought."""
+        name, require, number = contact.spec.name, self.rows.require, self.numbers
+        key = f"supports.{name}"
+        if contact.spec.peg:
+            center, radius = number(f"{name}.position", 2), number(f"{name}.radius")
+            require(f"contact gap, {name}", contact.point + radius * contact.normal - center, "m", key)
+            return
+        normal, at = number(f"{name}.wall normal", 2), number(f"{name}.wall point", 2)
+        along = ca.vertcat(-normal[1], normal[0])
+        require(f"contact gap, {name}", ca.dot(normal, contact.point - at), "m", key)
+        require(f"contact normal, {name}", ca.dot(along, contact.normal), "rad", key)
+        if contact.spec.bounded:
+            off, half = ca.dot(along, contact.point - at), number(f"{name}.half length")
+            within = ca.vertcat(half - off, half + off)
+            require(f"contact within its support, {name}", within, "m", key, upper=ca.inf)
+
+    def _balance_finger(self, finger: UnitFinger, contacts: list[Touch]) -> None:
+        share, h = finger.number("force share"), finger.number("thickness")
+        back = rotation(-finger.base[2])
+        forces = {c.spec.joint: back @ c.world / share for c in contacts}
+        # Friction acts on the skin: it turns the backbone by its arm, half the thickness.
+        couples = {c.spec.joint: -h * c.force[1] / share for c in contacts}
+        missing = finger.missing_force(finger.q, finger.u, finger.loads(forces, couples))
+        # In units of the whole problem, so that the residuals of different fingers compare.
+        scale = share * finger.number("length")
+        self.rows.require(f"finger equilibrium, {finger.spec.name}", scale * missing, "N m", finger.spec.name)
 
     def _balance_object(self) -> None:
-        require, number = self.parts.require, self.numbers
+        require, number = self.rows.require, self.numbers
         force, moment, lift, tilt = ca.SX.zeros(2), ca.SX(0), ca.SX(0), ca.SX.zeros(2)
         for contact in self.contacts:
+            # What a contact does to the finger or support, it does to the object with the opposite sign.
             arm, load = contact.point - self.center_of_mass, contact.world
             force -= load
             moment -= arm[0] * load[1] - arm[1] * load[0]
@@ -104,40 +107,26 @@ class GraspProblem(Unknowns):
                 balance = (tilt - self.slack["tilt balance"]) / number("size")
                 require("object tilt balance", balance, "N", "gravity.tilt")
 
-
-def finger_balance(finger: FingerState, contacts: list[TouchState]) -> ca.SX:
-    """Generalized force that a finger lacks for rest, in E I / L of it."""
-    unit = finger.unit
-    share, h = unit.number("force share"), unit.number("thickness")
-    back = rotation(-finger.base[2])
-    zero = ca.SX.zeros(2)
-    forces: dict[int, Any] = {c.spec.joint: back @ c.world / share for c in contacts}
-    couples = {c.spec.joint: -h * c.force[1] / share for c in contacts}
-    middles = range(len(finger.spec.before))
-    w = [*(forces.get(k, zero) for k in middles), forces.get(-1, zero), *(couples.get(k, 0.0) for k in middles)]
-    rest = ca.SX.zeros(unit.model.n)
-    missing = unit.model.inverse_dynamics(finger.q, rest, rest, finger.u, ca.vertcat(*w), finger.p)
-    return missing - unit.hanging_masses(finger.q, finger.u, finger.p, finger.base[2])
-
-
-def _add_objective(problem: Unknowns) -> ca.SX:
-    """The objective; its unknowns and constraints are added to the problem."""
-    parts, number, aims = problem.parts, problem.numbers, problem.spec.aims
-    total = ca.SX(0)
-    total += sum(f.unit.number("tension weight") * ca.sum1(f.pulls) for f in problem.fingers)
-    if "least_normal_force" in aims:
-        greatest = parts.unknown("greatest normal force")
-        for contact in problem.contacts:
-            spare = greatest - contact.force[0]
-            parts.require(f"greatest normal force, {contact.spec.name}", spare, "N", "objective", upper=ca.inf)
-        total += number("normal weight") * greatest
-    if "greatest_friction_margin" in aims:
-        total -= number("margin weight") * parts.variables["friction margin"].symbol
-    if "greatest_disturbance" in aims:
-        total -= number("disturbance weight") * add_disturbances(problem)
-    forces = ca.vertcat(*(c.force for c in problem.contacts)) / number("force reference")
-    effort = total + _REGULARIZATION * ca.sumsqr(forces)
-    given = (problem.slack[r.name] for r in RELAXATIONS)
-    relaxed = ca.vertcat(*(z if z.numel() == 1 else ca.sqrt(ca.sumsqr(z) + _TINY**2) for z in given))
-    weights = number("relaxation weights", len(RELAXATIONS))
-    return number("effort weight") * effort + ca.dot(weights, relaxed)
+    def _objective(self) -> ca.SX:
+        """The objective; its own unknowns and constraints are added to the problem."""
+        number, aims = self.numbers, self.spec.aims
+        total = ca.SX(0)
+        # Tensions always count, if only by a little: they are unique then.
+        total += sum(f.number("tension weight") * ca.sum1(f.pulls) for f in self.fingers)
+        if "least_normal_force" in aims:
+            # Least maximum as a smooth problem: a bound on all normal forces, which is minimized.
+            greatest = self.x("greatest normal force")
+            for contact in self.contacts:
+                spare = greatest - contact.force[0]
+                self.rows.require(f"greatest normal force, {contact.spec.name}", spare, "N", "objective", upper=ca.inf)
+            total += number("normal weight") * greatest
+        if "greatest_friction_margin" in aims:
+            total -= number("margin weight") * self.x("friction margin")
+        if "greatest_disturbance" in aims:
+            total -= number("disturbance weight") * add_disturbances(self)
+        forces = ca.vertcat(*(c.force for c in self.contacts)) / number("force reference")
+        effort = total + _REGULARIZATION * ca.sumsqr(forces)
+        given = (self.slack[r.name] for r in RELAXATIONS)
+        relaxed = ca.vertcat(*(z if z.numel() == 1 else ca.sqrt(ca.sumsqr(z) + _TINY**2) for z in given))
+        weights = number("relaxation weights", len(RELAXATIONS))
+        return number("effort weight") * effort + ca.dot(weights, relaxed)

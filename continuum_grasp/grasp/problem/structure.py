@@ -6,106 +6,121 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from continuum_grasp.grasp.problem.unit_finger import FingerSpec
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Surface
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.finger import Finger, PointMass
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
+
+_RANGES = (1.0, 2.1, 3.15, 4.5, 6.3)
+"""Bending ranges of models [rad]: a scene takes the next larger one, so that many scenes share a solver."""
+
+
+@dataclass(frozen=True)
+class FingerSpec:
+    """Structure of a finger's equations; all else are numbers."""
+
+    name: str
+    family: str
+    elements: int
+    before: tuple[int, ...]  # elements between the base and each middle contact
+    touching: tuple[bool, ...]  # which middle contacts are on
+    tip: bool  # whether the tip touches
+    has_tendon_friction: bool
+    weighs: bool  # whether its own weight acts
+    preshaped: bool  # whether it is curved at rest
+    tip_heavy: bool  # whether there is a mass on the tip
+    masses: int  # point masses elsewhere, where the finger weighs
+    strained: bool  # whether there is a strain limit
+    free: bool  # whether the base may move
+    bending_range: float  # [rad]
+    accuracy: float | None
+
+    @staticmethod
+    def of(setup: FingerSetup, on: frozenset[str], weighs: bool) -> FingerSpec:
+        """The structure of a finger with some of its contacts on."""
+        finger = setup.finger
+        inner = inner_masses(finger)
+        return FingerSpec(
+            name=setup.name,
+            family=setup.family,
+            elements=setup.elements,
+            before=setup.before,
+            touching=tuple(name in on for name in setup.middle_names),
+            tip=setup.tip_name in on,
+            has_tendon_friction=setup.tendons.friction > 0.0,
+            weighs=weighs,
+            preshaped=finger.curvature_pieces[0][2] != 0.0,
+            tip_heavy=weighs and len(inner) < len(finger.masses),
+            masses=len(inner) if weighs else 0,
+            strained=finger.strain_limit is not None,
+            free=finger.base_free is not None,
+            bending_range=next((r for r in _RANGES if setup.bending_range <= r), setup.bending_range),
+            accuracy=setup.accuracy,
+        )
+
+
+def inner_masses(finger: Finger) -> list[PointMass]:
+    """Point masses that are not on the tip."""
+    length = finger.rod.length
+    return [mass for mass in finger.masses if abs(mass.at - length) > 1e-9 * length]
 
 
 @dataclass(frozen=True)
 class ContactSpec:
-    """A contact.
-
-    Attributes
-    ----------
-    name : str
-    finger : int
-        Index of the finger; -1 for a support's.
-    joint : int
-        Index of the middle contact along the finger; -1 for the tip, -2 for a support's.
-    peg : bool
-        Whether the support is round.
-    surface : Surface
-        Of the part that is touched.
-    bounded : bool
-        Whether the support is a finite line.
-    """
+    """A contact that is on."""
 
     name: str
-    finger: int
-    joint: int
-    peg: bool
-    surface: Surface[Any]
-    bounded: bool
+    finger: int  # index of the finger; -1 for a support's
+    joint: int  # index of the middle contact along the finger; -1 for the tip, -2 for a support's
+    peg: bool  # whether the support is round
+    surface: Surface[Any]  # of the part that is touched
+    bounded: bool  # whether the support is a finite line
 
 
 @dataclass(frozen=True)
 class ProblemSpec:
-    """A grasp problem but for its numbers.
-
-    Attributes
-    ----------
-    fingers : tuple of FingerSpec
-    contacts : tuple of ContactSpec
-        Those that are on.
-    surfaces : tuple of Surface
-        Of the object's convex parts.
-    planes, lines, pegs : int
-        Supports: half planes, finite lines, round ones.
-    free : bool
-        Whether the object's pose is sought.
-    gravity : {"planar", "out_of_plane", "none"}
-    tilt : bool
-        Whether the tilt balance holds.
-    aims : tuple of str
-        Objectives with a weight.
-    wrenches : int
-        Disturbances, where they are an aim.
-    locked : bool
-        Whether tendons are locked under disturbances.
-    """
+    """A grasp problem but for its numbers."""
 
     fingers: tuple[FingerSpec, ...]
     contacts: tuple[ContactSpec, ...]
-    surfaces: tuple[Surface[Any], ...]
-    planes: int
-    lines: int
-    pegs: int
-    free: bool
-    gravity: str
-    tilt: bool
-    aims: tuple[str, ...]
-    wrenches: int
-    locked: bool
+    surfaces: tuple[Surface[Any], ...]  # of the object's convex parts
+    planes: int  # supports that are half planes
+    lines: int  # finite ones
+    pegs: int  # round ones
+    free: bool  # whether the object's pose is sought
+    gravity: str  # "planar", "out_of_plane" or "none"
+    tilt: bool  # whether the tilt balance holds
+    aims: tuple[str, ...]  # objectives with a weight
+    wrenches: int  # disturbances, where they are an aim
+    locked: bool  # whether tendons are locked under disturbances
 
     @staticmethod
     def of(scene: GraspScene, contacts: dict[str, ContactStart]) -> ProblemSpec:
         """The structure of the problem of a scene with some contacts on, which sit where a start has them."""
-        gravity, aims, parts = scene.gravity, scene.aims, scene.object.parts
-        planar, on = isinstance(gravity, PlanarGravity), frozenset(contacts)
-        setups = scene.setups
+        gravity, aims, setups = scene.gravity, scene.aims, scene.setups
+        weighs, on = isinstance(gravity, PlanarGravity) and any(gravity.vector), frozenset(contacts)
         places: dict[str, tuple[int, int]] = {}
         for i, setup in enumerate(setups):
             places |= {name: (i, k) for k, name in enumerate(setup.middle_names)}
             places[setup.tip_name] = (i, -1)
         pegs = {peg.name for peg in scene.pegs}
         bounded = {wall.name for wall in scene.walls if math.isfinite(wall.half_length)}
-        made = []
+        surfaces = tuple(surface_of(part) for part in scene.object.parts)
+        specs = []
         for name, start in contacts.items():
-            finger, joint = places.get(name, (-1, -2))
             support = support_of(name, scene)
-            surface = surface_of(parts[start.part])
-            made.append(ContactSpec(name, finger, joint, support in pegs, surface, support in bounded))
+            place = places.get(name, (-1, -2))
+            specs.append(ContactSpec(name, *place, support in pegs, surfaces[start.part], support in bounded))
         disturbed = "greatest_disturbance" in aims
         return ProblemSpec(
-            fingers=tuple(FingerSpec.of(s, on, planar and any(gravity.vector)) for s in setups),  # type: ignore[union-attr]
-            contacts=tuple(made),
-            surfaces=tuple(surface_of(part) for part in parts),
-            planes=sum(math.isinf(wall.half_length) for wall in scene.walls),
-            lines=sum(math.isfinite(wall.half_length) for wall in scene.walls),
-            pegs=len(scene.pegs),
+            fingers=tuple(FingerSpec.of(setup, on, weighs) for setup in setups),
+            contacts=tuple(specs),
+            surfaces=surfaces,
+            planes=len(scene.walls) - len(bounded),
+            lines=len(bounded),
+            pegs=len(pegs),
             free=scene.object.free is not None,
             gravity=gravity.mode,
             tilt=isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,15 +12,14 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.problem.structure import support_of
-from continuum_grasp.grasp.problem.unit_finger import finger_numbers
+from continuum_grasp.grasp.problem.structure import inner_masses, support_of
 from continuum_grasp.grasp.starts.values import ContactStart, Start
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.offset_polygon import SHARP
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
-from continuum_grasp.scene.objects.body import Freedom, pose_bounds
+from continuum_grasp.scene.objects.body import Freedom, Pose, pose_bounds
 
 Array = NDArray[Any]
 Values = dict[str, Any]
@@ -32,18 +32,10 @@ HELD = 1e-3
 
 @dataclass(frozen=True)
 class Units:
-    """Units of a problem.
+    """Units of a problem."""
 
-    Attributes
-    ----------
-    length : float
-        Length of the longest finger [m].
-    force : float
-        Greatest E I / L^2 of the fingers [N].
-    """
-
-    length: float
-    force: float
+    length: float  # of the longest finger [m]
+    force: float  # greatest E I / L^2 of the fingers [N]
 
     @staticmethod
     def of(scene: GraspScene) -> Units:
@@ -55,6 +47,15 @@ class Units:
     def amounts(self) -> dict[str, float]:
         """What one unit of the problem is in SI."""
         return {"m": self.length, "N": self.force, "N m": self.force * self.length}
+
+    def pose(self, pose: Sequence[float]) -> list[float]:
+        """A pose [m, rad] in units of the problem."""
+        x, y, angle = pose
+        return [x / self.length, y / self.length, angle]
+
+    def point(self, point: Sequence[float]) -> list[float]:
+        """A point [m] in units of the problem."""
+        return [c / self.length for c in point]
 
 
 def contact_features(scene: GraspScene, contacts: dict[str, ContactStart]) -> dict[str, Feature]:
@@ -76,13 +77,11 @@ def problem_values(problem: GraspProblem, scene: GraspScene, start: Start, featu
         "relaxation weights": np.zeros(len(RELAXATIONS)),
         "force reference": max(scene.weight, units.force) / units.force,
         **_object_values(scene, units),
+        **_support_values(scene, units),
         **_objective_values(scene, units),
     }
-    gravity = scene.gravity.vector if isinstance(scene.gravity, PlanarGravity) else (0.0, 0.0)
     for setup in scene.setups:
-        values |= finger_numbers(setup, gravity)
         values |= _finger_values(scene, setup, units)
-        values |= {f"{setup.name}.joint_{k}": count / setup.elements for k, count in enumerate(setup.before)}
     for contact in problem.spec.contacts:
         values |= _contact_values(scene, contact.name, start.contacts[contact.name], features[contact.name], units)
     return values
@@ -91,7 +90,7 @@ def problem_values(problem: GraspProblem, scene: GraspScene, start: Start, featu
 def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str, Feature]) -> tuple[Array, Array]:
     """Bounds of the unknowns, with no limit relaxed."""
     units = Units.of(scene)
-    low: Values = {f"relaxed {r.name}": 0.0 for r in RELAXATIONS}
+    low: Values = {f"relaxed {r.name}": np.zeros(r.size) for r in RELAXATIONS}
     high: Values = dict(low)
     low["greatest normal force"] = 0.0
     low["friction margin"], high["friction margin"] = 0.0, 1.0
@@ -101,45 +100,60 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
             low[f"{name}.joint_{k}"], high[f"{name}.joint_{k}"] = (s / length for s in setup.middle_bounds)
         least = setup.tendons.min_tension * setup.tendons.offset * length / finger.rod.stiffness
         low[f"{name}.pulls"] = [least, least]
+        # Greatest tensions are constraints, which can be relaxed; a tendon that is not there has a bound.
         if finger.tendons_used != "both":
             high[f"{name}.pulls"] = [np.inf, 0.0] if finger.tendons_used == "left" else [0.0, np.inf]
-        if finger.base_free is not None:
-            pose = (*finger.base.position, finger.base.angle)
-            low[f"{name}.base"], high[f"{name}.base"] = _pose_bounds(pose, finger.base_free, units.length)
-    if scene.object.free is not None:
-        low["object pose"], high["object pose"] = _pose_bounds(scene.object.pose, scene.object.free, units.length)
+        pose = (*finger.base.position, finger.base.angle)
+        low[f"{name}.base"], high[f"{name}.base"] = _pose_bounds(pose, finger.base_free, units)
+    low["object pose"], high["object pose"] = _pose_bounds(scene.object.pose, scene.object.free, units)
     steady = bool({"greatest_disturbance", "greatest_friction_margin"} & set(problem.spec.aims))
+    least = HELD * max(scene.weight / units.force, 1.0) if steady else 0.0
+    sideways = [-np.inf, -np.inf] if problem.spec.gravity == "out_of_plane" else [-np.inf]
     for contact in problem.spec.contacts:
         name, feature = contact.name, features[contact.name]
         low[f"place, {name}"], high[f"place, {name}"] = list(feature.lower), list(feature.upper)
-        if (
-            contact.finger < 0 and not contact.surface.is_smooth
-        ):  # the wall's normal decides, also at the end of a corner's cone
+        if contact.finger < 0 and not contact.surface.is_smooth:
+            # The wall's normal decides, also at the end of a corner's cone.
             low[f"place, {name}"][1], high[f"place, {name}"][1] = -np.inf, np.inf
-        least = HELD * max(scene.weight / units.force, 1.0) if steady else 0.0
-        low[f"force, {name}"] = (
-            [least, -np.inf, -np.inf] if problem.spec.gravity == "out_of_plane" else [least, -np.inf]
-        )
-    return problem.parts.pack(low, -np.inf), problem.parts.pack(high, np.inf)
+        low[f"force, {name}"] = [least, *sideways]
+    return problem.x.pack(low, -np.inf), problem.x.pack(high, np.inf)
+
+
+def _pose_bounds(pose: Pose, free: Freedom | None, units: Units) -> tuple[list[float], list[float]]:
+    low, high = zip(*pose_bounds(pose, free), strict=True)
+    return units.pose(low), units.pose(high)
 
 
 def _finger_values(scene: GraspScene, setup: FingerSetup, units: Units) -> Values:
-    finger, name = setup.finger, setup.name
-    length, offset, most = finger.rod.length, setup.tendons.offset, setup.tendons.max_tension
-    moment = finger.rod.stiffness / length
-    used = finger.tendons_used
-    least = setup.tendons.min_tension * offset / moment
-    return {
-        f"{name}.length": length / units.length,
-        f"{name}.force share": moment / length / units.force,
-        f"{name}.thickness": finger.thickness_radius / length,
-        f"{name}.base": [c / units.length for c in finger.base.position] + [finger.base.angle],
-        f"{name}.pull_max": most * offset / moment,
-        f"{name}.pull_min": [least, least],
-        f"{name}.pull_most": [most * offset / moment if used in ("both", side) else 0.0 for side in ("left", "right")],
-        f"{name}.pull_per_force": units.force * offset / moment,
-        f"{name}.tension weight": tension_weight(scene) * moment / offset,
+    finger, rod, tendons = setup.finger, setup.finger.rod, setup.tendons
+    length, offset, most, used = rod.length, tendons.offset, tendons.max_tension, finger.tendons_used
+    moment = rod.stiffness / length
+    own = rod.mass_per_length * length
+    gravity = scene.gravity.vector if isinstance(scene.gravity, PlanarGravity) else (0.0, 0.0)
+    inner = inner_masses(finger)
+    least = tendons.min_tension * offset / moment
+    values: Values = {
+        "length": length / units.length,
+        "force share": moment / length / units.force,
+        "thickness": finger.thickness_radius / length,
+        "base": [*units.point(finger.base.position), finger.base.angle],
+        # Weight per length in units of E I / L^3: how far a finger sags per length, whatever its size.
+        "weight": [g * rod.mass_per_length * length**3 / rod.stiffness for g in gravity],
+        "rest_curvature": finger.curvature_pieces[0][2] * length,
+        "tendon_friction": tendons.friction,
+        "tip_mass": sum(mass.mass for mass in finger.masses if mass not in inner) / own,
+        "curvature_limit": finger.curvature_limit * length if finger.strain_limit is not None else 0.0,
+        "bending_range": setup.bending_range,
+        "pull_max": most * offset / moment,
+        "pull_min": [least, least],
+        "pull_most": [most * offset / moment if used in ("both", side) else 0.0 for side in ("left", "right")],
+        "pull_per_force": units.force * offset / moment,
+        "tension weight": tension_weight(scene) * moment / offset,
     }
+    for k, mass in enumerate(inner):
+        values |= {f"mass_{k}": mass.mass / own, f"mass_{k}.at": mass.at / length}
+    values |= {f"joint_{k}": count / setup.elements for k, count in enumerate(setup.before)}
+    return {f"{setup.name}.{key}": value for key, value in values.items()}
 
 
 def tension_weight(scene: GraspScene) -> float:
@@ -154,6 +168,7 @@ def _objective_values(scene: GraspScene, units: Units) -> Values:
     weights, alone = scene.weights, len(scene.aims) == 1
     most = scene.contacts.normal_force_max / units.force
     per_force = max(scene.weight, units.force)
+    # A single aim is in units of about one; of several, each is a share of its limit times its weight.
     return {
         "normal weight": 1.0 / (per_force / units.force) if alone else weights.least_normal_force / most,
         "margin weight": 1.0 if alone else weights.greatest_friction_margin,
@@ -165,58 +180,51 @@ def _objective_values(scene: GraspScene, units: Units) -> Values:
 
 
 def _object_values(scene: GraspScene, units: Units) -> Values:
-    body, gravity, m = scene.object, scene.gravity, units.length
+    body, gravity = scene.object, scene.gravity
     weight: Any = scene.weight / units.force
     if isinstance(gravity, PlanarGravity):
         weight = [body.mass * g / units.force for g in gravity.vector]
-    values: Values = {
-        "object pose": [body.pose[0] / m, body.pose[1] / m, body.pose[2]],
-        "center of mass": [c / m for c in body.com],
-        "size": body.size / m,
+    return {
+        "object pose": units.pose(body.pose),
+        "center of mass": units.point(body.com),
+        "size": body.size / units.length,
         "weight": weight,
+        **{f"part_{k}": surface_of(part).numbers(part, units.length) for k, part in enumerate(body.parts)},
     }
-    for k, part in enumerate(body.parts):
-        values[f"part_{k}"] = surface_of(part).numbers(part, m)
+
+
+def _support_values(scene: GraspScene, units: Units) -> Values:
+    values: Values = {}
     planes = (wall for wall in scene.walls if math.isinf(wall.half_length))
     for k, wall in enumerate(planes):
-        values |= {f"plane_{k}.normal": wall.normal, f"plane_{k}.point": [c / m for c in wall.point]}
+        values |= {f"plane_{k}.normal": wall.normal, f"plane_{k}.point": units.point(wall.point)}
         values[f"plane_{k}.angle"] = wall.normal_angle
     lines = (wall for wall in scene.walls if math.isfinite(wall.half_length))
     for k, wall in enumerate(lines):
-        values[f"line_{k}.ends"] = [c / m for end in wall.ends for c in end]
+        values[f"line_{k}.ends"] = [c for end in wall.ends for c in units.point(end)]
     for k, peg in enumerate(scene.pegs):
-        values |= {f"peg_{k}.position": [c / m for c in peg.position], f"peg_{k}.radius": peg.radius / m}
+        values |= {f"peg_{k}.position": units.point(peg.position), f"peg_{k}.radius": peg.radius / units.length}
     return values
 
 
 def _contact_values(scene: GraspScene, name: str, start: ContactStart, feature: Feature, units: Units) -> Values:
     m, surface = units.length, surface_of(scene.object.parts[start.part])
     values: Values = {
-        f"{name}.friction": scene.friction(name),
-        f"{name}.normal_force_max": scene.normal_force_max(name) / units.force,
-        f"{name}.feature": surface.feature_numbers(feature, m),
-        f"{name}.point": [c / m for c in start.point],
-        f"{name}.normal": [math.cos(start.normal_angle), math.sin(start.normal_angle)],
+        "friction": scene.friction(name),
+        "normal_force_max": scene.normal_force_max(name) / units.force,
+        "feature": surface.feature_numbers(feature, m),
+        "point": units.point(start.point),
+        "normal": [math.cos(start.normal_angle), math.sin(start.normal_angle)],
+        "curvature": feature.curvature * m,
+        "support curvature": 0.0,
     }
-    values[f"{name}.curvature"] = feature.curvature * m
-    values[f"{name}.support curvature"] = 0.0
     support = support_of(name, scene)
     for wall in scene.walls:
         if wall.name == support:
-            values |= {
-                f"{name}.wall normal": wall.normal,
-                f"{name}.wall point": [c / m for c in wall.point],
-                f"{name}.half length": wall.half_length / m,
-            }
+            values |= {"wall normal": wall.normal, "wall point": units.point(wall.point)}
+            values["half length"] = wall.half_length / m
     for peg in scene.pegs:
         if peg.name == support:
-            values |= {f"{name}.position": [c / m for c in peg.position], f"{name}.radius": peg.radius / m}
-            values[f"{name}.support curvature"] = m / max(peg.radius, SHARP)
-    return values
-
-
-def _pose_bounds(pose: tuple[float, float, float], free: Freedom, length: float) -> tuple[list[float], list[float]]:
-    bounds = pose_bounds(pose, free)
-    scales = (length, length, 1.0)
-    low = [b[0] / s for b, s in zip(bounds, scales, strict=True)]
-    return low, [b[1] / s for b, s in zip(bounds, scales, strict=True)]
+            values |= {"position": units.point(peg.position), "radius": peg.radius / m}
+            values["support curvature"] = m / max(peg.radius, SHARP)
+    return {f"{name}.{key}": value for key, value in values.items()}

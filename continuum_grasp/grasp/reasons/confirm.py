@@ -31,38 +31,18 @@ PRECISION = 1e-6
 
 @dataclass(frozen=True)
 class Confirmed:
-    """The numbers of a reason, by LP.
+    """The numbers of a reason, by LP."""
 
-    Attributes
-    ----------
-    amount : float
-        Least amount by which the limit must be relaxed at the posture.
-    arrays : dict
-        The posture with the tensions and contact forces of that amount.
-    """
-
-    amount: float
-    arrays: dict[str, Array]
+    amount: float  # least amount by which the limit must be relaxed at the posture
+    arrays: dict[str, Array]  # the posture with the tensions and contact forces of that amount
 
 
 def least_amount(name: str, scene: GraspScene, arrays: Mapping[str, Any], amount: float) -> Confirmed | None:
-    """By how much a limit must be relaxed at least at a posture, and the forces that then hold.
+    """By how much the limit of a relaxation must be relaxed at least at a posture, and the forces that then hold.
 
-    Parameters
-    ----------
-    name : str
-        Of the relaxation.
-    scene : GraspScene
-        With its limit as it is.
-    arrays : mapping
-        Of the grasp that there is with the relaxed limit, as `continuum_grasp.grasp.certify` takes them.
-    amount : float
-        By how much the limit is relaxed there.
-
-    Returns
-    -------
-    Confirmed or None
-        None where no LP applies, for limits of the shape, and where it fails.
+    The scene has its limit as it is; the ``arrays``, as `continuum_grasp.grasp.certify` takes them, are those of the
+    grasp that there is with the limit relaxed by ``amount``. None where no LP applies, for limits of the shape, and
+    where it fails.
     """
     ask = _ASKED.get(name)
     if ask is None:
@@ -98,20 +78,10 @@ class _PostureProblem:
         tilted: bool = False,
         added: float = 0.0,
     ) -> LPOutcome:
-        """Least z for which x satisfies everything.
+        """Least z for which x satisfies everything, with ``added`` to all friction coefficients.
 
-        Parameters
-        ----------
-        along : ndarray, shape (m,), optional
-            What z adds to the rows.
-        most : float
-            Of z.
-        relaxed : ndarray of int, optional
-            Indices of tensions or forces whose upper limits z is added to.
-        tilted : bool
-            The norm of the tilting moment may be z, instead of zero.
-        added : float
-            To all friction coefficients.
+        z, which is ``most`` at most, adds ``along`` (m,) to the rows, and is added to the upper limits of the tensions
+        or forces with the indices ``relaxed``; where ``tilted``, the norm of the tilting moment may be z, not zero.
         """
         s, size = self.statics, self.size
         # Equations hold to a tolerance, as ranges: a stored posture solves them to rounding only.
@@ -140,6 +110,7 @@ class _PostureProblem:
         count = self.normals.size
         matrix, width = np.zeros((count + tilted, 2, self.size + 1)), np.zeros((count + tilted, self.size + 1))
         for k, n in enumerate(self.normals):
+            # |(friction, lift)| <= mu N; a lift that must be zero takes no part.
             matrix[k, 0, n + 1] = 1.0
             matrix[k, 1, n + 2] = float(self.statics.most[n + 2] > 0.0)
             width[k, n] = friction[k]
@@ -147,7 +118,7 @@ class _PostureProblem:
             matrix[-1, :, :-1] = self.statics.tilt
             width[-1, -1] = 1.0
         cones = Cones.made(matrix, np.zeros((count + tilted, 2)), width, np.zeros(count + tilted))
-        if self._cuts is not None:  # tangent planes hold for every coefficient
+        if self._cuts is not None:  # tangent planes that were found hold for every coefficient
             cones.cuts = self._cuts
         self._cuts = cones.cuts
         return cones
@@ -158,8 +129,9 @@ def _found(outcome: LPOutcome, unit: float) -> tuple[float, Array] | None:
 
 
 def _friction(problem: _PostureProblem, amount: float) -> tuple[float, Array] | None:
-    """By bisection: whether forces hold is an LP for each coefficient."""
+    """By bisection: force and coefficient multiply, so that only with a given coefficient it is an LP."""
     high, best = 0.0, None
+    # The amount found may be rounding too small for its own posture.
     for more in (1e-5, 1e-3, 1e-1):
         high = amount * (1.0 + more)
         best = problem.least(added=high)

@@ -5,8 +5,8 @@ then suffices, verified and confirmed, is the reason.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any
 
@@ -22,7 +22,6 @@ from continuum_grasp.grasp.search import Search, branch_of, contact_modes
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.nlp import Status
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.objects import Freedom
 
 FIRST, MORE = 4, 8
@@ -44,15 +43,11 @@ BETTER = 1e-3
 
 def out_of_reach(scene: GraspScene) -> Reason | None:
     """The exact test of distance: no shape at all can touch."""
-    worst: tuple[float, float, float] | None = None
-    for setup in scene.setups:
-        needed = "on" in (*setup.middles, setup.tip) or len(scene.setups) == 1
-        distance, reach = _distance(scene, setup), _reach(setup)
-        if needed and distance > reach and (worst is None or distance - reach > worst[0]):
-            worst = distance - reach, distance, reach
-    if worst is None:
+    needed = [s for s in scene.setups if "on" in (*s.middles, s.tip) or len(scene.setups) == 1]
+    away = [(_distance(scene, setup), _reach(setup)) for setup in needed]
+    missing, distance, reach = max(((d - r, d, r) for d, r in away), key=lambda one: one[0], default=(0.0, 0.0, 0.0))
+    if missing <= 0.0:
         return None
-    missing, distance, reach = worst
     text = f"the object is out of reach: it is {distance:.4g} m from the base, {reach:.4g} m can be reached"
     repair = f"bring object and base nearer to each other, by {missing:.4g} m at least"
     return Reason("reach", "object.position", "m", distance, reach, text, repair)
@@ -69,17 +64,17 @@ def _distance(scene: GraspScene, setup: FingerSetup) -> float:
     """Least distance between a base and the object's surface [m]; a lower bound where a pose is free."""
     x, y = setup.finger.base.position
     body = scene.object
-    if body.free is None and setup.finger.base_free is None:
-        return body.distance((x, y))
-    c, s = math.cos(body.angle), math.sin(body.angle)
-    com = (
-        body.position[0] + c * body.com[0] - s * body.com[1],
-        body.position[1] + s * body.com[0] + c * body.com[1],
-    )
-    turns = body.free is not None and body.free.angle is not None
-    away = math.dist((x, y), com) - body.size if turns else body.distance((x, y))
-    slack = math.dist(com, body.position) if turns else 0.0
-    return away - slack - _shift(body.free, body.position) - _shift(setup.finger.base_free, (x, y))
+    if body.free is None or body.free.angle is None:
+        away = body.distance((x, y))
+    else:
+        # However it is turned, the object lies within its size of its center of mass, which turns about the origin.
+        c, s = math.cos(body.angle), math.sin(body.angle)
+        com = (
+            body.position[0] + c * body.com[0] - s * body.com[1],
+            body.position[1] + s * body.com[0] + c * body.com[1],
+        )
+        away = math.dist((x, y), com) - body.size - math.dist(com, body.position)
+    return away - _shift(body.free, body.position) - _shift(setup.finger.base_free, (x, y))
 
 
 def _shift(free: Freedom | None, at: tuple[float, float]) -> float:
@@ -93,42 +88,25 @@ def _shift(free: Freedom | None, at: tuple[float, float]) -> float:
 def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
     """Find the limits each of which, relaxed alone, gives a grasp that the certificate confirms.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    search : Search
-        A search without success; its starts are used, and grasps that turn up after all are added to it.
-
-    Returns
-    -------
-    list of Reason
-        Those that the scene has a number for first, by how small a factor is missing.
+    The starts of a ``search`` without success are used, and grasps that turn up after all are added to it. Reasons that
+    the scene has a number for come first, by how small a factor is missing.
     """
-    repairs = Repairs(scene, search)
+    repairs = _Repairs(scene, search)
     starts: dict[str, list[Start]] = {}
-    for relaxation in _sensible(scene):
-        if search.budget.over:
-            break
-        starts[relaxation.name] = repairs.starts(relaxation)
-        repairs.try_starts(relaxation, starts[relaxation.name][:FIRST])
+    for relaxation in RELAXATIONS:
+        if relaxation.applies(scene):
+            if search.budget.over:
+                break
+            starts[relaxation.name] = repairs.starts(relaxation)
+            repairs.try_starts(relaxation, starts[relaxation.name][:FIRST])
     for relaxation in repairs.relaxations or [r for r in RELAXATIONS if r.name in starts]:
-        repairs.go_on(relaxation)
+        repairs.resume(relaxation)
         repairs.try_starts(relaxation, starts[relaxation.name][FIRST:MORE])
         if relaxation.name in repairs.found:
+            # Where the amount is known, the scan finds postures for just this much: closer starts than the first ones.
             repairs.try_starts(relaxation, repairs.starts(relaxation)[:MORE])
-        repairs.go_on(relaxation)
-    reasons = [_reason(scene, relaxation, repairs.settled(relaxation)) for relaxation in repairs.relaxations]
-    return sorted(reasons, key=_rank)
-
-
-def _reason(scene: GraspScene, relaxation: Relaxation, repair: Repair) -> Reason:
-    limit, needed = relaxation.limit(scene), relaxation.value(scene, repair.amount)
-    text, confirmed = relaxation.sentence(scene, repair.amount), None
-    if repair.confirmed is not None:
-        confirmed = relaxation.value(scene, repair.confirmed)
-        text += f" ({confirmed:.4g} by linear programming at that posture)"
-    advice = relaxation.advice(scene, repair.amount)
-    return Reason(relaxation.name, relaxation.key, relaxation.unit, limit, needed, text, advice, confirmed)
+        repairs.resume(relaxation)
+    return sorted((repairs.reason(relaxation) for relaxation in repairs.relaxations), key=_rank)
 
 
 def _rank(reason: Reason) -> tuple[bool, float, int]:
@@ -142,64 +120,21 @@ def _rank(reason: Reason) -> tuple[bool, float, int]:
     return False, round(abs(math.log(reason.needed / reason.limit)), 2), order
 
 
-def _sensible(scene: GraspScene) -> Iterator[Relaxation]:
-    for relaxation in RELAXATIONS:
-        if relaxation.name == "mass" and scene.weight == 0.0:
-            continue
-        if relaxation.name == "tilt balance" and not _balances_tilt(scene):
-            continue
-        if relaxation.name == "clearance at the supports" and not scene.supports:
-            continue
-        if relaxation.name == "strain" and all(f.strain_limit is None for f in scene.named_fingers.values()):
-            continue
-        yield relaxation
-
-
-def _balances_tilt(scene: GraspScene) -> bool:
-    gravity = scene.gravity
-    return isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance" and scene.object.mass > 0
-
-
 @dataclass(frozen=True)
-class Repair:
-    """A relaxed limit, and the resulting grasp.
+class _Repair:
+    """A relaxed limit, and the resulting grasp."""
 
-    Attributes
-    ----------
-    amount : float
-        By how much.
-    arrays : dict
-        Of the grasp.
-    attempt : Attempt
-        That found it.
-    confirmed : float, optional
-        Least amount at this posture by linear programming; None where that gives no answer.
-    """
-
-    amount: float
-    arrays: Mapping[str, Array]
-    attempt: Attempt
-    confirmed: float | None = None
+    amount: float  # by how much
+    arrays: Mapping[str, Array]  # of the grasp
+    attempt: Attempt  # that found it
 
 
-class Repairs:
-    """Relaxed limits that give a grasp where a search found none.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    search : Search
-        Without success; grasps that turn up after all are added to it.
-
-    Attributes
-    ----------
-    found : dict of str to Repair
-        The best so far, by the relaxation's name.
-    """
+class _Repairs:
+    """Relaxed limits that give a grasp where a search found none; ``found`` has the best so far by the limit's name."""
 
     def __init__(self, scene: GraspScene, search: Search) -> None:
         self.scene, self._search = scene, search
-        self.found: dict[str, Repair] = {}
+        self.found: dict[str, _Repair] = {}
         self._open: dict[str, list[Attempt]] = {}
 
     @property
@@ -215,7 +150,7 @@ class Repairs:
         amount = relaxation.start(self.scene) if best is None else best.amount
         eased = relaxation.eased(self.scene, amount)
         known: list[Start] = []
-        if relaxation.measured:
+        if relaxation.limit is None:
             known = _spread([t.attempt.start for t in sorted(self._search.tried, key=lambda t: t.attempt.badness)])
         if eased is self.scene:
             return known
@@ -229,10 +164,10 @@ class Repairs:
         for start in starts:
             if self._search.budget.over:
                 return
-            self._try(relaxation, start, amount=relaxation.start(self.scene), iterations=HASTY)
+            self._try(relaxation, start, relaxation.start(self.scene), iterations=HASTY)
 
-    def go_on(self, relaxation: Relaxation) -> None:
-        """Resume where the iterations were used up."""
+    def resume(self, relaxation: Relaxation) -> None:
+        """Go on with attempts whose iterations were used up, one of each amount."""
         done: list[float] = []
         for attempt in self._open.pop(relaxation.name, []):
             amount = self._search.solver(attempt.start).given(self.scene, attempt.x, relaxation)
@@ -241,47 +176,47 @@ class Repairs:
             if not any(math.isclose(amount, other, rel_tol=SAME) for other in done):
                 done.append(amount)
                 options = {"features": attempt.features, "x0": attempt.x, "iterations": 2 * HASTY}
-                self._try(relaxation, attempt.start, amount=amount, **options)
+                self._try(relaxation, attempt.start, amount, **options)
 
-    def _try(self, relaxation: Relaxation, start: Start, *, amount: float, **options: Any) -> None:
+    def _try(self, relaxation: Relaxation, start: Start, amount: float, **options: Any) -> None:
         name, search = relaxation.name, self._search
         solver = search.solver(start)
-        attempt = solver.run(
-            self.scene,
-            start,
-            search.budget,
-            relaxed={name: relaxation.most},
-            given={name: amount},
-            **options,
-        )
+        attempt = solver.run(self.scene, start, search.budget, relaxed=(relaxation, amount), **options)
         if not np.isfinite(attempt.x).all():
             return
+        # Out of its own iterations: most limits are no reason, so the others are tried first.
         if attempt.status is Status.STOPPED:
             self._open.setdefault(name, []).append(attempt)
         if attempt.violations:
             return
         amount, best = solver.given(self.scene, attempt.x, relaxation), self.found.get(name)
         if amount < min(math.inf if best is None else best.amount, relaxation.most * (1.0 - SHORT)):
-            arrays = solver.reader.arrays(self.scene, attempt.start, attempt.x, attempt.numbers)
+            arrays = solver.arrays(self.scene, attempt)
             amount = max(amount, self._depth(relaxation, arrays))
             if (best is None or amount < best.amount) and self._holds(relaxation, amount, arrays):
-                self.found[name] = Repair(amount, arrays, attempt)
+                self.found[name] = _Repair(amount, arrays, attempt)
 
-    def settled(self, relaxation: Relaxation) -> Repair:
-        """The best, confirmed by linear programming where it applies; whether its posture needs no repair after all
-        is tried too.
+    def reason(self, relaxation: Relaxation) -> Reason:
+        """The best repair in words, confirmed by linear programming where it applies; whether its posture needs no
+        repair after all is tried too.
         """
-        best = self.found[relaxation.name]
-        attempt = best.attempt
+        scene, best = self.scene, self.found[relaxation.name]
+        attempt, amount = best.attempt, best.amount
         self._search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=HASTY)
-        least = least_amount(relaxation.name, self.scene, best.arrays, best.amount)
-        if least is not None:
-            old, new = (relaxation.value(self.scene, amount) for amount in (best.amount, least.amount))
-            best = replace(best, confirmed=least.amount)
-            gains = least.amount < best.amount and abs(new - old) > BETTER * abs(old)
+        least = least_amount(relaxation.name, scene, best.arrays, amount)
+        confirmed = None if least is None else relaxation.value(scene, least.amount)
+        if least is not None and confirmed is not None and least.amount < amount:
+            found = relaxation.value(scene, amount)
+            gains = abs(confirmed - found) > BETTER * abs(found)
             if gains and self._holds(relaxation, least.amount, least.arrays):
-                best = replace(best, amount=least.amount, arrays=least.arrays)
-        return best
+                amount = least.amount
+        limit = 0.0 if relaxation.limit is None else relaxation.limit(scene)
+        needed, unit = relaxation.value(scene, amount), "" if relaxation.unit == "1" else relaxation.unit
+        text = relaxation.needed.format(limit=limit, needed=needed)
+        if confirmed is not None:
+            text += f" ({confirmed:.4g} by linear programming at that posture)"
+        advice = relaxation.repair.format(key=relaxation.key, needed=needed, unit=unit).strip()
+        return Reason(relaxation.name, relaxation.key, relaxation.unit, limit, needed, text, advice, confirmed)
 
     def _holds(self, relaxation: Relaxation, amount: float, arrays: Mapping[str, Array]) -> bool:
         """Whether the certificate confirms the grasp, but for what the relaxation excuses."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, RecomputedGrasp, across
+from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp, across
 from continuum_grasp.grasp.certificate.recomputed_finger import FingerLoad, RecomputedFinger, gravity_vector
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
@@ -27,37 +27,19 @@ class PostureStatics:
 
     x holds the tensions of finger after finger, left and right, then N, f and lift of contact after contact, all in
     units of ``force``. Every row is a part of the greatest moment or force in play, as in the certificate.
-
-    Attributes
-    ----------
-    rows : ndarray, shape (m, n)
-    weight, right : ndarray, shape (m,)
-    tilt : ndarray, shape (2, n)
-        Moment that the lifts leave, which no other force balances, as a part of ``moment``; zero where the scene
-        ignores the tilt.
-    least, most : ndarray, shape (n,)
-        Bounds without those of friction cones.
-    tensions : int
-        Number of tensions.
-    friction : ndarray, shape (C,)
-        Coefficients.
-    force, moment : float
-        [N], [N m]
-    own : ndarray, shape (n,)
-        The stored tensions and forces.
     """
 
-    rows: Array
-    weight: Array
-    right: Array
-    tilt: Array
-    least: Array
-    most: Array
-    tensions: int
-    friction: Array
-    force: float
-    moment: float
-    own: Array
+    rows: Array  # (m, n)
+    weight: Array  # (m,)
+    right: Array  # (m,)
+    tilt: Array  # (2, n) moment that the lifts leave, as a part of `moment`; zero where the scene ignores the tilt
+    least: Array  # (n,) bounds without those of friction cones
+    most: Array  # (n,)
+    tensions: int  # number of tensions
+    friction: Array  # (C,) coefficients
+    force: float  # [N]
+    moment: float  # [N m]
+    own: Array  # (n,) the stored tensions and forces
 
     @classmethod
     def of(cls, scene: GraspScene, arrays: Mapping[str, Any]) -> PostureStatics:
@@ -93,13 +75,13 @@ def _finger_rows(
     """Rows and right-hand side of a finger's equilibrium: the virtual work of each cause alone."""
     loads, tensions = finger.loads, finger.tensions
     scale = finger.moment_scale(max((float(np.hypot(*load.force)) for load in loads), default=0.0))
-    matched = finger.matches_tip
 
     def work(pulls: tuple[float, float] = (0.0, 0.0), load: FingerLoad | None = None) -> Array:
         finger.loads, finger.tensions = [] if load is None else [load], np.asarray(pulls)
         slopes = finger.virtual_work()
-        if not matched:
+        if not finger.matches_tip:
             return slopes
+        # The tip's curvature is no free coordinate: it is set by the balance of moments there.
         bent = finger.stiffness * (finger.profile[-1, -1] - finger.rod.rest[-1])
         return np.append(slopes, bent - finger.tip_moment - finger.tip_couple)
 
@@ -110,16 +92,16 @@ def _finger_rows(
             rows[:, 2 * index + side] = work(pulls) - alone
         for contact in grasp.of(finger):
             at = columns[contact.name]
-            rows[:, at] = work(load=_load(contact, force * contact.normal, 0.0)) - alone
-            couple = -finger.thickness * force
-            rows[:, at + 1] = work(load=_load(contact, force * across(contact.normal), couple)) - alone
+            # Friction acts on the skin: a couple by its arm, half the thickness.
+            for k, direction, couple in (
+                (0, contact.normal, 0.0),
+                (1, across(contact.normal), -finger.thickness * force),
+            ):
+                load = FingerLoad(contact.name, contact.joint, force * direction, couple)
+                rows[:, at + k] = work(load=load) - alone
     finally:
         finger.loads, finger.tensions = loads, tensions
     return rows / scale, -alone / scale
-
-
-def _load(contact: RecomputedContact, force: Array, couple: float) -> FingerLoad:
-    return FingerLoad(contact.name, contact.joint, force, couple)
 
 
 def _object_rows(grasp: RecomputedGrasp, columns: Mapping[str, int], size: int) -> tuple[Array, Array, Array]:

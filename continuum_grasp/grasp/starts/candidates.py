@@ -27,29 +27,18 @@ _CHANGE = 0.4
 
 @dataclass(frozen=True)
 class Candidates(Postures):
-    """P postures of one finger: curvatures with the finger's own sign, places in the object's frame.
-
-    Attributes
-    ----------
-    bases : ndarray, (P, 3)
-        World pose of the base [m, rad].
-    sides : ndarray of int, (P,)
-        +1: the object on the finger's left.
-    stations : ndarray, (P, C)
-        Positions of the contacts that are on, per length.
-    points : ndarray of complex, (P, C)
-        On the object's surface, in its frame [m].
-    angles : ndarray, (P, C)
-        Outward normals in the object's frame [rad].
+    """P postures of one finger: curvatures with the finger's own sign; points [m] on the object's surface and normals
+    in its frame.
     """
 
-    bases: Array
-    sides: Array
-    stations: Array
+    bases: Array  # (P, 3) world pose of the base [m, rad]
+    sides: Array  # (P,) +1: the object on the finger's left
+    stations: Array  # (P, C) positions of the contacts that are on, per length
 
     @property
     def features(self) -> Array:
         """Numbers in which different postures differ (P, F)."""
+        # Scaled so that 0.5 is a likeness: a quarter of the length, 3 1/L, 30 degrees of a normal.
         return np.concatenate(
             [
                 2.0 * self.joints,
@@ -64,84 +53,55 @@ class Candidates(Postures):
 
 
 def find_candidates(
-    scene: GraspScene,
-    setup: FingerSetup,
-    bases: list[Pose],
-    pose: Pose,
-    middles: tuple[bool, ...],
-    tip: bool,
+    scene: GraspScene, setup: FingerSetup, bases: list[Pose], pose: Pose, on: frozenset[str]
 ) -> Candidates | None:
-    """Postures of a finger that touch the object at a pose of its, fewest violations first.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    setup : FingerSetup
-    bases : list of (float, float, float)
-        World poses of the base to try [m, rad].
-    pose : (float, float, float)
-        World pose of the object [m, rad].
-    middles : tuple of bool
-        Which middle contacts are on.
-    tip : bool
-        Whether the tip's is.
+    """Postures of a finger with the contacts ``on`` at a world pose of the object, from all poses of its base [m, rad];
+    None where there is none, however much it penetrates.
     """
-    groups = []
-    sides = (1, -1) if any(middles) else (1,)
-    for base in bases:
-        for side in sides:
-            task = make_task(scene, setup, base, pose, side)
-            family = postures(task, middles, tip)
-            if family is not None:
-                groups.append(_as_candidates(task, family, base, side, middles, tip))
-    return join(groups)
+    # A tip touches on either side alike; a middle contact lies on one side.
+    sides = (1, -1) if any(name in on for name in setup.middle_names) else (1,)
+    tasks = [make_task(scene, setup, base, pose, side, on) for base in bases for side in sides]
+    families = [(task, _postures(task)) for task in tasks]
+    return join([_as_candidates(task, family) for task, family in families if family is not None])
 
 
 def near_candidates(
-    scene: GraspScene,
-    setup: FingerSetup,
-    some: Candidates,
-    pose: Pose,
-    middles: tuple[bool, ...],
-    tip: bool,
-    scale: float,
-) -> Candidates | None:
+    scene: GraspScene, setup: FingerSetup, some: Candidates, pose: Pose, on: frozenset[str], scale: float
+) -> Candidates:
     """Postures next to some, with changes of a relative size, and these themselves."""
     groups = [some]
     keys = np.concatenate([some.bases, some.sides[:, None]], axis=1)
     for key in np.unique(keys, axis=0):
         mine = some.take((keys == key).all(axis=1))
-        base, side = (float(key[0]), float(key[1]), float(key[2])), int(key[3])
-        task = make_task(scene, setup, base, pose, side)
-        on = mine.joints[:, [k for k, m in enumerate(middles) if m]]
+        x, y, angle, side = key.tolist()
+        task = make_task(scene, setup, (x, y, angle), pose, int(side), on)
         angles = task.frame.angle(mine.angles)
         family = Postures(
             mine.knots,
-            side * mine.curvatures,
-            on,
+            task.side * mine.curvatures,
+            mine.joints[:, np.flatnonzero(task.middles)],
             mine.parts,
             task.frame.point(mine.points) + task.half * np.exp(1j * angles),
             angles,
             mine.violation,
         )
-        found = neighbors(task, family, middles, tip, scale)
+        found = _neighbors(task, family, scale)
         if found is not None:
-            groups.append(_as_candidates(task, found, base, side, middles, tip))
-    return join(groups)
+            groups.append(_as_candidates(task, found))
+    return join(groups) or some
 
 
-def _as_candidates(
-    task: FingerTask, family: Postures, base: Pose, side: int, middles: tuple[bool, ...], tip: bool
-) -> Candidates:
+def _as_candidates(task: FingerTask, family: Postures) -> Candidates:
     count = len(family)
-    on = family.joints[:, [k for k, m in enumerate(middles) if m]]
     return Candidates(
-        bases=np.tile(base, (count, 1)),
-        sides=np.full(count, side),
+        bases=np.tile(task.base, (count, 1)),
+        sides=np.full(count, task.side),
         knots=family.knots,
-        curvatures=side * family.curvatures,
+        curvatures=task.side * family.curvatures,
         joints=family.joints,
-        stations=np.concatenate([on, np.ones((count, 1))], axis=1) if tip else on,
+        stations=np.concatenate(
+            [family.joints[:, np.flatnonzero(task.middles)], np.ones((count, int(task.tip)))], axis=1
+        ),
         parts=family.parts,
         points=task.frame.back(family.points - task.half * np.exp(1j * family.angles)),
         angles=task.frame.angle_back(family.angles),
@@ -149,56 +109,39 @@ def _as_candidates(
     )
 
 
-def postures(task: FingerTask, middles: tuple[bool, ...], tip: bool) -> Postures | None:
-    """All postures found with the middle contacts that are on and, if ``tip``, the tip touching.
-
-    Parameters
-    ----------
-    task : FingerTask
-    middles : tuple of bool
-        Which middle contacts are on, from the base.
-    tip : bool
-
-    Returns
-    -------
-    Postures or None
-        None where there is none, however much it penetrates.
-    """
-    if any(middles):
-        family = first_joint(task, middles)
-        for k in range(middles.index(True) + 1, len(middles)):
-            if middles[k] and family is not None:
-                family = next_joint(task, family)
-        if family is None:
-            return None
-        family = with_tip(task, family) if tip else _free_end(family)
+def _postures(task: FingerTask) -> Postures | None:
+    """All postures found with the contacts of a task, from the base on: first contact, further ones, tip."""
+    family: Postures | None
+    if any(task.middles):
+        family = first_joint(task)
+        for _ in range(sum(task.middles) - 1):
+            family = None if family is None else next_joint(task, family)
+        if family is not None:
+            family = with_tip(task, family) if task.tip else _free_end(family)
+    elif task.tip:
+        family = tip_only(task) if task.arcs else bent_by_tip(task)
     else:
-        joint = task.counts[0] / 2.0 if task.arcs and task.counts == (1, 1) else None
-        family = _untouched(task) if not tip else tip_only(task, joint) if task.arcs else bent_by_tip(task)
-    if family is None:
-        return None
-    return _finished(task, family, middles)
+        family = _untouched(task)
+    return None if family is None else _finished(task, family)
 
 
-def neighbors(
-    task: FingerTask, family: Postures, middles: tuple[bool, ...], tip: bool, scale: float
-) -> Postures | None:
+def _neighbors(task: FingerTask, family: Postures, scale: float) -> Postures | None:
     """Postures next to those of a family, with the same contacts, at changes of a relative size ``scale``.
 
     None where there are none or the family has no free parameter.
     """
     found: Postures | None = None
-    if sum(middles) == 1 and not (task.arcs and sum(task.counts[: middles.index(True) + 1]) == 1):
+    if sum(task.middles) == 1 and not task.one_arc_to_joint:
         found = moved_joint(task, family, scale * _SHIFTS)
         if found is not None:
-            found = with_tip(task, found) if tip else _free_end(found)
-    elif not any(middles) and tip:
+            found = with_tip(task, found) if task.tip else _free_end(found)
+    elif not any(task.middles) and task.tip:
         found = moved_tip(task, family, scale * _CHANGE)
-    return None if found is None else _finished(task, found, middles)
+    return None if found is None else _finished(task, found)
 
 
-def _finished(task: FingerTask, family: Postures, middles: tuple[bool, ...]) -> Postures:
-    joints = _all_joints(task, family.joints, middles)
+def _finished(task: FingerTask, family: Postures) -> Postures:
+    joints = _all_joints(task, family.joints)
     wrong = violation(task, family.knots, family.curvatures, joints)
     return replace(family, joints=joints, violation=wrong)
 
@@ -219,17 +162,16 @@ def _untouched(task: FingerTask) -> Postures:
     return Postures(np.array([[0.0, 1.0]]), bent, none, none.astype(int), none.astype(complex), none, np.zeros(1))
 
 
-def _all_joints(task: FingerTask, on: Array, middles: tuple[bool, ...]) -> Array:
+def _all_joints(task: FingerTask, on: Array) -> Array:
     """Positions of all middle contacts: those that are off spread evenly between those that are on."""
     low, high = task.bounds
-    count, size = len(on), len(middles)
-    if not any(middles):
+    count, size = len(on), len(task.middles)
+    if not any(task.middles):
         shares = np.cumsum(task.counts)[:-1] / sum(task.counts)
         return np.broadcast_to(shares, (count, size)).copy()
     out = np.zeros((count, size))
-    places = [k for k in range(size) if middles[k]]
-    for column, k in enumerate(places):
-        out[:, k] = on[:, column]
+    places = np.flatnonzero(task.middles).tolist()
+    out[:, places] = on
     for a, b in pairwise([-1, *places, size]):
         left = out[:, a] if a >= 0 else np.zeros(count)
         right = out[:, b] if b < size else np.ones(count)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -41,30 +40,14 @@ _TILTS = 0.25 * math.pi * np.arange(5)
 
 @dataclass(frozen=True)
 class Loads:
-    """What the contacts have to carry, and scales.
+    """What the contacts have to carry, and scales."""
 
-    Attributes
-    ----------
-    force : float
-        Force that counts as one [N].
-    length : float
-        Size of the object [m].
-    planar : complex
-        Weight in the plane [N].
-    lift : float
-        Weight out of the plane [N].
-    gravity : complex
-        Acceleration in the plane [m/s2].
-    balance : bool
-        Whether the lift must not tilt the object.
-    """
-
-    force: float
-    length: float
-    planar: complex
-    lift: float
-    gravity: complex
-    balance: bool
+    force: float  # force that counts as one [N]
+    length: float  # size of the object [m]
+    planar: complex  # weight in the plane [N]
+    lift: float  # weight out of the plane [N]
+    gravity: complex  # acceleration in the plane [m/s2]
+    balance: bool  # whether the lift must not tilt the object
 
     @property
     def rows(self) -> int:
@@ -88,35 +71,15 @@ class Loads:
 
 @dataclass(frozen=True)
 class Block:
-    """Forces of one finger, or of the supports: P postures, n forces of which the last two are tensions for fingers.
+    """Forces of one finger, or of the supports: P postures, n forces of which the last two are tensions for fingers."""
 
-    Attributes
-    ----------
-    onto : ndarray, (P, rows, n)
-        What they do to the object, scaled.
-    moments : ndarray, (P, S, n)
-        What they do to the finger's sections, scaled.
-    needed : ndarray, (P, S)
-        What the sections need, scaled.
-    low, high : ndarray, (n,)
-        Bounds [N].
-    cost : ndarray, (n,)
-        1 for tensions.
-    contacts : int
-    """
-
-    onto: Array
-    moments: Array
-    needed: Array
-    low: Array
-    high: Array
-    cost: Array
+    onto: Array  # (P, rows, n) what they do to the object, scaled
+    moments: Array  # (P, S, n) what they do to the finger's sections, scaled
+    needed: Array  # (P, S) what the sections need, scaled
+    low: Array  # (n,) bounds [N]
+    high: Array  # (n,)
+    cost: Array  # (n,) 1 for tensions
     contacts: int = 0
-
-    @property
-    def single(self) -> bool:
-        """Whether there is one contact, so that the shape fixes the forces."""
-        return self.contacts == 1
 
 
 def loads_of(scene: GraspScene) -> Loads:
@@ -125,6 +88,7 @@ def loads_of(scene: GraspScene) -> Loads:
     upright = scene.gravity if isinstance(scene.gravity, OutOfPlaneGravity) else None
     stiff = max(s.finger.rod.stiffness / s.finger.rod.length**2 for s in scene.setups)
     return Loads(
+        # Where nothing weighs, forces that bend a finger well are about E I / L^2.
         force=max(scene.weight, 0.3 * stiff),
         length=scene.object.size,
         planar=scene.object.mass * gravity,
@@ -134,20 +98,18 @@ def loads_of(scene: GraspScene) -> Loads:
     )
 
 
-def _edges(loads: Loads, friction: float, normals: Array) -> tuple[Array, Array]:
-    """Edges of friction cones (P, C, E), as forces in the plane on what touches the object, and their lifts (E,)."""
-    slopes, lifts = _slopes(loads, friction)
-    return normals[..., None] * (1.0 + 1j * slopes), lifts
-
-
 def _slopes(loads: Loads, friction: float) -> tuple[Array, Array]:
+    """Friction in the plane and lift, per normal force, along the edges (E,) of a friction cone."""
     if loads.lift:
         return friction * np.cos(_TILTS), friction * np.sin(_TILTS)
     return np.array([friction, -friction]), np.zeros(2)
 
 
 def _onto(loads: Loads, arms: Array, edges: Array, lifts: Array) -> Array:
-    """Effect on the object (P, rows, C * E) of forces at ``arms`` (P, C) from its center of mass."""
+    """Effect on the object (P, rows, C * E) of forces at ``arms`` (P, C) from its center of mass.
+
+    The ``edges`` (P, C, E) are those in the plane on what touches the object, ``lifts`` (E,) those out of it.
+    """
     count = len(arms)
     out = np.zeros((count, loads.rows, *edges.shape[1:]))
     out[:, 0], out[:, 1] = -edges.real, -edges.imag
@@ -164,19 +126,20 @@ def support_block(scene: GraspScene, loads: Loads, touched: dict[str, ContactSta
     """Forces of the supports that the object touches at a world pose [m, rad]."""
     turn = cmath.exp(1j * pose[2])
     com = complex(*scene.object.com)
-    parts: list[Array] = []
+    parts: list[Array] = [np.zeros((1, loads.rows, 0))]
     high: list[float] = []
     for name, contact in touched.items():
-        normal = np.array([[turn * cmath.exp(1j * contact.normal_angle)]])
-        edges, lifts = _edges(loads, scene.friction(name), normal)
+        slopes, lifts = _slopes(loads, scene.friction(name))
+        edges = np.array([[turn * cmath.exp(1j * contact.normal_angle)]])[..., None] * (1.0 + 1j * slopes)
         parts.append(_onto(loads, np.array([[turn * (complex(*contact.point) - com)]]), edges, lifts))
         high.extend([_cap(loads, scene.normal_force_max(name))] * len(lifts))
-    onto = np.concatenate(parts, axis=2) if parts else np.zeros((1, loads.rows, 0))
+    onto = np.concatenate(parts, axis=2)
     size = onto.shape[2]
     return Block(onto, np.zeros((1, 0, size)), np.zeros((1, 0)), np.zeros(size), np.array(high), np.zeros(size))
 
 
 def _cap(loads: Loads, most: float) -> float:
+    # The interior point method scales forces by their ranges: far greater ones than the loads cost digits.
     return min(most, 1000.0 * loads.force)
 
 
@@ -187,26 +150,29 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Can
     points, normals = origin + turn * found.points, turn * np.exp(1j * found.angles)
     mesh = _Mesh.of(setup, found)
     at = mesh.sections
-    curve, _ = sample(found.knots, found.curvatures, np.concatenate([np.zeros((len(found), 1)), at], axis=1))
+    curve = sample(found.knots, found.curvatures, np.concatenate([np.zeros((len(found), 1)), at], axis=1))
     base = found.bases
     world = (base[:, 0] + 1j * base[:, 1])[:, None] + length * np.exp(1j * base[:, 2:]) * curve[:, 1:]
     rest = finger.rest_curvature if isinstance(finger.rest_curvature, int | float) else 0.0
     needed = finger.rod.stiffness * (curvature_at(found.knots, found.curvatures, at) / length - rest)
+    # A straight finger needs no moment, but a scale.
     scale = np.maximum(np.abs(needed).max(axis=1), 0.3 * finger.rod.stiffness / length)[:, None]
     if loads.gravity:
         needed = needed - _own_weight(setup, world, at, loads.gravity)
-    edges, lifts = _edges(loads, setup.friction, normals)
+    slopes, lifts = _slopes(loads, setup.friction)
+    edges = normals[..., None] * (1.0 + 1j * slopes)
     arms = points[:, None, :] - world[:, :, None]
+    # A section bears what acts beyond it, up to the tip.
     reaches = found.stations[:, None, :] >= at[:, :, None] - 1e-9
     moments = (np.conj(arms)[..., None] * edges[:, None]).imag * reaches[..., None]
     moments = moments.reshape(*at.shape, -1)
-    low, high, offset = setup.tendons.min_tension, setup.tendons.max_tension, setup.tendons.offset
-    moments = np.concatenate([moments, np.broadcast_to([offset, -offset], (*at.shape, 2))], axis=2)
+    tendons, used = setup.tendons, finger.tendons_used
+    low, high = tendons.min_tension, tendons.max_tension
+    moments = np.concatenate([moments, np.broadcast_to([tendons.offset, -tendons.offset], (*at.shape, 2))], axis=2)
     com = origin + turn * complex(*scene.object.com)
     onto = _onto(loads, points - com, edges, lifts)
     onto = np.concatenate([onto, np.zeros((len(found), loads.rows, 2))], axis=2)
     pushes = onto.shape[2] - 2
-    used = finger.tendons_used
     return Block(
         onto,
         mesh.project(moments) / scale[..., None],
@@ -225,22 +191,18 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Can
 class _Mesh:
     """Elements of P postures with Gauss points, and the shapes over which their moments are balanced."""
 
-    sections: Array
-    """Positions (P, 4 M + 1), the last one the tip's."""
-    shares: Array
-    """Lengths of the elements (P, M)."""
-    constant: bool
-    """Whether the shapes are constant on each element, not hats over the ends of elements."""
+    sections: Array  # positions (P, 4 M + 1), the last one the tip's
+    shares: Array  # lengths of the elements (P, M)
+    constant: bool  # whether the shapes are constant on each element, not hats over the ends of elements
     matches_tip: bool
 
     @staticmethod
     def of(setup: FingerSetup, found: Candidates) -> _Mesh:
         """The elements of a finger, or fewer where it has many."""
-        marks = (0, *setup.before, setup.elements)
-        counts = [b - a for a, b in pairwise(marks)]
-        few = sum(counts) <= _FINE
+        counts = np.diff((0, *setup.before, setup.elements))
+        few = setup.elements <= _FINE
         if not few:
-            counts = [min(c, 2) for c in counts]
+            counts = np.minimum(counts, 2)
         count = len(found)
         ends = np.concatenate([np.zeros((count, 1)), found.joints, np.ones((count, 1))], axis=1)
         shares = np.concatenate(
@@ -264,6 +226,7 @@ class _Mesh:
         rows[:, :-1] += left
         rows[:, 1:] += right
         if self.matches_tip:
+            # The tip's curvature has a balance of its own, which counts as half an element's.
             rows[:, -1] = 0.5 * values[:, -1]
         return rows
 
@@ -271,6 +234,7 @@ class _Mesh:
 def _own_weight(setup: FingerSetup, world: Array, at: Array, gravity: complex) -> Array:
     """Moment about each section of the weight of the finger beyond it (P, S)."""
     rod = setup.finger.rod
+    # Lumped half-way between sections, which is enough to rank starts.
     share = np.diff(at, axis=1, prepend=0.0) * rod.length * rod.mass_per_length
     middle = 0.5 * (world + np.concatenate([world[:, :1], world[:, :-1]], axis=1))
     force = np.cumsum(share[:, ::-1], axis=1)[:, ::-1] - share
@@ -291,28 +255,17 @@ def contact_forces(
     out = {}
     for k, name in enumerate(names):
         friction = scene.friction(name)
-        (slopes, lifts) = _slopes(loads, friction)
+        slopes, lifts = _slopes(loads, friction)
         own = found[k * len(slopes) : (k + 1) * len(slopes)]
         out[name] = (float(own.sum()), float(own @ slopes), float(own @ lifts))
     return out
 
 
 def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Array, Array, Array]:
-    """Least imbalance of B combinations of postures, and the effort that goes with it.
+    """Least imbalance of B combinations of postures, ``index`` (B,) per block, and the effort that goes with it.
 
-    Parameters
-    ----------
-    loads : Loads
-    blocks : list of Block
-    index : list of ndarray of int, (B,)
-        Which posture of each block.
-
-    Returns
-    -------
-    imbalance, cost : ndarray, (B,)
-        Relative to the loads; sum of the tensions per their limits.
-    forces : ndarray, (B, n)
-        Of all blocks [N].
+    Returns the imbalances (B,) relative to the loads, the sums of the tensions per their limits (B,), and the forces of
+    all blocks (B, n) [N].
     """
     count = len(index[0])
     sizes = [b.onto.shape[2] for b in blocks]
@@ -350,6 +303,7 @@ def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) ->
         over = 1.0 - x
         left = (scaled @ x[..., None])[..., 0] - right
         down = (across @ left[..., None])[..., 0] + weight - barrier / x + barrier / over
+        # (K' K + D) step = -down, by the Woodbury identity: D is diagonal, and its inverse is `soft`.
         soft = 1.0 / (zl / x + zu / over + 1e-9)
         slim = scaled * soft[:, None, :]
         inner = np.linalg.solve(unit + slim @ across, (slim @ down[..., None]))[..., 0]

@@ -24,38 +24,21 @@ _STEP = 1e-9
 
 
 def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.random.Generator) -> list[Start]:
-    """Starting points with given contacts.
+    """Starting points with the contacts wanted, ``on`` by name: those of fingers, and walls and pegs.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    on : frozenset of str
-        Names of the contacts wanted: those of fingers, and walls and pegs.
-    count : int
-        How many starts.
-    rng : numpy.random.Generator
-        For poses and starts at random; an equal one gives equal starts.
-
-    Returns
-    -------
-    list of Start
-        ``count`` starts, the most promising first, then such that differ from those before. Their labels: "scan"
-        touches everywhere it should without penetration; "near" does so as nearly as was found; "random" is one of
-        these, changed at random.
+    There are ``count`` of them, the most promising first, then such that differ from those before. Their labels: "scan"
+    touches everywhere it should without penetration; "near" does so as nearly as was found; "random" is one of these,
+    changed at random. An equal ``rng`` gives equal starts.
     """
     weighing = Weighing(scene, on)
     found = [at for k, pose in enumerate(object_poses(scene, on)) if (at := weighing.at_pose(pose, k)) is not None]
     found += weighing.refined(found)
-    starts: list[Start] = []
-    if found:
-        score = np.concatenate([at.score for at in found])
-        order = spread_order(score, np.concatenate([at.features for at in found]), count)
-        owner = np.repeat(np.arange(len(found)), [len(at.score) for at in found])
-        first = np.cumsum([0, *(len(at.score) for at in found)])
-        starts = [_as_start(weighing, found[owner[k]], k - int(first[owner[k]])) for k in order]
-    if not starts:
-        starts = [fallback(scene, on)]
-    return shaken(weighing.setups, starts, count, rng)
+    if not found:
+        return _shaken(weighing.setups, [_fallback(scene, on)], count, rng)
+    rows = [(at, row) for at in found for row in range(len(at.score))]
+    score, features = (np.concatenate(part) for part in zip(*((at.score, at.features) for at in found), strict=True))
+    starts = [_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)]
+    return _shaken(weighing.setups, starts, count, rng)
 
 
 def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
@@ -69,22 +52,22 @@ def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
         posture = int(index[row])
         length = setup.finger.rod.length
         knots, bent = candidates.knots[posture], candidates.curvatures[posture]
+        # Knots at one place with one curvature are padding; where the curvature steps, the first is moved back.
         retained = np.concatenate([[True], (np.diff(knots) > 1e-9) | (np.abs(np.diff(bent)) > 1e-12)])
         knots, bent = knots[retained], bent[retained]
         knots[:-1] -= _STEP * (np.diff(knots) <= 0.0)
-        x, y, angle = (float(v) for v in candidates.bases[posture])
+        x, y, angle = candidates.bases[posture].tolist()
         fingers[setup.name] = FingerStart(
             (x, y, angle),
-            tuple(float(s) * length for s in candidates.joints[posture]),
+            tuple((candidates.joints[posture] * length).tolist()),
             (int(candidates.sides[posture]),) * len(setup.middles),
-            tuple(float(s) * length for s in knots),
-            tuple(float(k) / length for k in bent),
+            tuple((knots * length).tolist()),
+            tuple((bent / length).tolist()),
         )
         names = [n for n in (*setup.middle_names, setup.tip_name) if n in on]
         size = len(names) * loads.edges
         forces |= contact_forces(scene, loads, names, balanced[place : place + size])
-        one, two = (float(t) for t in balanced[place + size : place + size + 2])
-        tensions[setup.name] = one, two
+        tensions[setup.name] = tuple(balanced[place + size : place + size + 2].tolist())
         place += size + 2
         for column, name in enumerate(names):
             point = complex(candidates.points[posture, column])
@@ -99,7 +82,7 @@ def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
     return Start("near" if at.wrong[row] > 0.0 else "scan", at.pose, fingers, contacts, forces, tensions)
 
 
-def fallback(scene: GraspScene, on: frozenset[str]) -> Start:
+def _fallback(scene: GraspScene, on: frozenset[str]) -> Start:
     """Fingers slightly bent towards the object, and the nearest places on it."""
     pose = scene.object.pose
     fingers: dict[str, FingerStart] = {}
@@ -111,6 +94,7 @@ def fallback(scene: GraspScene, on: frozenset[str]) -> Start:
         joints = tuple(low + (high - low) * (k + 1) / (size + 1) for k in range(size))
         rel = complex(pose[0] - base.position[0], pose[1] - base.position[1]) * np.exp(-1j * base.angle)
         side = 1 if rel.real <= 0.0 else -1
+        # One radian over the length, if the rod bears it.
         bend = side * min(1.0 / length, 0.5 * setup.finger.curvature_limit)
         fingers[setup.name] = FingerStart(
             (*base.position, base.angle), joints, (side,) * size, (0.0, *joints, length), (bend,) * (size + 2)
@@ -124,7 +108,7 @@ def fallback(scene: GraspScene, on: frozenset[str]) -> Start:
     return Start("near", pose, fingers, contacts)
 
 
-def shaken(setups: tuple[FingerSetup, ...], starts: list[Start], count: int, rng: np.random.Generator) -> list[Start]:
+def _shaken(setups: tuple[FingerSetup, ...], starts: list[Start], count: int, rng: np.random.Generator) -> list[Start]:
     """The starts, and random changes of them up to ``count``."""
     out = list(starts[:count])
     while len(out) < count:
@@ -138,6 +122,7 @@ def shaken(setups: tuple[FingerSetup, ...], starts: list[Start], count: int, rng
             limit = setup.finger.curvature_limit
             bent = np.clip(np.array(old.curvatures) * noise + added, -limit, limit)
             low, high = setup.middle_bounds
+            # Contacts move by up to 5 % of the length: half of the spacing of the scan.
             joints = np.array(old.joints) + 0.05 * length * rng.uniform(-1.0, 1.0, len(old.joints))
             joints = np.clip(np.sort(joints), low, high)
             fingers[setup.name] = FingerStart(

@@ -25,9 +25,9 @@ _FLAT = 4
 """Most angles of a free object at which a face lies flat on a wall."""
 _EXACT = 1e-12
 """Gap, per size of the object, at which it touches a support: rounding."""
-_SHARES = (1.22074408460575947536, 1.32471795724474602596)
-"""Real roots of x^4 = x + 1 and x^3 = x + 1: powers of their inverses spread points evenly in three and two dimensions
-(additive recurrence; M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018)."""
+_ROOTS = {1: (1.0 + math.sqrt(5.0)) / 2.0, 2: 1.32471795724474602596, 3: 1.22074408460575947536}
+"""Real roots of x^(d + 1) = x + 1: powers of their inverses spread points evenly in d dimensions (additive recurrence;
+M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018)."""
 
 
 def object_outlines(scene: GraspScene) -> tuple[Outline, ...]:
@@ -36,31 +36,18 @@ def object_outlines(scene: GraspScene) -> tuple[Outline, ...]:
 
 
 def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> dict[str, ContactStart]:
-    """Contacts of the object with walls and pegs at a pose, whether it touches there or not.
+    """Contacts of the object with walls and pegs by name at a world pose [m, rad], whether it touches there or not.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    pose : (float, float, float)
-        World x, y [m] and angle [rad] of the object.
-    wanted : collection of str
-        Names of walls and pegs.
-
-    Returns
-    -------
-    dict of str to ContactStart
-        A wall touches the outermost point; a flat face that lies on it touches at its two ends, "<wall>.1" and
-        "<wall>.2", as far as a finite wall reaches.
+    A wall touches the outermost point; a flat face that lies on it touches at its two ends, "<wall>.1" and "<wall>.2",
+    as far as a finite wall reaches.
     """
     shapes, size = object_outlines(scene), scene.object.size
     found: dict[str, ContactStart] = {}
     for wall in scene.walls:
         if wall.name in wanted:
             ends = _wall_ends(shapes, wall, pose, TOUCHING * size)
-            if len(ends) == 1:
-                found[wall.name] = ends[0]
-            else:
-                found[f"{wall.name}.1"], found[f"{wall.name}.2"] = ends
+            names = [wall.name] if len(ends) == 1 else [f"{wall.name}.1", f"{wall.name}.2"]
+            found |= zip(names, ends, strict=True)
     for peg in scene.pegs:
         if peg.name in wanted:
             found[peg.name] = nearest_contact(scene, pose, complex(*peg.position))
@@ -70,30 +57,11 @@ def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> 
 def touching_supports(scene: GraspScene, pose: Pose) -> frozenset[str]:
     """Names of the walls and pegs that the object touches at a pose, to within a millionth of its size."""
     shapes, near = object_outlines(scene), TOUCHING * scene.object.size
-    walls = [wall.name for wall in scene.walls if abs(wall_gap(shapes, wall, pose, near)) <= near]
-    pegs = [peg.name for peg in scene.pegs if abs(peg_gap(shapes, peg, pose)) <= near]
-    return frozenset(walls + pegs)
-
-
-def wall_gap(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float) -> float:
-    """Height of the object's lowest point above a wall [m]; infinite where it is beside a finite wall."""
-    if np.isfinite(wall.half_length):
-        ends = _lowest(shapes, wall, pose, flat)
-        along = [_along(wall, pose, point) for _, point, _ in ends]
-        slack = flat + 1e-9 * wall.half_length
-        if max(along) < -wall.half_length - slack or min(along) > wall.half_length + slack:
-            return float("inf")
-    return min(height for _, _, height in _lowest(shapes, wall, pose, flat))
-
-
-def peg_gap(shapes: tuple[Outline, ...], peg: Peg, pose: Pose) -> float:
-    """Distance of the object from a peg [m]."""
-    at = np.array([_to_object(complex(*peg.position), pose)])
-    return min(float(shape.distance(at)[0]) for shape in shapes) - peg.radius
-
-
-def _to_object(z: complex, pose: Pose) -> complex:
-    return (z - complex(pose[0], pose[1])) * cmath.exp(-1j * pose[2])
+    return frozenset(
+        body.name
+        for body in scene.places
+        if abs(_gap(shapes, body, pose)[0]) <= near and not _beside(shapes, body, pose, near)
+    )
 
 
 def _to_world(z: complex, pose: Pose) -> complex:
@@ -106,41 +74,40 @@ def _along(wall: Wall, pose: Pose, point: complex) -> float:
     return (rel * cmath.exp(-1j * wall.normal_angle)).imag
 
 
-def _lowest(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float) -> list[tuple[int, complex, float]]:
-    """Part, point in the object's frame and height of the lowest points above a wall, the leftmost and rightmost of
-    those that are level.
+def _lowest(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float) -> list[tuple[int, complex]]:
+    """Part and point in the object's frame of the lowest point above a wall; the leftmost and the rightmost one where
+    several are level to within ``flat``.
     """
     down = cmath.exp(1j * (wall.normal_angle + math.pi - pose[2]))
     ends = [(part, point) for part, shape in enumerate(shapes) for point, _ in shape.extremes(down, flat)]
     heights = [wall.height((w.real, w.imag)) for w in (_to_world(point, pose) for _, point in ends)]
-    low = min(heights)
-    level = [(part, point, h) for (part, point), h in zip(ends, heights, strict=True) if h <= low + flat]
-    if len(level) == 1:
-        return level
-    level.sort(key=lambda end: _along(wall, pose, end[1]))
-    if abs(level[0][1] - level[-1][1]) <= flat:
-        return [min(level, key=lambda end: end[2])]
-    return [level[0], level[-1]]
+    level = [(h, *end) for h, end in zip(heights, ends, strict=True) if h <= min(heights) + flat]
+    level.sort(key=lambda end: _along(wall, pose, end[2]))
+    if len(level) > 1 and abs(level[0][2] - level[-1][2]) <= flat:
+        # One corner, shared by two faces or two parts.
+        level = [min(level, key=lambda end: end[0])]
+    return [(part, point) for _, part, point in (level if len(level) == 1 else (level[0], level[-1]))]
 
 
 def _wall_ends(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float) -> list[ContactStart]:
     level = _lowest(shapes, wall, pose, flat)
     normal = math.remainder(wall.normal_angle + math.pi - pose[2], math.tau)
     if len(level) == 2 and np.isfinite(wall.half_length):
-        (first, a, height), (second, b, _) = level
-        low, high = _along(wall, pose, a), _along(wall, pose, b)
+        # A face that reaches beyond a finite wall touches at the wall's end.
+        low, high = (_along(wall, pose, point) for _, point in level)
+        face = level[1][1] - level[0][1]
         clipped = []
-        for part, point, at in ((first, a, low), (second, b, high)):
+        for (part, point), at in zip(level, (low, high), strict=True):
             aim = min(max(at, -wall.half_length), wall.half_length)
-            share = (aim - at) / (high - low)
-            clipped.append((part, point + share * (b - a), height))
+            clipped.append((part, point + (aim - at) / (high - low) * face))
         level = clipped if abs(clipped[0][1] - clipped[1][1]) > flat else clipped[:1]
-    return [ContactStart(part, (point.real, point.imag), normal) for part, point, _ in level]
+    return [ContactStart(part, (point.real, point.imag), normal) for part, point in level]
 
 
 def nearest_contact(scene: GraspScene, pose: Pose, world: complex) -> ContactStart:
     """The place on the object nearest to a world point [m]."""
-    outlines, at = object_outlines(scene), np.array([_to_object(world, pose)])
+    outlines = object_outlines(scene)
+    at = np.array([(world - complex(pose[0], pose[1])) * cmath.exp(-1j * pose[2])])
     part = int(np.argmin([float(outline.distance(at)[0]) for outline in outlines]))
     place = outlines[part].walk(outlines[part].nearest(at)[1])
     point = complex(place.point[0])
@@ -148,18 +115,8 @@ def nearest_contact(scene: GraspScene, pose: Pose, world: complex) -> ContactSta
 
 
 def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
-    """Poses of the object, the one nearest to the scene's own first, at which it touches the supports wanted.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    on : frozenset of str
-        Names of the contacts wanted.
-
-    Returns
-    -------
-    list of (float, float, float)
-        World x, y [m] and angle [rad]; only the scene's own where it is fixed, or where none was found.
+    """World poses [m, rad] of the object at which it touches the supports that are on, the one nearest to the scene's
+    own first; the scene's own alone where it is fixed, or where none was found.
     """
     own, free = scene.object.pose, scene.object.free
     if free is None:
@@ -172,14 +129,19 @@ def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
     for angle in flat[:_FLAT]:
         tries.append(((own[0], own[1], angle), [bounds[0], bounds[1], (angle, angle)]))
     tries.insert(min(1, len(tries)), (own, bounds))
+    # Of the further ones every other lies flat, too, where a face can.
     for k, pose in enumerate(_spread(bounds, _MORE_POSES)):
         angle = own[2] if is_round else flat[k % len(flat)] if flat and k % 2 else pose[2]
         held = [bounds[0], bounds[1], (angle, angle) if flat and k % 2 else bounds[2]]
         tries.append(((pose[0], pose[1], angle), held))
+
+    def apart(a: Pose, b: Pose) -> float:
+        return math.dist(a[:2], b[:2]) + scene.object.size * abs(a[2] - b[2])
+
     found: list[Pose] = []
     for pose, within in tries:
         settled = settle(scene, shapes, on, pose, within)
-        if settled is not None and all(_differ(scene, settled, other) for other in found):
+        if settled is not None and all(apart(settled, other) > 1e-6 * scene.object.size for other in found):
             found.append(settled)
     return found or [own]
 
@@ -233,37 +195,39 @@ def _gaps(
     gaps: list[float] = []
     slopes: list[tuple[float, float, float]] = []
     for body in scene.places:
-        gap, normal, arm = _wall(shapes, body, pose) if isinstance(body, Wall) else _peg(shapes, body, pose)
+        gap, normal, arm = _gap(shapes, body, pose)
         wanted = body.name in on
         # What is entered but not wanted is left by a thousandth of the size, so that it does not count as touching.
-        if wanted or (gap < 0.0 and not _beside(shapes, body, pose)):
+        if wanted or (gap < 0.0 and not _beside(shapes, body, pose, 0.0)):
             gaps.append(gap if wanted else gap - 1e-3 * scene.object.size)
             slopes.append((normal.real, normal.imag, (normal.conjugate() * 1j * arm).real))
     return np.array(gaps), np.array(slopes).reshape(-1, 3)
 
 
-def _wall(shapes: tuple[Outline, ...], wall: Wall, pose: Pose) -> tuple[float, complex, complex]:
-    """Height of the lowest point, normal along which it grows, and arm of that point."""
-    turn, normal = cmath.exp(1j * pose[2]), complex(*wall.normal)
-    down = -normal / turn
-    arms = [point * turn for shape in shapes for point, _ in shape.extremes(down, 0.0)]
-    arm = min(arms, key=lambda z: (z * normal.conjugate()).real)
-    world = complex(pose[0], pose[1]) + arm
-    return wall.height((world.real, world.imag)), normal, arm
-
-
-def _peg(shapes: tuple[Outline, ...], peg: Peg, pose: Pose) -> tuple[float, complex, complex]:
-    turn = cmath.exp(1j * pose[2])
-    local = np.array([(complex(*peg.position) - complex(pose[0], pose[1])) / turn])
+def _gap(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose) -> tuple[float, complex, complex]:
+    """Gap between object and support [m], normal along which it grows, and world arm of the object's nearest point."""
+    turn, origin = cmath.exp(1j * pose[2]), complex(pose[0], pose[1])
+    if isinstance(body, Wall):
+        normal = complex(*body.normal)
+        arms = [point * turn for shape in shapes for point, _ in shape.extremes(-normal / turn, 0.0)]
+        arm = min(arms, key=lambda z: (z * normal.conjugate()).real)
+        world = origin + arm
+        return body.height((world.real, world.imag)), normal, arm
+    local = np.array([(complex(*body.position) - origin) / turn])
     gap, walk, shape = min(
         ((float(g[0]), w, s) for s in shapes for g, w in [s.nearest(local)]), key=lambda found: found[0]
     )
     at = shape.walk(walk)
-    return gap - peg.radius, -cmath.exp(1j * (float(at.angle[0]) + pose[2])), complex(at.point[0]) * turn
+    return gap - body.radius, -cmath.exp(1j * (float(at.angle[0]) + pose[2])), complex(at.point[0]) * turn
 
 
-def _beside(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose) -> bool:
-    return isinstance(body, Wall) and math.isinf(wall_gap(shapes, body, pose, 0.0))
+def _beside(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose, flat: float) -> bool:
+    """Whether the object's lowest points are beyond the ends of a finite wall."""
+    if not isinstance(body, Wall) or math.isinf(body.half_length):
+        return False
+    along = [_along(body, pose, point) for _, point in _lowest(shapes, body, pose, flat)]
+    slack = flat + 1e-9 * body.half_length
+    return max(along) < -body.half_length - slack or min(along) > body.half_length + slack
 
 
 def _flat_angles(
@@ -285,18 +249,13 @@ def _flat_angles(
 
 
 def _spread(bounds: list[Interval], count: int, skip: int = 0) -> list[Pose]:
-    """Points spread evenly within bounds."""
+    """Points spread evenly within bounds; none where nothing is free."""
     dims = [k for k, (low, high) in enumerate(bounds) if high > low]
-    root = {1: (1.0 + math.sqrt(5.0)) / 2.0, 2: _SHARES[1], 3: _SHARES[0]}.get(len(dims), 2.0)
     found: list[Pose] = []
-    for j in range(1 + skip * count, 1 + (skip + 1) * count if dims else 1):
+    for j in range(1 + skip * count, 1 + (skip + 1) * count) if dims else ():
         pose = [low for low, _ in bounds]
         for n, k in enumerate(dims):
             low, high = bounds[k]
-            pose[k] = low + (high - low) * ((0.5 + j * root ** -(n + 1.0)) % 1.0)
+            pose[k] = low + (high - low) * ((0.5 + j * _ROOTS[len(dims)] ** -(n + 1.0)) % 1.0)
         found.append((pose[0], pose[1], pose[2]))
     return found
-
-
-def _differ(scene: GraspScene, a: Pose, b: Pose) -> bool:
-    return math.dist(a[:2], b[:2]) + scene.object.size * abs(a[2] - b[2]) > 1e-6 * scene.object.size

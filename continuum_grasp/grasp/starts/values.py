@@ -10,128 +10,74 @@ from numpy.typing import NDArray
 
 from continuum_grasp.rod.dense_rod import curvature_profile
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.objects.body import Pose
 
 Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
 class FingerStart:
-    """One finger of a start.
+    """One finger of a start."""
 
-    Attributes
-    ----------
-    base : (float, float, float)
-        World x, y [m] and angle [rad] of the base.
-    joints : tuple of float
-        Positions along the finger of all middle contacts, on or off, increasing [m].
-    sides : tuple of int
-        Per middle contact: the object's outward normal there is side * (cos, sin) of the section's angle; +1: the
-        object is on the finger's left (-X).
-    knots : tuple of float
-        Positions along the finger, from 0 to its length [m].
-    curvatures : tuple of float
-        At the knots, linear between them [1/m].
-    """
-
-    base: tuple[float, float, float]
-    joints: tuple[float, ...]
+    base: Pose  # world pose of the base [m, rad]
+    joints: tuple[float, ...]  # positions along the finger of all middle contacts, on or off, increasing [m]
     sides: tuple[int, ...]
-    knots: tuple[float, ...]
-    curvatures: tuple[float, ...]
-
-    def bends(self, ends: Array) -> Array:
-        """Bending angles (N,) of the elements between positions ``ends`` (N + 1,) [m, rad]."""
-        knots, bent = np.asarray(self.knots), np.asarray(self.curvatures)
-        turned = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(knots) * (bent[1:] + bent[:-1]))])
-        k = np.clip(np.searchsorted(knots, ends, side="right") - 1, 0, len(knots) - 2)
-        u = ends - knots[k]
-        slope = (bent[k + 1] - bent[k]) / (knots[k + 1] - knots[k])
-        return np.asarray(np.diff(turned[k] + u * (bent[k] + 0.5 * slope * u)))
+    """Per middle contact: the object's outward normal there is side * (cos, sin) of the section's angle; +1: the object
+    is on the finger's left (-X)."""
+    knots: tuple[float, ...]  # positions along the finger, from 0 to its length [m]
+    curvatures: tuple[float, ...]  # at the knots, linear between them [1/m]
 
 
 @dataclass(frozen=True)
 class ContactStart:
-    """One contact of a start.
+    """One contact of a start, in the object's frame."""
 
-    Attributes
-    ----------
-    part : int
-        Index of the object's part that is touched.
-    point : (float, float)
-        On its surface, in the object's frame [m].
-    normal_angle : float
-        Of the outward normal, in the object's frame [rad].
-    """
-
-    part: int
-    point: tuple[float, float]
-    normal_angle: float
+    part: int  # index of the object's part that is touched
+    point: tuple[float, float]  # on its surface [m]
+    normal_angle: float  # of the outward normal [rad]
 
 
 @dataclass(frozen=True)
 class Start:
-    """One start.
+    """One start."""
 
-    Attributes
-    ----------
-    label : str
-        Where it comes from: "scan" (touches as it should), "near" (the closest there is) or "random".
-    object_pose : (float, float, float)
-        World x, y [m] and angle [rad] of the object.
-    fingers : dict of str to FingerStart
-    contacts : dict of str to ContactStart
-        All contacts that are on, those with supports included.
-    forces : dict of str to (float, float, float)
-        Normal, friction and lift at the contacts that balance the object as nearly as they can [N]; signs as in a
-        result's ``contact_forces``; may be empty.
-    tensions : dict of str to (float, float)
-        Of the fingers' tendons that go with them [N]; may be empty.
-    """
-
-    label: str
-    object_pose: tuple[float, float, float]
+    label: str  # "scan" (touches as it should), "near" (the closest there is), "random", "found" (a grasp) ...
+    object_pose: Pose  # in the world [m, rad]
     fingers: dict[str, FingerStart]
-    contacts: dict[str, ContactStart]
+    contacts: dict[str, ContactStart]  # all that are on, those with supports included
     forces: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    """Normal, friction and lift at the contacts that balance the object as nearly as they can [N]; signs as in a
+    result's ``contact_forces``; may be empty."""
     tensions: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Of the fingers' tendons that go with them [N]; may be empty."""
 
 
 def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
-    """A grasp as a start for the same scene with other elements.
-
-    Parameters
-    ----------
-    scene : GraspScene
-        The scene that the grasp was found for.
-    arrays : dict
-        Its numbers, as `continuum_grasp.grasp.GraspResult` holds them.
+    """A grasp of a scene, by its numbers as `continuum_grasp.grasp.GraspResult` holds them, as a start for the same
+    scene with other elements.
     """
     names = [str(name) for name in arrays["contact_names"]]
-    stations = dict(zip(names, arrays["contact_stations"], strict=True))
     normals = dict(zip(names, arrays["contact_normals"], strict=True))
-    x, y, turn = (float(v) for v in arrays["object.pose"])
+    x, y, turn = arrays["object.pose"].tolist()
     back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     fingers = {}
     for setup in scene.setups:
-        lengths = arrays[f"{setup.name}.lengths"]
-        ends = np.concatenate([[0.0], np.cumsum(lengths)])
+        finger = setup.name
+        ends = np.concatenate([[0.0], np.cumsum(arrays[f"{finger}.lengths"])])
         joints = tuple(float(ends[count]) for count in setup.before)
-        tip = float(arrays[f"{setup.name}.tip_curvature"])
-        shapes = arrays[f"{setup.name}.curvature_shapes"]
-        knots, curvatures = _knots(curvature_profile(shapes, arrays[f"{setup.name}.q"], tip), ends)
-        line, sides = arrays[f"{setup.name}.backbone"], []
+        tip = float(arrays[f"{finger}.tip_curvature"])
+        profile = curvature_profile(arrays[f"{finger}.curvature_shapes"], arrays[f"{finger}.q"], tip)
+        line, sides = arrays[f"{finger}.backbone"], []
         for name, joint in zip(setup.middle_names, joints, strict=True):
             angle = float(np.interp(joint, line[:, 0], line[:, 3]))
             across = np.array([np.cos(angle), np.sin(angle)])
-            sides.append(1 if name not in stations or across @ normals[name] >= 0.0 else -1)
-        base = arrays[f"{setup.name}.base"]
-        fingers[setup.name] = FingerStart(
-            (float(base[0]), float(base[1]), float(base[2])), joints, tuple(sides), knots, curvatures
-        )
+            sides.append(1 if name not in normals or across @ normals[name] >= 0.0 else -1)
+        base = tuple(arrays[f"{finger}.base"].tolist())
+        fingers[finger] = FingerStart(base, joints, tuple(sides), *_knots(profile, ends))
     contacts = {}
     for k, name in enumerate(names):
         point = back @ (arrays["contact_positions"][k] - [x, y])
-        normal = back @ arrays["contact_normals"][k]
+        normal = back @ normals[name]
         angle = float(np.arctan2(normal[1], normal[0]))
         contacts[name] = ContactStart(int(arrays["contact_parts"][k]), (float(point[0]), float(point[1])), angle)
     return Start("found", (x, y, turn), fingers, contacts)
@@ -140,6 +86,7 @@ def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
 def _knots(profile: Array, ends: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Knots and curvatures of a continuous profile near that of a finger, whose elements have D curvatures each."""
     first, last = ends[:-1, None], ends[1:, None]
+    # Where curvatures of neighbors differ at their joint, their mean; of arcs, from middle to middle.
     if profile.shape[1] == 1:
         knots = np.concatenate([ends[:1], 0.5 * (ends[1:] + ends[:-1]), ends[-1:]])
         values = np.concatenate([profile[0], profile[:, 0], profile[-1]])

@@ -19,6 +19,9 @@ from continuum_grasp.scene.objects.body import Pose
 
 Array = NDArray[Any]
 
+Combined = tuple[list[Array], Array, Array, Array]
+"""Posture per finger, and for each combination what is left, its cost, and its forces."""
+
 _BALANCED = 3e-3
 """What is left where a posture is in balance but for the weight of its tension in the least squares."""
 _NEARLY = 0.05
@@ -30,8 +33,6 @@ _ROUNDS, _ONE_ROUND = (2.0, 0.7), (1.0,)
 _CLOSE = 0.05
 """Relative imbalance from which on several fingers are refined in one round instead of two."""
 
-Combined = tuple[list[Array], Array, Array, Array]
-"""Posture per finger, and for each combination what is left, its cost, and its forces."""
 _MOST = 160
 """Pairs of postures that are weighed where shapes fix the forces."""
 _NEAR = 0.02
@@ -46,54 +47,30 @@ _RANGE = 0.5
 
 @dataclass(frozen=True)
 class Weighed:
-    """Combinations of postures at one pose of the object.
+    """B combinations of postures of all fingers at one pose of the object."""
 
-    Attributes
-    ----------
-    pose : (float, float, float)
-        World x, y [m] and angle [rad] of the object.
-    candidates : list of Candidates
-        Per finger.
-    index : list of ndarray of int, (B,)
-        Per finger, the posture of each combination.
-    left, score, wrong : ndarray, (B,)
-        Relative imbalance; what ranks it, less is better; by how much something is in the way.
-    features : ndarray, (B, F)
-    forces : ndarray, (B, n)
-        [N]
-    """
-
-    pose: Pose
-    candidates: list[Candidates]
-    index: list[Array]
-    left: Array
-    score: Array
-    wrong: Array
-    features: Array
-    forces: Array
+    pose: Pose  # of the object in the world [m, rad]
+    candidates: list[Candidates]  # per finger
+    index: list[Array]  # per finger, the posture of each combination (B,)
+    left: Array  # (B,) relative imbalance
+    score: Array  # (B,) less is better
+    wrong: Array  # (B,) by how much something is in the way
+    features: Array  # (B, F) numbers in which different combinations differ
+    forces: Array  # (B, n) [N]
 
 
 class Weighing:
-    """Weighs postures of a scene with given contacts.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    on : frozenset of str
-        Names of the contacts that are on.
-    """
+    """Weighs postures of a scene with the contacts that are on, by name."""
 
     def __init__(self, scene: GraspScene, on: frozenset[str]) -> None:
         self.scene, self.on = scene, on
         self.setups, self.loads = scene.setups, loads_of(scene)
-        self._supported = any(wall.name in on for wall in scene.walls) or any(peg.name in on for peg in scene.pegs)
-        self._touches = [(tuple(n in on for n in s.middle_names), s.tip_name in on) for s in self.setups]
 
     def at_pose(self, pose: Pose, number: int) -> Weighed | None:
         """What is found at the ``number``-th pose of the object; None where a finger does not reach it."""
         found: list[Candidates] = []
-        for setup, (middles, tip) in zip(self.setups, self._touches, strict=True):
-            candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, middles, tip)
+        for setup in self.setups:
+            candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, self.on)
             if candidates is None:
                 return None
             found.append(candidates.take(_least_violation(candidates)))
@@ -118,7 +95,7 @@ class Weighing:
 
     def _polished(self, at: Weighed) -> Weighed | None:
         """The best sets of several fingers that touch with their tips alone, brought nearer to balance."""
-        if len(self.setups) == 1 or self._supported:
+        if len(self.setups) == 1 or any(body.name in self.on for body in self.scene.places):
             return None
         best = spread_order(at.score, at.features, _POLISHED)
         sets = [c.take(i[best]) for c, i in zip(at.candidates, at.index, strict=True)]
@@ -128,12 +105,10 @@ class Weighing:
     def _next_to(self, at: Weighed, scale: float) -> Weighed:
         best = spread_order(at.score, at.features, _BEST)
         more: list[Candidates] = []
-        for setup, candidates, index, (middles, tip) in zip(
-            self.setups, at.candidates, at.index, self._touches, strict=True
-        ):
+        for setup, candidates, index in zip(self.setups, at.candidates, at.index, strict=True):
             some = candidates.take(np.unique(index[best]))
-            near = near_candidates(self.scene, setup, some, at.pose, middles, tip, scale)
-            more.append(some if near is None else near.take(_least_violation(near)))
+            near = near_candidates(self.scene, setup, some, at.pose, self.on, scale)
+            more.append(near.take(_least_violation(near)))
         return self._weigh(at.pose, more)
 
     def _weigh(self, pose: Pose, found: list[Candidates], paired: bool = False) -> Weighed:
@@ -144,6 +119,7 @@ class Weighing:
         ]
         index, left, cost, forces = combine(self.loads, blocks, supports, [c.features for c in found], paired)
         wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
+        # What is in the way counts from half a unit on: any amount of it may cost the start.
         score = doubt(left) + cost + np.where(wrong > 0.0, 0.5 + 10.0 * np.minimum(wrong, 0.2), 0.0)
         size = self.scene.object.size
         place = np.broadcast_to([pose[0] / size, pose[1] / size, pose[2]], (len(left), 3))
@@ -160,23 +136,13 @@ def _least_violation(candidates: Candidates) -> Array:
 def combine(
     loads: Loads, blocks: list[Block], supports: Block, features: list[Array], paired: bool = False
 ) -> Combined:
-    """Weigh combinations of the postures of all fingers.
-
-    Parameters
-    ----------
-    loads : Loads
-    blocks : list of Block
-        Of the fingers.
-    supports : Block
-    features : list of ndarray, (P, F)
-        In which different postures of a finger differ.
-    paired : bool
-        Only the first of each together, the second, and so on.
+    """Weigh combinations of the postures of all fingers, of which ``features`` (P, F) are in what they differ; where
+    ``paired``, only the first of each together, the second, and so on.
     """
     if len(blocks) == 1 or paired:
         return _weigh(loads, blocks, supports, [np.arange(len(block.needed)) for block in blocks])
     alone = [_alone(loads, block) for block in blocks]
-    if len(blocks) == 2 and supports.onto.shape[2] == 0 and all(block.single for block in blocks):
+    if len(blocks) == 2 and supports.onto.shape[2] == 0 and all(block.contacts == 1 for block in blocks):
         return _weigh(loads, blocks, supports, _opposed(loads, alone))
     most = _PER_FINGER[len(blocks)]
     picks = [
@@ -187,19 +153,22 @@ def combine(
     total = int(np.prod(sizes))
     some = np.arange(total)
     if total > _FIRST:
+        # Multiples of the golden section are spread evenly, whatever their number.
         some = np.unique((np.arange(_FIRST) * 0.6180339887498949 % 1.0 * total).astype(int))
     index = [pick[i] for pick, i in zip(picks, np.unravel_index(some, sizes), strict=True)]
     found = _weigh(loads, blocks, supports, index)
     if total <= _FIRST:
         return found
     best = np.argsort(doubt(found[1]) + found[2], kind="stable")[:_IMPROVED]
-    more = []
-    for row in best:
-        for finger, pick in enumerate(picks):
-            more.append([pick if k == finger else np.full(len(pick), i[row]) for k, i in enumerate(index)])
-    changed = [np.concatenate([m[k] for m in more]) for k in range(len(blocks))]
-    every = np.unique(np.stack(changed), axis=1)
-    return _joined(found, _weigh(loads, blocks, supports, list(every)))
+    more = [
+        [pick if k == finger else np.full(len(pick), i[row]) for k, i in enumerate(index)]
+        for row in best
+        for finger, pick in enumerate(picks)
+    ]
+    changed = np.unique(np.stack([np.concatenate(column) for column in zip(*more, strict=True)]), axis=1)
+    added = _weigh(loads, blocks, supports, list(changed))
+    joined = (np.concatenate([one, two]) for one, two in zip(found[1:], added[1:], strict=True))
+    return [np.concatenate(pair) for pair in zip(found[0], added[0], strict=True)], *joined  # type: ignore[return-value]
 
 
 def doubt(left: Array) -> Array:
@@ -214,13 +183,9 @@ def _weigh(loads: Loads, blocks: list[Block], supports: Block, index: list[Array
     return index, left, cost, forces
 
 
-def _joined(a: Combined, b: Combined) -> Combined:
-    index = [np.concatenate([one, two]) for one, two in zip(a[0], b[0], strict=True)]
-    return index, *(np.concatenate([one, two]) for one, two in zip(a[1:], b[1:], strict=True))  # type: ignore[return-value]
-
-
 def _alone(loads: Loads, block: Block) -> tuple[Array, Array, Array]:
     """What is left of the fingers' own balance, its cost, and what the forces then do to the object."""
+    # No load, and forces without effect on the object: its rows are zero and drop out of the least squares.
     free = Loads(loads.force, loads.length, 0j, 0.0, loads.gravity, False)
     own = Block(0.0 * block.onto[:, :3], block.moments, block.needed, block.low, block.high, block.cost)
     left, cost, forces = imbalance(free, [own], [np.arange(len(block.needed))])
@@ -230,6 +195,7 @@ def _alone(loads: Loads, block: Block) -> tuple[Array, Array, Array]:
 def _opposed(loads: Loads, alone: list[tuple[Array, Array, Array]]) -> list[Array]:
     """Pairs whose forces, which their shapes fix, come closest to balancing the object."""
     (left, _, one), (right, _, two) = alone
+    # Per size of the forces, so that great ones need not cancel better.
     sums = one[:, None, :] + two[None, :, :] - loads.target[:3]
     size = 1.0 + np.abs(one).max(axis=1)[:, None] + np.abs(two).max(axis=1)[None, :]
     misfit = np.sqrt((sums**2).sum(axis=2)) / size + left[:, None] + right[None, :]
@@ -238,14 +204,8 @@ def _opposed(loads: Loads, alone: list[tuple[Array, Array, Array]]) -> list[Arra
 
 
 def spread_order(score: Array, features: Array, count: int) -> list[int]:
-    """Indices of ``count`` of them, each the best under a penalty for being like one before.
-
-    Parameters
-    ----------
-    score : ndarray, (P,)
-        Less is better.
-    features : ndarray, (P, F)
-    count : int
+    """Indices of ``count`` of P, each the best by score (P,), less being better, under a penalty for being like one
+    before by its features (P, F).
     """
     order: list[int] = []
     near = np.full(len(score), np.inf)

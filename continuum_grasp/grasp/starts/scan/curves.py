@@ -35,28 +35,18 @@ _BEND_STEP = 3.0
 
 
 def segment_end(lengths: Array, curvatures: Array) -> tuple[Array, Array, Array, Array]:
-    """Ends of curves of several intervals, with derivatives.
+    """Ends of curves of several intervals of the given lengths (B, K - 1), with derivatives.
 
-    Parameters
-    ----------
-    lengths : ndarray, (B, K - 1)
-        Of the intervals.
-    curvatures : ndarray, (B, K)
-
-    Returns
-    -------
-    end : ndarray of complex, (B,)
-        End point, from the start and turned so that the start's tangent is i.
-    turn : ndarray, (B,)
-        Angle of the end.
-    dend, dturn : ndarray, (B, K)
-        Derivatives with respect to the curvatures.
+    Returns the end points (B,), from the start and turned so that the start's tangent is i, the angles (B,) there, and
+    the derivatives (B, K) of both with respect to the curvatures (B, K).
     """
     count, size = curvatures.shape
     turn = np.zeros(count)
     dturn = np.zeros((count, size))
     end = np.zeros(count, complex)
     dend = np.zeros((count, size), complex)
+    # Curvature is linear in the share u of an interval: per length its first value turns by u - u^2 / 2, its last by
+    # u^2 / 2.
     late = _NODES * (0.5 * _NODES)
     early = _NODES - late
     for k in range(size - 1):
@@ -97,15 +87,13 @@ def curvature_at(knots: Array, curvatures: Array, at: Array) -> Array:
     return out
 
 
-def sample(knots: Array, curvatures: Array, at: Array) -> tuple[Array, Array]:
-    """Points (B, S) and angles (B, S) at increasing positions ``at`` (B, S), the first of which is 0."""
+def sample(knots: Array, curvatures: Array, at: Array) -> Array:
+    """Points (B, S) at increasing positions ``at`` (B, S), the first of which is 0."""
     step = np.diff(at, axis=1)
     inner = at[:, :-1, None] + step[..., None] * _TWO
-    shape = inner.shape
-    angle = turning(knots, curvatures, inner.reshape(shape[0], -1)).reshape(shape)
+    angle = turning(knots, curvatures, inner.reshape(len(inner), -1)).reshape(inner.shape)
     move = 0.5 * step * (1j * np.exp(1j * angle)).sum(axis=2)
-    points = np.concatenate([np.zeros((shape[0], 1), complex), np.cumsum(move, axis=1)], axis=1)
-    return points, turning(knots, curvatures, at)
+    return np.concatenate([np.zeros((len(move), 1), complex), np.cumsum(move, axis=1)], axis=1)
 
 
 def bends(knots: Array, curvatures: Array, joints: Array, counts: tuple[int, ...]) -> Array:
@@ -120,6 +108,7 @@ def bends(knots: Array, curvatures: Array, joints: Array, counts: tuple[int, ...
     ]
     at = np.concatenate([*ends, np.ones((size, 1))], axis=1)
     lengths = np.diff(at, axis=1)
+    # Just inside the elements, since the curvature may step from one to the next.
     inside = 1e-9 * lengths
     near = np.maximum(
         np.abs(curvature_at(knots, curvatures, at[:, :-1] + inside)),
@@ -136,19 +125,18 @@ def guess_table(reach: float, count: int, joint: float | None = None) -> tuple[A
     Where ``joint`` is given they are two arcs that meet there.
     """
     grid = np.linspace(-reach, reach, count)
-    ends, turns, _ = table_of(grid, grid, joint)
-    return grid, ends, turns, np.abs(grid[:, None] - grid) <= 1.5 * reach
+    return grid, *table_of(grid, grid, joint), np.abs(grid[:, None] - grid) <= 1.5 * reach
 
 
-def table_of(firsts: Array, lasts: Array, joint: float | None = None) -> tuple[Array, Array, Array]:
-    """End points, angles, and whether to use them, of curves of length one by first and last curvature."""
+def table_of(firsts: Array, lasts: Array, joint: float | None) -> tuple[Array, Array]:
+    """End points and angles of curves of length one by first and last curvature."""
     first, last = np.meshgrid(firsts, lasts, indexing="ij")
     pairs = np.stack([first.ravel(), last.ravel()], axis=1)
     lengths = np.array([1.0])
     if joint is not None:
         pairs, lengths = pairs[:, [0, 0, 1, 1]], np.array([joint, 0.0, 1.0 - joint])
     end, turn, _, _ = segment_end(np.broadcast_to(lengths, (len(pairs), len(lengths))), pairs)
-    return end.reshape(first.shape), turn.reshape(first.shape), np.ones(first.shape, bool)
+    return end.reshape(first.shape), turn.reshape(first.shape)
 
 
 def tangent(
@@ -156,24 +144,8 @@ def tangent(
 ) -> tuple[Array, Array, Array]:
     """Curves whose end lies on the grown outline with the section's X axis along its outward normal.
 
-    Parameters
-    ----------
-    shape : Outline
-    start : (ndarray of complex (B,), ndarray (B,))
-        Point and angle where the curves start.
-    lengths : ndarray, (B, K - 1)
-    curvatures : ndarray, (B, K)
-        First guesses.
-    free : (int, int)
-        Columns of the curvatures that may change.
-    walk : ndarray, (B,)
-        First guesses of the place on the outline.
-
-    Returns
-    -------
-    curvatures : ndarray, (B, K)
-    walk : ndarray, (B,)
-    good : ndarray of bool, (B,)
+    They start at points and angles ``start`` (B,); from first guesses, two ``free`` columns of the curvatures (B, K)
+    and the place ``walk`` (B,) on the outline are sought. Returns curvatures, walks, and which were found (B,).
     """
     point, angle = start
     phase = np.exp(1j * angle)
@@ -272,6 +244,7 @@ def _newton(equations: Equations, first: Array, most: tuple[float, ...]) -> tupl
             left = [part[going] for part in left]
             slopes = [[part[going] for part in row] for row in slopes]
         change = _solve(slopes, left)
+        # One factor for all unknowns keeps the direction of the step.
         cut = np.ones(len(rows))
         for part, limit in zip(change, most, strict=True):
             cut = np.minimum(cut, limit / np.maximum(np.abs(part), 1e-300))

@@ -32,28 +32,14 @@ _MOST_CURVED, _MOST_TURNED = 18.0, 6.0
 
 @dataclass(frozen=True)
 class ElasticaTable:
-    """Shapes by case (force and its direction; the first is no force) and initial curvature.
+    """Shapes by case (force and its direction; the first is no force) and initial curvature."""
 
-    Attributes
-    ----------
-    directions : ndarray, (F,)
-        Angle of the force on the finger [rad].
-    forces : ndarray, (F,)
-    tips : ndarray of complex, (F, C)
-    turns : ndarray, (F, C)
-        Angle of the tip.
-    curvatures : ndarray, (F, C, S)
-        At evenly spaced positions.
-    sane : ndarray of bool, (F, C)
-        Neither curved nor turned beyond any finger.
-    """
-
-    directions: Array
-    forces: Array
-    tips: Array
-    turns: Array
-    curvatures: Array
-    sane: Array
+    directions: Array  # (F,) angle of the force on the finger [rad]
+    forces: Array  # (F,)
+    tips: Array  # (F, C) complex
+    turns: Array  # (F, C) angle of the tip
+    curvatures: Array  # (F, C, S) at evenly spaced positions
+    sane: Array  # (F, C) neither curved nor turned beyond any finger
 
 
 @lru_cache(1)
@@ -69,6 +55,7 @@ def elastica_table() -> ElasticaTable:
     curvatures = np.empty((*shape, _STEPS + 1))
     curvatures[..., 0] = bent
     step = 1.0 / _STEPS
+    # Balance of moments of the elastica, with E I = 1: d(curvature)/ds = -(tangent x force).
     for k in range(_STEPS):
         half_turn = turn + 0.5 * step * bent
         half_bent = bent - 0.5 * step * (np.conj(1j * np.exp(1j * turn)) * pull).imag

@@ -37,20 +37,33 @@ _GUESSES = 10
 """Best tried curves per position that Newton's method starts from: windings and sides give several solutions."""
 
 
-def first_joint(task: FingerTask, middles: tuple[bool, ...]) -> Postures | None:
+def first_joint(task: FingerTask) -> Postures | None:
     """Curves from the base to the first contact, tangent there."""
-    here, size = middles.index(True), len(middles)
+    here, size = task.middles.index(True), len(task.middles)
     low, high = task.bounds
+    # Of several contacts each leaves space for the others: a twentieth of the range, half a spacing of the positions.
     spare = (high - low) / 20.0
     positions = np.linspace(low + spare * here, high - spare * (size - 1 - here), _POSITIONS)
-    if task.arcs and sum(task.counts[: here + 1]) == 1:
-        return _clear(task, join([_arcs(task, k, positions) for k in range(len(task.shapes))]))
+    if task.one_arc_to_joint:
+        bends = np.linspace(-_REACH, _REACH, _ARCS)
+        ends, turns, _, _ = segment_end(np.ones((_ARCS, 1)), np.stack([bends, bends], axis=1))
+        groups = []
+        for part, shape in enumerate(task.shapes):
+            row, column, walk = _guesses(task, shape, positions, ends, turns)
+            ell = positions[row]
+            groups.append(_arcs_to_joint(task, part, ell, bends[column] / ell, walk))
+        return _clear(task, join(groups))
+    grid, ends, turns, sane = guess_table(_REACH, _GRID)
+    bent = np.stack([v[sane] for v in np.meshgrid(grid, grid, indexing="ij")], axis=1)
     groups = []
     for part, shape in enumerate(task.shapes):
-        ell, guess, walk = _guesses(task, shape, positions, *_table())
-        groups.append(_joined(task, part, ell, guess, walk))
+        row, column, walk = _guesses(task, shape, positions, ends[sane], turns[sane])
+        ell = positions[row]
+        guess = bent[column] / ell[:, None]
+        groups.append(_to_joint(task, part, ell, guess, walk))
+        # Where both ends are curved nearly alike, the arc nearby is tried too.
         even = np.abs(guess[:, 0] - guess[:, 1]) * ell < 0.2 * _REACH
-        groups.append(_even(task, part, ell[even], guess[even].mean(axis=1), walk[even]))
+        groups.append(_arcs_to_joint(task, part, ell[even], guess[even].mean(axis=1), walk[even]))
     family = _clear(task, join(groups))
     for between in _BETWEEN:
         if family is None or len(family) > _ENOUGH:
@@ -69,6 +82,7 @@ def _between(task: FingerTask, family: Postures) -> Postures | None:
         mine = mine.take(np.argsort(mine.knots[:, 1], kind="stable"))
         at, bent = mine.knots[:, 1], mine.curvatures[:, :2] * mine.knots[:, 1:2]
         change = np.abs(np.diff(bent, axis=0)).max(axis=1, initial=0.0)
+        # Those that differ by far more are no neighbors but of two branches.
         rows = np.flatnonzero((np.diff(at) < _NEAR) & (np.diff(at) > 1e-3) & (change > _STEEP) & (change < 8 * _STEEP))
         if not len(rows):
             continue
@@ -77,42 +91,39 @@ def _between(task: FingerTask, family: Postures) -> Postures | None:
         ell = (at[rows, None] + shares * np.diff(at)[rows, None]).ravel()
         first, second = bent[rows, None, :], bent[rows + 1, None, :]
         guess = (first + shares[:, None] * (second - first)).reshape(-1, 2) / ell[:, None]
-        groups.append(_joined(task, part, ell, guess, np.repeat(walk[rows], 3)))
+        groups.append(_to_joint(task, part, ell, guess, np.repeat(walk[rows], 3)))
     return join(groups)
 
 
-def _table() -> tuple[Array, Array, Array]:
-    """Curves of length one: curvatures at both ends (G, 2), end points and angles (G,)."""
-    grid, ends, turns, sane = guess_table(_REACH, _GRID)
-    first, last = np.meshgrid(grid, grid, indexing="ij")
-    return np.stack([first[sane], last[sane]], axis=1), ends[sane], turns[sane]
-
-
 def _guesses(
-    task: FingerTask, shape: Outline, positions: Array, bent: Array, ends: Array, turns: Array
+    task: FingerTask, shape: Outline, positions: Array, ends: Array, turns: Array
 ) -> tuple[Array, Array, Array]:
-    """Curves of a table that come near to being tangent at given positions: positions, curvatures and walks."""
+    """Curves, of a table of length one, that come near to being tangent at given positions, to which they are scaled:
+    indices of positions and curves, and walks.
+    """
     points = positions[:, None] * ends
     row, column = np.nonzero(np.abs(points - shape.center) < shape.extent + task.half + _OFF * positions[:, None])
     gap, walk = shape.nearest(points[row, column])
     tilt = np.remainder(turns[column] - shape.walk(walk).angle + math.pi, math.tau) - math.pi
     merit = ((gap - task.half) / (_OFF * positions[row])) ** 2 + (tilt / _TILT) ** 2
     best = _best_per_row(row, merit, _GUESSES)
-    ell = positions[row[best]]
-    return ell, bent[column[best]] / ell[:, None], walk[best]
+    return row[best], column[best], walk[best]
 
 
-def _arcs(task: FingerTask, part: int, positions: Array) -> Postures:
-    """Circular arcs from the base to the first contact."""
-    bends = np.linspace(-_REACH, _REACH, _ARCS)
-    bent = np.stack([bends, bends], axis=1)
-    ends, turns, _, _ = segment_end(np.ones((_ARCS, 1)), bent)
-    ell, guess, walk = _guesses(task, task.shapes[part], positions, bent, ends, turns)
-    return _even(task, part, ell, guess[:, 0], walk)
+def _best_per_row(row: Array, merit: Array, most: int) -> Array:
+    """Indices of the ``most`` least merits below one of each row."""
+    order = np.lexsort((merit, row))
+    order = order[merit[order] < 1.0]
+    starts = np.searchsorted(row[order], row[order], side="left")
+    return order[np.arange(len(order)) - starts < most]
 
 
 def _round_corners(shape: Outline) -> tuple[Array, Array, Array]:
-    """Arcs from the base that are tangent to the circles round the corners of a grown outline."""
+    """Arcs from the base that are tangent to the circles round the corners of a grown outline.
+
+    The center of an arc that starts along +Y is at (-radius, 0); it touches a circle of radius ``grown`` round a corner
+    where their centers are ``radius - grown`` apart.
+    """
     corners, grown = shape.corners, shape.grown
     radius = (grown**2 - np.abs(corners) ** 2) / (2.0 * _away_from_zero(corners.real + grown))
     turn = np.angle((corners + radius) / _away_from_zero(radius - grown))
@@ -125,14 +136,28 @@ def _away_from_zero(x: Array) -> Array:
     return np.where(np.abs(x) < 1e-9, 1e-9, x)
 
 
-def _even(task: FingerTask, part: int, ell: Array, bent: Array, walk: Array) -> Postures:
-    """Circular arcs from first guesses."""
-    low, high = task.bounds
-    more = _round_corners(task.shapes[part])
+def _arcs_to_joint(task: FingerTask, part: int, ell: Array, bent: Array, walk: Array) -> Postures:
+    """Circular arcs from the base, tangent at their ends to a part, from first guesses and those round its corners."""
+    (low, high), shape = task.bounds, task.shapes[part]
+    more = _round_corners(shape)
     ell, bent, walk = (np.concatenate(pair) for pair in zip((ell, bent, walk), more, strict=True))
-    ell, bent, walk, good = arc_tangent(task.shapes[part], np.clip(ell, low, high), bent, walk)
+    ell, bent, walk, good = arc_tangent(shape, np.clip(ell, low, high), bent, walk)
     good &= (ell >= low) & (ell <= high)
-    return _to_joint(part, task.shapes[part], ell[good], np.stack([bent, bent], axis=1)[good], walk[good])
+    return _ending(part, shape, ell[good], np.stack([bent, bent], axis=1)[good], walk[good])
+
+
+def _to_joint(task: FingerTask, part: int, ell: Array, guess: Array, walk: Array) -> Postures:
+    """Curves from the base, tangent at their ends to a part, from first guesses."""
+    shape = task.shapes[part]
+    start = (np.zeros(len(ell), complex), np.zeros(len(ell)))
+    bent, walk, good = tangent(shape, start, ell[:, None], guess, (0, 1), walk)
+    good &= np.abs(bent * ell[:, None]).max(axis=1) < 2.0 * _REACH
+    return _ending(part, shape, ell[good], bent[good], walk[good])
+
+
+def _ending(part: int, shape: Outline, ell: Array, bent: Array, walk: Array) -> Postures:
+    knots = np.stack([np.zeros_like(ell), ell], axis=1)
+    return unique(touching_family(knots, bent, ell[:, None], part, shape, walk))
 
 
 def moved_joint(task: FingerTask, family: Postures, shifts: Array) -> Postures | None:
@@ -149,44 +174,29 @@ def moved_joint(task: FingerTask, family: Postures, shifts: Array) -> Postures |
         rows = np.repeat(np.arange(len(mine)), len(shifts))
         inside = (ell >= low) & (ell <= high)
         ell, rows = ell[inside], rows[inside]
+        # A shorter curve with the same bends is the same shape, smaller.
         guess = mine.curvatures[rows, :2] * (old[rows] / ell)[:, None]
-        groups.append(_joined(task, part, ell, guess, walk[rows]))
+        groups.append(_to_joint(task, part, ell, guess, walk[rows]))
     return join(groups)
-
-
-def _joined(task: FingerTask, part: int, ell: Array, guess: Array, walk: Array) -> Postures:
-    """Curves from the base, tangent at their ends to a part, from first guesses."""
-    shape = task.shapes[part]
-    start = (np.zeros(len(ell), complex), np.zeros(len(ell)))
-    bent, walk, good = tangent(shape, start, ell[:, None], guess, (0, 1), walk)
-    good &= np.abs(bent * ell[:, None]).max(axis=1) < 2.0 * _REACH
-    return _to_joint(part, shape, ell[good], bent[good], walk[good])
-
-
-def _to_joint(part: int, shape: Outline, ell: Array, bent: Array, walk: Array) -> Postures:
-    knots = np.stack([np.zeros_like(ell), ell], axis=1)
-    return unique(touching_family(knots, bent, ell[:, None], part, shape, walk))
 
 
 def next_joint(task: FingerTask, family: Postures) -> Postures | None:
     """Curves on from the last contact to one more, with a knot half-way."""
-    high = task.bounds[1]
     last = family.knots[:, -1]
     groups = []
     point, angle = ends_of(family)
     for share in (0.15, 0.3, 0.45, 0.6, 0.8):
-        ell = share * (high - last)
-        spare = ell > 0.03
-        if not spare.any():
+        ell = share * (task.bounds[1] - last)
+        # Shorter than 3 % of the length, or curved beyond 30 1/L, no curve is worth a start.
+        rows = np.flatnonzero(ell > 0.03)
+        if not len(rows):
             continue
-        rows = np.flatnonzero(spare)
-        ell = ell[rows]
+        ell, begin, start = ell[rows], family.curvatures[rows, -1], (point[rows], angle[rows])
+        lengths = np.stack([0.5 * ell, 0.5 * ell], axis=1)
         for part, shape in enumerate(task.shapes):
-            begin = family.curvatures[rows, -1]
+            # On as before, straighter, or more bent.
             for factor in (1.0, 0.5, 2.0):
                 curve = np.stack([begin, factor * begin, factor * begin], axis=1)
-                start = (point[rows], angle[rows])
-                lengths = np.stack([0.5 * ell, 0.5 * ell], axis=1)
                 end, _, _, _ = segment_end(lengths, curve)
                 _, walk = shape.nearest(start[0] + np.exp(1j * start[1]) * end)
                 bent, walk, good = tangent(shape, start, lengths, curve, (1, 2), walk)
@@ -194,10 +204,9 @@ def next_joint(task: FingerTask, family: Postures) -> Postures | None:
                 if not good.any():
                     continue
                 retained = family.take(rows[good])
-                at = shape.walk(walk[good])
                 there = last[rows][good] + ell[good]
                 knots = np.stack([there - 0.5 * ell[good], there], axis=1)
-                longer = retained.on_to(knots, bent[good, 1:], part, at)
+                longer = retained.on_to(knots, bent[good, 1:], part, shape.walk(walk[good]))
                 groups.append(replace(longer, joints=np.concatenate([retained.joints, there[:, None]], axis=1)))
     found = join(groups)
     return None if found is None else _clear(task, unique(found))
@@ -209,25 +218,11 @@ def ends_of(family: Postures) -> tuple[Array, Array]:
     return end, turn
 
 
-def _best_per_row(row: Array, merit: Array, most: int) -> Array:
-    """Indices of the ``most`` least merits below one of each row."""
-    order = np.lexsort((merit, row))
-    order = order[merit[order] < 1.0]
-    if not len(order):
-        return order
-    starts = np.searchsorted(row[order], row[order], side="left")
-    return order[np.arange(len(order)) - starts < most]
-
-
 def _clear(task: FingerTask, family: Postures | None) -> Postures | None:
     """Those clear of the object so far, or the least deep ones where none is."""
     if family is None:
         return None
-    share = np.linspace(0.0, 1.0, 33)
-    at = family.knots[:, -1:] * share
-    points, _ = sample(family.knots, family.curvatures, at)
-    depth = task.half - task.distance(points).min(axis=1)
+    at = family.knots[:, -1:] * np.linspace(0.0, 1.0, 33)
+    depth = task.half - task.distance(sample(family.knots, family.curvatures, at)).min(axis=1)
     good = depth <= ALLOWED
-    if good.any():
-        return family.take(np.flatnonzero(good))
-    return family.take(np.argsort(depth, kind="stable")[:4])
+    return family.take(np.flatnonzero(good) if good.any() else np.argsort(depth, kind="stable")[:4])

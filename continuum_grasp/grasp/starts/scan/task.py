@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Self, TypeVar
@@ -18,9 +19,9 @@ from continuum_grasp.model.family import family_class
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.objects.body import Pose
 
 Array = NDArray[Any]
-Pose = tuple[float, float, float]
 
 ALLOWED = 2e-3
 """Penetration that a start may have, per length of the finger: thin feasible pieces of a branch survive the scan, and
@@ -33,48 +34,30 @@ _FINE = 6
 
 @dataclass(frozen=True)
 class FingerTask:
-    """A finger, the object grown by its half thickness, and what else is in the way.
+    """A finger, the object grown by its half thickness, and what else is in the way."""
 
-    Attributes
-    ----------
-    shapes : tuple of Outline
-    half : float
-        Half the finger's thickness.
-    limit : float
-        Greatest curvature.
-    rest : float
-        Rest curvature.
-    counts : tuple of int
-        Elements between base, joints and tip.
-    nodes : tuple of float
-        Ends of its elements, or fewer positions where it has many.
-    friction : float
-    arcs : bool
-        Whether its elements are circular arcs.
-    bending_range : float
-    bounds : (float, float)
-        Of the positions of middle contacts.
-    walls : tuple of (complex, complex, float)
-        Point, normal and half length.
-    pegs : tuple of (complex, float)
-        Center and radius.
-    frame : Frame
-        From the object's frame.
-    """
-
+    base: Pose  # of the finger in the world [m, rad]
+    side: int  # +1: the object should lie on the finger's left; -1: on its right, and all is mirrored
+    middles: tuple[bool, ...]  # which middle contacts are on, from the base
+    tip: bool  # whether the tip touches
     shapes: tuple[Outline, ...]
-    half: float
-    limit: float
-    rest: float
-    counts: tuple[int, ...]
-    nodes: tuple[float, ...]
+    half: float  # half the finger's thickness
+    limit: float  # greatest curvature
+    rest: float  # rest curvature
+    counts: tuple[int, ...]  # elements between base, joints and tip
+    nodes: tuple[float, ...]  # ends of its elements, or fewer positions where it has many
     friction: float
-    arcs: bool
+    arcs: bool  # whether its elements are circular arcs
     bending_range: float
-    bounds: tuple[float, float]
-    walls: tuple[tuple[complex, complex, float], ...]
-    pegs: tuple[tuple[complex, float], ...]
-    frame: Frame
+    bounds: tuple[float, float]  # of the positions of middle contacts
+    walls: tuple[tuple[complex, complex, float], ...]  # point, normal and half length
+    pegs: tuple[tuple[complex, float], ...]  # center and radius
+    frame: Frame  # from the object's frame
+
+    @property
+    def one_arc_to_joint(self) -> bool:
+        """Whether a single arc leads to the first contact, which leaves it no free parameter."""
+        return self.arcs and sum(self.counts[: self.middles.index(True) + 1]) == 1
 
     def distance(self, points: Array) -> Array:
         """Signed distance from the object."""
@@ -86,30 +69,15 @@ class FingerTask:
 
 @dataclass(frozen=True)
 class Postures:
-    """P postures of one finger, in numbers of its task.
+    """P postures of one finger with C contacts, in numbers of its task."""
 
-    Attributes
-    ----------
-    knots, curvatures : ndarray, (P, K)
-    joints : ndarray, (P, J)
-        Positions of all middle contacts, on or off.
-    parts : ndarray of int, (P, C)
-        Part of the object that is touched, per contact that is on.
-    points : ndarray of complex, (P, C)
-        On the grown outline.
-    angles : ndarray, (P, C)
-        Of the outward normals.
-    violation : ndarray, (P,)
-        By how much something is in the way or a limit broken; 0: nothing is.
-    """
-
-    knots: Array
-    curvatures: Array
-    joints: Array
-    parts: Array
-    points: Array
-    angles: Array
-    violation: Array
+    knots: Array  # (P, K)
+    curvatures: Array  # (P, K)
+    joints: Array  # (P, J) positions of all middle contacts, on or off
+    parts: Array  # (P, C) part of the object that is touched
+    points: Array  # (P, C) complex, on the grown outline
+    angles: Array  # (P, C) of the outward normals
+    violation: Array  # (P,) by how much something is in the way or a limit broken; 0: nothing is
 
     def __len__(self) -> int:
         return len(self.violation)
@@ -139,16 +107,14 @@ def join(groups: list[P]) -> P | None:
     if not groups:
         return None
     width = max(g.knots.shape[1] for g in groups)
-    padded = []
-    for g in groups:
-        more = width - g.knots.shape[1]
-        if more:
-            knots = np.concatenate([g.knots, np.repeat(g.knots[:, -1:], more, axis=1)], axis=1)
-            curvatures = np.concatenate([g.curvatures, np.repeat(g.curvatures[:, -1:], more, axis=1)], axis=1)
-            g = replace(g, knots=knots, curvatures=curvatures)
-        padded.append(g)
-    first = padded[0]
-    return replace(first, **{n: np.concatenate([getattr(g, n) for g in padded]) for n in first.__dataclass_fields__})
+
+    def padded(values: Array) -> Array:
+        return np.pad(values, ((0, 0), (0, width - values.shape[1])), mode="edge")
+
+    # Knots without distance change nothing: the last one is repeated where a group has fewer.
+    groups = [replace(g, knots=padded(g.knots), curvatures=padded(g.curvatures)) for g in groups]
+    names = groups[0].__dataclass_fields__
+    return replace(groups[0], **{name: np.concatenate([getattr(g, name) for g in groups]) for name in names})
 
 
 def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, shape: Outline, walk: Array) -> Postures:
@@ -173,8 +139,10 @@ def unique(family: Postures) -> Postures:
     return family.take(np.sort(index))
 
 
-def make_task(scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, side: int) -> FingerTask:
-    """The task of a finger at a pose of its base and one of the object [m, rad]."""
+def make_task(
+    scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, side: int, on: Collection[str]
+) -> FingerTask:
+    """The task of a finger at a pose of its base and one of the object [m, rad], with the contacts that are ``on``."""
     scale = 1.0 / setup.finger.rod.length
     at, tilt = complex(base[0], base[1]), cmath.exp(-1j * base[2])
     if side > 0:
@@ -186,8 +154,12 @@ def make_task(scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, sid
     half = setup.finger.thickness_radius * scale
     marks = (0, *setup.before, setup.elements)
     rest = setup.finger.rest_curvature
-    few = setup.elements if setup.elements <= _FINE else _FINE
+    few = min(setup.elements, _FINE)
     return FingerTask(
+        base=base,
+        side=side,
+        middles=tuple(name in on for name in setup.middle_names),
+        tip=setup.tip_name in on,
         shapes=tuple(surface_of(part).outline(part, frame, half) for part in scene.object.parts),
         half=half,
         limit=setup.finger.curvature_limit / scale,
@@ -214,7 +186,7 @@ def make_task(scene: GraspScene, setup: FingerSetup, base: Pose, pose: Pose, sid
 def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) -> Array:
     """By how much each curve penetrates beyond what is allowed, or breaks a limit (B,)."""
     at = np.broadcast_to(np.linspace(0.0, 1.0, _STATIONS), (len(knots), _STATIONS))
-    points, _ = sample(knots, curvatures, at)
+    points = sample(knots, curvatures, at)
     worst = np.maximum(task.half - task.distance(points).min(axis=1) - ALLOWED, 0.0)
     beyond = at >= (joints[:, :1] if joints.shape[1] else 0.5)
     for point, normal, half_length in task.walls:

@@ -1,0 +1,97 @@
+"""Columns of named symbols and rows of named constraints, of which a grasp problem consists."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.nlp import Constraints, Violation
+
+Array = NDArray[Any]
+
+
+class Columns:
+    """Symbols by name, in the order in which they were first asked for: the unknowns, or the run-time numbers.
+
+    Attributes
+    ----------
+    at : dict of str to slice
+        Where the entries of each are in the whole column.
+    """
+
+    def __init__(self) -> None:
+        self._symbols: dict[str, ca.SX] = {}
+        self.at: dict[str, slice] = {}
+        self.size = 0
+
+    def __call__(self, name: str, size: int = 1) -> ca.SX:
+        """The symbol of a name; created on the first call."""
+        if name not in self._symbols:
+            self._symbols[name] = ca.SX.sym(name, size)
+            self.at[name] = slice(self.size, self.size + size)
+            self.size += size
+        return self._symbols[name]
+
+    @property
+    def symbol(self) -> ca.SX:
+        """All of them as a column."""
+        return ca.vertcat(*self._symbols.values()) if self._symbols else ca.SX(0, 1)
+
+    def pack(self, values: Mapping[str, ArrayLike], default: float | None = None) -> Array:
+        """The column of numbers for these values; what is missing is the default, if there is one.
+
+        Raises
+        ------
+        KeyError
+            A number is missing, or values have another size than their symbol.
+        """
+        out = np.full(self.size, np.nan if default is None else default)
+        for name, at in self.at.items():
+            if default is None or name in values:
+                part = np.asarray(values[name], dtype=float).ravel()
+                if part.size != at.stop - at.start:
+                    raise KeyError(f"{name}: expected {at.stop - at.start} numbers, got {part.size}")
+                out[at] = part
+        return out
+
+
+class Rows(Constraints):
+    """Named constraints with their expressions."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._expressions: list[ca.SX] = []
+
+    def require(
+        self, name: str, expression: ca.SX, unit: str, key: str, *, lower: float = 0.0, upper: float = 0.0
+    ) -> None:
+        """Add constraints ``lower <= expression <= upper``."""
+        column = ca.vec(ca.SX(expression))
+        if column.numel():
+            self.rows(name, key, unit, int(column.numel()), 1.0, lower, upper)
+            self._expressions.append(column)
+
+    @property
+    def g(self) -> ca.SX:
+        """All constraint expressions."""
+        return ca.vertcat(*self._expressions)
+
+    def violations(self, g: Array, tolerance: float, units: Mapping[str, float]) -> list[Violation]:
+        """The constraints that a point violates by more than ``tolerance``, worst first.
+
+        ``units`` are the amounts of a unit of the problem, by unit; they belong to a scene, the rows to many.
+        """
+        scaled = (replace(block, scale=np.array([units.get(block.unit, 1.0)])) for block in self.blocks)
+        found = [block.violation(g[block.rows]) for block in scaled]
+        return sorted((v for v in found if v.scaled > tolerance), key=lambda v: -v.scaled)
+
+
+def rotation(angle: ca.SX) -> ca.SX:
+    """Rotation matrix (2, 2)."""
+    c, s = ca.cos(angle), ca.sin(angle)
+    return ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c))
