@@ -259,11 +259,11 @@ class GraspResult(Result):
         InputError
             There is no verified grasp.
         """
-        from continuum_grasp.grasp.quality.quality import grasp_quality
+        from continuum_grasp.grasp.quality.quality import Quality
 
         if not self.solved:
             raise InputError(f"there is no grasp whose quality could be computed (status {self.status.value})")
-        return grasp_quality(self.scene, self.arrays)
+        return Quality(self.scene, self.arrays)
 
     @property
     def solved(self) -> bool:

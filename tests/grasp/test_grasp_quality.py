@@ -16,7 +16,7 @@ from continuum_grasp.grasp.quality.contact_set import WrenchSpace, wrench_space
 from continuum_grasp.grasp.quality.lp import Cones, solve_lp, solve_socp
 from continuum_grasp.grasp.quality.mag_like import mag_like
 from continuum_grasp.grasp.quality.object_balance import greatest_mass, least_friction
-from continuum_grasp.grasp.quality.quality import grasp_quality
+from continuum_grasp.grasp.quality.quality import Quality
 from continuum_grasp.results.plain import plain
 from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity, PlanarGravity
 
@@ -129,7 +129,7 @@ def test_random_wrench_spaces_as_hulls_of_scipy():
     for _ in range(40):
         count = int(rng.integers(2, 5))
         edges = rng.normal(size=(2 * count, 3))
-        space = WrenchSpace(edges, np.repeat(np.arange(count), 2), 1.0)
+        space = WrenchSpace(edges, np.repeat(np.arange(count), 2))
         hull = ConvexHull(edges)
         depth = -hull.equations[:, 3].max()
         if depth > 0.0:
@@ -299,7 +299,7 @@ def test_mag_like_knows_which_ways_a_finger_goes():
 
 
 def test_quality_gathers_the_indices():
-    quality = grasp_quality(*bent_pinch())
+    quality = Quality(*bent_pinch())
     assert quality.friction_margin == pytest.approx(1.0 - 0.5 / (0.5 * 2.0))
     assert quality.friction_margins["b.tip"] == pytest.approx(1.0 - 0.5 / (0.5 * 3.0))
     assert quality.tension_margin == pytest.approx(1.0 - 6.0 / 60.0)
