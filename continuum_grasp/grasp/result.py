@@ -232,10 +232,10 @@ class GraspResult(Result):
     """
 
     kind: ClassVar[str] = "grasp"
-    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.report:result_yaml"),)
+    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.data:result_yaml"),)
     pictures: ClassVar[tuple[File, ...]] = (
-        File("grasp.png", "grasp.report.files:picture"),
-        File("report.html", "grasp.report.files:page"),
+        File("grasp.png", "grasp.report.page:picture"),
+        File("report.html", "grasp.report.page:page"),
     )
 
     scene: GraspScene
@@ -347,7 +347,7 @@ class GraspResult(Result):
 
     def table(self) -> str:
         """The result as text: forces, verification, reasons."""
-        text: str = maker_of("grasp.report.report:result_text")(self)
+        text: str = maker_of("grasp.report.text:result_text")(self)
         return text
 
     def stored_arrays(self) -> dict[str, Array]:

@@ -83,9 +83,7 @@ def _quality(result: Any) -> Any:
     from continuum_grasp.grasp import GraspResult
 
     if isinstance(result, GraspResult):
-        from continuum_grasp.grasp.report.shown import quality_of
-
-        return quality_of(result)
+        return result.quality if result.solved else None
     return result.quality
 
 
