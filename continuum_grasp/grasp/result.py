@@ -151,27 +151,13 @@ class Reason:
 
 @dataclass(frozen=True)
 class Change:
-    """What other elements change about a grasp.
+    """What other elements change about a grasp."""
 
-    Attributes
-    ----------
-    elements : dict of str to int
-        Elements of each finger in the model compared with.
-    tension : float
-        Sum of tensions there [N].
-    tension_change : float
-        Its change, as a part of the sum here.
-    displacement : float
-        Greatest displacement of a contact point [m].
-    length : float
-        Of the shortest finger [m].
-    """
-
-    elements: dict[str, int]
-    tension: float
-    tension_change: float
-    displacement: float
-    length: float
+    elements: dict[str, int]  # of each finger in the model compared with
+    tension: float  # sum of tensions there [N]
+    tension_change: float  # as a part of the sum here
+    displacement: float  # greatest one of a contact point [m]
+    length: float  # of the shortest finger [m]
 
     @property
     def size(self) -> float:
@@ -285,29 +271,21 @@ class GraspResult(Result):
             found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
         if "NOT satisfied" in str(self.statistics.get("fidelity", "")):
             found.append(str(self.statistics["fidelity"]))
-        if self.statistics.get("cut_short"):
-            found.append("the search was cut short: another start may hold the object with less tension")
-        if self.statistics.get("interrupted"):
-            found.append("the search was interrupted: another start may hold the object with less tension")
+        for key, how in (("cut_short", "cut short"), ("interrupted", "interrupted")):
+            if self.statistics.get(key):
+                found.append(f"the search was {how}: another start may hold the object with less tension")
         return tuple(found)
 
     @property
     def fingers(self) -> dict[str, FingerPosture]:
         """The fingers by name; empty where there are no numbers."""
-        data = self.arrays
-        return {
-            name: FingerPosture(
-                name,
-                str(data[f"{name}.family"]),
-                data[f"{name}.q"],
-                data[f"{name}.lengths"],
-                float(data[f"{name}.tip_curvature"]),
-                data[f"{name}.tensions"],
-                data[f"{name}.base"],
-                data[f"{name}.backbone"],
-            )
-            for name in (self.scene.named_fingers if data else ())
-        }
+
+        def posture(name: str) -> FingerPosture:
+            keys = ("family", "q", "lengths", "tip_curvature", "tensions", "base", "backbone")
+            family, q, lengths, tip_curvature, *rest = (self.arrays[f"{name}.{key}"] for key in keys)
+            return FingerPosture(name, str(family), q, lengths, float(tip_curvature), *rest)
+
+        return {name: posture(name) for name in (self.scene.named_fingers if self.arrays else ())}
 
     @property
     def object_pose(self) -> Array:
@@ -322,14 +300,15 @@ class GraspResult(Result):
     @property
     def contacts(self) -> tuple[Contact, ...]:
         """The contacts with their forces."""
-        found, data = [], self.arrays
-        for k, name in enumerate(data.get("contact_names", ())):
-            n, f, lift = (float(v) for v in data["contact_forces"][k])
+        if "contact_names" not in self.arrays:
+            return ()
+        keys, found = ("names", "positions", "normals", "forces", "stations", "parts"), []
+        columns = [self.arrays[f"contact_{key}"] for key in keys]
+        for name, position, normal, forces, station, part in zip(*columns, strict=True):
+            n, f, lift = (float(force) for force in forces)
             most = self.scene.friction(str(name)) * n
             margin = 1.0 - float(np.hypot(f, lift)) / most if most > 0 else 0.0
-            place = data["contact_positions"][k], data["contact_normals"][k]
-            more = float(data["contact_stations"][k]), int(data["contact_parts"][k])
-            found.append(Contact(str(name), *place, n, f, lift, margin, *more))
+            found.append(Contact(str(name), position, normal, n, f, lift, margin, float(station), int(part)))
         return tuple(found)
 
     def contact(self, name: str) -> Contact:

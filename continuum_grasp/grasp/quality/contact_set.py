@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import combinations
 from typing import Any
 
@@ -77,97 +75,87 @@ class ContactSet:
         return part.curvature((x, y), CORNER * self.scene.object.size)
 
 
-@dataclass(frozen=True)
-class WrenchSpace:
-    """Wrenches of the contacts' friction cones at unit normal force."""
+def cone_edges(contacts: ContactSet) -> tuple[Array, Array]:
+    """Wrenches of the contacts' friction cones at unit normal force (E, 3), and the contact that each belongs to (E,).
 
-    # (E, 3) force x, y and moment about the center of mass over the torque scale [1], on the object, of both edges of
-    # each cone; one where there is no friction.
-    edges: Array
-    owner: Array  # (E,) contact that an edge belongs to
-
-    @cached_property
-    def epsilon_l1(self) -> float:
-        """Signed distance of the origin from the boundary of the convex hull of all edges [1].
-
-        The greatest disturbance, in any direction, that the contacts resist with normal forces that add up to one;
-        negative, with the distance from the hull, where the origin is outside.
-        """
-        # The distance is the least of the support function h(u) over unit vectors u. It is reached at the normal of a
-        # facet, or outside at the direction away from the nearest corner or edge: all of these are tried.
-        points = self.edges
-        if len(points) == 0:
-            return 0.0
-        directions = [-points, _null_space(points)]
-        if len(points) > 1:
-            a, b = _chosen(points, 2)
-            along = b - a
-            share = -np.einsum("ij,ij->i", a, along) / np.maximum(np.einsum("ij,ij->i", along, along), 1e-300)
-            directions.append(-(a + np.clip(share, 0.0, 1.0)[:, None] * along))
-        if len(points) > 2:
-            a, b, c = _chosen(points, 3)
-            normals = np.cross(b - a, c - a)
-            directions += [normals, -normals]
-        units = _units(np.concatenate(directions))
-        return float((units @ points.T).max(axis=1).min())
-
-    @cached_property
-    def epsilon_linf(self) -> float:
-        """The same with normal forces of up to one at each contact: depth of the origin in the Minkowski sum [1].
-
-        The sum holds the origin always; 0 where there is no force closure (`epsilon_l1` has the sign).
-        """
-        # Every facet of a Minkowski sum is spanned by sides of its summands: their cross products are all its normals.
-        sides = [np.zeros((0, 3))]
-        groups = [np.concatenate([np.zeros((1, 3)), self.edges[self.owner == k]]) for k in np.unique(self.owner)]
-        for corners in groups:
-            first, second = _chosen(corners, 2)
-            sides.append(second - first)
-        steps = np.concatenate(sides)
-        if len(steps) < 2:
-            return 0.0
-        a, b = _chosen(steps, 2)
-        normals = np.cross(a, b)
-        units = _units(np.concatenate([normals, -normals, _null_space(self.edges)]))
-        if len(units) == 0:
-            return 0.0
-        reach = sum((units @ corners.T).max(axis=1) for corners in groups)
-        return max(0.0, float(np.min(reach)))
-
-    @cached_property
-    def min_weight(self) -> float:
-        """Greatest l such that the origin is a convex combination of the edges with no weight below l [1].
-
-        Positive for force closure, at most one over the number of edges; 0 where the origin is no such combination,
-        or where the edges do not span forces and moments (A. H. Li et al., FRoGGeR, arXiv 2302.13687).
-        """
-        count = len(self.edges)
-        if count == 0 or len(_null_space(self.edges)) > 0:
-            return 0.0
-        rows = np.zeros((4, count + 1))  # weights are l + v, v >= 0
-        rows[:3, :count], rows[3, :count] = self.edges.T, 1.0
-        rows[:, count] = rows[:, :count].sum(axis=1)
-        right = np.array([0.0, 0.0, 0.0, 1.0])
-        found = solve_lp(np.append(np.zeros(count), -1.0), rows, right, right, 0.0, 1.0)
-        return float(found.x[-1]) if found.optimal else 0.0
-
-
-def wrench_space(scene: GraspScene, arrays: Mapping[str, Any]) -> WrenchSpace:
-    """Cone edges of all contacts of a grasp: which wrenches they can put on the object.
-
-    Contacts alone: every one of them, supports included, may push with any normal force up to one; that fingers bend
-    and tendons have limits is the business of `continuum_grasp.grasp.quality.resistance`.
-    In a scene with the weight out of the plane the whole planar cones count, as though nothing were lifted.
+    They are force x, y and moment about the center of mass over the torque scale [1], on the object, of both edges of
+    each cone; one where there is no friction. Contacts alone: every one of them, supports included, may push with any
+    normal force up to one; that fingers bend and tendons have limits is the business of
+    `continuum_grasp.grasp.quality.resistance`. In a scene with the weight out of the plane the whole planar cones
+    count, as though nothing were lifted.
     """
-    contacts = ContactSet(scene, arrays)
-    scale = np.array([1.0, 1.0, scene.torque_scale])
+    scale = np.array([1.0, 1.0, contacts.scene.torque_scale])
     normal, across = (contacts.wrench_map()[:, :, i].T / scale for i in (0, 1))
     edges, owner = [np.zeros((0, 3))], []
     for k, mu in enumerate(contacts.friction):
         slopes = (mu, -mu) if mu > 0.0 else (0.0,)
         edges.append(np.array([normal[k] + slope * across[k] for slope in slopes]))
         owner += [k] * len(slopes)
-    return WrenchSpace(np.concatenate(edges), np.array(owner, dtype=int))
+    return np.concatenate(edges), np.array(owner, dtype=int)
+
+
+def epsilon_l1(edges: Array) -> float:
+    """Signed distance of the origin from the boundary of the convex hull of all edges [1].
+
+    The greatest disturbance, in any direction, that the contacts resist with normal forces that add up to one;
+    negative, with the distance from the hull, where the origin is outside.
+    """
+    # The distance is the least of the support function h(u) over unit vectors u. It is reached at the normal of a
+    # facet, or outside at the direction away from the nearest corner or edge: all of these are tried.
+    if len(edges) == 0:
+        return 0.0
+    directions = [-edges, _null_space(edges)]
+    if len(edges) > 1:
+        a, b = _chosen(edges, 2)
+        along = b - a
+        share = -np.einsum("ij,ij->i", a, along) / np.maximum(np.einsum("ij,ij->i", along, along), 1e-300)
+        directions.append(-(a + np.clip(share, 0.0, 1.0)[:, None] * along))
+    if len(edges) > 2:
+        a, b, c = _chosen(edges, 3)
+        normals = np.cross(b - a, c - a)
+        directions += [normals, -normals]
+    units = _units(np.concatenate(directions))
+    return float((units @ edges.T).max(axis=1).min())
+
+
+def epsilon_linf(edges: Array, owner: Array) -> float:
+    """As `epsilon_l1` with normal forces of up to one at each contact: depth of the origin in the Minkowski sum [1].
+
+    The sum holds the origin always; 0 where there is no force closure (`epsilon_l1` has the sign).
+    """
+    # Every facet of a Minkowski sum is spanned by sides of its summands: their cross products are all its normals.
+    sides = [np.zeros((0, 3))]
+    groups = [np.concatenate([np.zeros((1, 3)), edges[owner == k]]) for k in np.unique(owner)]
+    for corners in groups:
+        first, second = _chosen(corners, 2)
+        sides.append(second - first)
+    steps = np.concatenate(sides)
+    if len(steps) < 2:
+        return 0.0
+    a, b = _chosen(steps, 2)
+    normals = np.cross(a, b)
+    units = _units(np.concatenate([normals, -normals, _null_space(edges)]))
+    if len(units) == 0:
+        return 0.0
+    reach = sum((units @ corners.T).max(axis=1) for corners in groups)
+    return max(0.0, float(np.min(reach)))
+
+
+def min_weight(edges: Array) -> float:
+    """Greatest l such that the origin is a convex combination of the edges with no weight below l [1].
+
+    Positive for force closure, at most one over the number of edges; 0 where the origin is no such combination,
+    or where the edges do not span forces and moments (A. H. Li et al., FRoGGeR, arXiv 2302.13687).
+    """
+    count = len(edges)
+    if count == 0 or len(_null_space(edges)) > 0:
+        return 0.0
+    rows = np.zeros((4, count + 1))  # weights are l + v, v >= 0
+    rows[:3, :count], rows[3, :count] = edges.T, 1.0
+    rows[:, count] = rows[:, :count].sum(axis=1)
+    right = np.array([0.0, 0.0, 0.0, 1.0])
+    found = solve_lp(np.append(np.zeros(count), -1.0), rows, right, right, 0.0, 1.0)
+    return float(found.x[-1]) if found.optimal else 0.0
 
 
 def _chosen(points: Array, count: int) -> list[Array]:

@@ -45,14 +45,7 @@ def mag_like(
 ) -> MagLike:
     """The index of a grasp; only contacts with fingers count.
 
-    Parameters
-    ----------
-    scene : GraspScene
-        The object's moment of inertia is taken to be that of a disc of radius ``object.size``.
-    arrays : mapping
-        Of the grasp.
-    tasks : sequence of (float, float, float), optional
-        Directions of motion of the object: x and y of the center of mass, and turning times ``scene.torque_scale``.
+    Tasks are directions of motion of the object: x and y of the center of mass, turning times ``scene.torque_scale``.
     """
     contacts = ContactSet(scene, arrays)
     fingers = [BentFinger(setup, arrays, contacts) for setup in scene.setups if contacts.of(setup.name)]
@@ -61,6 +54,7 @@ def mag_like(
     touching = [k for k in range(contacts.count) if contacts.finger_of(k) is not None]
     mobilities = [_Mobility(finger, contacts) for finger in fingers]
     mass = scene.object.mass
+    # Scenes have no moment of inertia: that of a disc of the object's size.
     inertia = np.array([mass, mass, 0.5 * mass * scene.object.size**2])
     found = []
     for task in tasks:

@@ -32,21 +32,11 @@ _SLACK = 1e-9
 
 @dataclass(frozen=True)
 class LeastFriction:
-    """Answer of `least_friction`.
+    """What the friction of C contacts must be at least."""
 
-    Attributes
-    ----------
-    factor : float
-        What all friction coefficients must be multiplied with, at least; infinite where none is enough.
-    coefficients : dict
-        The resulting coefficients by contact [1].
-    forces : ndarray, shape (C, 3)
-        Forces that then balance the object: N, f, lift [N]; NaN where none do.
-    """
-
-    factor: float
-    coefficients: dict[str, float]
-    forces: Array
+    factor: float  # what all friction coefficients must be multiplied with; infinite where none is enough
+    coefficients: dict[str, float]  # the resulting ones by contact [1]
+    forces: Array  # (C, 3) that then balance the object: N, f, lift [N]; NaN where none do
 
     @property
     def enough(self) -> bool:
@@ -57,14 +47,9 @@ class LeastFriction:
 def least_friction(scene: GraspScene, arrays: Mapping[str, Any], *, same: bool = False) -> LeastFriction:
     """Least friction with which contact forces within their limits could balance the object where it is.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        Of a grasp: object's pose, contacts and their normals; forces and fingers are not looked at.
-    same : bool, optional
-        True: one coefficient for all contacts in place of the scene's, ``factor`` being that coefficient. False: the
-        scene's coefficients times a common factor; contacts without friction stay so.
+    The object's pose, contacts and normals of a grasp count; its forces and fingers do not. The scene's coefficients
+    are multiplied with a common factor, so that contacts without friction stay so; with ``same`` all contacts have one
+    coefficient, which is the factor.
 
     Raises
     ------
@@ -98,12 +83,6 @@ def greatest_mass(scene: GraspScene, arrays: Mapping[str, Any]) -> float:
     """Greatest mass that contact forces within their limits could hold where everything is [kg].
 
     Infinite without gravity; 0 where the contacts can balance no weight at all.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        Of a grasp, as in `least_friction`.
     """
     contacts = ContactSet(scene, arrays)
     balance = _Balance(scene, contacts)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.quality.contact_set import ContactSet, WrenchSpace, wrench_space
+from continuum_grasp.grasp.quality.contact_set import ContactSet, cone_edges, epsilon_l1, epsilon_linf, min_weight
 from continuum_grasp.grasp.quality.mag_like import MagLike, mag_like
 from continuum_grasp.grasp.quality.resistance import Resistance, resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
@@ -48,24 +48,23 @@ class Quality:
         return GraspResponse(self.scene, self.arrays)
 
     @cached_property
-    def wrench_space(self) -> WrenchSpace:
-        """Wrenches of all contacts, supports included."""
-        return wrench_space(self.scene, self.arrays)
+    def _cones(self) -> tuple[Array, Array]:
+        return cone_edges(self._contacts)
 
-    @property
+    @cached_property
     def epsilon_l1(self) -> float:
         """Ferrari-Canny quality with normal forces that add up to one; negative: no force closure [1]."""
-        return self.wrench_space.epsilon_l1
+        return epsilon_l1(self._cones[0])
 
-    @property
+    @cached_property
     def epsilon_linf(self) -> float:
         """Ferrari-Canny quality with normal forces of up to one each; 0: no force closure [1]."""
-        return self.wrench_space.epsilon_linf
+        return epsilon_linf(*self._cones)
 
-    @property
+    @cached_property
     def min_weight(self) -> float:
         """Min-weight metric; 0: no force closure [1]."""
-        return self.wrench_space.min_weight
+        return min_weight(self._cones[0])
 
     @cached_property
     def resistance(self) -> Resistance:

@@ -35,31 +35,16 @@ _NOWHERE = np.full(3, np.nan)
 
 @dataclass(frozen=True)
 class Resistance:
-    """Answer of `resistance`.
+    """Which multiples of K disturbances a grasp resists."""
 
-    Attributes
-    ----------
-    wrenches : ndarray, shape (K, 3)
-        Disturbances: force x, y [N] and moment about the center of mass [N m].
-    factors : ndarray, shape (K,)
-        Greatest multiple of each that the grasp resists [1]; infinite where nothing limits it, zero where the grasp is
-        unstable or beyond a limit by itself.
-    limiting : tuple of tuple of str
-        What stops each from growing.
-    motions : ndarray, shape (K, 3)
-        How far the object moves at this factor: center of mass [m], angle [rad]; NaN where not limited.
-    tendons : {"retensioned", "locked"}
-        Whether tensions are chosen anew for each disturbance, or tendon lengths are fixed.
-    stable : bool
-        Whether the grasp is stable with its tendons so.
-    """
-
-    wrenches: Array
+    wrenches: Array  # (K, 3) force x, y [N] and moment about the center of mass [N m]
+    # (K,) greatest multiple of each that the grasp resists [1]; infinite where nothing limits it, zero where the grasp
+    # is unstable or beyond a limit by itself.
     factors: Array
-    limiting: tuple[tuple[str, ...], ...]
-    motions: Array
+    limiting: tuple[tuple[str, ...], ...]  # what stops each from growing
+    motions: Array  # (K, 3) of the object at this factor: center of mass [m], angle [rad]; NaN where not limited
     tendons: Tendons
-    stable: bool
+    stable: bool  # whether the grasp is stable with its tendons so
 
     @property
     def least(self) -> float:
@@ -77,21 +62,11 @@ def resistance(
     """Greatest multiples of disturbances that a grasp resists, one disturbance at a time: until a contact slips, parts
     or is pressed too hard, a tendon is at its limit, or the grasp yields too much.
 
-    The fingers move as `continuum_grasp.grasp.quality.response` computes: to first order, contacts sticking until the
-    first one does not. It does not hold far from the stored grasp of soft fingers, so motions are limited too. Forces
-    out of the plane stay as they are.
-
-    Parameters
-    ----------
-    response : GraspResponse
-        Of the grasp.
-    wrenches : sequence of (float, float, float), optional
-        Force x, y [N] and moment about the center of mass [N m]; those of the scene where not given.
-    tendons : {"retensioned", "locked"}, optional
-        Those of the scene by default.
-    displacement_limit : float, optional
-        Greatest motion of the object, as a part of its size and in rad; finger tips may turn three times as much.
-        Infinite: no limit, which takes the first order at its word.
+    The fingers move as ``response`` says: to first order, contacts sticking until the first one does not. It does not
+    hold far from the stored grasp of soft fingers, so motions are limited too: the object's to ``displacement_limit``,
+    as a part of its size and in rad, those of finger tips to three times as much; infinite takes the first order at its
+    word. Forces out of the plane stay as they are. Wrenches (force x, y [N], moment about the center of mass [N m])
+    and tendons are those of the scene where not given.
     """
     scene = response.contacts.scene
     kind: Tendons = tendons or scene.disturbances.tendons

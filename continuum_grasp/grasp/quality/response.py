@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.quality.bent_finger import BentFinger, Rolling, finger_rolling, support_rolling
+from continuum_grasp.grasp.quality.bent_finger import BentFinger, finger_rolling, support_rolling
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -101,28 +101,24 @@ class GraspResponse:
         move = np.zeros((2, size))
         move[:, self._object : self._object + 2] = -np.eye(2)
         move[:, -1] = [arm[1], -arm[0]]
-        turn = np.zeros(size)
-        name = contacts.finger_of(k)
-        rolling = support_rolling(contacts, k) if name is None else self._add_section(k, name, move, turn)
-        push = float(contacts.forces[k, 0])
+        turn = np.zeros(size)  # of the finger's section; supports do not turn
+        push, name = float(contacts.forces[k, 0]), contacts.finger_of(k)
+        if name is None:
+            rolling = support_rolling(contacts, k)
+        else:
+            at = [setup.name for setup in self.setups].index(name)
+            part, thickness = self._slices[at], self.setups[at].finger.thickness_radius
+            section = self._fingers[at].section(k)
+            turn[part] = section.turn
+            move[:, part] += section.shift - thickness * np.outer(across, section.turn)
+            # The surface circles about the backbone: h turn^2 / 2 along the normal, on which the normal force works.
+            self._stiffness[part, part] -= thickness * push * np.outer(section.turn, section.turn)
+            rolling = finger_rolling(contacts, k, section, thickness)
         # The arm of a dead force turns with the object, and the point of contact wanders as the surfaces roll.
         self._stiffness -= float(contacts.pushes[k] @ arm) * np.outer(spin, spin)
         self._stiffness += push * rolling.travel * np.outer(turn - spin, turn - spin)
         self._jacobian[2 * k : 2 * k + 2] = np.stack([normal @ move, across @ move])
         self._turn_of_normal[k] = rolling.finger_share * turn + rolling.object_share * spin
-
-    def _add_section(self, k: int, name: str, move: Array, turn: Array) -> Rolling:
-        """Put in how the finger's surface moves and turns at a contact."""
-        at = [setup.name for setup in self.setups].index(name)
-        part, thickness = self._slices[at], self.setups[at].finger.thickness_radius
-        section = self._fingers[at].section(k)
-        turn[part] = section.turn
-        move[:, part] += section.shift - thickness * np.outer(self.contacts.across[k], section.turn)
-        # The surface circles about the backbone: h turn^2 / 2 along the normal, on which the normal force works.
-        self._stiffness[part, part] -= (
-            thickness * float(self.contacts.forces[k, 0]) * np.outer(section.turn, section.turn)
-        )
-        return finger_rolling(self.contacts, k, section, thickness)
 
     def _solve(self, causes: Array, tendons: Tendons) -> Change:
         """Solve the saddle point problem of motions, contact forces and, where locked, tension differences."""
