@@ -218,7 +218,7 @@ class GraspResult(Result):
     """
 
     kind: ClassVar[str] = "grasp"
-    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.data:result_yaml"),)
+    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.text:result_yaml"),)
     pictures: ClassVar[tuple[File, ...]] = (
         File("grasp.png", "grasp.report.page:picture"),
         File("report.html", "grasp.report.page:page"),
@@ -346,7 +346,7 @@ class GraspResult(Result):
         }
 
     def save(self, folder: str | PathLike[str], *, quality: bool = True) -> Path:
-        """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, each whole or not at all.
+        """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, as `Result.save` does.
 
         Parameters
         ----------
@@ -354,15 +354,5 @@ class GraspResult(Result):
             Made where missing; a run in it is replaced.
         quality : bool, optional
             Save the indices of quality too, which take some tenths of a second.
-
-        Returns
-        -------
-        pathlib.Path
-            The folder.
-
-        Raises
-        ------
-        OSError
-            The files cannot be written.
         """
         return self._save(folder, quality=quality)

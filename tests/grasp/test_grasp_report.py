@@ -17,9 +17,8 @@ from typer.testing import CliRunner
 
 import continuum_grasp.grasp
 from continuum_grasp.cli import app
-from continuum_grasp.grasp.report.data import further_advice, result_yaml, yaml_text
 from continuum_grasp.grasp.report.page import result_page
-from continuum_grasp.grasp.report.text import result_text
+from continuum_grasp.grasp.report.text import further_advice, result_text, result_yaml, yaml_text
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.plotting.grasp.picture import plot_grasp
 from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words

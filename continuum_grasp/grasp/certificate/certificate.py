@@ -220,6 +220,7 @@ def _numbers(value: Any) -> Any:
 
 def _lengths(name: str, total: float, arrays: Mapping[str, Any]) -> Check:
     lengths = np.asarray(arrays[f"{name}.lengths"], dtype=float)
+    # Each element without a length counts as an error of one: shapes cannot be integrated then.
     off = worst(abs(lengths.sum() / total - 1), *(1e-9 - lengths / total > 0.0))
     return Check(f"element lengths, {name}", off, LIMIT, "1", f"{total:.4g} m")
 
@@ -244,7 +245,7 @@ def _storage(finger: RecomputedFinger) -> Iterator[Check]:
         float(np.abs(stored[:, 0] - s).max()) / length,
         abs(stored[0, 0]) / length,
         abs(stored[-1, 0] / length - 1.0),
-        -float(np.diff(stored[:, 0]).min()) / length,
+        -float(np.diff(stored[:, 0]).min()) / length,  # stations must increase
         float(np.abs(stored[:, 1:3] - points).max()) / length,
         float(np.abs(stored[:, 3] - angles).max()),
     )
@@ -260,7 +261,7 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
     setup, length = finger.setup, finger.length
     most, used = setup.tendons.max_tension, finger.finger.tendons_used
     over = [(t - most, setup.tendons.min_tension - t) for t in finger.tensions]
-    if used != "both":
+    if used != "both":  # the tendon that is not there cannot pull
         unused = 1 if used == "left" else 0
         over[unused] = abs(finger.tensions[unused]), 0.0
     value = worst(*(v for pair in over for v in pair)) / most
@@ -284,7 +285,7 @@ def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
     yield Check("object pose", _beyond(body.pose, body.free, grasp.pose, size), LIMIT, "1", f"{size:.4g} m")
     scale = grasp.force_scale
     force, turn, lift, tilt = body.mass * gravity_vector(gravity), 0.0, 0.0, np.zeros(2)
-    for contact in grasp.contacts:
+    for contact in grasp.contacts:  # their forces are on what touches the object, lifts on the object
         arm, load = contact.point - grasp.object.com, contact.force
         force = force - load
         turn -= float(arm[0] * load[1] - arm[1] * load[0])

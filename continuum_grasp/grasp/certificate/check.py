@@ -85,7 +85,7 @@ def mode_check(grasp: RecomputedGrasp) -> Check:
     for body in grasp.scene.places:
         ends = (f"{body.name}.1" in present) + (f"{body.name}.2" in present)
         whole = body.name in present
-        wrong += ends == 1 or (ends == 2 and whole)
+        wrong += ends == 1 or (ends == 2 and whole)  # a face lies on both of its ends; other bodies touch once
         wrong += _amiss(body.touch, whole or ends == 2)
     wrong += sum(_amiss(switch, name in present) for name, switch in switches.items())
     return Check("contacts as the scene has them", float(wrong), 0.0)
@@ -99,7 +99,7 @@ def contact_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
         n, f, lift = c.normal_force, c.friction_force, c.lift
         over = float(np.hypot(f, lift)) - c.friction * n
         yield Check(f"friction cone, {c.name}", over / scale, LIMIT, "1", f"{scale:.4g} N")
-        most = c.normal_force_max
+        most = c.normal_force_max  # pulls count against the forces in play, however high the limit is
         yield Check(f"normal force, {c.name}", worst(-n / scale, n / most - 1), LIMIT, "1", f"{most:.4g} N")
         if friction_only:
             yield Check(f"no lift in the plane, {c.name}", abs(lift) / scale, LIMIT, "1", f"{scale:.4g} N")

@@ -82,6 +82,7 @@ class RecomputedFinger:
 
     def moment_scale(self, force: float) -> float:
         """Greatest moment in play [N m], with a floor for straight fingers under forces of up to ``force`` [N]."""
+        # 1 %: a straight finger under a force along it has no moment at all, and rounding would count.
         bent = float(np.abs(self.rod.curvature(self.profile) - self.rod.rest).max())
         least = 0.01 * max(force * self.length, self.stiffness / self.length)
         return float(np.max([abs(self.tip_moment), self.stiffness * bent, least]))
@@ -118,13 +119,14 @@ class RecomputedFinger:
 
     def _capstan(self) -> Array:
         """Share of the tendons' moment that reaches each element's middle past the friction of the guides."""
-        # The capstan equation; in the middle of an element its own turn counts half.
+        # The capstan equation, exp(-friction * turn); up to the middle of an element half of its own turn counts.
         friction = self.setup.tendons.friction
         if friction == 0.0:
             return np.ones(self.lengths.size)
         bends = self.rod.bends(self.profile)
         rounded = 1e-3 * self.lengths / self.lengths.sum()
-        turned = bends**2 / np.sqrt(bends**2 + rounded**2)  # without sign, rounded off where straight
+        # Without sign, and rounded off below 1e-3 rad: the law of the model that is verified.
+        turned = bends**2 / np.sqrt(bends**2 + rounded**2)
         return np.asarray(np.exp(-friction * (np.cumsum(turned) - 0.5 * turned)))
 
 

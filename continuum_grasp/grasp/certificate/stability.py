@@ -92,6 +92,7 @@ class _Chain:
         self.edges = np.concatenate([*pieces, marks[-1:]])
         self.ds = np.diff(self.edges)
         angle = finger.rod.at(finger.profile, 0.5 * (self.edges[1:] + self.edges[:-1]))[1]
+        # A turn of a cell moves all beyond it by the cell's length along its normal.
         self.tangent = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
         self.arm = -np.stack([np.cos(angle), np.sin(angle)], axis=-1) * self.ds[:, None]
 
@@ -131,31 +132,28 @@ def _add_contact(
     turn = np.eye(size)[size - 1]
     arm = contact.point - grasp.object.com
     pressure, force = contact.normal_force, contact.force
-    rho = _surface_radius(grasp, contact)
+    h, rho = contact.radius, _surface_radius(grasp, contact)
     # The contact point of the finger or support, less that of the object: the motions that sticking leaves out.
     block = np.zeros((2, size))
     block[:, size - 3 : size - 1] = -np.eye(2)
     block -= np.outer(across(arm), turn)
     hessian -= float(force @ arm) * np.outer(turn, turn)
     if place is None:
-        if np.isfinite(rho):  # a wall is the limit of a large peg: h rho / (h + rho) tends to rho
-            h = contact.radius
-            both = rho if np.isinf(h) else 0.0 if h + rho == 0.0 else h * rho / (h + rho)
-            hessian += pressure * both * np.outer(turn, turn)
-        elif np.isfinite(contact.radius):
-            hessian += pressure * contact.radius * np.outer(turn, turn)
-        else:  # a flat face on a wall cannot turn
-            block = np.concatenate([block, turn[None]])
+        if np.isinf(rho) and np.isinf(h):  # a flat face on a wall cannot turn
+            return np.concatenate([block, turn[None]])
+        # The law above for phi = 0: h rho / (h + rho), which tends to the other radius where one is flat.
+        both = rho if np.isinf(h) else h if np.isinf(rho) else 0.0 if h + rho == 0.0 else h * rho / (h + rho)
+        hessian += pressure * both * np.outer(turn, turn)
         return block
     chain, start = place
-    h, reach = contact.radius, chain.reach(contact.joint)
+    reach = chain.reach(contact.joint)
     block[:, start : start + reach] = chain.arm[:reach].T
     section = np.zeros(size)
     if contact.kind == "middle":  # between two cells, whose mean is the section's angle
         section[[start + reach - 1, start + reach]] = 0.5
         hessian -= pressure * h * np.outer(section, section)
     else:
-        section[start + reach - 1] = 1.0
+        section[start + reach - 1] = 1.0  # the last cell: phi of the law above
         roll = section - turn
         mixed = np.outer(turn, roll)
         hessian -= pressure * h * (np.outer(turn, turn) + mixed + mixed.T)

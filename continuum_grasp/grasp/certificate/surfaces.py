@@ -187,7 +187,7 @@ def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nea
     k = ((x[:, None] - grid[0]) ** 2 + (y[:, None] - grid[1]) ** 2).argmin(axis=1)
     low, high = tried[np.maximum(k - 1, 0)], tried[np.minimum(k + 1, tried.size - 1)]
     angle = tried[k]
-    for _ in range(60):
+    for _ in range(60):  # enough for bisection alone to reach rounding
         (px, py), (nx, ny), (dpx, dpy), (dnx, dny) = _curve(a, b, power, angle)
         # the way on is (-ny, nx): on along the curve where the point lies ahead
         ahead = (y - py) * nx - (x - px) * ny

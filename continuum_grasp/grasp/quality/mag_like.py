@@ -75,6 +75,7 @@ def _object_aspect(arms: Array, wrench: Array) -> float:
     off = float(center[0] * wrench[1] - center[1] * wrench[0])
     force = float(wrench[:2] @ wrench[:2]) / len(arms)
     size = float(np.hypot(*arms.T).max())
+    # All contacts in one place resist no moment.
     if spread <= 1e-24 * max(size, 1e-300) ** 2:
         return 1.0 if wrench[2] == 0.0 and abs(off) <= 1e-12 * size * float(np.hypot(*wrench[:2])) else 0.0
     wanted = force + float(wrench[2]) ** 2 / spread

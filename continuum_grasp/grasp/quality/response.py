@@ -75,6 +75,7 @@ class GraspResponse:
         # Finsler's lemma: positive definite where the constraints hold, if it is so with a great enough penalty.
         hessian = self._stiffness + jacobian.T @ jacobian / (10.0 * self._compliance)
         hessian = 0.5 * (hessian + hessian.T) / np.outer(scale, scale)
+        # Zero up to rounding, a motion without stiffness, is not stable.
         least = 1e-9 * min(f.finger.rod.stiffness / f.length for f in self._fingers)
         try:
             np.linalg.cholesky(hessian - least * np.eye(len(hessian)))

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from continuum_grasp.grasp.report.data import disturbance_rows, fine_rows, further_advice, quality_rows, yaml_text
 from continuum_grasp.grasp.report.html import (
     badge,
     cards,
@@ -20,6 +19,7 @@ from continuum_grasp.grasp.report.html import (
     section,
     table,
 )
+from continuum_grasp.grasp.report.text import disturbance_rows, fine_rows, further_advice, quality_rows, yaml_text
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:

@@ -1,17 +1,38 @@
-"""A grasp result as text, for people."""
+"""A grasp result as text, for people and as YAML, and the rows that the page shows too."""
 
 from __future__ import annotations
 
+import re
 import textwrap
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.grasp.report.data import disturbance_rows, fine_rows, further_advice, quality_rows
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate
     from continuum_grasp.grasp.certificate.check import Check
-    from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.grasp.result import Contact, FingerPosture, GraspResult
+    from continuum_grasp.scene.grasp import FingerSetup
+
+_HEAD = """\
+# How the object is held, or why it is not. World frame, SI units. Forces at contacts are those on what touches the
+# object: along its outward normal, and friction along the normal turned by +90 degrees; lift is on the object, out of
+# the plane. result.npz holds all numbers, meta.json the configuration and every check.
+"""
+
+_BARE = re.compile(r"[A-Za-z][A-Za-z0-9_./+-]*( [A-Za-z0-9_./+-]+)*")
+_WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
+"""Texts that YAML 1.1 reads as something else."""
+_WIDTH = 110
+"""Of a line [characters]: fits terminals and the page of a report without a bar to scroll."""
+_ROUNDING = 1e-6
+"""Indices below this are nothing but rounding [1]."""
 
 
 def result_text(result: GraspResult) -> str:
@@ -59,6 +80,7 @@ def _contact_lines(result: GraspResult) -> list[str]:
     lines = [f"  {'contact':<{width}}    x [mm]    y [mm]  normal [N]  friction [N]{lift}  margin"]
     for c in result.contacts:
         x, y, friction = (round(v, 3) + 0.0 for v in (*(1e3 * c.position), c.friction_force))  # no -0.0
+        # A contact at its limit has a margin of rounding, which would print as -0.0%.
         margin = abs(c.friction_margin) if abs(c.friction_margin) < 5e-7 else c.friction_margin
         lift = f"{c.lift:10.3f}" if lifted else ""
         lines.append(f"  {c.name:<{width}}{x:10.2f}{y:10.2f}{c.normal_force:12.3f}{friction:14.3f}{lift}{margin:8.1%}")
@@ -126,3 +148,156 @@ def _why_lines(result: GraspResult) -> list[str]:
     if result.arrays:
         lines += ["", "The closest point, which is no grasp:", *_finger_lines(result), "", *_contact_lines(result)]
     return lines
+
+
+def quality_rows(result: GraspResult) -> list[tuple[str, str, str]]:
+    """Indices of quality as (name, value with unit, description); none where there is no grasp."""
+    return [
+        (name.replace("_", " "), _short(value) + ("" if unit == "1" else f" {unit}"), description)
+        for name, value, unit, description in (result.quality.rows() if result.solved else ())
+    ]
+
+
+def further_advice(result: GraspResult) -> str:
+    """The advice without the repairs, where these are shown beside their reasons."""
+    repairs = "Any one of these repairs it: " + "; ".join(reason.repair for reason in result.reasons) + "."
+    return result.advice.removeprefix(repairs).strip() if result.reasons else result.advice
+
+
+def disturbance_rows(result: GraspResult) -> list[tuple[str, str, str]]:
+    """The scene's disturbances as (force and moment, multiple that is resisted, what stops it then)."""
+    if not result.solved:
+        return []
+    held, rows = result.quality.resistance, []
+    for (x, y, moment), factor, limiting in zip(held.wrenches, held.factors, held.limiting, strict=True):
+        what = f"{x:.3g} N, {y:.3g} N, {moment:.3g} N m"
+        rows.append((what, "no limit" if np.isinf(factor) else _short(factor), ", ".join(limiting)))
+    return rows
+
+
+def fine_rows(result: GraspResult) -> list[tuple[str, str]]:
+    """What the statistics say about the grasp in a fine model, as (name, value)."""
+    found = []
+    for key, value in result.statistics.items():
+        if key.startswith("fine") and value is not None:
+            parts = value.items() if isinstance(value, Mapping) else [("", value)]
+            found += [(" ".join(part for part in (key, name) if part).replace("_", " "), v) for name, v in parts]
+    return [(name, _short(v) if isinstance(v, float) else str(v)) for name, v in found]
+
+
+def _short(value: float) -> str:
+    return "0" if abs(value) < _ROUNDING else f"{value:.4g}"
+
+
+def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
+    """What a person wants to read of a result as YAML; SI units, which the names carry.
+
+    ``quality=False`` leaves out the indices of quality, which cost more than the rest.
+    """
+    found: dict[str, Any] = {
+        "name": result.scene.name,
+        "status": result.status.value,
+        "message": result.message,
+        "warnings": list(result.warnings),
+        "advice": result.advice,
+    }
+    if result.reasons:
+        found["reasons"] = [asdict(reason) for reason in result.reasons]
+    if result.violated:
+        found["broken_constraints_at_the_closest_point"] = list(result.violated)
+    if result.arrays:
+        found["grasp" if result.solved else "closest_point"] = {
+            "tension_N": result.tension,
+            "object": _pose(result.object_pose),
+            "fingers": {setup.name: _finger(setup, result.fingers[setup.name]) for setup in result.scene.setups},
+            "contacts": [_contact(contact) for contact in result.contacts],
+        }
+    if quality and result.solved:
+        found["quality"] = result.quality.data()
+    found |= {key: value for key, value in result.statistics.items() if key.startswith("fine") and value is not None}
+    certificate = result.certificate
+    if result.solved and certificate is not None:
+        found["certificate"] = {
+            "passed": certificate.passed,
+            "checks": len(certificate.checks),
+            "failed": [check.name for check in certificate.failed],
+            "friction_margin": certificate.friction_margin,
+            "stable": certificate.stability.stable,
+            "stability_eigenvalue": certificate.stability.eigenvalue,
+            "model_error_m": certificate.model_error.greatest,
+            "overlap_of_fingers_m": certificate.overlap,
+        }
+    return _HEAD + yaml_text(found)
+
+
+def _pose(pose: NDArray[Any]) -> dict[str, float]:
+    return {"x_m": float(pose[0]), "y_m": float(pose[1]), "angle_rad": float(pose[2])}
+
+
+def _finger(setup: FingerSetup, finger: FingerPosture) -> dict[str, Any]:
+    return {
+        "tension_left_N": float(finger.tensions[0]),
+        "tension_right_N": float(finger.tensions[1]),
+        "tension_max_N": setup.tendons.max_tension,
+        "base": _pose(finger.base),
+        "tip": _pose(finger.backbone[-1, 1:4]),
+        "family": finger.family,
+        "element_lengths_m": [float(v) for v in finger.lengths],
+    }
+
+
+def _contact(contact: Contact) -> dict[str, Any]:
+    found = {
+        "name": contact.name,
+        "x_m": float(contact.position[0]),
+        "y_m": float(contact.position[1]),
+        "normal": [float(v) for v in contact.normal],
+        "normal_force_N": contact.normal_force,
+        "friction_force_N": contact.friction_force,
+        "lift_N": contact.lift,
+        "friction_margin": contact.friction_margin,
+    }
+    return {**found, "position_along_finger_m": contact.station} if np.isfinite(contact.station) else found
+
+
+class _Dumper(yaml.SafeDumper):
+    """Texts bare or in double quotes, and lists of numbers in one line where they fit."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Write everything out, where two values are the same object too."""
+        return True
+
+
+def _text_node(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
+    bare = _BARE.fullmatch(text) and text.lower() not in _WORDS
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=None if bare else '"')
+
+
+def _list_node(dumper: yaml.SafeDumper, values: list[Any]) -> yaml.Node:
+    node = dumper.represent_sequence("tag:yaml.org,2002:seq", values, flow_style=True)
+    flat = not any(isinstance(value, (dict, list, str)) for value in values)
+    node.flow_style = flat and sum(len(one.value) + 2 for one in node.value) <= _WIDTH
+    return node
+
+
+_Dumper.add_representer(str, _text_node)
+_Dumper.add_representer(list, _list_node)
+
+
+def yaml_text(value: Any, *, exact: bool = False) -> str:
+    """Mappings, lists, arrays, texts, numbers and None as block-style YAML 1.1, which 1.2 reads alike.
+
+    ``exact`` keeps all digits of numbers, so that the same ones are read back; otherwise nine.
+    """
+    plain, width = _plain(value, exact), float("inf")
+    return yaml.dump(plain, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=width)
+
+
+def _plain(value: Any, exact: bool) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner, exact) for key, inner in value.items()}
+    if hasattr(value, "tolist"):  # of numpy
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_plain(inner, exact) for inner in value]
+    return float(f"{value:.9g}") if isinstance(value, float) and not exact else value
