@@ -54,7 +54,7 @@ class BentFinger:
             np.asarray(arrays[f"{setup.name}.{key}"], dtype=float)
             for key in ("lengths", "q", "curvature_shapes", "tip_curvature", "base")
         )
-        self.setup, self.finger, self._contacts = setup, setup.finger, contacts
+        self.finger, self._contacts = setup.finger, contacts
         self.touching = contacts.of(setup.name)  # the contacts of this finger
         self._profile = curvature_profile(shapes, q, float(tip))
         self.length = float(lengths.sum())
@@ -98,6 +98,7 @@ class BentFinger:
             vector = np.asarray(gravity.vector)
             beyond += self.finger.rod.mass_per_length * (self.length - s)[:, None] * vector
             forces += [(mass.at, mass.mass * vector) for mass in self.finger.masses]
+        # As for a column: the force beyond a section times half the square of its turn, along the tangent.
         for at, force in forces:
             beyond[s < at] += force
         along = np.einsum("gi,gi->g", beyond, self._tangents) * self.rod.weights
@@ -105,6 +106,7 @@ class BentFinger:
 
     def inertia(self) -> Array:
         """Mass matrix (n, n) of rod and point masses, in motions of the unknowns [kg m2 m2]."""
+        # The rod's mass is lumped at the ends of its cells.
         share = np.zeros(self.rod.edges.size)
         share[:-1] += 0.5 * self.rod.mesh.widths
         share[1:] += 0.5 * self.rod.mesh.widths

@@ -113,11 +113,11 @@ class Quality:
         """Multi-aspect index, of this toolkit's own definition, for carrying the object without turning it."""
         return mag_like(self.scene, self.arrays)
 
-    def rows(self) -> tuple[tuple[str, float, str, str], ...]:
-        """Name, value, unit and description of every index, for tables."""
+    def rows(self) -> tuple[tuple[str, float, str], ...]:
+        """Name, value [1] and description of every index, for tables."""
         held, per = self.resistance, f"moments per {self.torque_scale:.3g} m"
         tendons = "tensions chosen anew" if held.tendons == "retensioned" else "tendons locked"
-        described = (
+        return (
             ("disturbance_margin", held.least, f"least multiple of the disturbances that is resisted; {tendons}"),
             ("friction_margin", self.friction_margin, "share of the friction cone that is left, worst contact"),
             ("tension_margin", self.tension_margin, "share of the greatest tension that is left, worst tendon"),
@@ -127,13 +127,12 @@ class Quality:
             ("min_weight", self.min_weight, "least weight of a cone edge in the best balance of all; 0: no closure"),
             ("mag_like", self.mag_like.value, "multi-aspect index, own definition; object, configuration, kinetics"),
         )
-        return tuple((name, value, "1", text) for name, value, text in described)
 
     def data(self) -> dict[str, Any]:
         """Everything as plain numbers, strings, lists and mappings; factors without a limit are infinite."""
         held, mag = self.resistance, self.mag_like
         return {
-            **{name: value for name, value, _, _ in self.rows()},
+            **{name: value for name, value, _ in self.rows()},
             "torque_scale": self.torque_scale,
             "friction_margins": self.friction_margins,
             "resistance": {

@@ -91,6 +91,7 @@ class _Limits:
         self.retensioned = response.to_tensions() if tendons == "retensioned" else None
         self.forces = contacts.forces
         self.friction, self.normal_max = contacts.friction, contacts.normal_max
+        # The unit of force that makes the numbers of the SOCP near one, where nothing presses yet too [N].
         self.scale = max(float(np.abs(contacts.forces).max(initial=0.0)), 1e-3 * float(contacts.normal_max.max()))
         slack = _ACTIVE * self.scale
         # Optima lie on cones and limits up to the solver's tolerance: what rounding put outside widens them by as much.

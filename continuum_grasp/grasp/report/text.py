@@ -151,11 +151,9 @@ def _why_lines(result: GraspResult) -> list[str]:
 
 
 def quality_rows(result: GraspResult) -> list[tuple[str, str, str]]:
-    """Indices of quality as (name, value with unit, description); none where there is no grasp."""
-    return [
-        (name.replace("_", " "), _short(value) + ("" if unit == "1" else f" {unit}"), description)
-        for name, value, unit, description in (result.quality.rows() if result.solved else ())
-    ]
+    """Indices of quality as (name, value, description); none where there is no grasp."""
+    rows = result.quality.rows() if result.solved else ()
+    return [(name.replace("_", " "), _short(value), description) for name, value, description in rows]
 
 
 def further_advice(result: GraspResult) -> str:
