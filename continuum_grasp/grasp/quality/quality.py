@@ -21,13 +21,8 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Quality:
-    """Indices of a grasp from its stored numbers; definitions and sources are in ``docs/grasp_quality.md``.
-
-    Attributes
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        Of the grasp, as a run folder stores them.
+    """Indices of a grasp from its ``arrays``, as a run folder stores them; definitions and sources are in
+    ``docs/grasp_quality.md``.
     """
 
     scene: GraspScene = field(repr=False)

@@ -19,7 +19,8 @@ from continuum_grasp.grasp.report.html import (
     section,
     table,
 )
-from continuum_grasp.grasp.report.text import disturbance_rows, fine_rows, further_advice, quality_rows, yaml_text
+from continuum_grasp.grasp.report.text import disturbance_rows, fine_rows, further_advice, quality_rows
+from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
