@@ -151,27 +151,13 @@ class Reason:
 
 @dataclass(frozen=True)
 class Change:
-    """What other elements change about a grasp.
+    """What other elements change about a grasp."""
 
-    Attributes
-    ----------
-    elements : dict of str to int
-        Elements of each finger in the model compared with.
-    tension : float
-        Sum of tensions there [N].
-    tension_change : float
-        Its change, as a part of the sum here.
-    displacement : float
-        Greatest displacement of a contact point [m].
-    length : float
-        Of the shortest finger [m].
-    """
-
-    elements: dict[str, int]
-    tension: float
-    tension_change: float
-    displacement: float
-    length: float
+    elements: dict[str, int]  # of each finger in the model compared with
+    tension: float  # sum of tensions there [N]
+    tension_change: float  # as a part of the sum here
+    displacement: float  # greatest one of a contact point [m]
+    length: float  # of the shortest finger [m]
 
     @property
     def size(self) -> float:
@@ -232,10 +218,10 @@ class GraspResult(Result):
     """
 
     kind: ClassVar[str] = "grasp"
-    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.report:result_yaml"),)
+    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.text:result_yaml"),)
     pictures: ClassVar[tuple[File, ...]] = (
-        File("grasp.png", "grasp.report.files:picture"),
-        File("report.html", "grasp.report.files:page"),
+        File("grasp.png", "grasp.report.page:picture"),
+        File("report.html", "grasp.report.page:page"),
     )
 
     scene: GraspScene
@@ -259,11 +245,11 @@ class GraspResult(Result):
         InputError
             There is no verified grasp.
         """
-        from continuum_grasp.grasp.quality.quality import grasp_quality
+        from continuum_grasp.grasp.quality.quality import Quality
 
         if not self.solved:
             raise InputError(f"there is no grasp whose quality could be computed (status {self.status.value})")
-        return grasp_quality(self.scene, self.arrays)
+        return Quality(self.scene, self.arrays)
 
     @property
     def solved(self) -> bool:
@@ -285,29 +271,21 @@ class GraspResult(Result):
             found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
         if "NOT satisfied" in str(self.statistics.get("fidelity", "")):
             found.append(str(self.statistics["fidelity"]))
-        if self.statistics.get("cut_short"):
-            found.append("the search was cut short: another start may hold the object with less tension")
-        if self.statistics.get("interrupted"):
-            found.append("the search was interrupted: another start may hold the object with less tension")
+        for key, how in (("cut_short", "cut short"), ("interrupted", "interrupted")):
+            if self.statistics.get(key):
+                found.append(f"the search was {how}: another start may hold the object with less tension")
         return tuple(found)
 
     @property
     def fingers(self) -> dict[str, FingerPosture]:
         """The fingers by name; empty where there are no numbers."""
-        data = self.arrays
-        return {
-            name: FingerPosture(
-                name,
-                str(data[f"{name}.family"]),
-                data[f"{name}.q"],
-                data[f"{name}.lengths"],
-                float(data[f"{name}.tip_curvature"]),
-                data[f"{name}.tensions"],
-                data[f"{name}.base"],
-                data[f"{name}.backbone"],
-            )
-            for name in (self.scene.named_fingers if data else ())
-        }
+
+        def posture(name: str) -> FingerPosture:
+            keys = ("family", "q", "lengths", "tip_curvature", "tensions", "base", "backbone")
+            family, q, lengths, tip_curvature, *rest = (self.arrays[f"{name}.{key}"] for key in keys)
+            return FingerPosture(name, str(family), q, lengths, float(tip_curvature), *rest)
+
+        return {name: posture(name) for name in (self.scene.named_fingers if self.arrays else ())}
 
     @property
     def object_pose(self) -> Array:
@@ -322,14 +300,15 @@ class GraspResult(Result):
     @property
     def contacts(self) -> tuple[Contact, ...]:
         """The contacts with their forces."""
-        found, data = [], self.arrays
-        for k, name in enumerate(data.get("contact_names", ())):
-            n, f, lift = (float(v) for v in data["contact_forces"][k])
+        if "contact_names" not in self.arrays:
+            return ()
+        keys, found = ("names", "positions", "normals", "forces", "stations", "parts"), []
+        columns = [self.arrays[f"contact_{key}"] for key in keys]
+        for name, position, normal, forces, station, part in zip(*columns, strict=True):
+            n, f, lift = (float(force) for force in forces)
             most = self.scene.friction(str(name)) * n
             margin = 1.0 - float(np.hypot(f, lift)) / most if most > 0 else 0.0
-            place = data["contact_positions"][k], data["contact_normals"][k]
-            more = float(data["contact_stations"][k]), int(data["contact_parts"][k])
-            found.append(Contact(str(name), *place, n, f, lift, margin, *more))
+            found.append(Contact(str(name), position, normal, n, f, lift, margin, float(station), int(part)))
         return tuple(found)
 
     def contact(self, name: str) -> Contact:
@@ -347,7 +326,7 @@ class GraspResult(Result):
 
     def table(self) -> str:
         """The result as text: forces, verification, reasons."""
-        text: str = maker_of("grasp.report.report:result_text")(self)
+        text: str = maker_of("grasp.report.text:result_text")(self)
         return text
 
     def stored_arrays(self) -> dict[str, Array]:
@@ -367,7 +346,7 @@ class GraspResult(Result):
         }
 
     def save(self, folder: str | PathLike[str], *, quality: bool = True) -> Path:
-        """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, each whole or not at all.
+        """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, as `Result.save` does.
 
         Parameters
         ----------
@@ -375,15 +354,5 @@ class GraspResult(Result):
             Made where missing; a run in it is replaced.
         quality : bool, optional
             Save the indices of quality too, which take some tenths of a second.
-
-        Returns
-        -------
-        pathlib.Path
-            The folder.
-
-        Raises
-        ------
-        OSError
-            The files cannot be written.
         """
         return self._save(folder, quality=quality)

@@ -345,6 +345,6 @@ def test_certificate_shares_nothing_with_the_optimizer():
                     pending.append(name)
                 elif name.startswith("continuum_grasp."):
                     assert name.split(".")[1] in {"grasp", "rod", "scene", "errors"}, f"{module}: {name}"
-    own = {"certificate", "check", "model_error", "recomputed", "recomputed_finger", "stability", "surfaces"}
+    own = {"certificate", "check", "model_error", "recomputed", "stability", "surfaces"}
     assert {name.rpartition(".")[2] for name in seen if ".grasp." in name} == own
     assert {name.split(".")[1] for name in seen} == {"grasp", "rod"}

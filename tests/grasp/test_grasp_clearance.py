@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp.certificate.check import depth_in_line, depth_in_object, depth_in_wall
+from continuum_grasp.grasp.certificate.check import depth_in_object, depth_in_wall, depth_of_wall
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.objects import Box, Circle, Ellipse
@@ -73,9 +73,9 @@ def test_an_object_across_a_finite_line():
             reach = 0.02 * (abs(np.cos(turn)) + abs(np.sin(turn)))
             values = {"mass": 0.1, "position": (0.011, reach + lift), "angle": turn}
             body = Box(shape="box", width=0.04, height=0.04, **values)
-            assert depth_in_line(PlacedObject(body, body.pose), wall) == pytest.approx(-lift, abs=1e-7)
+            assert depth_of_wall(PlacedObject(body, body.pose), wall) == pytest.approx(-lift, abs=1e-7)
     body = Box(shape="box", width=0.04, height=0.04, mass=0.1, position=(0.08, -0.01))
-    assert depth_in_line(PlacedObject(body, body.pose), wall) == pytest.approx(-0.01, abs=1e-9)
+    assert depth_of_wall(PlacedObject(body, body.pose), wall) == pytest.approx(-0.01, abs=1e-9)
 
 
 def test_dense_rod_against_a_circle():

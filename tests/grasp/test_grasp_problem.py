@@ -13,7 +13,8 @@ from numpy.testing import assert_allclose
 
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.fine import with_elements
-from continuum_grasp.grasp.quality.quality import resistance
+from continuum_grasp.grasp.quality.resistance import resistance
+from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.search import Search, contact_modes
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.model import FingerModel
@@ -187,7 +188,7 @@ def test_resisted_disturbance_against_the_fine_rod(tendons):
     search.run()
     best = search.best
     factor = float(best.attempt.x[best.solver.problem.x.at["resisted disturbance"]][0])
-    fine = resistance(scene, dict(result.arrays), displacement_limit=None)
+    fine = resistance(GraspResponse(scene, result.arrays), displacement_limit=math.inf)
     assert factor > 0.5
     assert fine.least == pytest.approx(factor, rel=0.05)
 

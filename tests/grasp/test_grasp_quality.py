@@ -12,11 +12,11 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.quality.contact_set import WrenchSpace, wrench_space
+from continuum_grasp.grasp.quality.contact_set import epsilon_l1, epsilon_linf, min_weight
 from continuum_grasp.grasp.quality.lp import Cones, solve_lp, solve_socp
 from continuum_grasp.grasp.quality.mag_like import mag_like
 from continuum_grasp.grasp.quality.object_balance import greatest_mass, least_friction
-from continuum_grasp.grasp.quality.quality import grasp_quality
+from continuum_grasp.grasp.quality.quality import Quality
 from continuum_grasp.results.plain import plain
 from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity, PlanarGravity
 
@@ -30,7 +30,7 @@ def rough(friction, **changes):
 
 
 def space_of(angles, friction):
-    return wrench_space(rough(friction), arrays_of(on_disc(angles)))
+    return Quality(rough(friction), arrays_of(on_disc(angles)))
 
 
 # -- linear and conic problems -------------------------------------------------------------------------------------
@@ -129,21 +129,21 @@ def test_random_wrench_spaces_as_hulls_of_scipy():
     for _ in range(40):
         count = int(rng.integers(2, 5))
         edges = rng.normal(size=(2 * count, 3))
-        space = WrenchSpace(edges, np.repeat(np.arange(count), 2), 1.0)
+        closure = epsilon_l1(edges)
         hull = ConvexHull(edges)
         depth = -hull.equations[:, 3].max()
         if depth > 0.0:
             inside += 1
-            assert space.epsilon_l1 == pytest.approx(depth, abs=1e-12)
+            assert closure == pytest.approx(depth, abs=1e-12)
         else:
-            assert space.epsilon_l1 == pytest.approx(-distance_to_hull(edges), abs=1e-7)
+            assert closure == pytest.approx(-distance_to_hull(edges), abs=1e-7)
         corners = [np.concatenate([np.zeros((1, 3)), edges[2 * k : 2 * k + 2]]) for k in range(count)]
         sums = corners[0]
         for more in corners[1:]:
             sums = (sums[:, None] + more[None]).reshape(-1, 3)
         depth = -ConvexHull(sums).equations[:, 3].max()
-        assert space.epsilon_linf == pytest.approx(max(0.0, depth), abs=1e-12)
-        assert (space.min_weight > 0.0) == (space.epsilon_l1 > 0.0)
+        assert epsilon_linf(edges, np.repeat(np.arange(count), 2)) == pytest.approx(max(0.0, depth), abs=1e-12)
+        assert (min_weight(edges) > 0.0) == (closure > 0.0)
     assert 5 < inside < 35
 
 
@@ -299,7 +299,7 @@ def test_mag_like_knows_which_ways_a_finger_goes():
 
 
 def test_quality_gathers_the_indices():
-    quality = grasp_quality(*bent_pinch())
+    quality = Quality(*bent_pinch())
     assert quality.friction_margin == pytest.approx(1.0 - 0.5 / (0.5 * 2.0))
     assert quality.friction_margins["b.tip"] == pytest.approx(1.0 - 0.5 / (0.5 * 3.0))
     assert quality.tension_margin == pytest.approx(1.0 - 6.0 / 60.0)

@@ -17,14 +17,14 @@ from typer.testing import CliRunner
 
 import continuum_grasp.grasp
 from continuum_grasp.cli import app
-from continuum_grasp.grasp.report.html.page import result_page
-from continuum_grasp.grasp.report.report import result_text, result_yaml, yaml_text
-from continuum_grasp.grasp.report.shown import further_advice
+from continuum_grasp.grasp.report.page import result_page
+from continuum_grasp.grasp.report.text import further_advice, result_text, result_yaml
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.plotting.grasp.picture import plot_grasp
 from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp.view import GraspView
 from continuum_grasp.results import read_run
+from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.load import load
 

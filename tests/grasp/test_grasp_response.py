@@ -13,9 +13,9 @@ from scipy.optimize import brentq
 
 from continuum_grasp.grasp.quality.bent_finger import Rolling
 from continuum_grasp.grasp.quality.object_balance import greatest_mass
-from continuum_grasp.grasp.quality.quality import grasp_quality, resistance, resistance_polygon
+from continuum_grasp.grasp.quality.quality import Quality
+from continuum_grasp.grasp.quality.resistance import difference_range, resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
-from continuum_grasp.grasp.quality.response_limits import difference_range
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspContacts, NoGravity, OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects import Box, Circle, Ellipse
@@ -78,7 +78,7 @@ def test_the_grasp_buckles_where_the_closed_form_says():
     assert GraspResponse(*axial_pinch(critical * 0.9999)).stable("retensioned")
     assert not GraspResponse(*axial_pinch(critical * 1.0001)).stable("retensioned")
     assert GraspResponse(*axial_pinch(critical * 1.0001)).stable("locked")
-    held = resistance(*axial_pinch(critical * 1.01))
+    held = resistance(GraspResponse(*axial_pinch(critical * 1.01)))
     assert not held.stable
     assert held.least == 0.0
     assert set(held.limiting) == {("unstable",)}
@@ -87,7 +87,9 @@ def test_the_grasp_buckles_where_the_closed_form_says():
 @pytest.mark.parametrize("tendons", ["locked", "retensioned"])
 def test_resisted_forces_of_the_axial_pinch(tendons):
     push, mu = 0.08, 0.5
-    held = resistance(*axial_pinch(push, mu), wrenches=WRENCHES, tendons=tendons, displacement_limit=None)
+    held = resistance(
+        GraspResponse(*axial_pinch(push, mu)), wrenches=WRENCHES, tendons=tendons, displacement_limit=math.inf
+    )
     assert held.factors[0] == pytest.approx(2 * push, rel=1e-6)
     assert held.limiting[0] == ("a.tip parts",)
     assert held.factors[1] == pytest.approx(2 * mu * push, rel=1e-6)
@@ -99,23 +101,23 @@ def test_what_the_weight_takes_of_the_cone_out_of_the_plane(tendons):
     push, mu, lift = 0.08, 0.5, 0.03
     upright = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81)
     scene, arrays = axial_pinch(push, mu, lift, upright)
-    held = resistance(scene, arrays, wrenches=WRENCHES, tendons=tendons, displacement_limit=None)
+    held = resistance(GraspResponse(scene, arrays), wrenches=WRENCHES, tendons=tendons, displacement_limit=math.inf)
     assert held.factors[0] == pytest.approx(2 * (push - lift / mu), rel=1e-6)
     assert held.factors[1] == pytest.approx(2 * math.sqrt((mu * push) ** 2 - lift**2), rel=1e-6)
 
 
 def test_the_give_limits_what_the_first_order_may_say():
     scene, arrays = axial_pinch(0.08)
-    held = resistance(scene, arrays, wrenches=WRENCHES, tendons="locked", displacement_limit=1e-3)
+    held = resistance(GraspResponse(scene, arrays), wrenches=WRENCHES, tendons="locked", displacement_limit=1e-3)
     assert held.motions[1, 1] == pytest.approx(1e-3 * RADIUS, rel=1e-9)
     assert held.limiting[1] == ("the object moves",)
 
 
 def test_the_polygon_holds_the_single_forces():
     scene, arrays = axial_pinch(0.08)
-    polygon = resistance_polygon(scene, arrays, 12)
-    along = resistance(scene, arrays, wrenches=[(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])
-    np.testing.assert_allclose(np.hypot(*polygon[[0, 3, 6]].T), along.factors, rtol=1e-9)
+    polygon = Quality(scene, arrays).resistance_polygon
+    along = resistance(GraspResponse(scene, arrays), wrenches=[(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])
+    np.testing.assert_allclose(np.hypot(*polygon[[0, 9, 18]].T), along.factors, rtol=1e-9)
 
 
 def test_locked_antagonists_share_until_one_is_at_its_least():
@@ -190,7 +192,11 @@ def test_a_change_of_tension(kind):
 def test_a_contact_slips_where_the_nonlinear_equilibrium_says():
     hand, state, names = held_disc("wall")
     mu = 0.19
-    held = resistance(*stored_scene(hand, state, names, mu), wrenches=(*WRENCHES, (-1.0, 0.0, 0.0)), tendons="locked")
+    held = resistance(
+        GraspResponse(*stored_scene(hand, state, names, mu)),
+        wrenches=(*WRENCHES, (-1.0, 0.0, 0.0)),
+        tendons="locked",
+    )
     assert held.limiting == (("a.tip slips",), ("floor slips",), ("a.tip slips",), ("a.tip slips",))
 
     def margin(wrench, factor):
@@ -207,8 +213,8 @@ def test_retensioning_can_be_followed():
     mu = 0.19
     scene, arrays = stored_scene(hand, state, names, mu)
     wrench = (-1.0, 0.0, 0.0)
-    locked = resistance(scene, arrays, wrenches=[wrench], tendons="locked")
-    free = resistance(scene, arrays, wrenches=[wrench], tendons="retensioned")
+    locked = resistance(GraspResponse(scene, arrays), wrenches=[wrench], tendons="locked")
+    free = resistance(GraspResponse(scene, arrays), wrenches=[wrench], tendons="retensioned")
     assert free.least > 10 * locked.least
 
     def margin(change):
@@ -243,7 +249,7 @@ def test_two_ends_of_a_face_on_a_wall_share_alike():
     np.testing.assert_allclose(change.forces[1:, 1, 0], [0.5, 0.5], atol=1e-4)
     np.testing.assert_allclose(change.forces[1:, 0, 2], [1 / 0.08, -1 / 0.08], atol=1e-3)
     for tendons in ("locked", "retensioned"):
-        held = resistance(scene, arrays, wrenches=[(0.0, -1.0, 0.0), (0.0, 1.0, 0.0)], tendons=tendons)
+        held = resistance(GraspResponse(scene, arrays), wrenches=[(0.0, -1.0, 0.0), (0.0, 1.0, 0.0)], tendons=tendons)
         assert held.factors[0] == pytest.approx(56.0, rel=1e-5)
         assert held.factors[1] >= 4.0 * (1 - 1e-6)  # a finger that pulls down harder holds more
     assert greatest_mass(scene, arrays) > 6.0
@@ -297,4 +303,4 @@ def test_a_disc_between_pegs_and_a_wrapping_finger_resists_all_disturbances():
             )
         },
     )
-    assert grasp_quality(scene, arrays).resistance.least > 0.0
+    assert Quality(scene, arrays).resistance.least > 0.0

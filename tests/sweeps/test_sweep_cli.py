@@ -11,7 +11,6 @@ from typer.testing import CliRunner
 
 from continuum_grasp import optimize_grasp, sweep_table
 from continuum_grasp.cli import app
-from continuum_grasp.grasp.report.shown import quality_of
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
 from tests.sweep_cases import MUG
@@ -51,7 +50,7 @@ def test_rows_are_what_the_optimizer_finds(swept):
         result = optimize_grasp(load(MUG, {"object.mass": mass, "solver.seeds": 1}))
         np.testing.assert_allclose(table["tension_max"][index], result.fingers["finger"].tensions.max(), rtol=1e-9)
         assert table["normal_force_max"][index] == pytest.approx(max(c.normal_force for c in result.contacts))
-        assert table["quality.epsilon_l1"][index] == pytest.approx(quality_of(result).epsilon_l1, rel=1e-6)
+        assert table["quality.epsilon_l1"][index] == pytest.approx(result.quality.epsilon_l1, rel=1e-6)
         eigenvalue = result.certificate.stability.eigenvalue
         assert table["certificate.stability.eigenvalue"][index] == pytest.approx(eigenvalue, rel=1e-6)
         stored = read_run(table.run_folder(index))

@@ -28,10 +28,10 @@ from continuum_grasp.grasp.certificate.check import (
     overlap,
     worst,
 )
-from continuum_grasp.grasp.certificate.model_error import ModelError, misfits, model_error, not_finite
-from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
-from continuum_grasp.grasp.certificate.recomputed_finger import RecomputedFinger, gravity_vector
+from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
+from continuum_grasp.grasp.certificate.recomputed import RecomputedFinger, RecomputedGrasp, gravity_vector
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
+from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.objects.body import Freedom, pose_bounds
@@ -151,9 +151,10 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
     ['finger equilibrium, finger']
     """
     with np.errstate(all="ignore"):
+        # What is wrong here stops the rest, which could not be computed.
         start = (
-            Check("numbers that are not finite", float(not_finite(scene, arrays)), 0.0),
-            Check("stored arrays that are missing or do not fit", float(len(misfits(scene, arrays))), 0.0),
+            Check("numbers that are not finite", float(_not_finite(scene, arrays)), 0.0),
+            Check("stored arrays that are missing or do not fit", float(_misfits(scene, arrays)), 0.0),
         )
         if not all(check.passed for check in start):
             return Certificate(start)
@@ -169,8 +170,57 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
     return Certificate(tuple(checks), margins, grasp)
 
 
+def _not_finite(scene: GraspScene, arrays: Mapping[str, Any]) -> int:
+    """How many of the numbers of a grasp are NaN or infinite; the stations of supports are NaN by right."""
+    of_fingers = ("q", "lengths", "curvature_shapes", "tip_curvature", "tensions", "base", "backbone")
+    names = [f"{setup.name}.{name}" for setup in scene.setups for name in of_fingers]
+    names += ["object.pose", "contact_positions", "contact_normals", "contact_forces", "contact_parts"]
+    found = [_numbers(arrays.get(name, 0.0)) for name in names]
+    return sum(int((~np.isfinite(values)).sum()) for values in found if values is not None)
+
+
+def _misfits(scene: GraspScene, arrays: Mapping[str, Any]) -> int:
+    """How many of the arrays are missing, misshapen or of another family than the scene's."""
+
+    def shape(name: str) -> tuple[int, ...] | None:
+        values = _numbers(arrays[name]) if name in arrays else None
+        return None if values is None else tuple(values.shape)
+
+    names = np.asarray(arrays.get("contact_names", 0.0))
+    count, parts = names.size, _numbers(arrays.get("contact_parts"))
+    wrong = ["contact_names" not in arrays or names.shape != (count,)]
+    wrong += [parts is None or not bool(np.isin(parts, np.arange(len(scene.object.parts))).all())]
+    expected: dict[str, tuple[int, ...]] = {
+        "object.pose": (3,),
+        "contact_positions": (count, 2),
+        "contact_normals": (count, 2),
+        "contact_forces": (count, 3),
+        "contact_stations": (count,),
+        "contact_parts": (count,),
+    }
+    for setup in scene.setups:
+        own, n = f"{setup.name}.", setup.elements
+        # Of n elements, at D places each, by M coordinates: all of q, and the tip's curvature where that is none.
+        shapes, backbone = shape(f"{own}curvature_shapes") or (), shape(f"{own}backbone")
+        coordinates = (shapes[-1] if shapes else 0) - FAMILIES[setup.family].matches_tip
+        expected |= {f"{own}q": (coordinates,), f"{own}lengths": (n,), f"{own}tip_curvature": ()}
+        expected |= {f"{own}tensions": (2,), f"{own}base": (3,)}
+        wrong += [str(arrays.get(f"{own}family")) != setup.family]
+        wrong += [len(shapes) != 3 or shapes[0] != n or 0 in shapes]
+        wrong += [backbone is None or len(backbone) != 2 or backbone[0] < 2 or backbone[1] != 4]
+    return sum(wrong) + sum(shape(name) != wanted for name, wanted in expected.items())
+
+
+def _numbers(value: Any) -> Any:
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return None
+
+
 def _lengths(name: str, total: float, arrays: Mapping[str, Any]) -> Check:
     lengths = np.asarray(arrays[f"{name}.lengths"], dtype=float)
+    # Each element without a length counts as an error of one: shapes cannot be integrated then.
     off = worst(abs(lengths.sum() / total - 1), *(1e-9 - lengths / total > 0.0))
     return Check(f"element lengths, {name}", off, LIMIT, "1", f"{total:.4g} m")
 
@@ -179,7 +229,8 @@ def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
     force = float(np.max([0.0, *(np.hypot(*load.force) for load in finger.loads)]))
     scale = finger.moment_scale(force)
     reference = f"{scale:.4g} N m"
-    yield Check(f"finger equilibrium, {finger.name}", finger.imbalance() / scale, EQUILIBRIUM, "1", reference)
+    imbalance = float(np.max(np.abs(finger.virtual_work())))
+    yield Check(f"finger equilibrium, {finger.name}", imbalance / scale, EQUILIBRIUM, "1", reference)
     if finger.matches_tip:
         bent = finger.profile[-1, -1] - finger.rod.rest[-1]
         gap = finger.stiffness * bent - finger.tip_moment - finger.tip_couple
@@ -194,7 +245,7 @@ def _storage(finger: RecomputedFinger) -> Iterator[Check]:
         float(np.abs(stored[:, 0] - s).max()) / length,
         abs(stored[0, 0]) / length,
         abs(stored[-1, 0] / length - 1.0),
-        -float(np.diff(stored[:, 0]).min()) / length,
+        -float(np.diff(stored[:, 0]).min()) / length,  # stations must increase
         float(np.abs(stored[:, 1:3] - points).max()) / length,
         float(np.abs(stored[:, 3] - angles).max()),
     )
@@ -210,7 +261,7 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
     setup, length = finger.setup, finger.length
     most, used = setup.tendons.max_tension, finger.finger.tendons_used
     over = [(t - most, setup.tendons.min_tension - t) for t in finger.tensions]
-    if used != "both":
+    if used != "both":  # the tendon that is not there cannot pull
         unused = 1 if used == "left" else 0
         over[unused] = abs(finger.tensions[unused]), 0.0
     value = worst(*(v for pair in over for v in pair)) / most
@@ -234,7 +285,7 @@ def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
     yield Check("object pose", _beyond(body.pose, body.free, grasp.pose, size), LIMIT, "1", f"{size:.4g} m")
     scale = grasp.force_scale
     force, turn, lift, tilt = body.mass * gravity_vector(gravity), 0.0, 0.0, np.zeros(2)
-    for contact in grasp.contacts:
+    for contact in grasp.contacts:  # their forces are on what touches the object, lifts on the object
         arm, load = contact.point - grasp.object.com, contact.force
         force = force - load
         turn -= float(arm[0] * load[1] - arm[1] * load[0])

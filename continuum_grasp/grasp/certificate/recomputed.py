@@ -9,77 +9,156 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.recomputed_finger import FingerLoad, RecomputedFinger
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.rod.dense_rod import DenseRod, curvature_profile
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp_options import GraspGravity, PlanarGravity
 from continuum_grasp.scene.supports import Peg, Wall
 
 Array = NDArray[Any]
 
+_COARSE = 1 / 64
+"""Panels for the equilibrium: with five Gauss points each, exact to rounding; the fine ones are for clearances."""
 _BLUNT = 1e-3
 """Least radius of a tip, as a part of the length, from whose center the normal follows precisely."""
 
 
+@dataclass(frozen=True)
+class FingerLoad:
+    """What a contact does to a finger."""
+
+    name: str  # of the contact
+    joint: int  # number of elements between the base and it
+    force: Array  # (2,) on the finger in the world [N]
+    couple: float  # of the friction force, which acts at the surface, about the backbone [N m]
+
+
+class RecomputedFinger:
+    """Shape, loads and potential of one finger of a grasp; ``arrays`` as `continuum_grasp.grasp.certify` takes them."""
+
+    def __init__(self, setup: FingerSetup, gravity: GraspGravity, arrays: Mapping[str, Any]) -> None:
+        self.setup, self.name, self.finger = setup, setup.name, setup.finger
+
+        def stored(key: str) -> Array:
+            return np.asarray(arrays[f"{setup.name}.{key}"], dtype=float)
+
+        self.q, self.lengths, self.tensions = stored("q"), stored("lengths"), stored("tensions")
+        self.stored_tip_curvature, self.stored_backbone = float(stored("tip_curvature")), stored("backbone")
+        self.base, self._shapes = stored("base"), stored("curvature_shapes")
+        self.length = self.finger.rod.length
+        self.stiffness = self.finger.rod.stiffness
+        self.thickness = self.finger.thickness_radius
+        self.gravity = gravity_vector(gravity)
+        self.rod = DenseRod(self.finger, self.lengths, base=self.base)  # 400 panels at least
+        self.profile = self.curvatures(self.q)
+        self.angles = self.rod.edge_angle(self.profile)  # (P + 1,) [rad] and (P + 1, 2) [m] at the ends of panels
+        self.points = self.rod.edge_points(self.profile)
+        self.joint_edges = np.searchsorted(self.rod.edges, self.rod.joints)
+        self.tendon_shares = self._capstan()
+        self.loads: list[FingerLoad] = []
+
+    def curvatures(self, q: Array) -> Array:
+        """Curvature (..., N, D) [1/m] at places along each element, from coordinates (..., n)."""
+        return curvature_profile(self._shapes, q, self.stored_tip_curvature)
+
+    @property
+    def matches_tip(self) -> bool:
+        """Whether the curvature at the tip is no coordinate, but set by the moment balance there."""
+        return bool(self._shapes.shape[-1] > self.q.size)
+
+    @property
+    def tip_moment(self) -> float:
+        """Moment of the tendons at the tip [N m]."""
+        return float((self.tensions[0] - self.tensions[1]) * self.setup.tendons.offset)
+
+    @property
+    def tip_couple(self) -> float:
+        """Couples of contacts at the tip [N m]."""
+        return sum(load.couple for load in self.loads if load.joint == self.lengths.size)
+
+    def joint_position(self, joint: int) -> float:
+        """Where a joint lies along the finger [m]."""
+        return float(self.rod.joints[joint])
+
+    def moment_scale(self, force: float) -> float:
+        """Greatest moment in play [N m], with a floor for straight fingers under forces of up to ``force`` [N]."""
+        # 1 %: a straight finger under a force along it has no moment at all, and rounding would count.
+        bent = float(np.abs(self.rod.curvature(self.profile) - self.rod.rest).max())
+        least = 0.01 * max(force * self.length, self.stiffness / self.length)
+        return float(np.max([abs(self.tip_moment), self.stiffness * bent, least]))
+
+    def virtual_work(self) -> Array:
+        """Virtual work of all moments and forces in each bending coordinate, per greatest turn of a section (n,) [N m]:
+        in equilibrium the potential of bending, weight, tendons and contact forces is stationary.
+        """
+        # A complex step subtracts nothing, so the derivative is exact to rounding (Squire and Trapp 1998).
+        step = 1e-30
+        rod = DenseRod(self.finger, self.lengths, _COARSE, self.base)
+        shifted = self.q + 1j * step * np.eye(self.q.size)
+        profile = self.curvatures(shifted)
+        angles = rod.edge_angle(profile)
+        slopes = self._potential(rod, profile, angles).imag / step
+        turns = np.abs(angles.imag).max(axis=-1) / step
+        return np.asarray(slopes / turns)
+
+    def _potential(self, rod: DenseRod, profile: Array, edge_angles: Array) -> Array:
+        """Energy of bending and of all loads, contact forces and couples frozen (...,) [J]."""
+        bent = rod.curvature(profile) - rod.rest
+        angle = rod.angle(profile)
+        points = rod.edge_points(profile, angle)
+        bends = rod.bends(profile)
+        energy = 0.5 * self.stiffness * (bent**2 @ rod.weights) - self.tip_moment * (bends @ self.tendon_shares)
+        if self.gravity.any():
+            energy = energy - self.finger.rod.mass_per_length * (rod.mean_point(profile, angle) @ self.gravity)
+            for mass in self.finger.masses:
+                energy = energy - mass.mass * (points[..., rod.edge_index(mass.at), :] @ self.gravity)
+        for load in self.loads:
+            edge = int(np.searchsorted(rod.edges, rod.joints[load.joint]))
+            energy = energy - points[..., edge, :] @ load.force - edge_angles[..., edge] * load.couple
+        return np.asarray(energy)
+
+    def _capstan(self) -> Array:
+        """Share of the tendons' moment that reaches each element's middle past the friction of the guides."""
+        # The capstan equation, exp(-friction * turn); up to the middle of an element half of its own turn counts.
+        friction = self.setup.tendons.friction
+        if friction == 0.0:
+            return np.ones(self.lengths.size)
+        bends = self.rod.bends(self.profile)
+        rounded = 1e-3 * self.lengths / self.lengths.sum()
+        # Without sign, and rounded off below 1e-3 rad: the law of the model that is verified.
+        turned = bends**2 / np.sqrt(bends**2 + rounded**2)
+        return np.asarray(np.exp(-friction * (np.cumsum(turned) - 0.5 * turned)))
+
+
 @dataclass
 class RecomputedContact:
-    """One contact, its geometry found anew.
-
-    Attributes
-    ----------
-    name, kind : str
-        ``middle``, ``tip``, ``wall`` or ``peg``.
-    index : int
-        Its row in the stored arrays.
-    finger : RecomputedFinger or None
-    joint : int
-        Number of elements between the finger's base and it; -1 for supports.
-    support : Wall, Peg or None
-    part : int
-        Part of the object that it touches.
-    radius : float
-        Of the round body that touches the object: half the finger's thickness, the peg's; infinite for a wall [m].
-    length : float
-        What gaps are compared with [m].
-    stored_position, stored_normal : ndarray, shape (2,)
-    normal_force, friction_force, lift : float
-        [N]
-    friction, normal_force_max : float
-        Friction coefficient [1] and limit [N] in the scene.
-    normal, point : ndarray, shape (2,)
-        Outward normal of the object, and where its surface is touched [m], in the world.
-    surface_radius : float
-        Radius of curvature of the object's surface there [m].
-    gap : float
-        How far apart the bodies are, or how deep in each other [m].
-    tilt : float
-        How far the point lies from where a body with this normal would touch, seen from ``length`` away [m].
-    buried : float
-        How deep the point lies inside another part of the object [m].
-    """
+    """One contact, its geometry found anew; world frame."""
 
     name: str
-    kind: str
-    index: int
+    kind: str  # middle, tip, wall or peg
+    index: int  # its row in the stored arrays
     finger: RecomputedFinger | None
-    joint: int
+    joint: int  # number of elements between the finger's base and it; -1 for supports
     support: Wall | Peg | None
-    part: int
+    part: int  # of the object that it touches
+    # Of the round body that touches the object: half the finger's thickness, the peg's; infinite for a wall [m].
     radius: float
-    length: float
+    length: float  # what gaps are compared with [m]
     stored_position: Array
     stored_normal: Array
     stored_station: float
-    normal_force: float
+    normal_force: float  # these three [N]
     friction_force: float
     lift: float
-    friction: float
+    friction: float  # coefficient [1] and greatest normal force [N] in the scene
     normal_force_max: float
-    normal: Array = field(init=False)
-    point: Array = field(init=False)
-    surface_radius: float = field(init=False)
-    gap: float = field(init=False)
+    normal: Array = field(init=False)  # outward normal of the object (2,)
+    point: Array = field(init=False)  # where its surface is touched (2,) [m]
+    surface_radius: float = field(init=False)  # radius of curvature of the object's surface there [m]
+    gap: float = field(init=False)  # how far apart the bodies are, or how deep in each other [m]
+    # How far the point lies from where a body with this normal would touch, seen from ``length`` away [m].
     tilt: float = field(init=False)
-    buried: float = field(init=False)
+    buried: float = field(init=False)  # how deep the point lies inside another part of the object [m]
 
     @property
     def force(self) -> Array:
@@ -95,14 +174,7 @@ class RecomputedContact:
 
 
 class RecomputedGrasp:
-    """Shapes, normals and forces of a grasp from its stored numbers.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        See `continuum_grasp.grasp.certify`; complete and of the right shapes.
-    """
+    """Shapes, normals and forces of a grasp from its stored numbers, complete and of the right shapes."""
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
         self.scene, self.setups = scene, scene.setups
@@ -113,9 +185,9 @@ class RecomputedGrasp:
         self.size = scene.object.size
         self.names = [str(name) for name in np.asarray(arrays["contact_names"]).ravel()]
         self.forces = np.asarray(arrays["contact_forces"], dtype=float).reshape(-1, 3)
+        # What a residual force is compared with [N]; 1 % of what bends a finger where nothing else acts.
         least = 0.01 * min(f.stiffness / f.length**2 for f in self.fingers)
         self.force_scale = float(np.max([np.abs(self.forces).max(initial=0.0), scene.weight, least]))
-        """What a residual force is compared with [N]."""
         self.contacts = self._contacts(arrays)
         for contact in self.contacts:
             if contact.finger is not None:
@@ -127,42 +199,25 @@ class RecomputedGrasp:
         return [contact for contact in self.contacts if contact.finger is finger]
 
     def _contacts(self, arrays: Mapping[str, Any]) -> list[RecomputedContact]:
-        known = known_contacts(self.scene)
-        positions = np.asarray(arrays["contact_positions"], dtype=float)
-        normals = np.asarray(arrays["contact_normals"], dtype=float)
-        stations = np.asarray(arrays["contact_stations"], dtype=float)
-        parts = np.asarray(arrays["contact_parts"], dtype=float).astype(int)
-        reach = float(max(finger.length for finger in self.fingers))
-        found = []
+        positions, normals, stations, parts = (
+            np.asarray(arrays[f"contact_{key}"], dtype=float) for key in ("positions", "normals", "stations", "parts")
+        )
+        known, found = known_contacts(self.scene), []
         for k, name in enumerate(self.names):
-            if name not in known:
+            if name not in known:  # which `mode_check` counts
                 continue
-            kind, owner, joint = known[name]
-            finger = self.fingers[owner] if kind in ("middle", "tip") else None
-            support = self.walls[owner] if kind == "wall" else self.pegs[owner] if kind == "peg" else None
-            rounded = np.inf if finger is None else finger.thickness
+            kind, owner, joint, support = known[name]
+            finger = None if owner is None else self.fingers[owner]
+            if finger is not None:
+                radius, length = finger.thickness, finger.length
+            else:
+                radius = support.radius if isinstance(support, Peg) else np.inf
+                length = max(self.size, *(one.length for one in self.fingers))
+            place = name, kind, k, finger, joint, support, int(parts[k]), radius, length
+            stored = positions[k], normals[k], float(stations[k])
             n, f, lift = (float(value) for value in self.forces[k])
-            found.append(
-                RecomputedContact(
-                    name,
-                    kind,
-                    k,
-                    finger,
-                    joint,
-                    support,
-                    int(parts[k]),
-                    support.radius if isinstance(support, Peg) else rounded,
-                    max(reach, self.size) if finger is None else finger.length,
-                    positions[k],
-                    normals[k],
-                    float(stations[k]),
-                    n,
-                    f,
-                    lift,
-                    self.scene.friction(name),
-                    self.scene.normal_force_max(name),
-                )
-            )
+            limits = self.scene.friction(name), self.scene.normal_force_max(name)
+            found.append(RecomputedContact(*place, *stored, n, f, lift, *limits))
         self._touch(found)
         return found
 
@@ -175,7 +230,7 @@ class RecomputedGrasp:
         near = self.object.nearest_of(centers, parts)
         for k, c in enumerate(contacts):
             unit = c.stored_normal / max(float(np.hypot(*c.stored_normal)), 1e-300)
-            if isinstance(c.support, Wall):
+            if isinstance(c.support, Wall):  # a face may touch anywhere along it: the place is the stored one
                 c.normal, c.point = -np.asarray(c.support.normal), centers[k]
                 c.gap = float(np.max(np.abs([near.distance[k], c.support.height((centers[k][0], centers[k][1]))])))
                 continue
@@ -187,6 +242,7 @@ class RecomputedGrasp:
                 c.normal = unit if c.radius < _BLUNT * c.length else near.normal[k]
             c.point = centers[k] - c.radius * c.normal
             c.gap = abs(float(near.distance[k]) - c.radius)
+        # From afar along the normal, the object's nearest point is the point of contact if the normal is right.
         points = np.stack([c.point for c in contacts])
         away = np.array([c.length for c in contacts])
         seen = self.object.nearest_of(points + away[:, None] * np.stack([c.normal for c in contacts]), parts)
@@ -198,21 +254,19 @@ class RecomputedGrasp:
             c.buried = float(np.max(depths[:, k]))
 
 
-def known_contacts(scene: GraspScene) -> dict[str, tuple[str, int, int]]:
-    """Contacts that a scene can have by name: kind, index of finger, wall or peg, joint."""
-    known: dict[str, tuple[str, int, int]] = {}
+def known_contacts(scene: GraspScene) -> dict[str, tuple[str, int | None, int, Wall | Peg | None]]:
+    """Contacts that a scene can have by name: kind, index of the finger, joint, support."""
+    known: dict[str, tuple[str, int | None, int, Wall | Peg | None]] = {}
     for k, setup in enumerate(scene.setups):
         for name, joint in zip(setup.middle_names, setup.before, strict=True):
-            known[name] = "middle", k, joint
-        known[setup.tip_name] = "tip", k, setup.elements
-    for k, wall in enumerate(scene.walls):
-        known |= dict.fromkeys((wall.name, f"{wall.name}.1", f"{wall.name}.2"), ("wall", k, -1))
-    for k, peg in enumerate(scene.pegs):
-        known[peg.name] = "peg", k, -1
-    return known
+            known[name] = "middle", k, joint, None
+        known[setup.tip_name] = "tip", k, setup.elements, None
+    for wall in scene.walls:  # a flat face lies on a wall with both of its ends
+        known |= dict.fromkeys((wall.name, f"{wall.name}.1", f"{wall.name}.2"), ("wall", None, -1, wall))
+    return known | {peg.name: ("peg", None, -1, peg) for peg in scene.pegs}
 
 
-def across(normal: Array) -> Array:
+def across(normal: Array | tuple[float, float]) -> Array:
     """The normal turned by +90 degrees."""
     return np.array([-normal[1], normal[0]])
 
@@ -222,3 +276,8 @@ def _center(contact: RecomputedContact) -> Array:
     if contact.finger is not None:
         return np.asarray(contact.finger.points[contact.finger.joint_edges[contact.joint]])
     return np.asarray(contact.support.position if isinstance(contact.support, Peg) else contact.stored_position)
+
+
+def gravity_vector(gravity: GraspGravity) -> Array:
+    """Gravity in the plane [m/s2]."""
+    return np.asarray(gravity.vector if isinstance(gravity, PlanarGravity) else (0.0, 0.0), dtype=float)

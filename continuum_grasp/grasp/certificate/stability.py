@@ -18,9 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, RecomputedGrasp, across
-from continuum_grasp.grasp.certificate.recomputed_finger import RecomputedFinger
-from continuum_grasp.rod.dense_rod import DenseRod
+from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, RecomputedFinger, RecomputedGrasp, across
 
 Array = NDArray[Any]
 
@@ -41,25 +39,13 @@ ASSUMPTIONS = (
 
 @dataclass(frozen=True)
 class Stability:
-    """Verdict of `contact_stability`.
+    """Verdict of `contact_stability`."""
 
-    Attributes
-    ----------
-    stable : bool
-        The least eigenvalue is positive, or the contacts leave no motion at all.
-    eigenvalue : float
-        Least eigenvalue of the reduced Hessian in units of E I / L of the first finger (infinite where no motion
-        is left).
-    freedom : int
-        Number of motions of the discretized rods and the object that the contacts leave.
-    assumptions : str
-        What the test takes for granted.
-    """
-
-    stable: bool
+    stable: bool  # the least eigenvalue is positive, or the contacts leave no motion at all
+    # Least one of the reduced Hessian in units of E I / L of the first finger; infinite where no motion is left.
     eigenvalue: float
-    freedom: int
-    assumptions: str = ASSUMPTIONS
+    freedom: int  # number of motions of the discretized rods and the object that the contacts leave
+    assumptions: str = ASSUMPTIONS  # what the test takes for granted
 
 
 def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
@@ -67,33 +53,22 @@ def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
 
     The rods are cut into about ``cells`` rigid pieces each with bending springs between them, so that shapes
     which the optimizer's few elements cannot take, buckling between two contacts for instance, are tested too.
-
-    Parameters
-    ----------
-    grasp : RecomputedGrasp
-    cells : int, optional
-        Number of rigid pieces per finger.
-
-    Returns
-    -------
-    Stability
     """
     chains = [_Chain(finger, cells) for finger in grasp.fingers]
     starts = np.cumsum([0, *(chain.ds.size for chain in chains)])
     size = int(starts[-1]) + 3
     hessian = np.zeros((size, size))
+    # Makes angles of cells, shifts and turn of the object comparable, however many cells there are.
     metric = np.concatenate([chain.ds / chain.length for chain in chains] + [[grasp.size**-2] * 2, [1.0]])
     for chain, start in zip(chains, starts, strict=False):
         own = slice(start, start + chain.ds.size)
         hessian[own, own] = chain.hessian()
     rows: list[Array] = []
-    pressing = [c for c in grasp.contacts if c.normal_force > _IDLE * grasp.force_scale]
-    for contact in pressing:
-        place = None
-        if contact.finger is not None:
-            k = grasp.fingers.index(contact.finger)
-            place = chains[k], int(starts[k])
-        rows.append(_add_contact(hessian, grasp, contact, place))
+    for contact in grasp.contacts:
+        if contact.normal_force > _IDLE * grasp.force_scale:
+            k = None if contact.finger is None else grasp.fingers.index(contact.finger)
+            place = None if k is None else (chains[k], int(starts[k]))
+            rows.append(_add_contact(hessian, grasp, contact, place))
     scale = 1.0 / np.sqrt(metric)
     if not (np.isfinite(hessian).all() and all(np.isfinite(block).all() for block in rows)):
         return Stability(False, float("nan"), size)
@@ -111,12 +86,13 @@ class _Chain:
 
     def __init__(self, finger: RecomputedFinger, cells: int) -> None:
         self.finger, self.length = finger, finger.length
-        joints = [load.joint for load in finger.loads]
-        marks = finger.rod.joints[sorted({0, *joints, finger.lengths.size})]
-        self.edges = _cut(marks, cells)
+        marks = finger.rod.joints[sorted({0, *(load.joint for load in finger.loads), finger.lengths.size})]
+        counts = np.maximum(2, np.round(cells * (np.diff(marks) / marks[-1]))).astype(int)  # between contacts
+        pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(marks, marks[1:], counts, strict=False)]
+        self.edges = np.concatenate([*pieces, marks[-1:]])
         self.ds = np.diff(self.edges)
-        rod: DenseRod = finger.rod
-        angle = rod.at(finger.profile, 0.5 * (self.edges[1:] + self.edges[:-1]))[1]
+        angle = finger.rod.at(finger.profile, 0.5 * (self.edges[1:] + self.edges[:-1]))[1]
+        # A turn of a cell moves all beyond it by the cell's length along its normal.
         self.tangent = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
         self.arm = -np.stack([np.cos(angle), np.sin(angle)], axis=-1) * self.ds[:, None]
 
@@ -128,6 +104,7 @@ class _Chain:
         """Of bending, weight and the contact forces that act on the cells."""
         finger, ds = self.finger, self.ds
         matrix = np.zeros((ds.size, ds.size))
+        # Springs between the middles of neighboring cells; the first is clamped half a cell before its middle.
         springs = 2 * finger.stiffness / (ds[1:] + ds[:-1])
         index = np.arange(ds.size - 1)
         matrix[0, 0] += 2 * finger.stiffness / ds[0]
@@ -136,6 +113,7 @@ class _Chain:
         matrix[index, index + 1] -= springs
         matrix[index + 1, index] -= springs
         middle = 0.5 * (self.edges[1:] + self.edges[:-1])
+        # Weight beyond a cell, and forces beyond it, pull along it or push: the second derivative of their work.
         beyond = finger.finger.rod.mass_per_length * (self.edges[-1] - middle)
         for mass in finger.finger.masses:
             beyond = beyond + np.where(middle < mass.at, mass.mass, 0.0)
@@ -154,30 +132,28 @@ def _add_contact(
     turn = np.eye(size)[size - 1]
     arm = contact.point - grasp.object.com
     pressure, force = contact.normal_force, contact.force
-    rho = _surface_radius(grasp, contact)
+    h, rho = contact.radius, _surface_radius(grasp, contact)
+    # The contact point of the finger or support, less that of the object: the motions that sticking leaves out.
     block = np.zeros((2, size))
     block[:, size - 3 : size - 1] = -np.eye(2)
     block -= np.outer(across(arm), turn)
     hessian -= float(force @ arm) * np.outer(turn, turn)
     if place is None:
-        if np.isfinite(rho):
-            h = contact.radius
-            both = rho if np.isinf(h) else 0.0 if h + rho == 0.0 else h * rho / (h + rho)
-            hessian += pressure * both * np.outer(turn, turn)
-        elif np.isfinite(contact.radius):
-            hessian += pressure * contact.radius * np.outer(turn, turn)
-        else:
-            block = np.concatenate([block, turn[None]])
+        if np.isinf(rho) and np.isinf(h):  # a flat face on a wall cannot turn
+            return np.concatenate([block, turn[None]])
+        # The law above for phi = 0: h rho / (h + rho), which tends to the other radius where one is flat.
+        both = rho if np.isinf(h) else h if np.isinf(rho) else 0.0 if h + rho == 0.0 else h * rho / (h + rho)
+        hessian += pressure * both * np.outer(turn, turn)
         return block
     chain, start = place
-    h, reach = contact.radius, chain.reach(contact.joint)
+    reach = chain.reach(contact.joint)
     block[:, start : start + reach] = chain.arm[:reach].T
     section = np.zeros(size)
-    if contact.kind == "middle":
+    if contact.kind == "middle":  # between two cells, whose mean is the section's angle
         section[[start + reach - 1, start + reach]] = 0.5
         hessian -= pressure * h * np.outer(section, section)
     else:
-        section[start + reach - 1] = 1.0
+        section[start + reach - 1] = 1.0  # the last cell: phi of the law above
         roll = section - turn
         mixed = np.outer(turn, roll)
         hessian -= pressure * h * (np.outer(turn, turn) + mixed + mixed.T)
@@ -194,14 +170,6 @@ def _surface_radius(grasp: RecomputedGrasp, contact: RecomputedContact) -> float
     beside = _CORNER * contact.length * across(contact.normal)
     seen = contact.point + contact.length * contact.normal + np.stack([-beside, beside])
     return float(np.min(grasp.object.nearest(seen, contact.part).radius))
-
-
-def _cut(marks: Array, cells: int) -> Array:
-    """Ends of about ``cells`` pieces between marks, at least two between neighbors [m]."""
-    share = np.diff(marks) / marks[-1]
-    counts = np.maximum(2, np.round(cells * share)).astype(int)
-    pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(marks, marks[1:], counts, strict=False)]
-    return np.concatenate([*pieces, marks[-1:]])
 
 
 def _null_space(jacobian: Array) -> Array:

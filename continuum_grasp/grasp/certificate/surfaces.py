@@ -26,35 +26,16 @@ _TURNS = np.linspace(0.0, 0.5 * np.pi, 33)
 
 @dataclass(frozen=True)
 class Nearest:
-    """What of a surface is nearest to some points.
+    """What of a surface is nearest to n points."""
 
-    Attributes
-    ----------
-    distance : ndarray, shape (n,)
-        Distance from the surface [m], negative inside.
-    point : ndarray, shape (n, 2)
-        The nearest point of the surface [m].
-    normal : ndarray, shape (n, 2)
-        Outward unit normal there.
-    radius : ndarray, shape (n,)
-        Radius of curvature of the surface there [m]: infinite on a flat face, zero at a sharp corner.
-    """
-
-    distance: Array
-    point: Array
-    normal: Array
-    radius: Array
+    distance: Array  # (n,) from the surface [m], negative inside
+    point: Array  # (n, 2) of the surface [m]
+    normal: Array  # (n, 2) outward unit normal there
+    radius: Array  # (n,) of curvature of the surface there [m]: infinite on a flat face, zero at a sharp corner
 
 
 def nearest(part: Part, points: Array) -> Nearest:
-    """What of a part's surface is nearest to points, both in the object's frame.
-
-    Parameters
-    ----------
-    part : Part
-    points : ndarray, shape (n, 2)
-        [m]
-    """
+    """What of a part's surface is nearest to points (n, 2) [m], both in the object's frame."""
     points = np.asarray(points, dtype=float).reshape(-1, 2)
     if isinstance(part, OffsetPolygon):
         return _rounded_polygon(np.asarray(part.vertices, dtype=float), part.radius, points)
@@ -73,6 +54,7 @@ def support_point(part: Part, direction: Array) -> Array:
         return np.asarray(core[np.argmax(core @ direction)] + part.radius * direction)
     part = _superellipse_part(part)
     turn, axes = _turn(part.angle), np.asarray(part.semi_axes)
+    # Where the gradient of |x/a|^p + |y/b|^p is along the direction, by the dual norm with exponent p / (p - 1).
     share = np.abs(axes * (direction @ turn))
     share = share / share.max()
     dual = part.exponent / (part.exponent - 1.0)
@@ -81,21 +63,13 @@ def support_point(part: Part, direction: Array) -> Array:
 
 
 class PlacedObject:
-    """The parts of an object at a pose in the world.
-
-    Parameters
-    ----------
-    body : GraspObject
-    pose : array_like, shape (3,)
-        World x, y [m] and angle [rad].
-    """
+    """The parts of an object at a pose (3,) in the world: x, y [m] and angle [rad]."""
 
     def __init__(self, body: GraspObject, pose: Array) -> None:
         self.parts = body.parts
         self.position = np.asarray(pose[:2], dtype=float)
         self._turn = _turn(float(pose[2]))
-        self.com = self.position + self._turn @ np.asarray(body.com)
-        """World position of the center of mass [m]."""
+        self.com = self.position + self._turn @ np.asarray(body.com)  # center of mass in the world [m]
 
     def world(self, points: Array) -> Array:
         """World positions of points of the object's frame [m]."""
@@ -171,6 +145,7 @@ def _turn(angle: float) -> Array:
 
 
 def _rounded_polygon(core: Array, radius: float, points: Array) -> Nearest:
+    """Everything within ``radius`` of a convex core: one point (a disc), two (a slot), or a polygon."""
     count = np.arange(len(points))
     if len(core) == 1:
         off = points - core
@@ -181,10 +156,12 @@ def _rounded_polygon(core: Array, radius: float, points: Array) -> Nearest:
     length = np.hypot(span[:, 0], span[:, 1])
     along = span / length[:, None]
     out = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    # Of each point (rows) seen from each edge (columns): how far along it, above it, and beside its ends.
     walked = points @ along.T - (core * along).sum(axis=1)
     height = points @ out.T - (core * out).sum(axis=1)
     beside = walked - np.clip(walked, 0.0, length)
     inside = (height <= 0.0).all(axis=1) if len(core) > 2 else np.zeros(count.size, dtype=bool)
+    # Inside, the nearest edge is the least deep one; outside, the one whose foot or end is nearest.
     edge = np.where(inside, height.argmax(axis=1), np.hypot(height, beside).argmin(axis=1))
     height, beside, walked = height[count, edge], beside[count, edge], walked[count, edge]
     away = np.hypot(height, np.where(inside, 0.0, beside))
@@ -200,6 +177,7 @@ def _rounded_polygon(core: Array, radius: float, points: Array) -> Nearest:
 
 def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nearest:
     """In the superellipse's own frame; sought in the quadrant of each point, where its nearest point lies."""
+    # Newton on the curve's polar angle, safeguarded by bisection between the neighbors of the best point tried.
     scale = max(axes)
     a, b = axes[0] / scale, axes[1] / scale
     sign = np.where(points < 0.0, -1.0, 1.0)
@@ -209,7 +187,7 @@ def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nea
     k = ((x[:, None] - grid[0]) ** 2 + (y[:, None] - grid[1]) ** 2).argmin(axis=1)
     low, high = tried[np.maximum(k - 1, 0)], tried[np.minimum(k + 1, tried.size - 1)]
     angle = tried[k]
-    for _ in range(60):
+    for _ in range(60):  # enough for bisection alone to reach rounding
         (px, py), (nx, ny), (dpx, dpy), (dnx, dny) = _curve(a, b, power, angle)
         # the way on is (-ny, nx): on along the curve where the point lies ahead
         ahead = (y - py) * nx - (x - px) * ny
@@ -245,6 +223,7 @@ def _curve(a: float, b: float, power: float, angle: Array) -> tuple[tuple[Array,
     c, s = np.maximum(c, 0.0), np.maximum(s, 0.0)
     cb, sb = (c / a) ** (power - 2.0), (s / b) ** (power - 2.0)
     nx, ny = cb * c / a**2, sb * s / b**2
+    # On the ray at this angle |x/a|^p + |y/b|^p = g r^p, which is 1 on the curve.
     g = nx * c + ny * s
     r = g ** (-1.0 / power)
     dr = -r / g * (ny * c - nx * s)

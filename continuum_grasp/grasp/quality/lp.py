@@ -45,24 +45,12 @@ lie outside the cones, are not taken."""
 
 @dataclass(frozen=True)
 class LPOutcome:
-    """What became of an LP.
-
-    Attributes
-    ----------
-    status : {"optimal", "infeasible", "unbounded", "failed"}
-        failed: the solver gave up, or its point violates a row or a bound; never to be read as infeasible.
-    x : ndarray, shape (n,)
-        The optimum; NaN unless optimal.
-    objective : float
-        cost @ x; NaN unless optimal.
-    residual : float
-        Greatest violation of a row or bound, as a part of one and the numbers in it; NaN where there is no point.
-    """
+    """What became of an LP; ``failed`` (the solver gave up, or its point breaks a limit) is not infeasible."""
 
     status: Outcome
-    x: Array
-    objective: float
-    residual: float
+    x: Array  # (n,) the optimum; NaN unless optimal
+    objective: float  # cost @ x; NaN unless optimal
+    residual: float  # greatest violation of a row or bound, per one and the numbers in it; NaN where there is no point
 
     @property
     def optimal(self) -> bool:
@@ -78,100 +66,66 @@ def solve_lp(
     lower: ArrayLike = -np.inf,
     upper: ArrayLike = np.inf,
 ) -> LPOutcome:
-    """Minimize cost @ x where row_lower <= rows @ x <= row_upper and lower <= x <= upper.
+    """Minimize cost @ x where row_lower <= rows @ x <= row_upper and lower <= x <= upper; rows (m, n), x (n,).
 
     Scale unknowns and rows so that what matters is near one: the solver's tolerances are absolute, and it takes
-    entries of ``rows`` below 1e-9 for zero.
-
-    Parameters
-    ----------
-    cost : array_like, shape (n,)
-    rows : array_like, shape (m, n)
-        Zeros are left out of what the solver sees.
-    row_lower, row_upper : array_like, shape (m,) or ()
-        Infinite where a row is one-sided.
-    lower, upper : array_like, shape (n,) or ()
-
-    Returns
-    -------
-    LPOutcome
+    entries of ``rows`` below 1e-9 for zero. Limits are infinite where one-sided, and may be a single number for all.
 
     Raises
     ------
     InputError
-        A number is NaN, a cost or row is infinite, or shapes do not fit.
+        A number is NaN, or a cost or row is infinite.
     """
     cost = np.atleast_1d(np.asarray(cost, dtype=float))
     n = cost.size
     rows = np.asarray(rows, dtype=float).reshape(-1, n)
     m = rows.shape[0]
-    low, high = _limits(row_lower, row_upper, m)
-    least, most = _limits(lower, upper, n)
+    # The bounds are limits of the unknowns as those of the rows are: all of them are checked together.
+    low, high = (
+        np.concatenate([np.broadcast_to(np.asarray(v, dtype=float), count) for v, count in ((of_rows, m), (of_x, n))])
+        for of_rows, of_x in ((row_lower, lower), (row_upper, upper))
+    )
+    if np.isnan([low, high]).any():
+        raise InputError("an LP with a limit that is not a number")
     if not (np.isfinite(cost).all() and np.isfinite(rows).all()):  # the solver would call this optimal at zero
         raise InputError("an LP with a number that is not finite in its cost or rows")
-    nothing = np.full(n, np.nan)
-    if (low > high).any() or (least > most).any() or _open_end(low, high) or _open_end(least, most):
-        return LPOutcome("infeasible", nothing, float("nan"), float("nan"))
+    none = LPOutcome("infeasible", np.full(n, np.nan), float("nan"), float("nan"))
+    if (low > high).any() or (low == np.inf).any() or (high == -np.inf).any():
+        return none
     matrix = ca.sparsify(ca.DM(rows))
     solver = ca.conic("lp", "highs", {"a": matrix.sparsity(), "h": ca.Sparsity(n, n)}, _OPTIONS)
-    found = solver(g=ca.DM(cost), a=matrix, lba=low, uba=high, lbx=least, ubx=most)
+    found = solver(g=ca.DM(cost), a=matrix, lba=low[:m], uba=high[:m], lbx=low[m:], ubx=high[m:])
     status = _NAMES.get(str(solver.stats()["return_status"]), "failed")
     if status != "optimal":
-        return LPOutcome(status, nothing, float("nan"), float("nan"))
+        return replace(none, status=status)
     x = np.asarray(found["x"], dtype=float).ravel()
-    residual = _residual(x, rows, low, high, least, most)
+    values = np.concatenate([rows @ x, x])
+    size = 1.0 + np.concatenate([np.abs(rows) @ np.abs(x), np.abs(x)])
+    residual = float((np.maximum(np.maximum(low - values, values - high), 0.0) / size).max(initial=0.0))
     if not residual <= RESIDUAL:
-        return LPOutcome("failed", nothing, float("nan"), residual)
+        return replace(none, status="failed", residual=residual)
     return LPOutcome("optimal", x, float(cost @ x), residual)
-
-
-def _limits(lower: ArrayLike, upper: ArrayLike, count: int) -> tuple[Array, Array]:
-    low, high = (np.broadcast_to(np.asarray(v, dtype=float), (count,)).copy() for v in (lower, upper))
-    if np.isnan(low).any() or np.isnan(high).any():
-        raise InputError("an LP with a limit that is not a number")
-    return low, high
-
-
-def _open_end(low: Array, high: Array) -> bool:
-    """Whether a limit lies at the wrong infinity."""
-    return bool((low == np.inf).any() or (high == -np.inf).any())
-
-
-def _residual(x: Array, rows: Array, low: Array, high: Array, least: Array, most: Array) -> float:
-    values = rows @ x
-    size = 1.0 + np.abs(rows) @ np.abs(x)
-    off = np.maximum(np.maximum(low - values, values - high), 0.0) / size
-    out = np.maximum(np.maximum(least - x, x - most), 0.0) / (1.0 + np.abs(x))
-    return float(max(off.max(initial=0.0), out.max(initial=0.0)))
 
 
 @dataclass
 class Cones:
-    """Second-order cones |A_k x + a_k| <= b_k @ x + c_k for k = 1..K, vectors with two components.
+    """Second-order cones |A_k x + a_k| <= b_k @ x + c_k for k = 1..K, vectors with two components."""
 
-    Attributes
-    ----------
-    matrix : ndarray, shape (K, 2, n)
-    offset : ndarray, shape (K, 2)
-    width : ndarray, shape (K, n)
-    spare : ndarray, shape (K,)
-    cuts : list of (int, ndarray)
-        Cone and unit direction u of the planes u @ (A_k x + a_k) <= b_k @ x + c_k that stand for it so far. They
-        hold for any width, so they stay valid while widths change.
-    """
-
-    matrix: Array
-    offset: Array
-    width: Array
-    spare: Array
+    matrix: Array  # (K, 2, n) A
+    offset: Array  # (K, 2) a
+    width: Array  # (K, n) b
+    spare: Array  # (K,) c
+    # Cone and unit direction u (2,) of the tangent planes u @ (A_k x + a_k) <= b_k @ x + c_k that stand for it so far.
+    # They hold for any width, so they stay valid while widths change.
     cuts: list[tuple[int, Array]]
 
     @classmethod
-    def made(cls, matrix: Array, offset: Array, width: Array, spare: Array, directions: int = 12) -> Cones:
+    def made(cls, matrix: Array, offset: Array, width: Array, spare: Array) -> Cones:
         """Cones with tangent planes in evenly spread directions; where a component is always zero, both sides of the
         other, which is the cone itself.
         """
-        turns = 2 * np.pi * np.arange(directions) / directions
+        # The first polygon exceeds the cone by 1 / cos(15 deg) - 1 = 3.5 % at most; cuts at solutions refine it.
+        turns = 2 * np.pi * np.arange(12) / 12
         around = list(np.stack([np.cos(turns), np.sin(turns)], axis=1))
         cuts: list[tuple[int, Array]] = []
         for k in range(matrix.shape[0]):
@@ -206,25 +160,18 @@ def solve_socp(
     upper: ArrayLike,
     cones: Cones,
 ) -> LPOutcome:
-    """Minimize cost @ x as `solve_lp` does, x in addition within cones.
+    """Minimize cost @ x as `solve_lp` does, x in addition within cones, which get tangent planes added.
 
     The tangent planes contain the cones: ``infeasible`` is certain, and the optimum is not short of the true one by
     more than 1e-7 per cone. Give finite bounds: the planes are unbounded in more directions than the cones.
-
-    Parameters
-    ----------
-    cost, rows, row_lower, row_upper, lower, upper
-        As in `solve_lp`.
-    cones : Cones
-        Gets tangent planes added.
     """
     cost, rows = np.asarray(cost, dtype=float), np.asarray(rows, dtype=float)
     low, high = (np.broadcast_to(np.asarray(v, dtype=float), (rows.shape[0],)) for v in (row_lower, row_upper))
     least, most = (np.broadcast_to(np.asarray(v, dtype=float), cost.shape) for v in (lower, upper))
     count = cones.spare.size
-    outcome = LPOutcome("failed", np.full(cost.size, np.nan), float("nan"), float("nan"))
     for _ in range(ROUNDS):
         planes, limit = cones.planes()
+        # One more unknown per cone, how deep the point lies within all of its planes, is worth _INWARD of the cost.
         depth = np.zeros((limit.size, count))
         depth[np.arange(limit.size), [k for k, _ in cones.cuts]] = 1.0
         found = solve_lp(
@@ -238,4 +185,4 @@ def solve_socp(
         x = found.x[: cost.size]
         if not found.optimal or not cones.cut(x):
             return replace(found, x=x, objective=float(cost @ x))
-    return outcome
+    return LPOutcome("failed", np.full(cost.size, np.nan), float("nan"), float("nan"))

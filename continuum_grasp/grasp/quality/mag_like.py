@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.quality.bent_finger import BentFinger
 from continuum_grasp.grasp.quality.contact_set import ContactSet
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
 
@@ -25,24 +25,14 @@ TRANSLATION = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 @dataclass(frozen=True)
 class MagLike:
-    """The index and its three aspects, each from 0 to 1 and the geometric mean over the tasks.
+    """The index and its three aspects, each from 0 to 1 and the geometric mean over the tasks."""
 
-    Attributes
-    ----------
-    object_aspect : float
-        How little of the contact forces is spent on the moment that the task's force has about the contacts' center.
-    configuration_aspect : float
-        How well the fingers' shapes suit motions along the task, against their best direction.
-    kinetic_aspect : float
-        Share of the kinetic energy that is the object's.
-    tasks : tuple of (float, float, float)
-        Directions of motion: x, y, and turning times ``torque_scale``.
-    """
-
+    # How little of the contact forces is spent on the moment that the task's force has about the contacts' center.
     object_aspect: float
+    # How well the fingers' shapes suit motions along the task, against their best direction.
     configuration_aspect: float
+    # Share of the kinetic energy that is the object's.
     kinetic_aspect: float
-    tasks: tuple[tuple[float, float, float], ...]
 
     @property
     def value(self) -> float:
@@ -55,67 +45,62 @@ def mag_like(
 ) -> MagLike:
     """The index of a grasp; only contacts with fingers count.
 
-    Parameters
-    ----------
-    scene : GraspScene
-        The object's moment of inertia is taken to be that of a disc of radius ``object.size``.
-    arrays : mapping
-        Of the grasp.
-    tasks : sequence of (float, float, float), optional
-        Directions of motion of the object: x and y of the center of mass, and turning times ``scene.torque_scale``.
+    Tasks are directions of motion of the object: x and y of the center of mass, turning times ``scene.torque_scale``.
     """
-    contacts = ContactSet.of(scene, arrays)
+    contacts = ContactSet(scene, arrays)
+    fingers = [BentFinger(setup, arrays, contacts) for setup in scene.setups if contacts.of(setup.name)]
+    if not fingers:
+        return MagLike(0.0, 0.0, 0.0)
     touching = [k for k in range(contacts.count) if contacts.finger_of(k) is not None]
-    directions = tuple((float(a), float(b), float(c)) for a, b, c in tasks)
-    if not touching or not directions:
-        return MagLike(0.0, 0.0, 0.0, directions)
-    mobilities = [
-        _mobility(setup, arrays, contacts, mine)
-        for setup in scene.setups
-        if (mine := [k for k in touching if contacts.finger_of(k) == setup.name])
-    ]
+    mobilities = [_Mobility(finger, contacts) for finger in fingers]
     mass = scene.object.mass
+    # Scenes have no moment of inertia: that of a disc of the object's size.
     inertia = np.array([mass, mass, 0.5 * mass * scene.object.size**2])
     found = []
-    for direction in directions:
-        twist = np.asarray(direction) / np.linalg.norm(direction) / np.array([1.0, 1.0, scene.torque_scale])
+    for task in tasks:
+        twist = np.asarray(task) / np.linalg.norm(task) / np.array([1.0, 1.0, scene.torque_scale])
         energy = float(twist @ (inertia * twist))
         bending, moving = zip(*(mobility.along(twist) for mobility in mobilities), strict=True)
         whole = energy + float(sum(moving))
-        found.append(
-            (
-                _object_aspect(contacts.arms[touching], inertia * twist),
-                float(np.prod(bending)) ** (1.0 / len(bending)),
-                energy / whole if whole > 0.0 else 0.0,
-            )
-        )
-    aspects = np.prod(np.array(found), axis=0) ** (1.0 / len(found))
-    return MagLike(float(aspects[0]), float(aspects[1]), float(aspects[2]), directions)
+        balance = _object_aspect(contacts.arms[touching], inertia * twist)
+        found.append((balance, float(np.prod(bending)) ** (1.0 / len(bending)), energy / whole if whole > 0.0 else 0.0))
+    return MagLike(*(np.prod(np.array(found), axis=0) ** (1.0 / len(found))).tolist())
 
 
 def _object_aspect(arms: Array, wrench: Array) -> float:
     """Least squares of contact forces for a wrench: the part that is left if its force acted at their center."""
     center = arms.mean(axis=0)
+    # Forces of least squares for a force F and a moment M about the center of C contacts: |F|^2 / C + M^2 / spread.
     spread = float(((arms - center) ** 2).sum())
     off = float(center[0] * wrench[1] - center[1] * wrench[0])
     force = float(wrench[:2] @ wrench[:2]) / len(arms)
     size = float(np.hypot(*arms.T).max())
+    # All contacts in one place resist no moment.
     if spread <= 1e-24 * max(size, 1e-300) ** 2:
         return 1.0 if wrench[2] == 0.0 and abs(off) <= 1e-12 * size * float(np.hypot(*wrench[:2])) else 0.0
     wanted = force + float(wrench[2]) ** 2 / spread
     return wanted / (wanted + off**2 / spread) if wanted > 0.0 else 0.0
 
 
-@dataclass(frozen=True)
 class _Mobility:
-    """How one finger's contacts move: c of them."""
+    """How the c contacts of one finger move with the object, and how the finger follows."""
 
-    grasp: Array
-    """(2 c, 3) velocities of the contact points per twist of the object."""
-    compliance: Array
-    """(2 c, 2 c) motions per contact force with the rod's stiffness."""
-    mobility: Array
-    """(2 c, 2 c) the same with the finger's inertia."""
+    def __init__(self, finger: BentFinger, contacts: ContactSet) -> None:
+        rows, grasp = [], []
+        for k in finger.touching:
+            section = finger.section(k)
+            rows.append(section.shift - finger.finger.thickness_radius * np.outer(contacts.across[k], section.turn))
+            x, y = contacts.arms[k]
+            grasp.append(np.array([[1.0, 0.0, -y], [0.0, 1.0, x]]))
+        jacobian, inertia = np.concatenate(rows), finger.inertia()
+        # Rods without weight but with a mass at the tip have a singular mass matrix.
+        inertia += 1e-12 * np.trace(inertia) / len(inertia) * np.eye(len(inertia))
+        self.grasp = np.concatenate(grasp)  # (2 c, 3) velocities of the contact points per twist of the object
+        # (2 c, 2 c) motions per contact force, with the rod's stiffness and with the finger's inertia
+        self.compliance = jacobian @ np.linalg.solve(finger.bending, jacobian.T)
+        self.mobility = (
+            jacobian @ np.linalg.solve(inertia, jacobian.T) if inertia.any() else np.zeros_like(self.compliance)
+        )
 
     def along(self, twist: Array) -> tuple[float, float]:
         """Configuration aspect, and the finger's energy (twice), of a motion."""
@@ -132,23 +117,3 @@ class _Mobility:
 def _cost(motion: Array, matrix: Array, greatest: float) -> float:
     """Motion @ inverse @ motion; very large, not infinite, for a motion that the finger cannot follow."""
     return float(motion @ np.linalg.solve(matrix + 1e-12 * greatest * np.eye(len(matrix)), motion))
-
-
-def _mobility(setup: FingerSetup, arrays: Mapping[str, Any], contacts: ContactSet, mine: Sequence[int]) -> _Mobility:
-    own = {key: arrays[f"{setup.name}.{key}"] for key in ("q", "lengths", "curvature_shapes", "tip_curvature", "base")}
-    finger = BentFinger(setup.finger, own, [float(contacts.stations[k]) for k in mine])
-    thickness = setup.finger.thickness_radius
-    rows, grasp = [], []
-    for k in mine:
-        section = finger.section(float(contacts.stations[k]))
-        rows.append(section.shift - thickness * np.outer(contacts.across[k], section.turn))
-        x, y = contacts.arms[k]
-        grasp.append(np.array([[1.0, 0.0, -y], [0.0, 1.0, x]]))
-    jacobian = np.concatenate(rows)
-    inertia = finger.inertia()
-    inertia += 1e-12 * np.trace(inertia) / len(inertia) * np.eye(len(inertia))
-    return _Mobility(
-        np.concatenate(grasp),
-        jacobian @ np.linalg.solve(finger.bending, jacobian.T),
-        jacobian @ np.linalg.solve(inertia, jacobian.T) if inertia.any() else np.zeros((len(jacobian), len(jacobian))),
-    )

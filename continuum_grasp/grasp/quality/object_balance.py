@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,33 +18,25 @@ from continuum_grasp.errors import NumericalError
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.grasp.quality.lp import ROUNDS, Cones, solve_lp, solve_socp
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
 Array = NDArray[Any]
 
 MOST = 1e4
 """Friction coefficients above this are no answer: no surface has them."""
+_TOLERANCE = 1e-8
+"""Of the least friction, relative."""
 _SLACK = 1e-9
 """Excess over a cone, as a part of the weight, that is none."""
 
 
 @dataclass(frozen=True)
 class LeastFriction:
-    """Answer of `least_friction`.
+    """What the friction of C contacts must be at least."""
 
-    Attributes
-    ----------
-    factor : float
-        What all friction coefficients must be multiplied with, at least; infinite where none is enough.
-    coefficients : dict
-        The resulting coefficients by contact [1].
-    forces : ndarray, shape (C, 3)
-        Forces that then balance the object: N, f, lift [N]; NaN where none do.
-    """
-
-    factor: float
-    coefficients: dict[str, float]
-    forces: Array
+    factor: float  # what all friction coefficients must be multiplied with; infinite where none is enough
+    coefficients: dict[str, float]  # the resulting ones by contact [1]
+    forces: Array  # (C, 3) that then balance the object: N, f, lift [N]; NaN where none do
 
     @property
     def enough(self) -> bool:
@@ -52,28 +44,19 @@ class LeastFriction:
         return self.factor <= 1.0 + 1e-9
 
 
-def least_friction(
-    scene: GraspScene, arrays: Mapping[str, Any], *, same: bool = False, tolerance: float = 1e-8
-) -> LeastFriction:
+def least_friction(scene: GraspScene, arrays: Mapping[str, Any], *, same: bool = False) -> LeastFriction:
     """Least friction with which contact forces within their limits could balance the object where it is.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        Of a grasp: object's pose, contacts and their normals; forces and fingers are not looked at.
-    same : bool, optional
-        True: one coefficient for all contacts in place of the scene's, ``factor`` being that coefficient. False: the
-        scene's coefficients times a common factor; contacts without friction stay so.
-    tolerance : float, optional
-        Relative.
+    The object's pose, contacts and normals of a grasp count; its forces and fingers do not. The scene's coefficients
+    are multiplied with a common factor, so that contacts without friction stay so; with ``same`` all contacts have one
+    coefficient, which is the factor.
 
     Raises
     ------
     NumericalError
         The problems could not be solved.
     """
-    contacts = ContactSet.of(scene, arrays)
+    contacts = ContactSet(scene, arrays)
     balance = _Balance(scene, contacts)
     base = np.ones(contacts.count) if same else contacts.friction
     rough = float(base.max(initial=0.0))
@@ -87,10 +70,10 @@ def least_friction(
                 break
     # Down from one balance to the next, which presses harder and needs less friction.
     while forces is not None and factor > 0.0:
-        better = balance.forces(base * factor * (1.0 - tolerance))
+        better = balance.forces(base * factor * (1.0 - _TOLERANCE))
         if better is None:
             break
-        forces, factor = better, min(balance.used(better, base), factor * (1.0 - tolerance))
+        forces, factor = better, min(balance.used(better, base), factor * (1.0 - _TOLERANCE))
     found = np.full((contacts.count, 3), np.nan) if forces is None else forces
     coefficients = {n: float(factor * mu) if mu > 0.0 else 0.0 for n, mu in zip(contacts.names, base, strict=True)}
     return LeastFriction(float(factor), coefficients, found)
@@ -100,14 +83,8 @@ def greatest_mass(scene: GraspScene, arrays: Mapping[str, Any]) -> float:
     """Greatest mass that contact forces within their limits could hold where everything is [kg].
 
     Infinite without gravity; 0 where the contacts can balance no weight at all.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        Of a grasp, as in `least_friction`.
     """
-    contacts = ContactSet.of(scene, arrays)
+    contacts = ContactSet(scene, arrays)
     balance = _Balance(scene, contacts)
     if balance.weight_per_mass == 0.0:
         return float("inf")
@@ -118,41 +95,34 @@ class _Balance:
     """The object's balance over (N, f, lift) of each contact and the mass, in units of a force and of its weight."""
 
     def __init__(self, scene: GraspScene, contacts: ContactSet) -> None:
-        count = contacts.count
-        lifted = isinstance(scene.gravity, OutOfPlaneGravity)
-        direction = np.zeros(3)
-        self.weight_per_mass = 0.0
-        if isinstance(scene.gravity, OutOfPlaneGravity):
-            self.weight_per_mass = scene.gravity.magnitude
-        elif scene.gravity.mode == "planar":
-            direction[:2] = scene.gravity.vector
-            self.weight_per_mass = float(np.hypot(*direction[:2]))
-            direction /= max(self.weight_per_mass, 1e-300)
-        self.count, self.lifted = count, lifted
+        count, gravity = contacts.count, scene.gravity
+        self.count, self.lifted = count, isinstance(gravity, OutOfPlaneGravity)
+        vector = np.array(gravity.vector if isinstance(gravity, PlanarGravity) else (0.0, 0.0), dtype=float)
+        planar = float(np.hypot(*vector))
+        self.weight_per_mass = gravity.magnitude if isinstance(gravity, OutOfPlaneGravity) else planar
         most = float(contacts.normal_max.max(initial=0.0)) or 1.0
-        self.weight = scene.object.mass * self.weight_per_mass
-        self.force = self.weight if 0.0 < self.weight < most else most
+        weight = scene.object.mass * self.weight_per_mass
+        self.force = weight if 0.0 < weight < most else most
+        self.weight = weight / self.force
         length = max(float(np.abs(contacts.arms).max(initial=0.0)), 1e-300)
-        rows = np.zeros((6, 3 * count + 1))
-        grasp = contacts.wrench_map() / np.array([1.0, 1.0, length])[:, None, None]
-        rows[:3, :-1].reshape(3, count, 3)[:, :, :2] = grasp
-        rows[:3, -1] = direction
-        if lifted:
-            lifts = rows[3:, :-1].reshape(3, count, 3)
-            lifts[0, :, 2] = 1.0
+        # Rows: force x and y, moment, lift, tilt about x and y; columns: N, f, lift of each contact, and the weight.
+        self.rows = rows = np.zeros((6, 3 * count + 1))
+        per_contact = rows[:, :-1].reshape(6, count, 3)
+        per_contact[:3, :, :2] = contacts.wrench_map() / np.array([1.0, 1.0, length])[:, None, None]
+        rows[:2, -1] = vector / max(planar, 1e-300)
+        if isinstance(gravity, OutOfPlaneGravity):
+            per_contact[3, :, 2] = 1.0
             rows[3, -1] = -1.0
-            if scene.gravity.tilt == "balance":  # type: ignore[union-attr]
-                lifts[1:, :, 2] = contacts.arms.T / length
-        self.rows = rows
+            if gravity.tilt == "balance":
+                per_contact[4:, :, 2] = contacts.arms.T / length
         self.normal_max = contacts.normal_max / self.force
         matrix = np.zeros((count, 2, 3 * count + 1))
-        width = np.zeros((count, 3 * count + 1))
+        self._unit_width = np.zeros((count, 3 * count + 1))
         for k in range(count):
             matrix[k, 0, 3 * k + 1] = 1.0
-            matrix[k, 1, 3 * k + 2] = 1.0 if lifted else 0.0
-            width[k, 3 * k] = 1.0
-        self.cones = Cones.made(matrix, np.zeros((count, 2)), width, np.zeros(count))
-        self._unit_width = width
+            matrix[k, 1, 3 * k + 2] = 1.0 if self.lifted else 0.0
+            self._unit_width[k, 3 * k] = 1.0
+        self.cones = Cones.made(matrix, np.zeros((count, 2)), self._unit_width, np.zeros(count))
 
     def forces(self, friction: Array) -> Array | None:
         """Forces (C, 3) [N] that balance the object's own weight, None where there are none.
@@ -160,21 +130,20 @@ class _Balance:
         Over N, and friction forces as parts of their coefficients, the greatest excess over a cone is made as small
         as can be.
         """
-        size, weight = 3 * self.count, self.weight / self.force
         turned = np.ones((self.count, 3))
         turned[:, 1:] = friction[:, None]
         rows = np.column_stack([self.rows[:, :-1] * turned.ravel(), np.zeros(6)])
-        lower, upper = self._bounds(weight, weight)
+        lower, upper = self._bounds()
         lower[-1], upper[-1] = -float(self.normal_max.max(initial=0.0)), 2.0 * float(self.normal_max.sum()) + 1.0
-        cones = self.cones
+        cones, load = self.cones, -self.rows[:, -1] * self.weight
         cones.width = np.column_stack([self._unit_width[:, :-1], np.ones(self.count)])
         for _ in range(ROUNDS):
             planes, limit = cones.planes()
             found = solve_lp(
-                np.append(np.zeros(size), 1.0),
+                np.append(np.zeros(3 * self.count), 1.0),
                 np.concatenate([rows, planes]),
-                np.concatenate([-self.rows[:, -1] * weight, np.full(limit.size, -np.inf)]),
-                np.concatenate([-self.rows[:, -1] * weight, limit]),
+                np.concatenate([load, np.full(limit.size, -np.inf)]),
+                np.concatenate([load, limit]),
                 lower,
                 upper,
             )
@@ -183,9 +152,8 @@ class _Balance:
             if not found.optimal:
                 break
             shares = found.x[:-1].reshape(self.count, 3)
-            if (np.hypot(shares[:, 1], shares[:, 2]) - shares[:, 0]).max(initial=0.0) <= 2.0 * _SLACK:
-                return np.asarray(shares * turned * self.force)
-            if not cones.cut(found.x):
+            excess = (np.hypot(shares[:, 1], shares[:, 2]) - shares[:, 0]).max(initial=0.0)
+            if excess <= 2.0 * _SLACK or not cones.cut(found.x):
                 return np.asarray(shares * turned * self.force)
         raise NumericalError("the balance of the object could not be distinguished from imbalance")
 
@@ -197,27 +165,21 @@ class _Balance:
 
     def greatest(self, friction: Array) -> float:
         """Greatest mass [kg]."""
-        most = float(self.normal_max.sum()) * (1.0 + float(friction.max(initial=0.0))) + 1.0
-        lower, upper = self._bounds(0.0, most)
-        cost = np.zeros(3 * self.count + 1)
-        cost[-1] = -1.0
-        cones = Cones(
-            self.cones.matrix,
-            self.cones.offset,
-            self._unit_width * friction[:, None],
-            self.cones.spare,
-            self.cones.cuts,
-        )
+        lower, upper = self._bounds()
+        upper[-1] = float(self.normal_max.sum()) * (1.0 + float(friction.max(initial=0.0))) + 1.0
+        cost = np.append(np.zeros(3 * self.count), -1.0)
+        cones = replace(self.cones, width=self._unit_width * friction[:, None])
         found = solve_socp(cost, self.rows, 0.0, 0.0, lower, upper, cones)
         if not found.optimal:  # without weight nothing has to push
             raise NumericalError("the greatest mass could not be computed")
         return max(0.0, float(found.x[-1])) * self.force / self.weight_per_mass
 
-    def _bounds(self, least: float, most: float) -> tuple[Array, Array]:
+    def _bounds(self) -> tuple[Array, Array]:
+        """Least and most of the contacts' forces, and zeros for the last unknown."""
         lower, upper = np.zeros(3 * self.count + 1), np.zeros(3 * self.count + 1)
+        # Cones limit friction forces; LPs over tangent planes alone need a finite bound beyond what cones could allow.
         reach = np.repeat(1e6 * self.normal_max[:, None], 2, axis=1)
         lower[:-1].reshape(-1, 3)[:, 1:] = -reach
         upper[:-1].reshape(-1, 3)[:, 0] = self.normal_max
         upper[:-1].reshape(-1, 3)[:, 1:] = reach if self.lifted else reach * np.array([1.0, 0.0])
-        lower[-1], upper[-1] = least, most
         return lower, upper

@@ -15,13 +15,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.quality.bent_finger import BentFinger, Rolling, finger_rolling, support_rolling
+from continuum_grasp.grasp.quality.bent_finger import BentFinger, finger_rolling, support_rolling
 from continuum_grasp.grasp.quality.contact_set import ContactSet
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import PlanarGravity
+from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
 Tendons = Literal["retensioned", "locked"]
+"""Whether tensions are chosen anew for a disturbance, or tendon lengths stay fixed."""
 
 COMPLIANCE = 1e-8
 """Give of each contact, as a part of L^3 / (E I) of the stiffest finger: it shares out forces that rigid contacts would
@@ -30,50 +30,22 @@ leave open, between two ends of a face on a wall for instance."""
 
 @dataclass(frozen=True)
 class Change:
-    """What K unit causes change.
+    """What K unit causes change."""
 
-    Attributes
-    ----------
-    pose : ndarray, shape (3, K)
-        Of the object: center of mass [m], angle [rad].
-    forces : ndarray, shape (C, 2, K)
-        Normal and friction force of each contact, along directions that turn with the contact [N].
-    differences : ndarray, shape (F, K)
-        Tension 1 less tension 2 of each finger [N].
-    bends : ndarray, shape (F, K)
-        Angle of each finger's tip [rad].
-    """
-
-    pose: Array
-    forces: Array
-    differences: Array
-    bends: Array
+    pose: Array  # (3, K) of the object: center of mass [m], angle [rad]
+    forces: Array  # (C, 2, K) normal and friction force, along directions that turn with the contact [N]
+    differences: Array  # (F, K) tension 1 less tension 2 of each finger [N]
+    bends: Array  # (F, K) angle of each finger's tip [rad]
 
 
 class GraspResponse:
-    """First-order response of a grasp.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        Of the grasp; an equilibrium.
-
-    Attributes
-    ----------
-    contacts : ContactSet
-    setups : tuple of FingerSetup
-        Of the F fingers.
-    tensions : ndarray, shape (F, 2)
-        Stored tensions [N].
-    """
+    """First-order response of a grasp, which must be an equilibrium, with F fingers and C contacts."""
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
-        self.scene = scene
-        self.contacts = ContactSet.of(scene, arrays)
+        self.contacts = ContactSet(scene, arrays)
         self.setups = scene.setups
-        self.tensions = np.array([np.asarray(arrays[f"{s.name}.tensions"], dtype=float) for s in self.setups])
-        self._fingers = [self._bent(setup, arrays) for setup in self.setups]
+        self.tensions = np.array([np.asarray(arrays[f"{s.name}.tensions"], dtype=float) for s in self.setups])  # [N]
+        self._fingers = [BentFinger(setup, arrays, self.contacts) for setup in self.setups]
         starts = np.cumsum([0, *(finger.size for finger in self._fingers)])
         self._slices = [slice(a, b) for a, b in pairwise(starts)]
         self._object = int(starts[-1])
@@ -81,9 +53,11 @@ class GraspResponse:
         self._stiffness = np.zeros((size, size))
         self._jacobian = np.zeros((2 * count, size))
         self._turn_of_normal = np.zeros((count, size))
+        # Change of a tendon's path per its offset, and the work of its tension: with tendon friction, which the motion
+        # leaves as it is, the two differ and locked tendons make the system unsymmetric.
         self._plain, self._shared = np.zeros((len(self._fingers), size)), np.zeros((len(self._fingers), size))
         for k, (setup, finger, part) in enumerate(zip(self.setups, self._fingers, self._slices, strict=True)):
-            self._add_finger(setup, finger, part)
+            self._stiffness[part, part] += finger.bending + finger.load_stiffness()
             self._plain[k, part], self._shared[k, part] = finger.tip_turn, setup.tendons.offset * finger.tendon_turn
         for contact in range(count):
             self._add_contact(contact)
@@ -91,10 +65,17 @@ class GraspResponse:
 
     def stable(self, tendons: Tendons) -> bool:
         """Whether every small motion that the contacts and, where locked, the tendons leave raises the energy."""
-        scale = np.sqrt(self._metric())
-        jacobian = self._jacobian if tendons == "retensioned" else np.concatenate([self._jacobian, self._locks()])
+        length = max(finger.length for finger in self._fingers)
+        # Weights that make the unknowns comparable: L per curvature squared, 1 / L^2 per shift squared.
+        parts = [np.full(finger.size, finger.length**2 / finger.size) for finger in self._fingers]
+        scale = np.sqrt(np.concatenate([*parts, [length**-2, length**-2, 1.0]]))
+        # Rows of the tendons' constraints times L, which makes them lengths as those of the contacts are.
+        locks = [length * self._plain] if tendons == "locked" else []
+        jacobian = np.concatenate([self._jacobian, *locks])
+        # Finsler's lemma: positive definite where the constraints hold, if it is so with a great enough penalty.
         hessian = self._stiffness + jacobian.T @ jacobian / (10.0 * self._compliance)
         hessian = 0.5 * (hessian + hessian.T) / np.outer(scale, scale)
+        # Zero up to rounding, a motion without stiffness, is not stable.
         least = 1e-9 * min(f.finger.rod.stiffness / f.length for f in self._fingers)
         try:
             np.linalg.cholesky(hessian - least * np.eye(len(hessian)))
@@ -112,99 +93,55 @@ class GraspResponse:
         """Response to each finger's tension 1 less tension 2 growing by 1 N: K = F."""
         return self._solve(self._shared.T, "retensioned")
 
-    # -- making ----------------------------------------------------------------------------------------------
-
-    def _bent(self, setup: FingerSetup, arrays: Mapping[str, Any]) -> BentFinger:
-        own = {
-            key: arrays[f"{setup.name}.{key}"] for key in ("q", "lengths", "curvature_shapes", "tip_curvature", "base")
-        }
-        mine = [k for k in range(self.contacts.count) if self.contacts.finger_of(k) == setup.name]
-        return BentFinger(setup.finger, own, [float(self.contacts.stations[k]) for k in mine])
-
-    def _add_finger(self, setup: FingerSetup, finger: BentFinger, part: slice) -> None:
-        contacts = self.contacts
-        loads = [
-            (float(contacts.stations[k]), self._force(k))
-            for k in range(contacts.count)
-            if contacts.finger_of(k) == setup.name
-        ]
-        gravity = np.asarray(self.scene.gravity.vector) if isinstance(self.scene.gravity, PlanarGravity) else None
-        self._stiffness[part, part] += finger.bending + finger.load_stiffness(loads, gravity)
-
-    def _force(self, k: int) -> Array:
-        """World force on what touches the object [N]."""
-        normal, friction, _ = self.contacts.forces[k]
-        return np.asarray(normal * self.contacts.normals[k] + friction * self.contacts.across[k])
-
     def _add_contact(self, k: int) -> None:
         contacts, size = self.contacts, self._object + 3
         normal, across, arm = contacts.normals[k], contacts.across[k], contacts.arms[k]
         spin = np.zeros(size)
         spin[-1] = 1.0
+        # Motion of what touches the object, less that of the object's point.
         move = np.zeros((2, size))
         move[:, self._object : self._object + 2] = -np.eye(2)
         move[:, -1] = [arm[1], -arm[0]]
-        turn = np.zeros(size)
-        name = contacts.finger_of(k)
-        rolling = support_rolling(self.scene, contacts, k) if name is None else self._add_section(k, name, move, turn)
-        push = float(contacts.forces[k, 0])
-        self._stiffness -= float(self._force(k) @ arm) * np.outer(spin, spin)
+        turn = np.zeros(size)  # of the finger's section; supports do not turn
+        push, name = float(contacts.forces[k, 0]), contacts.finger_of(k)
+        if name is None:
+            rolling = support_rolling(contacts, k)
+        else:
+            at = [setup.name for setup in self.setups].index(name)
+            part, thickness = self._slices[at], self.setups[at].finger.thickness_radius
+            section = self._fingers[at].section(k)
+            turn[part] = section.turn
+            move[:, part] += section.shift - thickness * np.outer(across, section.turn)
+            # The surface circles about the backbone: h turn^2 / 2 along the normal, on which the normal force works.
+            self._stiffness[part, part] -= thickness * push * np.outer(section.turn, section.turn)
+            rolling = finger_rolling(contacts, k, section, thickness)
+        # The arm of a dead force turns with the object, and the point of contact wanders as the surfaces roll.
+        self._stiffness -= float(contacts.pushes[k] @ arm) * np.outer(spin, spin)
         self._stiffness += push * rolling.travel * np.outer(turn - spin, turn - spin)
         self._jacobian[2 * k : 2 * k + 2] = np.stack([normal @ move, across @ move])
         self._turn_of_normal[k] = rolling.finger_share * turn + rolling.object_share * spin
 
-    def _add_section(self, k: int, name: str, move: Array, turn: Array) -> Rolling:
-        """Put in how the finger's surface moves and turns at a contact."""
-        at = [setup.name for setup in self.setups].index(name)
-        finger, part, thickness = self._fingers[at], self._slices[at], self.setups[at].finger.thickness_radius
-        station = float(self.contacts.stations[k])
-        section = finger.section(station)
-        turn[part] = section.turn
-        move[:, part] += section.shift - thickness * np.outer(self.contacts.across[k], section.turn)
-        self._stiffness[part, part] -= (
-            thickness * float(self.contacts.forces[k, 0]) * np.outer(section.turn, section.turn)
-        )
-        at_tip = station >= finger.length * (1.0 - 1e-9)
-        return finger_rolling(self.scene, self.contacts, k, section, thickness, at_tip)
-
-    # -- solving ---------------------------------------------------------------------------------------------
-
-    def _metric(self) -> Array:
-        """Weights that make the unknowns comparable: L per curvature squared, 1 / L^2 per shift squared."""
-        length = max(finger.length for finger in self._fingers)
-        parts = [np.full(finger.size, finger.length**2 / finger.size) for finger in self._fingers]
-        return np.concatenate([*parts, [length**-2, length**-2, 1.0]])
-
-    def _locks(self) -> Array:
-        """Rows of the tendons' constraints, as lengths [m]."""
-        length = max(finger.length for finger in self._fingers)
-        return length * self._plain
-
     def _solve(self, causes: Array, tendons: Tendons) -> Change:
-        size, forces = self._object + 3, 2 * self.contacts.count
+        """Solve the saddle point problem of motions, contact forces and, where locked, tension differences."""
+        size, count = self._object + 3, self.contacts.count
         fingers = len(self._fingers) if tendons == "locked" else 0
-        matrix = np.zeros((size + forces + fingers, size + forces + fingers))
-        matrix[:size, :size] = self._stiffness
-        matrix[:size, size : size + forces] = -self._jacobian.T
-        matrix[size : size + forces, :size] = self._jacobian
-        matrix[size : size + forces, size : size + forces] = self._compliance * np.eye(forces)
+        moving, pushing, pulling = slice(size), slice(size, size + 2 * count), slice(size + 2 * count, None)
+        matrix = np.zeros((size + 2 * count + fingers, size + 2 * count + fingers))
+        matrix[moving, moving] = self._stiffness
+        matrix[moving, pushing] = -self._jacobian.T
+        matrix[pushing, moving] = self._jacobian
+        matrix[pushing, pushing] = self._compliance * np.eye(2 * count)
         if fingers:
-            matrix[:size, size + forces :] = -self._shared.T
-            matrix[size + forces :, :size] = self._plain
+            matrix[moving, pulling] = -self._shared.T
+            matrix[pulling, moving] = self._plain
         right = np.zeros((matrix.shape[0], causes.shape[1]))
-        right[:size] = causes
-        unknowns, lengths = np.linalg.solve(matrix, right), self.contacts.count
-        motion = unknowns[:size]
-        changed = unknowns[size : size + forces].reshape(lengths, 2, -1)
-        turned = self._turn_of_normal @ motion
-        stored = self.contacts.forces
-        along = np.stack(
-            [
-                changed[:, 0] + stored[:, 1, None] * turned,
-                changed[:, 1] - stored[:, 0, None] * turned,
-            ],
-            axis=1,
-        )
+        right[moving] = causes
+        unknowns = np.linalg.solve(matrix, right)
+        motion = unknowns[moving]
+        changed = unknowns[pushing].reshape(count, 2, -1)
+        # Seen along the turned directions, a force changes by its cross product with the turn too.
+        turned, stored = self._turn_of_normal @ motion, self.contacts.forces
+        forces = [changed[:, 0] + stored[:, 1, None] * turned, changed[:, 1] - stored[:, 0, None] * turned]
         differences = np.zeros((len(self._fingers), causes.shape[1]))
-        differences[:fingers] = unknowns[size + forces :]
-        return Change(motion[self._object :], along, differences, self._plain @ motion)
+        differences[:fingers] = unknowns[pulling]
+        return Change(motion[self._object :], np.stack(forces, axis=1), differences, self._plain @ motion)

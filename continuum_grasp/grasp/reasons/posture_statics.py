@@ -12,8 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp, across
-from continuum_grasp.grasp.certificate.recomputed_finger import FingerLoad, RecomputedFinger, gravity_vector
+from continuum_grasp.grasp.certificate.recomputed import (
+    FingerLoad,
+    RecomputedFinger,
+    RecomputedGrasp,
+    across,
+    gravity_vector,
+)
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 

@@ -1,18 +1,12 @@
-"""Tables and other parts of a grasp's web page: texts of HTML, and their style."""
+"""Parts of a web page, texts of HTML, and their style."""
 
 from __future__ import annotations
 
 import html
-import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
-
-if TYPE_CHECKING:
-    from continuum_grasp.grasp.result import GraspResult
-
-PAGE_STYLE = """
+_STYLE = """
 :root { --ink: #222; --quiet: #666; --line: #ddd; --good: #00694b; --bad: #a03000; --accent: #0072b2; }
 * { box-sizing: border-box; }
 body { margin: 0 auto; padding: 1rem 1rem 3rem; max-width: 62rem; color: var(--ink); background: #fff;
@@ -50,48 +44,30 @@ summary { cursor: pointer; margin: .6rem 0; }
 """
 
 
-def fingers_table(result: GraspResult) -> str:
-    """Tensions, base and contacts of each finger."""
-    rows = []
-    for name, posture in result.fingers.items():
-        finger = result.scene.named_fingers[name]
-        most = "" if finger.tendons is None else f"{finger.tendons.max_tension:g}"
-        x, y, angle = posture.base
-        middles = ", ".join(f"{1e3 * c.station:.1f}" for c in result.contacts if c.name.startswith(f"{name}.middle"))
-        base = f"{1e3 * x:.1f}, {1e3 * y:.1f}; {math.degrees(angle):.1f}\N{DEGREE SIGN}"
-        left, right = (f"{v:.3f}" for v in posture.tensions)
-        rows.append((name, left, right, most, base, middles, f"{1e3 * finger.rod.length:g}", posture.family))
-    head = ("Finger", "Left tendon [N]", "Right tendon [N]", "At most [N]", "Base x, y [mm]; angle")
-    return table((*head, "Middle contacts at [mm]", "Length [mm]", "Family"), rows, (1, 2, 3))
+def document(title: str, body: str) -> str:
+    """A whole page."""
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escaped(title)}</title>\n<style>{_STYLE}</style>\n</head>\n"
+        f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
+    )
 
 
-def contacts_table(result: GraspResult) -> str:
-    """Where the object is touched, and with what forces."""
-    lifted = isinstance(result.scene.gravity, OutOfPlaneGravity)
-    rows = []
-    for c in result.contacts:
-        margin = 0.0 if abs(c.friction_margin) < 5e-7 else c.friction_margin
-        lift = [f"{c.lift:.3f}"] if lifted else []
-        forces = (f"{c.normal_force:.3f}", f"{c.friction_force:.3f}", *lift, f"{margin:.1%}")
-        place = (f"{1e3 * c.position[0]:.2f}", f"{1e3 * c.position[1]:.2f}")
-        rows.append((c.name, *place, *forces, f"{result.scene.friction(c.name):g}"))
-    lift = ["Lift [N]"] if lifted else []
-    head = ("Contact", "x [mm]", "y [mm]", "Normal [N]", "Friction [N]", *lift, "Margin", "Friction coefficient")
-    return table(head, rows, range(1, len(head)))
+def figure(kind: str, drawing: str, caption: str) -> str:
+    """A drawing in SVG and what it shows."""
+    return f'<figure class="{kind}">\n{drawing}\n<figcaption>{escaped(caption)}</figcaption>\n</figure>'
 
 
-def statistics_table(statistics: Mapping[str, Any]) -> str:
-    """What the search took, however it is nested."""
+def nested(values: Mapping[str, Any]) -> str:
+    """Names and values, however deep, and a folded table of each list of mappings."""
     simple, tables = [], []
-    for name, value in _flattened(statistics):
+    for name, value in _flattened(values):
         if isinstance(value, (list, tuple)) and value and all(isinstance(v, Mapping) for v in value):
             head = list(dict.fromkeys(key for row in value for key in row))
             rows = [[_said(row.get(key)) for key in head] for row in value]
-            tables.append(
-                details(
-                    f"{name.replace('_', ' ')} ({len(value)})", table([key.replace("_", " ") for key in head], rows)
-                )
-            )
+            summary = f"{name.replace('_', ' ')} ({len(value)})"
+            tables.append(details(summary, table([key.replace("_", " ") for key in head], rows)))
         else:
             simple.append((name.replace("_", " "), _said(value)))
     return "\n".join((table((), simple, (1,)), *tables))

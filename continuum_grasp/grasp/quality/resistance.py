@@ -1,8 +1,10 @@
-"""The limits that a grasp meets as it yields: cones, normal forces, tensions, and motions of object and fingers."""
+"""Which disturbances a grasp resists: the limits that it meets as it yields, of forces, tensions and motions."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,8 @@ from continuum_grasp.scene.grasp import FingerSetup
 
 Array = NDArray[Any]
 
+DISPLACEMENT_LIMIT = 0.1
+"""Greatest motion of the object: as a part of its size, and in rad; finger tips may turn three times as much."""
 UNLIMITED = 1e4
 """A disturbance that makes forces this many times the greatest limit of a contact counts as unlimited."""
 TURN = 3.0
@@ -25,46 +29,86 @@ _ACTIVE = 1e-6
 """Part of the force scale within which a limit counts as reached."""
 
 Answer = tuple[float, tuple[str, ...], Array]
-"""Greatest factor, what limits it, motion of the object there."""
+"""Greatest factor, what limits it, motion of the object there: center of mass [m], angle [rad]."""
 _NOWHERE = np.full(3, np.nan)
 
 
-class ResponseLimits:
-    """Limits of contact forces, tensions and motions along the response.
+@dataclass(frozen=True)
+class Resistance:
+    """Which multiples of K disturbances a grasp resists."""
 
-    Parameters
-    ----------
-    response : GraspResponse
-    tendons : {"retensioned", "locked"}
-    displacement_limit : float
-        As in `continuum_grasp.grasp.quality.quality.resistance`; infinite for none.
+    wrenches: Array  # (K, 3) force x, y [N] and moment about the center of mass [N m]
+    # (K,) greatest multiple of each that the grasp resists [1]; infinite where nothing limits it, zero where the grasp
+    # is unstable or beyond a limit by itself.
+    factors: Array
+    limiting: tuple[tuple[str, ...], ...]  # what stops each from growing
+    motions: Array  # (K, 3) of the object at this factor: center of mass [m], angle [rad]; NaN where not limited
+    tendons: Tendons
+    stable: bool  # whether the grasp is stable with its tendons so
+
+    @property
+    def least(self) -> float:
+        """Least of the factors; infinite without disturbances."""
+        return float(self.factors.min(initial=math.inf))
+
+
+def resistance(
+    response: GraspResponse,
+    *,
+    wrenches: Sequence[Sequence[float]] | None = None,
+    tendons: Tendons | None = None,
+    displacement_limit: float = DISPLACEMENT_LIMIT,
+) -> Resistance:
+    """Greatest multiples of disturbances that a grasp resists, one disturbance at a time: until a contact slips, parts
+    or is pressed too hard, a tendon is at its limit, or the grasp yields too much.
+
+    The fingers move as ``response`` says: to first order, contacts sticking until the first one does not. It does not
+    hold far from the stored grasp of soft fingers, so motions are limited too: the object's to ``displacement_limit``,
+    as a part of its size and in rad, those of finger tips to three times as much; infinite takes the first order at its
+    word. Forces out of the plane stay as they are. Wrenches (force x, y [N], moment about the center of mass [N m])
+    and tendons are those of the scene where not given.
     """
+    scene = response.contacts.scene
+    kind: Tendons = tendons or scene.disturbances.tendons
+    given = np.asarray(scene.wrenches if wrenches is None else wrenches, dtype=float).reshape(-1, 3)
+    stable = response.stable(kind)
+    if stable:
+        limits = _Limits(response, kind, displacement_limit)
+        answers = [limits.greatest(wrench) for wrench in given]
+    else:
+        answers = [(0.0, ("unstable",), np.zeros(3))] * len(given)
+    factors, motions = np.array([answer[0] for answer in answers]), np.array([answer[2] for answer in answers])
+    return Resistance(given, factors, tuple(a[1] for a in answers), motions.reshape(-1, 3), kind, stable)
+
+
+class _Limits:
+    """Limits of contact forces, tensions and motions along the response."""
 
     def __init__(self, response: GraspResponse, tendons: Tendons, displacement_limit: float) -> None:
         contacts = response.contacts
         self.names, self.setups = contacts.names, response.setups
-        self.unit: Change = response.to_wrenches(tendons)
-        self.retensioned: Change | None = response.to_tensions() if tendons == "retensioned" else None
+        self.unit = response.to_wrenches(tendons)
+        self.retensioned = response.to_tensions() if tendons == "retensioned" else None
         self.forces = contacts.forces
         self.friction, self.normal_max = contacts.friction, contacts.normal_max
+        # The unit of force that makes the numbers of the SOCP near one, where nothing presses yet too [N].
         self.scale = max(float(np.abs(contacts.forces).max(initial=0.0)), 1e-3 * float(contacts.normal_max.max()))
         slack = _ACTIVE * self.scale
+        # Optima lie on cones and limits up to the solver's tolerance: what rounding put outside widens them by as much.
         over = np.hypot(self.forces[:, 1], self.forces[:, 2]) - self.friction * self.forces[:, 0]
-        self.spare = np.where((over > 0.0) & (over < 10.0 * slack), over, 0.0)  # what rounding put outside is let be
+        self.spare = np.where((over > 0.0) & (over < 10.0 * slack), over, 0.0)
         self.low = np.where(self.forces[:, 0] > -slack, np.minimum(self.forces[:, 0], 0.0), 0.0)
         near = self.forces[:, 0] < self.normal_max + slack
         self.high = np.where(near, np.maximum(self.normal_max, self.forces[:, 0]), self.normal_max)
-        ranges = [
-            difference_range(setup, pair, tendons) for setup, pair in zip(self.setups, response.tensions, strict=True)
-        ]
-        self.ranges = np.array(ranges).reshape(-1, 2)
-        size = response.scene.object.size
+        pairs = zip(self.setups, response.tensions, strict=True)
+        self.ranges = np.array([difference_range(setup, pair, tendons) for setup, pair in pairs]).reshape(-1, 2)  # [N]
+        size = contacts.scene.object.size
+        # Greatest motions of the object [m, m, rad] and turns of the tips [rad].
         self.reach = displacement_limit * np.array([size, size, 1.0, *(TURN for _ in self.setups)])
-        """Greatest motions of the object and turns of the tips."""
         self._cuts: list[tuple[int, Array]] | None = None
 
     def greatest(self, wrench: Array) -> Answer:
-        """Greatest factor of a wrench, what limits it, and the motion of the object there."""
+        """The answer for a wrench (3,) [N, N, N m]."""
         along = self.unit.forces @ wrench
         motion = np.concatenate([self.unit.pose @ wrench, self.unit.bends @ wrench])
         if self.retensioned is None:
@@ -100,12 +144,13 @@ class ResponseLimits:
             return math.inf, (), _NOWHERE
         unit, spans = self.scale / reach, np.abs(self.ranges[free]).max(axis=1)
         both = np.concatenate([spans, -spans])
+        # Unknowns, all from zero: the factor, how much each free difference of tensions grows, and how much it falls.
         effect = np.zeros((count, 2, 1 + both.size))
         effect[:, :, 0] = along / reach
         effect[:, :, 1:] = np.tile(retensioned.forces[:, :, free], 2) * both / self.scale
         moved = np.tile(np.concatenate([retensioned.pose, retensioned.bends])[:, free], 2) * both
         moves = np.column_stack([motion * unit, moved])
-        matrix = np.zeros_like(effect)
+        matrix = np.zeros_like(effect)  # the lift, second in the cones, stays as it is
         matrix[:, 0] = effect[:, 1]
         cones = Cones.made(
             matrix,
@@ -113,7 +158,7 @@ class ResponseLimits:
             self.friction[:, None] * effect[:, 0],
             (self.friction * self.forces[:, 0] + self.spare) / self.scale,
         )
-        if self._cuts is not None:
+        if self._cuts is not None:  # of the wrench before: tangent planes hold for every one
             cones.cuts = list(self._cuts)
         most = UNLIMITED * float(self.normal_max.max()) / self.scale
         normal, bound = self.forces[:, 0], np.where(np.isfinite(self.reach), 1.0, np.inf)
@@ -191,15 +236,15 @@ def _way_in_cone(force: Array, dn: float, df: float, friction: float, spare: flo
     if lift == 0.0:
         rates = ((df - friction * dn, width - sideways), (-df - friction * dn, width + sideways))
         return float(min((max(0.0, left) / rate for rate, left in rates if rate > 0.0), default=math.inf))
+    # Out of the plane: (f + x df)^2 + lift^2 = (width + x friction dn)^2, that is a x^2 + 2 b x + c = 0.
     a = df**2 - (friction * dn) ** 2
     b = sideways * df - width * friction * dn
     c = min(0.0, sideways**2 + lift**2 - width**2)
     if c == 0.0 and (b > 0.0 or (b == 0.0 and a > 0.0)):
         return 0.0
-    open_side = -1e-12 * abs(width)
-    return float(
-        min((x for x in _roots(a, b, c) if x > 0.0 and width + x * friction * dn >= open_side), default=math.inf)
-    )
+    open_side = -1e-12 * abs(width)  # the other half of the double cone has its own root
+    ahead = (x for x in _roots(a, b, c) if x > 0.0 and width + x * friction * dn >= open_side)
+    return float(min(ahead, default=math.inf))
 
 
 def _roots(a: float, b: float, c: float) -> list[float]:

@@ -1,48 +1,59 @@
-"""A grasp result as one web page that needs nothing but itself."""
+"""A grasp result as one web page that needs nothing but itself, and as a picture, with the forces that it resists."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from continuum_grasp.grasp.report.html.tables import (
-    PAGE_STYLE,
+from continuum_grasp.grasp.report.html import (
     badge,
     cards,
-    contacts_table,
     details,
+    document,
     escaped,
-    fingers_table,
+    figure,
     items,
+    nested,
     section,
-    statistics_table,
     table,
 )
-from continuum_grasp.grasp.report.report import yaml_text
-from continuum_grasp.grasp.report.shown import disturbance_rows, fine_rows, further_advice, quality_rows
+from continuum_grasp.grasp.report.text import disturbance_rows, fine_rows, further_advice, quality_rows
+from continuum_grasp.results.yaml_text import yaml_text
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from continuum_grasp.grasp.certificate.certificate import Certificate
     from continuum_grasp.grasp.result import GraspResult
+
+
+def picture(result: GraspResult) -> Axes:
+    """Draw a grasp, or the closest point to one, or neither: the scene is drawn then."""
+    from continuum_grasp.plotting.grasp.picture import plot_grasp
+
+    return plot_grasp(result, resisted=_resisted(result))
+
+
+def page(result: GraspResult) -> str:
+    """Write the web page of a result."""
+    return result_page(result, resisted=_resisted(result))
+
+
+def _resisted(result: GraspResult) -> ArrayLike | None:
+    return result.quality.resistance_polygon if result.solved else None
 
 
 def result_page(result: GraspResult, *, resisted: ArrayLike | None = None) -> str:
     """The result as an HTML page: picture, numbers, certificate, and the reasons where there is no grasp.
 
-    Parameters
-    ----------
-    result : GraspResult
-    resisted : array_like, shape (D, 2), optional
-        Greatest resisted force in each of D directions around the circle [N].
-
-    Returns
-    -------
-    str
-        HTML5 with its pictures inside; it refers to no other file or site.
+    ``resisted`` (D, 2) is the greatest resisted force in each of D directions around the circle [N]. The page, HTML5,
+    has its pictures inside and refers to no other file or site.
     """
     name = result.scene.name or "grasp"
+    given = result.scene.model_dump(mode="json", exclude_unset=True)
     body = [
         f"<h1>{escaped(name)}</h1>",
         f"<p>{badge(result.status.value, result.solved)} {escaped(result.message)}</p>",
@@ -50,22 +61,18 @@ def result_page(result: GraspResult, *, resisted: ArrayLike | None = None) -> st
         _why(result),
         _picture(result),
         _key_numbers(result),
-        section("Fingers", fingers_table(result)),
-        section("Contacts", contacts_table(result), _forces_said(result)),
-        _quality(result),
+        section("Fingers", _fingers(result)),
+        section("Contacts", *_contacts(result)),
+        section("Quality", table(("Index", "Value", "What it means"), quality_rows(result), (1,))),
         section("Resisted disturbances", _resistance(resisted), _disturbances(result)),
         _certificate(result.certificate) if result.solved and result.certificate is not None else "",
         section("The same grasp in a fine model", table((), fine_rows(result))),
-        section("The search", statistics_table(result.statistics)),
-        section("The scene", _scene(result)),
+        section("The search", nested(result.statistics)),
+        section(
+            "The scene", details("Configuration, as it was read", f"<pre>{escaped(yaml_text(given, exact=True))}</pre>")
+        ),
     ]
-    inner = "\n".join(part for part in body if part)
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escaped(name)}</title>\n<style>{PAGE_STYLE}</style>\n</head>\n"
-        f"<body>\n<main>\n{inner}\n</main>\n</body>\n</html>\n"
-    )
+    return document(name, "\n".join(part for part in body if part))
 
 
 def _why(result: GraspResult) -> str:
@@ -84,14 +91,14 @@ def _picture(result: GraspResult) -> str:
     from continuum_grasp.plotting.drawing.axes import inline_svg
     from continuum_grasp.plotting.grasp.picture import plot_grasp
 
-    drawing = inline_svg(plot_grasp(result, numbers=False), "drawing", "drawing of object, fingers and forces")
     caption = (
         "Arrows are the forces that the object bears, to scale; the light wedges are friction cones; the small circles "
         "are joints of the finger's elements."
         if result.arrays
         else "The scene as it starts; the fingers are drawn unloaded."
     )
-    return f'<figure class="drawing">\n{drawing}\n<figcaption>{escaped(caption)}</figcaption>\n</figure>'
+    drawing = inline_svg(plot_grasp(result, numbers=False), "drawing", "drawing of object, fingers and forces")
+    return figure("drawing", drawing, caption)
 
 
 def _key_numbers(result: GraspResult) -> str:
@@ -114,18 +121,39 @@ def _key_numbers(result: GraspResult) -> str:
     return cards(pairs)
 
 
-def _forces_said(result: GraspResult) -> str:
-    if not result.contacts:
-        return ""
-    return (
+def _fingers(result: GraspResult) -> str:
+    """Tensions, base and contacts of each finger."""
+    rows, contacts = [], result.contacts
+    for setup in result.scene.setups if result.arrays else ():
+        posture = result.fingers[setup.name]
+        x, y, angle = posture.base
+        middles = ", ".join(f"{1e3 * c.station:.1f}" for c in contacts if c.name in setup.middle_names)
+        base = f"{1e3 * x:.1f}, {1e3 * y:.1f}; {math.degrees(angle):.1f}\N{DEGREE SIGN}"
+        left, right = (f"{v:.3f}" for v in posture.tensions)
+        most, length = f"{setup.tendons.max_tension:g}", f"{1e3 * setup.finger.rod.length:g}"
+        rows.append((setup.name, left, right, most, base, middles, length, posture.family))
+    head = ("Finger", "Left tendon [N]", "Right tendon [N]", "At most [N]", "Base x, y [mm]; angle")
+    return table((*head, "Middle contacts at [mm]", "Length [mm]", "Family"), rows, (1, 2, 3))
+
+
+def _contacts(result: GraspResult) -> tuple[str, str]:
+    """Where the object is touched, and with what forces."""
+    lifted = isinstance(result.scene.gravity, OutOfPlaneGravity)
+    rows: list[tuple[Any, ...]] = []
+    for c in result.contacts:
+        margin = 0.0 if abs(c.friction_margin) < 5e-7 else c.friction_margin  # "-0.0 %" is rounding
+        lift = [f"{c.lift:.3f}"] if lifted else []
+        forces = (f"{c.normal_force:.3f}", f"{c.friction_force:.3f}", *lift, f"{margin:.1%}")
+        place = (f"{1e3 * c.position[0]:.2f}", f"{1e3 * c.position[1]:.2f}")
+        rows.append((c.name, *place, *forces, f"{result.scene.friction(c.name):g}"))
+    lift = ["Lift [N]"] if lifted else []
+    head = ("Contact", "x [mm]", "y [mm]", "Normal [N]", "Friction [N]", *lift, "Margin", "Friction coefficient")
+    note = (
         '<p class="quiet">Forces on what touches the object: along the object\'s outward normal, and friction along '
         "that normal turned by +90\N{DEGREE SIGN}. Lift acts on the object, out of the plane. The margin is what is "
         "left of the friction cone: 0&nbsp;% is about to slip.</p>"
     )
-
-
-def _quality(result: GraspResult) -> str:
-    return section("Quality", table(("Index", "Value", "What it means"), quality_rows(result), (1,)))
+    return table(head, rows, range(1, len(head))), note if rows else ""
 
 
 def _resistance(resisted: ArrayLike | None) -> str:
@@ -134,13 +162,13 @@ def _resistance(resisted: ArrayLike | None) -> str:
 
     if resisted is None or resistance_extremes(resisted)[1] <= 0:
         return ""
-    drawing = inline_svg(plot_resistance(resisted), "resisted", "resisted force by direction")
     words = resistance_words(resisted)
     caption = (
         "The greatest pure force at the center of mass that is resisted on top of the weight, direction by direction; "
         f"the dashed circle is what is resisted whichever way it acts. {words[0].upper() + words[1:]}."
     )
-    return f'<figure class="polygon">\n{drawing}\n<figcaption>{escaped(caption)}</figcaption>\n</figure>'
+    drawing = inline_svg(plot_resistance(resisted), "resisted", "resisted force by direction")
+    return figure("polygon", drawing, caption)
 
 
 def _disturbances(result: GraspResult) -> str:
@@ -181,9 +209,3 @@ def _certificate(certificate: Certificate) -> str:
 
 def _amount(value: float, unit: str) -> str:
     return f"{value:.4g}" if unit in ("", "1") else f"{value:.4g} {unit}"
-
-
-def _scene(result: GraspResult) -> str:
-    given = result.scene.model_dump(mode="json", exclude_unset=True)
-    text = escaped(yaml_text(given, exact=True))
-    return details("Configuration, as it was read", f"<pre>{text}</pre>")

@@ -1,1 +1,0 @@
-"""A grasp result as one web page."""
