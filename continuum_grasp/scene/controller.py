@@ -91,6 +91,18 @@ class InputLimits(Value):
     time_constant: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
     """Lag of the tip moment of a finger without tendons [s]; that of tendons is in ``finger.tendons``."""
 
+    def check(self, finger: Finger, key: str) -> None:
+        """Refuse limits that the finger's drive lacks, or has itself; ``key`` is where they are in the scene."""
+        if finger.tendons is None and self.moment_max is None:
+            raise ValueError(f"{key}.moment_max is needed: the greatest tip moment of a finger without tendons")
+        for name in ("moment_max", "time_constant"):
+            if finger.tendons is not None and getattr(self, name) is not None:
+                raise ValueError(f"{key}.{name} is for a finger without tendons; see finger.tendons")
+
+    def lag(self, finger: Finger) -> float | None:
+        """Time constant of the drive [s]; None: the input acts at once."""
+        return self.time_constant if finger.tendons is None else finger.tendons.time_constant
+
 
 class Horizon(Value):
     """Time grid of the prediction."""

@@ -3,14 +3,33 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from collections.abc import Iterable
+from typing import Annotated, Protocol
 
 from pydantic import Field, model_validator
 
-from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2, doubt
+from continuum_grasp.scene.value import (
+    Extent,
+    Length,
+    NonNegative,
+    Positive,
+    Real,
+    Value,
+    Vector2,
+    check_increasing,
+    doubt,
+    doubt_outside,
+)
 
 _SECTION_KEYS = ("diameter", "density", "youngs_modulus")
-_LINEAR_KEYS = ("linear_density", "bending_stiffness", "rotary_inertia")
+_LINEAR_KEYS = ("linear_density", "bending_stiffness")
+
+
+class _Placed(Protocol):
+    """Something at a position along the finger."""
+
+    @property
+    def at(self) -> float: ...
 
 
 class Rod(Value):
@@ -39,14 +58,15 @@ class Rod(Value):
 
     @model_validator(mode="after")
     def _one_description(self) -> Rod:
+        # The diameter may stand beside both: it says where the strain limit is reached.
         section = [k for k in _SECTION_KEYS[1:] if getattr(self, k) is not None]
-        linear = [k for k in _LINEAR_KEYS[:2] if getattr(self, k) is not None]
+        linear = [k for k in _LINEAR_KEYS if getattr(self, k) is not None]
         if section and linear:
             raise ValueError(
-                f"give either {', '.join(_SECTION_KEYS)} or {', '.join(_LINEAR_KEYS[:2])}, "
+                f"give either {', '.join(_SECTION_KEYS)} or {', '.join(_LINEAR_KEYS)}, "
                 f"not both; got {', '.join(section + linear)}"
             )
-        wanted = _LINEAR_KEYS[:2] if linear else _SECTION_KEYS
+        wanted = _LINEAR_KEYS if linear else _SECTION_KEYS
         missing = [k for k in wanted if getattr(self, k) is None]
         if missing:
             raise ValueError(f"a rod needs {', '.join(wanted)}; missing {', '.join(missing)}")
@@ -58,18 +78,27 @@ class Rod(Value):
             raise ValueError(
                 f"diameter = {self.diameter} m is not smaller than the length of {self.length} m (both are in meters)"
             )
-        for key, most in (("length", 10.0), ("diameter", 0.3)):
-            if (getattr(self, key) or 0.0) > most:
-                doubt(
-                    f"rod.{key} = {getattr(self, key):g} m is large for a finger; is it in millimeters? (expected: m)"
-                )
-        if self.youngs_modulus is not None and not 1e3 <= self.youngs_modulus <= 2e12:
-            doubt(
-                f"rod.youngs_modulus = {self.youngs_modulus:g} Pa is that of no material; 60 GPa is 60e9 (expected: Pa)"
-            )
-        if self.density is not None and not 10.0 <= self.density <= 23e3:
-            doubt(f"rod.density = {self.density:g} kg/m3 is that of no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)")
+        too_large = "m is large for a finger; is it in millimeters? (expected: m)"
+        doubt_outside("rod.length", self.length, 0.0, 10.0, too_large)
+        doubt_outside("rod.diameter", self.diameter, 0.0, 0.3, too_large)
+        # From soft gels to graphene, and from foams to osmium.
+        no_material = "Pa is that of no material; 60 GPa is 60e9 (expected: Pa)"
+        doubt_outside("rod.youngs_modulus", self.youngs_modulus, 1e3, 2e12, no_material)
+        no_solid = "kg/m3 is that of no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)"
+        doubt_outside("rod.density", self.density, 10.0, 23e3, no_solid)
         return self
+
+    def check_inside(self, key: str, placed: Iterable[_Placed]) -> None:
+        """Refuse entries of ``key`` that lie beyond the tip, but for rounding."""
+        for k, one in enumerate(placed):
+            if one.at > self.length * (1 + 1e-12):
+                raise ValueError(f"{key}[{k}].at = {one.at} m is beyond the finger's length of {self.length} m")
+
+    def check_sections(self, key: str, positions: Iterable[float]) -> None:
+        """Refuse sections that lie beyond the tip; positions are often sums of lengths, with their rounding."""
+        for k, at in enumerate(positions):
+            if at > self.length * (1 + 1e-9):
+                raise ValueError(f"{key}.at[{k}] = {at} m is beyond the finger")
 
     @property
     def mass_per_length(self) -> float:
@@ -129,8 +158,7 @@ class PiecewiseCurvature(Value):
             raise ValueError(
                 f"values must have one entry more than breaks ({len(self.breaks) + 1}), got {len(self.values)}"
             )
-        if any(b <= a for a, b in zip(self.breaks, self.breaks[1:], strict=False)):
-            raise ValueError(f"breaks must increase, got {list(self.breaks)}")
+        check_increasing("breaks", self.breaks)
         return self
 
 
@@ -166,8 +194,10 @@ class BasePose(Value):
 
     @model_validator(mode="after")
     def _radians(self) -> BasePose:
-        if abs(self.angle) > 2 * math.pi * (1 + 1e-9):
-            doubt(f"base.angle = {self.angle:g} rad is beyond a full turn; is it in degrees? (expected: rad)")
+        turn = 2 * math.pi * (1 + 1e-9)
+        doubt_outside(
+            "base.angle", self.angle, -turn, turn, "rad is beyond a full turn; is it in degrees? (expected: rad)"
+        )
         return self
 
 
@@ -189,30 +219,25 @@ class Finger(Value):
 
     @model_validator(mode="after")
     def _sense(self) -> Finger:
-        length = self.rod.length
-        for k, m in enumerate(self.masses):
-            if m.at > length * (1 + 1e-12):
-                raise ValueError(f"masses[{k}].at = {m.at} m is beyond the finger's length of {length} m")
-        if self.tendons is not None and self.tendons.offset >= length:
-            raise ValueError(
-                f"tendons.offset = {self.tendons.offset} m is not smaller than the finger's length of {length} m"
-            )
+        length, half = self.rod.length, self.half_thickness
+        self.rod.check_inside("masses", self.masses)
+        offset = None if self.tendons is None else self.tendons.offset
+        for key, value in (("tendons.offset", offset), ("half_thickness", half)):
+            if value is not None and value >= length:
+                raise ValueError(f"{key} = {value} m is not smaller than the finger's length of {length} m")
         if self.strain_limit is not None and self.rod.diameter is None:
             raise ValueError("strain_limit needs rod.diameter")
-        if self.tendons is not None and 0.0 < (self.half_thickness or 0.0) < self.tendons.offset:
+        if offset is not None and half is not None and 0.0 < half < offset:
             doubt(
-                f"tendons.offset = {self.tendons.offset:g} m is more than half_thickness = {self.half_thickness:g} m: "
+                f"tendons.offset = {offset:g} m is more than half_thickness = {half:g} m: "
                 "the tendons run outside the finger"
-            )
-        if self.half_thickness is not None and self.half_thickness >= length:
-            raise ValueError(
-                f"half_thickness = {self.half_thickness} m is not smaller than the finger's length of {length} m"
             )
         breaks = self.rest_curvature.breaks if isinstance(self.rest_curvature, PiecewiseCurvature) else ()
         if breaks and breaks[-1] >= length:
             raise ValueError(
                 f"rest_curvature.breaks end at {breaks[-1]} m, not before the finger's length of {length} m"
             )
+        # Only a rod given by its density shows by its mass in which unit its user thinks.
         own = self.rod.mass_per_length * length
         for k, m in enumerate(self.masses):
             if self.rod.density is not None and m.mass > 1e3 * own:
@@ -222,9 +247,7 @@ class Finger(Value):
     @property
     def thickness_radius(self) -> float:
         """Half the outer thickness [m]."""
-        if self.half_thickness is not None:
-            return self.half_thickness
-        return 0.5 * (self.rod.diameter or 0.0)
+        return 0.5 * (self.rod.diameter or 0.0) if self.half_thickness is None else self.half_thickness
 
     @property
     def curvature_limit(self) -> float:

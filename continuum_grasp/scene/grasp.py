@@ -27,7 +27,7 @@ from continuum_grasp.scene.grasp_options import (
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Peg, Place, Support, Switch, Wall
-from continuum_grasp.scene.value import Value
+from continuum_grasp.scene.value import Value, check_increasing, check_one_given
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 TOUCHING = 1e-6
@@ -232,8 +232,7 @@ class GraspScene(Value):
 
     @model_validator(mode="after")
     def _sense(self) -> GraspScene:
-        if (self.finger is None) == (self.fingers is None):
-            raise ValueError("give exactly one of finger and fingers")
+        check_one_given(self, "finger", "fingers")
         for name in (*self.named_fingers, *self.supports):
             if not _NAME.fullmatch(name):
                 raise ValueError(f"{name!r:.40} is no name: expected letters, digits and _, beginning with a letter")
@@ -290,8 +289,7 @@ class GraspScene(Value):
                 "curvature of each could not follow"
             )
         low, high = setup.middle_bounds
-        if low >= high:
-            raise ValueError(f"contacts.middle_range must increase, got {[low, high]}")
+        check_increasing("contacts.middle_range", (low, high))
         if high >= length:
             raise ValueError(f"contacts.middle_range ends at {high} m; {where} is {length} m long")
         gap = self.object.distance(finger.base.position) - finger.thickness_radius

@@ -11,7 +11,7 @@ from continuum_grasp.scene.objects import Freedom
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.supports import Switch
-from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2
+from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2, check_increasing
 
 Middles = Switch | Annotated[tuple[Switch, ...], Field(strict=False, min_length=1, max_length=4)]
 Counts = Annotated[int, Field(ge=1)] | Annotated[tuple[int, ...], Field(strict=False, min_length=1, max_length=4)]
@@ -56,8 +56,7 @@ class GraspContacts(Value):
 
     @model_validator(mode="after")
     def _ordered(self) -> GraspContacts:
-        if self.middle_range is not None and self.middle_range[0] >= self.middle_range[1]:
-            raise ValueError(f"middle_range must increase, got {list(self.middle_range)}")
+        check_increasing("middle_range", self.middle_range or ())
         return self
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.value import Length, Positive, Real, Value
+from continuum_grasp.scene.value import Length, Positive, Real, Value, check_increasing
 
 Quantity = Literal["x", "y", "angle", "bend"]
 Estimated = Annotated[float, Field(ge=-1e15, le=1e15)]
@@ -97,8 +97,7 @@ class TipTrajectory(_Data):
     def _something(self) -> TipTrajectory:
         if self.x is None and self.y is None:
             raise ValueError("x and y are both null: give one of them at least")
-        if self.window is not None and self.window[1] <= self.window[0]:
-            raise ValueError(f"window must increase, got {list(self.window)}")
+        check_increasing("window", self.window or ())
         return self
 
 
@@ -116,8 +115,7 @@ class RingDown(_Data):
 
     @model_validator(mode="after")
     def _increasing(self) -> RingDown:
-        if self.window[1] <= self.window[0]:
-            raise ValueError(f"window must increase, got {list(self.window)}")
+        check_increasing("window", self.window)
         return self
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
+from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2, check_increasing, check_one_given
 
 
 class _Sampled(Value):
@@ -17,9 +18,9 @@ class _Sampled(Value):
 
     @model_validator(mode="after")
     def _increasing(self) -> _Sampled:
-        if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
-            raise ValueError(f"times must increase, got {list(self.times)}")
-        if any(b - a < 1e-9 for a, b in zip(self.times, self.times[1:], strict=False)):
+        check_increasing("times", self.times)
+        # Closer instants give slopes that swamp the splines in rounding.
+        if any(b - a < 1e-9 for a, b in pairwise(self.times)):
             raise ValueError("times must be 1e-9 s apart at least")
         count = len(getattr(self, "values", ()))
         if count != len(self.times):
@@ -74,6 +75,5 @@ class Actuation(Value):
 
     @model_validator(mode="after")
     def _one(self) -> Actuation:
-        if (self.tip_moment is None) == (self.tensions is None):
-            raise ValueError("give exactly one of tip_moment and tensions")
+        check_one_given(self, "tip_moment", "tensions")
         return self

@@ -8,12 +8,11 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, InputLimits, Penalty
 from continuum_grasp.scene.cost import Cost, Reference, Row
-from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial
 from continuum_grasp.scene.solver import SolverOptions
-from continuum_grasp.scene.surroundings import ContactLaw, Surroundings
+from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Value, Vector2
 
 
@@ -165,18 +164,12 @@ class FineCheck(Value):
     """Of the finer model; None: the same."""
 
 
-class PlanScene(Surroundings):
+class PlanScene(FingerScene):
     """A finger that is to move from an initial state to a goal, and what it can touch."""
 
-    schema_version: Literal[1]
-    name: str | None = None
-    finger: Finger
-    gravity: Vector2
-    """World gravity [m/s2]."""
     contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
     """Positions along the finger where loads act [m]; element boundaries. These and the tip are where it touches an
     object."""
-    fidelity: Fidelity = Fidelity()
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Model parameters that stay arguments of the model."""
     grasp: GraspScene | None = None
@@ -207,19 +200,7 @@ class PlanScene(Surroundings):
 
     @model_validator(mode="after")
     def _sense(self) -> PlanScene:
-        finger, length = self.finger, self.finger.rod.length
-        if any(b <= a for a, b in zip(self.contacts, self.contacts[1:], strict=False)):
-            raise ValueError(f"contacts must increase along the finger, got {list(self.contacts)}")
-        for k, at in enumerate(self.contacts):
-            if at >= length:
-                raise ValueError(
-                    f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
-                )
-        if finger.tendons is None and self.input.moment_max is None:
-            raise ValueError("input.moment_max is needed: the greatest tip moment of a finger without tendons")
-        for name in ("moment_max", "time_constant"):
-            if finger.tendons is not None and getattr(self.input, name) is not None:
-                raise ValueError(f"input.{name} is for a finger without tendons; see finger.tendons")
+        self.input.check(self.finger, "input")
         if self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not for plans: give family and elements")
         self._check_contact()
@@ -261,11 +242,10 @@ class PlanScene(Surroundings):
                     raise ValueError(f"{key}: {value} is outside the limits of the input, {least} to {most}")
 
     def _check_goal(self) -> None:
-        shape = self.goal.shape
-        for k, at in enumerate(shape.at if shape is not None else ()):
-            if at > self.finger.rod.length * (1 + 1e-9):
-                raise ValueError(f"goal.shape.at[{k}] = {at} m is beyond the finger")
-        anything = (self.goal.tip, self.goal.bending, shape, self.goal.contact_force, self.goal.input, self.grasp)
+        goal = self.goal
+        if goal.shape is not None:
+            self.finger.rod.check_sections("goal.shape", goal.shape.at)
+        anything = (goal.tip, goal.bending, goal.shape, goal.contact_force, goal.input, self.grasp)
         if self.objective != "tracking" and all(aim is None for aim in anything):
             raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking may do without)")
 
@@ -302,8 +282,7 @@ class PlanScene(Surroundings):
     @property
     def lag(self) -> float | None:
         """Time constant of the drive [s]; None: the input acts at once."""
-        tendons = self.finger.tendons
-        return self.input.time_constant if tendons is None else tendons.time_constant
+        return self.input.lag(self.finger)
 
     @property
     def disturbances(self) -> frozenset[str]:

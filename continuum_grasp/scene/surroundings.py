@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import Point
 from continuum_grasp.scene.supports import Peg, Support, Wall
-from continuum_grasp.scene.value import Extent, NonNegative, Positive, Value, doubt
+from continuum_grasp.scene.value import Extent, NonNegative, Positive, Value, doubt_outside
 
 _PRESLIDING = 1e-4
 """Displacement before slip by default [m]."""
@@ -46,12 +46,10 @@ class ContactLaw(Value):
     def _one_friction(self) -> ContactLaw:
         if self.presliding is not None and self.slip_speed is not None:
             raise ValueError("presliding and slip_speed exclude each other: give one, or none for 0.1 mm of presliding")
-        if not 10.0 <= self.stiffness <= 1e7:
-            doubt(f"contact_law.stiffness = {self.stiffness:g} N/m is that of no fingertip (expected: N/m)")
-        if self.rounding > 1e-3:
-            doubt(f"contact_law.rounding = {self.rounding:g} m is more than a millimeter (expected: m)")
-        if self.friction > 3.0:
-            doubt(f"contact_law.friction = {self.friction:g} is more than surfaces have")
+        stiffness_why = "N/m is that of no fingertip (expected: N/m)"
+        doubt_outside("contact_law.stiffness", self.stiffness, 10.0, 1e7, stiffness_why)
+        doubt_outside("contact_law.rounding", self.rounding, 0.0, 1e-3, "m is more than a millimeter (expected: m)")
+        doubt_outside("contact_law.friction", self.friction, 0.0, 3.0, "is more than surfaces have")
         return self
 
     @property

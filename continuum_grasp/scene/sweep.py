@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from continuum_grasp.scene.value import Positive, Real, Value
+from continuum_grasp.scene.value import Positive, Real, Value, check_increasing, check_one_given
 
 MOST_SCENES = 10_000_000
 """A plan is held in memory, about 100 bytes a scene: 1 GB."""
@@ -91,11 +91,8 @@ class Draw(Value):
 
     @model_validator(mode="after")
     def _one_way(self) -> Draw:
-        if sum(getattr(self, name) is not None for name in type(self).model_fields) != 1:
-            raise ValueError("give exactly one of uniform, log_uniform, normal and choice")
-        for name, pair in (("uniform", self.uniform), ("log_uniform", self.log_uniform)):
-            if pair is not None and pair[0] >= pair[1]:
-                raise ValueError(f"{name} must increase, got {list(pair)}")
+        check_one_given(self, *type(self).model_fields)
+        check_increasing(self.kind, self.uniform or self.log_uniform or ())
         if self.log_uniform is not None and self.log_uniform[0] <= 0.0:
             raise ValueError(f"log_uniform needs positive numbers, got {list(self.log_uniform)}")
         return self

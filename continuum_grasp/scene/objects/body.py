@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from continuum_grasp.scene.parts import Part, Point, farthest
-from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
+from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2, check_increasing
 
 Pose = tuple[float, float, float]
 
@@ -28,8 +28,7 @@ class Freedom(Value):
     @model_validator(mode="after")
     def _ordered(self) -> Freedom:
         for name, bounds in (("x", self.x), ("y", self.y), ("angle", self.angle)):
-            if bounds is not None and bounds[0] >= bounds[1]:
-                raise ValueError(f"{name} must increase, got {list(bounds)}")
+            check_increasing(name, bounds or ())
         return self
 
     def check(self, x: float, y: float, angle: float) -> None:
