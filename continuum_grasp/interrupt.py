@@ -73,12 +73,8 @@ def listening(command: bool = False) -> Iterator[None]:
     """Take Ctrl-C within the block; without effect outside the main thread, and where another handler is installed.
 
     It serves as a decorator too, which every long computation has: in Python, Ctrl-C is as sure as on the command line.
-
-    Parameters
-    ----------
-    command : bool, optional
-        The block is the whole process: it ends with status 130 at a second press before the first could be raised, or
-        if that takes long, and what comes after the block ignores Ctrl-C.
+    ``command``: the block is the whole process, which ends with status 130 at a second press before the first could be
+    raised, or if that takes long; what comes after the block ignores Ctrl-C.
     """
     global _noted, _seen
     usual = signal.getsignal(signal.SIGINT)
@@ -102,15 +98,7 @@ def listening(command: bool = False) -> Iterator[None]:
 def held(*, quietly: bool = False) -> Iterator[Callable[[], bool]]:
     """Keep Ctrl-C until the end of the block, for solvers that would lose an exception; raise it then.
 
-    Parameters
-    ----------
-    quietly : bool, optional
-        Raise nothing: whoever opened the block asks whether Ctrl-C was pressed.
-
-    Yields
-    ------
-    callable
-        Whether Ctrl-C was pressed; also after the block.
+    Yields what states whether Ctrl-C was pressed, also after the block. ``quietly``: raise nothing; the caller asks.
     """
     global _blocks, _noted
     usual = signal.getsignal(signal.SIGINT)

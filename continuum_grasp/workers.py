@@ -35,13 +35,7 @@ class WorkerPool(Protocol):
         """Submit a task; fewer than ``most`` are pending."""
 
     def lost(self, future: Future[Any]) -> bool:
-        """Whether a task failed because its worker died, and another may be tried.
-
-        Raises
-        ------
-        SolverError
-            There are no workers left.
-        """
+        """Whether a task failed because its worker died, and another may be tried."""
 
     def close(self, at_once: bool) -> None:
         """Shut the workers down, at once or when they are done."""
@@ -59,13 +53,6 @@ class ProcessPool:
 
     Each worker has one task at a time and one thread for linear algebra, ignores Ctrl-C, and ends when this process
     does, however that ends.
-
-    Parameters
-    ----------
-    count : int
-        Number of processes.
-    start : callable, optional
-        Called in each new process with ``arguments``, before its first task.
     """
 
     def __init__(self, count: int, start: Callable[..., None] | None = None, *arguments: Any) -> None:
@@ -103,13 +90,7 @@ class ProcessPool:
                 yield pending.pop(future), future
 
     def lost(self, future: Future[Any]) -> bool:
-        """Whether the worker's process ended.
-
-        Raises
-        ------
-        SolverError
-            It ended before it had begun.
-        """
+        """Whether the worker's process ended."""
         if not isinstance(future.exception(), BrokenExecutor):
             return False
         worker = next(worker for worker in self._started if worker is not None and worker.busy is future)
@@ -133,14 +114,7 @@ class ProcessPool:
 
 
 class ExecutorPool:
-    """Any `concurrent.futures.Executor`, which stays its owner's.
-
-    Parameters
-    ----------
-    executor : concurrent.futures.Executor
-    workers : callable
-        Returns their number; asked again and again, since clusters grow and shrink.
-    """
+    """Any `concurrent.futures.Executor`, which stays its owner's."""
 
     def __init__(self, executor: Executor, workers: Callable[[], int]) -> None:
         self._executor, self._count = executor, workers
@@ -157,13 +131,7 @@ class ExecutorPool:
         return 2 * self.workers
 
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Submit a task.
-
-        Raises
-        ------
-        SolverError
-            The executor takes no more.
-        """
+        """Submit a task."""
         try:
             future = self._executor.submit(work, *arguments)
         except RuntimeError as error:  # broken, or shut down
@@ -173,13 +141,7 @@ class ExecutorPool:
         return future
 
     def lost(self, future: Future[Any]) -> bool:
-        """Whether a cluster gave a task up because workers died of it.
-
-        Raises
-        ------
-        SolverError
-            The executor is broken.
-        """
+        """Whether a cluster gave a task up because workers died of it."""
         error = future.exception()
         if isinstance(error, BrokenExecutor):
             raise _stopped(error) from error
@@ -199,13 +161,7 @@ def cores() -> int:
 
 
 def checked_count(workers: Any) -> int:
-    """A number of workers.
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
+    """A number of workers."""
     if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= 4096:
         raise InputError(f"expected a number of workers from 1 to 4096, got {workers!r:.60}", key="workers")
     return workers

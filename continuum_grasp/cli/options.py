@@ -14,26 +14,14 @@ if TYPE_CHECKING:
 
 
 def named_path(text: str | Path) -> Path:
-    """A path that is given by its name; an empty one would be the working directory.
-
-    Raises
-    ------
-    typer.BadParameter
-        The name is empty.
-    """
+    """A path that is given by its name; an empty one would be the working directory."""
     if not str(text):
         raise typer.BadParameter("expected a path, got an empty text")
     return Path(text)
 
 
 def _format(text: str) -> str:
-    """The format of an animation.
-
-    Raises
-    ------
-    typer.BadParameter
-        There is none of that name.
-    """
+    """The format of an animation."""
     if text not in ("gif", "mp4"):
         raise typer.BadParameter(f"expected gif or mp4, got {text!r}")
     return text
@@ -71,15 +59,7 @@ Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print statistics
 def simulation_scene(
     config: Path, changes: Iterable[str] | None, output: Output, *, vibrates: bool = False
 ) -> tuple[Scene, str]:
-    """A scene for simulation, modes and code generation, its tolerance turned into a model; what was chosen and why.
-
-    Raises
-    ------
-    InputError
-        Where the file is wrong or of another kind.
-    SolverError
-        Where no model keeps the tolerance.
-    """
+    """A scene for simulation, modes and code generation, its tolerance turned into a model; what was chosen and why."""
     from continuum_grasp.scene.load import scene_of
     from continuum_grasp.scene.simulate import Scene
 

@@ -168,13 +168,7 @@ def _show_progress(what: str, done: threading.Event, shares: list[float]) -> Non
 
 
 def run_folder(out: Path | None, config: Path, command: str) -> Path:
-    """The folder of a run: as asked, or named after command and configuration; nothing is written yet.
-
-    Raises
-    ------
-    InputError
-        It is no folder, cannot be written, or belongs to another command: a folder holds one run.
-    """
+    """The folder of a run: as asked, or named after command and configuration; nothing is written yet."""
     from continuum_grasp.results.record import kind_of_run
 
     folder = out if out is not None else Path("runs") / command / config.stem

@@ -43,13 +43,7 @@ def validate(
 
 
 def _checked(file: Path, changes: Iterable[str]) -> Loaded:
-    """The configuration, checked as far as the structure of its model; no expressions are built.
-
-    Raises
-    ------
-    InputError
-        At the place of what is wrong.
-    """
+    """The configuration, checked as far as the structure of its model; no expressions are built."""
     from continuum_grasp.control.prediction import Prediction
     from continuum_grasp.errors import InputError
     from continuum_grasp.model import FingerModel

@@ -20,13 +20,7 @@ _PACKAGES = {"continuum_grasp": "continuum-grasp", "casadi": "casadi", "numpy": 
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python, the package, CasADi and numpy; nothing is imported for it.
-
-    Returns
-    -------
-    dict of str to str
-        ``"not installed"`` where a package has no installed version, as in a plain checkout.
-    """
+    """Versions of Python, the package, CasADi and numpy; nothing is imported for it."""
     return dict(_versions())
 
 
@@ -42,13 +36,7 @@ def _versions() -> dict[str, str]:
 
 
 def machine() -> dict[str, str]:
-    """Operating system, its release, processor architecture and Python implementation.
-
-    Returns
-    -------
-    dict of str to str
-        No host or user name.
-    """
+    """Operating system, its release, processor architecture and Python implementation; no host or user name."""
     return {
         "system": platform.system(),
         "release": platform.release(),

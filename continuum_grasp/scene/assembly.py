@@ -26,13 +26,7 @@ _PART = re.compile(r"([^.\[\]\s]+)|\[(\d+)\]")
 
 
 def validated(document: Document, model: type[Model]) -> Model:
-    """What a document says, checked.
-
-    Raises
-    ------
-    InputError
-        With file, line, column and key of everything that is wrong.
-    """
+    """What a document says, checked: `InputError` has file, line, column and key of everything that is wrong."""
     from pydantic import ValidationError
 
     from continuum_grasp.scene.problems import explain, raise_problems
@@ -63,13 +57,7 @@ def kind_of(data: Any) -> str:
 
 
 def assembled(path: str | Path, changes: Iterable[Change]) -> Document:
-    """The data of a file, with changes applied and fingers from other files put in.
-
-    Raises
-    ------
-    InputError
-        Where a file cannot be read, or a change has no place in it.
-    """
+    """The data of a file, with changes applied and fingers from other files put in."""
     document = read_yaml(path)
     if not isinstance(document.value, dict):
         place = document.places[()]
@@ -82,13 +70,7 @@ def assembled(path: str | Path, changes: Iterable[Change]) -> Document:
 
 
 def changed(document: Document, changes: Iterable[Change], path: str | Path) -> Document:
-    """A copy of an assembled document with changes applied; ``path`` is its file.
-
-    Raises
-    ------
-    InputError
-        As `assembled`.
-    """
+    """A copy of an assembled document with changes applied; ``path`` is its file."""
     result = Document(copy.deepcopy(document.value), dict(document.places))
     _apply(result, changes, Path(path))
     return result
@@ -180,13 +162,7 @@ def _check_version(document: Document) -> None:
 
 
 def take_version(document: Document) -> None:
-    """Check and remove the version of a finger file.
-
-    Raises
-    ------
-    InputError
-        It is missing, or one that is not read here.
-    """
+    """Check and remove the version of a finger file."""
     if "schema_version" not in document.value:
         message = f"missing; a file says which format it is in: schema_version: {_VERSION}"
         raise document.places[()].error(message, ("schema_version",))
@@ -199,11 +175,6 @@ def read_overrides(overrides: Overrides) -> list[Change]:
     """Read overrides, given as ``"key.path=value"`` texts or as a mapping from key path to value.
 
     Values in texts are read as YAML; entries of lists are ``masses[0]`` or ``masses.0``.
-
-    Raises
-    ------
-    InputError
-        Where a text is not of that form.
     """
     if isinstance(overrides, Mapping):
         named = ((_word(key), value) for key, value in overrides.items())
@@ -233,13 +204,7 @@ def _read(text: str) -> tuple[KeyPath, Document]:
 
 
 def path_of(key: str, name: str) -> KeyPath:
-    """The path that a text such as ``finger.masses[0].mass`` means; ``name`` says in errors where it stands.
-
-    Raises
-    ------
-    InputError
-        Where it is no such text.
-    """
+    """The path that a text such as ``finger.masses[0].mass`` means; ``name`` says in errors where it stands."""
     parts: list[str | int] = []
     for word, index in _PART.findall(key):
         parts.append(int(index or word) if (index or word).isdecimal() else word)
@@ -265,13 +230,7 @@ def placed(value: Any, place: Place) -> Document:
 
 
 def apply_override(document: Document, path: KeyPath, new: Document) -> None:
-    """Set one entry; mappings above it that are missing are made.
-
-    Raises
-    ------
-    InputError
-        Where the way leads through a number, or past the end of a list.
-    """
+    """Set one entry; mappings above it that are missing are made."""
     place = new.places[()]
     value = document.value
     for k, part in enumerate(path):

@@ -123,10 +123,7 @@ Change = tuple[KeyPath, Document]
 def refuse_what_is_no_file(path: str | os.PathLike[str], name: str | None = None) -> None:
     """Refuse folders, pipes and devices, which have no end or wait for a writer; a missing file is not looked at.
 
-    Raises
-    ------
-    InputError
-        There is something else than a file; ``name`` is what it is called in place of its path.
+    ``name`` is what errors call it in place of its path.
     """
     given = Path(path)
     try:

@@ -36,42 +36,26 @@ TOUCHING = 1e-6
 
 @dataclass(frozen=True)
 class FingerSetup:
-    """One finger of a scene with everything resolved.
-
-    Attributes
-    ----------
-    name : str
-    finger : GraspFinger
-    middles : tuple of {"on", "off", "auto"}
-        Middle contacts from base to tip.
-    tip : {"on", "off", "auto"}
-    before : tuple of int
-        Per middle contact, the number of elements between it and the base.
-    elements : int
-    family : str
-    bending_range : float
-        Greatest bend of an element [rad]; for clothoids its length times its greatest curvature.
-    accuracy : float or None
-        Relative accuracy of the model's evaluation.
-    middle_bounds : (float, float)
-        Least and greatest position of middle contacts along the finger [m].
-    friction : float
-    normal_force_max : float
-        [N]
-    """
+    """One finger of a scene with everything resolved."""
 
     name: str
     finger: GraspFinger
     middles: tuple[Switch, ...]
+    """Middle contacts from base to tip."""
     tip: Switch
     before: tuple[int, ...]
+    """Per middle contact, the number of elements between it and the base."""
     elements: int
     family: str
     bending_range: float
+    """Greatest bend of an element [rad]; for clothoids its length times its greatest curvature."""
     accuracy: float | None
+    """Relative accuracy of the model's evaluation."""
     middle_bounds: tuple[float, float]
+    """Least and greatest position of middle contacts along the finger [m]."""
     friction: float
     normal_force_max: float
+    """[N]"""
 
     @property
     def tendons(self) -> Tendons:

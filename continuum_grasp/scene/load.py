@@ -87,13 +87,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
 
 
 def load_placed(path: str | Path, overrides: Overrides = ()) -> tuple[Loaded, Document]:
-    """As `load`, with the document that says where everything was written.
-
-    Raises
-    ------
-    InputError
-        As `load`.
-    """
+    """As `load`, with the document that says where everything was written."""
     document = assembled(path, read_overrides(overrides))
     kind = kind_of(document.value)
     if kind == "finger":
@@ -112,19 +106,6 @@ def scene_of(given: Scene | str | os.PathLike[str]) -> Scene: ...
 def scene_of(given: Kind | str | os.PathLike[str], kind: type[Kind], overrides: Overrides = ()) -> Kind: ...
 def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
     """Return a scene that is given as such, or read it from its file.
-
-    Parameters
-    ----------
-    given : scene or path-like
-    kind : type
-        Of the scene: ``Scene``, ``GraspScene``, ``ControlScene``, ``MissionScene`` or ``PlanScene``.
-    overrides : iterable of str, or mapping
-        For a file, as in `load`.
-
-    Raises
-    ------
-    InputError
-        If it is something else, or the file is wrong.
 
     Examples
     --------
@@ -156,13 +137,7 @@ def kind_of_scene(loaded: Loaded) -> str:
 
 
 def model_of(kind: str) -> type[BaseModel]:
-    """The model of a kind of configuration.
-
-    Raises
-    ------
-    InputError
-        Where there is no such kind.
-    """
+    """The model of a kind of configuration."""
     if kind in _MODELS:
         module, name = _MODELS[kind]
         found: type[BaseModel] = getattr(import_module(f"continuum_grasp.scene.{module}"), name)

@@ -47,18 +47,12 @@ class Part(ABC):
 
 @dataclass(frozen=True)
 class OffsetPolygon(Part):
-    """Everything within a distance of a convex polygon, of a segment (a stadium), or of a point (a disc).
-
-    Attributes
-    ----------
-    vertices : tuple of (float, float)
-        Counter-clockwise corners of the core; one for a disc, two for a stadium [m].
-    radius : float
-        The part is everything within this distance of the core [m].
-    """
+    """Everything within a distance of a convex polygon, of a segment (a stadium), or of a point (a disc)."""
 
     vertices: tuple[Point, ...]
+    """Counter-clockwise corners of the core; one for a disc, two for a stadium [m]."""
     radius: float = 0.0
+    """The part is everything within this distance of the core [m]."""
 
     def placed(self, position: Point, angle: float) -> OffsetPolygon:
         return OffsetPolygon(tuple(map(_mover(position, angle), self.vertices)), self.radius)
@@ -101,24 +95,15 @@ class OffsetPolygon(Part):
 
 @dataclass(frozen=True)
 class SuperellipsePart(Part):
-    """A superellipse |x/a|^p + |y/b|^p <= 1 in axes of its own.
-
-    Attributes
-    ----------
-    semi_axes : (float, float)
-        a and b [m].
-    exponent : float
-        p; 2 is an ellipse.
-    center : (float, float)
-        [m]
-    angle : float
-        From the object's axes to those of the superellipse [rad].
-    """
+    """A superellipse |x/a|^p + |y/b|^p <= 1 in axes of its own."""
 
     semi_axes: Point
+    """a and b [m]."""
     exponent: float = 2.0
+    """p; 2 is an ellipse."""
     center: Point = (0.0, 0.0)
     angle: float = 0.0
+    """From the object's axes to those of the superellipse [rad]."""
 
     def placed(self, position: Point, angle: float) -> SuperellipsePart:
         return replace(self, center=_mover(position, angle)(self.center), angle=self.angle + angle)

@@ -55,13 +55,7 @@ class _Located:
 
 
 def raise_problems(problems: Iterable[Problem], document: Document) -> None:
-    """Raise one InputError that lists every problem on a line of its own, in the order of the file.
-
-    Raises
-    ------
-    InputError
-        Unless there are no problems. Its position is that of the first problem.
-    """
+    """Raise one InputError that lists every problem on a line of its own, in the order of the file."""
     error = _listed(problems, document)
     if error is not None:
         raise error

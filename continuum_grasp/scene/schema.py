@@ -16,24 +16,7 @@ _GRASP = {"type": "string", "description": "Path of a grasp file, relative to th
 
 
 def json_schema(kind: str) -> _Node:
-    """JSON Schema of one kind of configuration file.
-
-    Parameters
-    ----------
-    kind : str
-        ``simulate``, ``identify``, ``grasp``, ``mpc``, ``mission``, ``plan``, ``sweep`` or ``finger``.
-
-    Returns
-    -------
-    dict
-        The schema of what `load` accepts: of the model, and where a finger may stand also the path of a
-        finger file, or changes to one (``extends``).
-
-    Raises
-    ------
-    InputError
-        Where there is no such kind.
-    """
+    """JSON Schema of one kind of configuration file."""
     schema = model_of(kind).model_json_schema()
     definitions = schema.setdefault("$defs", {})
     if kind == "finger":

@@ -15,25 +15,15 @@ Switch = Literal["on", "off", "auto"]
 
 @dataclass(frozen=True)
 class Wall:
-    """A straight, fixed surface.
-
-    Attributes
-    ----------
-    name : str
-    point : (float, float)
-        A world point on it [m].
-    normal_angle : float
-        World angle of its normal, out of the material [rad].
-    half_length : float
-        It reaches this far from ``point`` to both sides [m]; infinite for a half plane.
-    friction : float or None
-    touch : {"on", "off", "auto"}
-    """
+    """A straight, fixed surface."""
 
     name: str
     point: tuple[float, float]
+    """A world point on it [m]."""
     normal_angle: float
+    """World angle of its normal, out of the material [rad]."""
     half_length: float
+    """It reaches this far from ``point`` to both sides [m]; infinite for a half plane."""
     friction: float | None
     touch: Switch
 
@@ -56,22 +46,13 @@ class Wall:
 
 @dataclass(frozen=True)
 class Peg:
-    """A fixed, round support.
-
-    Attributes
-    ----------
-    name : str
-    position : (float, float)
-        World position of its center [m].
-    radius : float
-        [m]; zero for a point.
-    friction : float or None
-    touch : {"on", "off", "auto"}
-    """
+    """A fixed, round support."""
 
     name: str
     position: tuple[float, float]
+    """World position of its center [m]."""
     radius: float
+    """[m]; zero for a point."""
     friction: float | None
     touch: Switch
 

@@ -12,13 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 
 class Value(BaseModel):
-    """A frozen value in SI units; unknown keys, NaN, infinity and absurd magnitudes are refused.
-
-    Raises
-    ------
-    InputError
-        Where it is made with something wrong, with the path of each key.
-    """
+    """A frozen value in SI units; unknown keys, NaN, infinity and absurd magnitudes are refused."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True, strict=True

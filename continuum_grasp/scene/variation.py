@@ -23,27 +23,16 @@ from continuum_grasp.scene.sweep import Draw, Sweep
 
 @dataclass(frozen=True)
 class Axis:
-    """A key with the values that are tried.
-
-    Attributes
-    ----------
-    key : str
-        As the user writes it.
-    path : tuple of str and int
-        The same taken apart.
-    unit : str
-        Empty where the scene's documentation names none.
-    values : tuple
-        Plain data; fingers from other files are put in.
-    labels : tuple
-        The values as they were written.
-    """
+    """A key with the values that are tried."""
 
     key: str
     path: KeyPath
     unit: str
+    """Empty where the scene's documentation names none."""
     values: tuple[Any, ...]
+    """Plain data; fingers from other files are put in."""
     labels: tuple[Any, ...]
+    """The values as they were written."""
 
 
 @dataclass(frozen=True)
@@ -73,18 +62,10 @@ class Tie:
 
 @dataclass(frozen=True)
 class Variation:
-    """A sweep, resolved.
-
-    Attributes
-    ----------
-    base : dict
-        The scene as plain data, with fingers from other files and what the sweep sets put in.
-    axes : tuple of Axis
-    draws : tuple of Random
-    ties : tuple of Tie
-    """
+    """A sweep, resolved."""
 
     base: dict[str, Any]
+    """The scene as plain data, with fingers from other files and what the sweep sets put in."""
     axes: tuple[Axis, ...]
     draws: tuple[Random, ...]
     ties: tuple[Tie, ...]
@@ -95,19 +76,6 @@ def variation_of(sweep: Sweep, document: Document, file: str | os.PathLike[str])
 
     A scene that does not make sense as a whole, such as a finger that begins inside the object, is no error: it is a
     failed run. A key that does not exist, and a value of the wrong type or out of its own range, is.
-
-    Parameters
-    ----------
-    sweep : Sweep
-    document : Document
-        What the sweep was read from.
-    file : path-like
-        Its file, relative to which the scene is sought.
-
-    Raises
-    ------
-    InputError
-        With file, line and column in the sweep, or in the scene that it varies.
     """
     return _Resolver(sweep, document, Path(file)).variation()
 

@@ -64,25 +64,7 @@ for _name, _pattern, _first in _CORE_SCHEMA:
 
 
 def read_yaml(path: str | Path, *, name: str | None = None) -> Document:
-    """Read one YAML file.
-
-    Parameters
-    ----------
-    path : path-like
-        A UTF-8 file of at most 2 MB.
-    name : str, optional
-        What errors call the file; its path where not given.
-
-    Returns
-    -------
-    Document
-        Plain data and places.
-
-    Raises
-    ------
-    InputError
-        Where the file cannot be read, or is not YAML of the accepted kind.
-    """
+    """Read one YAML file."""
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"expected the path of a file, got {path!r:.60}")
     name = name or str(path)
@@ -105,13 +87,7 @@ def read_yaml(path: str | Path, *, name: str | None = None) -> Document:
 
 
 def parse_yaml(text: str, name: str = "<text>") -> Document:
-    """Parse YAML text; ``name`` stands for the file in errors.
-
-    Raises
-    ------
-    InputError
-        With the position, where the text is not YAML of the accepted kind.
-    """
+    """Parse YAML text; ``name`` stands for the file in errors."""
     try:
         loader = _Loader(text)
         try:
