@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option, simulation_scene
 from continuum_grasp.cli.output import Output, run_folder
 from continuum_grasp.errors import InputError
 
@@ -66,7 +66,6 @@ def export_c(
     given |= {"--target": target != "host", "--substeps": substeps != 1, "--measure": measure}
     if casadi is not None and (others := [option for option, value in given.items() if value]):
         raise InputError(f"--casadi cannot be combined with {', '.join(others)}: plain functions have none of these")
-    from continuum_grasp.cli.options import simulation_scene
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.load import load
 
@@ -110,7 +109,7 @@ def export_c(
     )
     for name, found in ((made["measured"] or {}).get("functions", {})).items():
         output.say(f"{name}: {found['most_instructions']} instructions, {found['stack_bytes']} bytes of stack at most")
-    output.result(folder=str(folder), files=list(package.files), manifest=made)
+    output.result(folder=folder, files=package.files, manifest=made)
 
 
 def _write_functions(scene: Any, folder: Path, names: str, prefix: str, output: Output) -> None:
@@ -122,7 +121,7 @@ def _write_functions(scene: Any, folder: Path, names: str, prefix: str, output: 
         package = export_casadi(scene, folder, functions=functions, prefix=prefix)
     for file in package.files:
         output.say(str(folder / file))
-    output.result(folder=str(folder), files=list(package.files), manifest=package.manifest)
+    output.result(folder=folder, files=package.files, manifest=package.manifest)
 
 
 def _limits(made: Mapping[str, Any]) -> dict[str, str]:

@@ -51,6 +51,7 @@ Set = Annotated[
         help="Change one entry of the configuration; repeatable. Paths are relative to the configuration.",
     ),
 ]
+Pictures = Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print statistics too.")]

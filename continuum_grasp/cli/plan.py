@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import Animate, Config, Json, Out, Quiet, Set, Verbose, named_path
-from continuum_grasp.cli.output import Output, run_folder
+from continuum_grasp.cli.options import Animate, Config, Json, Out, Pictures, Quiet, Set, Verbose, named_path
+from continuum_grasp.cli.output import Output, run_folder, saved_in
+from continuum_grasp.errors import SolverError
 
 if TYPE_CHECKING:
     from continuum_grasp.planning import Plan
@@ -32,13 +33,12 @@ def plan(
     speed: Annotated[
         float, typer.Option("--speed", metavar="S", help="Seconds of motion per second of animation.")
     ] = 0.1,
-    pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")] = True,
+    pictures: Pictures = True,
     as_json: Json = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """Plan a whole motion to a goal: least time, least effort, smoothest input, tracking."""
-    from continuum_grasp.errors import SolverError
     from continuum_grasp.scene.load import scene_of
     from continuum_grasp.scene.plan import PlanScene
 
@@ -50,7 +50,7 @@ def plan(
 
     with output.computing("planning", folder):
         found = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
-    files = output.save_motion(found, folder, pictures, animation, speed)
+    files = output.save(found, folder, pictures, animation, speed)
     _report(found, folder, files, output)
     if not found.solved:
         raise SolverError(
@@ -59,7 +59,7 @@ def plan(
 
 
 def _report(plan: Plan, folder: Path, files: list[Path], output: Output) -> None:
-    x, y = (float(v) for v in plan.tip[-1])
+    x, y = plan.tip[-1]
     active = [c.name for c in plan.constraints.values() if c.active and not c.name.startswith("motion")]
     rows: dict[str, Any] = {
         "status": plan.status.value,
@@ -73,31 +73,26 @@ def _report(plan: Plan, folder: Path, files: list[Path], output: Output) -> None
         if found is not None:
             text = f"tip up to {1e3 * found.tip:.3g} mm off the plan, {1e3 * found.final_tip:.3g} mm at the end"
             rows[name] = f"{text} ({found.model})"
-    rows |= {"saved in": str(folder), "pictures": ", ".join(file.name for file in files) or "none"}
     output.warn(plan.warnings)
-    output.pairs(rows)
-    output.statistics({**plan.statistics, **{f"{name} [s]": f"{value:.3f}" for name, value in plan.times.items()}})
-    output.result(
-        status=plan.status.value,
-        folder=str(folder),
-        files=[str(file) for file in files],
+    output.pairs({**rows, **saved_in(folder, files)})
+    output.conclude(
+        plan,
+        folder,
+        files,
+        {f"{name} [s]": f"{value:.3f}" for name, value in plan.times.items()},
         objective=plan.objective,
         duration=plan.duration,
-        tip=[x, y],
+        tip=(x, y),
         active=active,
         iterations=plan.iterations,
-        times=dict(plan.times),
-        violated=list(plan.violated),
+        times=plan.times,
+        violated=plan.violated,
         advice=plan.advice,
-        warnings=list(plan.warnings),
-        statistics=dict(plan.statistics),
     )
 
 
 def _unit(plan: Plan) -> str:
     """Unit of the objective."""
-    force = "N m" if len(plan.u_names) == 1 else "N"
-    squared = f"({force})2" if " " in force else f"{force}2"
-    return {"least_time": "s", "least_effort": f"{squared} s", "least_input_rate": f"{squared}/s"}.get(
-        plan.scene.objective, ""
-    )
+    squared = "(N m)2" if len(plan.u_names) == 1 else "N2"
+    units = {"least_time": "s", "least_effort": f"{squared} s", "least_input_rate": f"{squared}/s"}
+    return units.get(plan.scene.objective, "")

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from continuum_grasp.cli.options import Config, Json, Quiet, Set, Verbose, out_option
-from continuum_grasp.cli.output import Output, run_folder
+from continuum_grasp.cli.output import Output, run_folder, saved_in
+from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
     from continuum_grasp.sweeps import Progress, SweepTable
@@ -48,8 +49,6 @@ def sweep(
     verbose: Verbose = False,
 ) -> None:
     """Find the grasps of many scenes: a grid or random draws of any keys; resumes after an interruption."""
-    from continuum_grasp.errors import InputError
-
     output = Output(as_json, quiet, verbose)
     if keep not in ("all", "failed", "none"):
         raise InputError(f"expected all, failed or none, got {keep!r}", key="--keep")
@@ -101,15 +100,14 @@ def _report(table: SweepTable, files: list[Path], output: Output) -> None:
             "scenes": f"{len(table)} of {table.total}",
             "status": ", ".join(f"{count} {name}" for name, count in table.counts.items()) or "none",
             "without a grasp": ", ".join(f"{count} {name}" for name, count in table.failures.items()) or "none",
-            "saved in": f"{table.folder}",
-            "pictures": ", ".join(file.name for file in files) or "none",
+            **saved_in(table.folder, files),
         }
     )
     output.statistics(statistics)
     output.result(
-        folder=str(table.folder),
-        table=str(table.folder / "table.jsonl"),
-        files=[str(file) for file in files],
+        folder=table.folder,
+        table=table.folder / "table.jsonl",
+        files=files,
         scenes=table.total,
         rows=len(table),
         status=table.counts,

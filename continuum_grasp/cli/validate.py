@@ -10,6 +10,7 @@ import typer
 
 from continuum_grasp.cli.options import Json, Quiet, Set
 from continuum_grasp.cli.output import Output
+from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.load import Loaded
@@ -22,7 +23,6 @@ def validate(
     quiet: Quiet = False,
 ) -> None:
     """Check configurations, any number of them, and whether a finger can be modeled so."""
-    from continuum_grasp.errors import InputError
     from continuum_grasp.scene.load import kind_of_scene
 
     output = Output(as_json, quiet)
@@ -45,10 +45,8 @@ def validate(
 def _checked(file: Path, changes: Iterable[str]) -> Loaded:
     """The configuration, checked as far as the structure of its model; no expressions are built."""
     from continuum_grasp.control.prediction import Prediction
-    from continuum_grasp.errors import InputError
     from continuum_grasp.model import FingerModel
     from continuum_grasp.scene.control import ControlScene
-    from continuum_grasp.scene.document import undotted
     from continuum_grasp.scene.finger import Finger
     from continuum_grasp.scene.load import load_placed
     from continuum_grasp.scene.simulate import Scene
@@ -62,6 +60,5 @@ def _checked(file: Path, changes: Iterable[str]) -> Loaded:
         elif isinstance(loaded, ControlScene):
             Prediction(loaded)
     except InputError as error:
-        path = undotted(error.key or "")
-        raise document.nearest(path).error(error.message, path) from None
+        raise document.placed_error(error) from None
     return loaded

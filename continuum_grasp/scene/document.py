@@ -66,6 +66,11 @@ class Document:
             return Place(place.file, place.key_line, place.key_column)
         return Place(place.file, place.line, place.column)
 
+    def placed_error(self, error: InputError) -> InputError:
+        """An error about a key of this document, at the place of that key."""
+        path = undotted(error.key or "")
+        return self.nearest(path).error(error.message, path)
+
     def part(self, path: KeyPath) -> Document:
         """What lies below ``path``, as a document of its own."""
         count = len(path)
