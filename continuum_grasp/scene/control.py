@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.controller import Controller, Estimator, Plant
 from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
@@ -43,8 +43,7 @@ class ControlScene(FingerScene):
     duration: Positive | None = None
     """Of the closed loop [s]."""
 
-    @model_validator(mode="after")
-    def _sense(self) -> ControlScene:
+    def _check(self) -> None:
         self.controller.input.check(self.finger, "controller.input")
         if self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not for controllers: give family and elements")
@@ -53,7 +52,6 @@ class ControlScene(FingerScene):
             self._check_estimator(self.estimator)
         self._doubt_margin()
         self.finger.rod.check_inside("loads", self.loads)
-        return self
 
     def _check_references(self) -> None:
         cost, given = self.controller.cost, self.reference

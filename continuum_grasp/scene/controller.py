@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.cost import Cost
 from continuum_grasp.scene.families import default_family
@@ -139,11 +139,9 @@ class Controller(Value):
     deadline: Positive | None = None
     """Time after which a command counts as late [s]; None: the period."""
 
-    @model_validator(mode="after")
-    def _commensurate(self) -> Controller:
+    def _check(self) -> None:
         if self.period is not None and self.period > self.horizon.stage * self.horizon.stages:
             raise ValueError(f"period = {self.period} s is longer than the whole horizon")
-        return self
 
     @property
     def step(self) -> float:
@@ -170,13 +168,11 @@ class Measured(Value):
     one it is the input itself."""
     bending: BendingSensors | None = None
 
-    @model_validator(mode="after")
-    def _something(self) -> Measured:
+    def _check(self) -> None:
         if self.tip is None and self.bending is None:
             raise ValueError(
                 "measure the tip, the bending, or both: the shape cannot be estimated from a tension alone"
             )
-        return self
 
 
 class Disturbed(Value):

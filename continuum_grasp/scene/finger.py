@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import Annotated, Protocol
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.value import (
     Extent,
@@ -56,8 +56,7 @@ class Rod(Value):
     """Rotary inertia per length, rho I [kg m]; 0 leaves it out of the model. Not given: that of the round section, or
     none beside ``linear_density``."""
 
-    @model_validator(mode="after")
-    def _one_description(self) -> Rod:
+    def _check(self) -> None:
         # The diameter may stand beside both: it says where the strain limit is reached.
         section = [k for k in _SECTION_KEYS[1:] if getattr(self, k) is not None]
         linear = [k for k in _LINEAR_KEYS if getattr(self, k) is not None]
@@ -70,10 +69,6 @@ class Rod(Value):
         missing = [k for k in wanted if getattr(self, k) is None]
         if missing:
             raise ValueError(f"a rod needs {', '.join(wanted)}; missing {', '.join(missing)}")
-        return self
-
-    @model_validator(mode="after")
-    def _magnitudes(self) -> Rod:
         if self.diameter is not None and self.diameter >= self.length:
             raise ValueError(
                 f"diameter = {self.diameter} m is not smaller than the length of {self.length} m (both are in meters)"
@@ -86,7 +81,6 @@ class Rod(Value):
         doubt_outside("rod.youngs_modulus", self.youngs_modulus, 1e3, 2e12, no_material)
         no_solid = "kg/m3 is that of no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)"
         doubt_outside("rod.density", self.density, 10.0, 23e3, no_solid)
-        return self
 
     def check_inside(self, key: str, placed: Iterable[_Placed]) -> None:
         """Refuse entries of ``key`` that lie beyond the tip, but for rounding."""
@@ -152,14 +146,12 @@ class PiecewiseCurvature(Value):
     values: Annotated[tuple[Real, ...], Field(strict=False)]
     """Curvatures between them, one more than ``breaks`` [1/m]."""
 
-    @model_validator(mode="after")
-    def _consistent(self) -> PiecewiseCurvature:
+    def _check(self) -> None:
         if len(self.values) != len(self.breaks) + 1:
             raise ValueError(
                 f"values must have one entry more than breaks ({len(self.breaks) + 1}), got {len(self.values)}"
             )
         check_increasing("breaks", self.breaks)
-        return self
 
 
 class Tendons(Value):
@@ -177,11 +169,9 @@ class Tendons(Value):
     """Time constant of the tension drive [s]: the commanded tension is followed through a critically damped
     second-order lag. None: the tension is what is commanded."""
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Tendons:
+    def _check(self) -> None:
         if self.min_tension >= self.max_tension:
             raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
-        return self
 
 
 class BasePose(Value):
@@ -192,13 +182,11 @@ class BasePose(Value):
     angle: Real = 0.0
     """Angle from world axes to base axes, counter-clockwise [rad]."""
 
-    @model_validator(mode="after")
-    def _radians(self) -> BasePose:
+    def _check(self) -> None:
         turn = 2 * math.pi * (1 + 1e-9)
         doubt_outside(
             "base.angle", self.angle, -turn, turn, "rad is beyond a full turn; is it in degrees? (expected: rad)"
         )
-        return self
 
 
 class Finger(Value):
@@ -217,8 +205,7 @@ class Finger(Value):
     """None: the input is the tip moment itself."""
     base: BasePose = BasePose()
 
-    @model_validator(mode="after")
-    def _sense(self) -> Finger:
+    def _check(self) -> None:
         length, half = self.rod.length, self.half_thickness
         self.rod.check_inside("masses", self.masses)
         offset = None if self.tendons is None else self.tendons.offset
@@ -242,7 +229,6 @@ class Finger(Value):
         for k, m in enumerate(self.masses):
             if self.rod.density is not None and m.mass > 1e3 * own:
                 doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {own:.2g} kg; is it in grams? (expected: kg)")
-        return self
 
     @property
     def thickness_radius(self) -> float:

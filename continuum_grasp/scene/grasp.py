@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Literal, cast
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.finger import PiecewiseCurvature, Tendons
@@ -214,8 +214,7 @@ class GraspScene(Value):
 
     # -- sense -----------------------------------------------------------------------------------------------
 
-    @model_validator(mode="after")
-    def _sense(self) -> GraspScene:
+    def _check(self) -> None:
         check_one_given(self, "finger", "fingers")
         for name in (*self.named_fingers, *self.supports):
             if not _NAME.fullmatch(name):
@@ -227,7 +226,6 @@ class GraspScene(Value):
             where = "finger" if self.fingers is None else f"fingers.{setup.name}"
             self._check_finger(setup, where)
         self._check_supports()
-        return self
 
     def _check_finger(self, setup: FingerSetup, where: str) -> None:
         finger, length = setup.finger, setup.finger.rod.length

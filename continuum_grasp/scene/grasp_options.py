@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.objects import Freedom
@@ -54,10 +54,8 @@ class GraspContacts(Value):
     tip: Switch = "on"
     """on: the rounded end of the finger touches the object; auto: where that is better."""
 
-    @model_validator(mode="after")
-    def _ordered(self) -> GraspContacts:
+    def _check(self) -> None:
         check_increasing("middle_range", self.middle_range or ())
-        return self
 
 
 class GraspFinger(Finger):
@@ -73,11 +71,9 @@ class GraspFinger(Finger):
     base_free: Freedom | None = None
     """Bounds within which the base's pose may be chosen; None: it is fixed."""
 
-    @model_validator(mode="after")
-    def _base_within_bounds(self) -> GraspFinger:
+    def _check(self) -> None:
         if self.base_free is not None:
             self.base_free.check(*self.base.position, self.base.angle)
-        return self
 
 
 def _as_grasp_finger(value: Any) -> Any:
@@ -134,11 +130,9 @@ class ObjectiveWeights(Value):
     greatest_friction_margin: NonNegative = 0.0
     """Weight of the least friction margin [1]."""
 
-    @model_validator(mode="after")
-    def _some(self) -> ObjectiveWeights:
+    def _check(self) -> None:
         if not any(getattr(self, name) for name in type(self).model_fields):
             raise ValueError("at least one weight must be positive")
-        return self
 
 
 class Disturbances(Value):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.value import Length, Positive, Real, Value, check_increasing
@@ -93,12 +93,10 @@ class TipTrajectory(_Data):
     sigma: Positive | None = None
     """Standard deviation of x and y [m], where known."""
 
-    @model_validator(mode="after")
-    def _something(self) -> TipTrajectory:
+    def _check(self) -> None:
         if self.x is None and self.y is None:
             raise ValueError("x and y are both null: give one of them at least")
         check_increasing("window", self.window or ())
-        return self
 
 
 class RingDown(_Data):
@@ -113,10 +111,8 @@ class RingDown(_Data):
     mode: Annotated[int, Field(ge=1)] = 1
     """Natural mode that rings, from 1."""
 
-    @model_validator(mode="after")
-    def _increasing(self) -> RingDown:
+    def _check(self) -> None:
         check_increasing("window", self.window)
-        return self
 
 
 class FrequencyTable(_Data):
@@ -152,13 +148,11 @@ class Estimate(Value):
     second_moment: Annotated[float, Field(ge=1e-24, le=1e6)] | None = None
     """Second moment of area [m4], for youngs_modulus of a rod that is given by its bending stiffness."""
 
-    @model_validator(mode="after")
-    def _bounds(self) -> Estimate:
+    def _check(self) -> None:
         if self.min is not None and self.max is not None and self.min >= self.max:
             raise ValueError(f"min = {self.min:g} is not below max = {self.max:g}")
         if self.second_moment is not None and self.name != "youngs_modulus":
             raise ValueError(f"second_moment goes with youngs_modulus, not with {self.name}")
-        return self
 
 
 class IdentifyScene(Scene):
@@ -170,8 +164,7 @@ class IdentifyScene(Scene):
     loss: Literal["squares", "huber"] = "squares"
     """huber: residuals beyond 1.345 standard deviations count linearly, so that outliers pull less."""
 
-    @model_validator(mode="after")
-    def _distinct(self) -> IdentifyScene:
+    def _check(self) -> None:
         if self.object is not None:
             raise ValueError("object has no place here: measurements are of the finger alone")
         names = [one.name for one in self.estimate]
@@ -180,4 +173,3 @@ class IdentifyScene(Scene):
                 raise ValueError(f"estimate[{k}].name: {name} is estimated twice")
         if self.data and all(one.use == "holdout" for one in self.data):
             raise ValueError("data: every set is a hold-out; one at least must be fitted")
-        return self

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2, check_increasing, check_one_given
 
@@ -16,8 +16,7 @@ class _Sampled(Value):
     interpolation: Literal["smooth", "linear"] = "smooth"
     """smooth: monotone piecewise quintic with continuous rate and acceleration; linear: straight lines."""
 
-    @model_validator(mode="after")
-    def _increasing(self) -> _Sampled:
+    def _check(self) -> None:
         check_increasing("times", self.times)
         # Closer instants give slopes that swamp the splines in rounding.
         if any(b - a < 1e-9 for a, b in pairwise(self.times)):
@@ -25,7 +24,6 @@ class _Sampled(Value):
         count = len(getattr(self, "values", ()))
         if count != len(self.times):
             raise ValueError(f"values must be as many as times ({len(self.times)}), got {count}")
-        return self
 
 
 class Samples(_Sampled):
@@ -73,7 +71,5 @@ class Actuation(Value):
     tensions: Annotated[tuple[Real | Samples, Real | Samples], Field(strict=False)] | None = None
     """Tensions F1, F2 [N], for a finger with tendons."""
 
-    @model_validator(mode="after")
-    def _one(self) -> Actuation:
+    def _check(self) -> None:
         check_one_given(self, "tip_moment", "tensions")
-        return self

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, InputLimits, Penalty
 from continuum_grasp.scene.cost import Cost, Reference, Row
@@ -47,11 +47,9 @@ class ShapeAim(_Aim):
     value: Annotated[tuple[Vector2, ...], Field(strict=False, min_length=1)]
     """Their world positions [m]."""
 
-    @model_validator(mode="after")
-    def _as_many(self) -> ShapeAim:
+    def _check(self) -> None:
         if len(self.value) != len(self.at):
             raise ValueError(f"value: expected as many points as at ({len(self.at)}), got {len(self.value)}")
-        return self
 
 
 Aim = Annotated[RowAim, BeforeValidator(_exact, json_schema_input_type=Row | RowAim)]
@@ -85,11 +83,9 @@ class DurationRange(Value):
     most: Positive
     """[s]"""
 
-    @model_validator(mode="after")
-    def _ordered(self) -> DurationRange:
+    def _check(self) -> None:
         if self.least >= self.most:
             raise ValueError(f"least = {self.least} s must be less than most = {self.most} s")
-        return self
 
 
 class PlanInput(InputLimits):
@@ -146,11 +142,9 @@ class PlanSolver(SolverOptions):
     degree: Annotated[int, Field(ge=2, le=9)] = 3
     """Number of collocation points per interval."""
 
-    @model_validator(mode="after")
-    def _hessian_is_convex(self) -> PlanSolver:
+    def _check(self) -> None:
         if self.method == "sqp" and self.hessian == "exact":
             raise ValueError("method: sqp needs hessian: gauss_newton, since its QPs have to be convex")
-        return self
 
 
 class FineCheck(Value):
@@ -198,8 +192,7 @@ class PlanScene(FingerScene):
     solver: PlanSolver = PlanSolver()
     check: FineCheck = FineCheck()
 
-    @model_validator(mode="after")
-    def _sense(self) -> PlanScene:
+    def _check(self) -> None:
         self.input.check(self.finger, "input")
         if self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not for plans: give family and elements")
@@ -208,7 +201,6 @@ class PlanScene(FingerScene):
         self._check_goal()
         self._check_objective()
         self._check_loads()
-        return self
 
     def _check_contact(self) -> None:
         law = self.contact_law

@@ -6,7 +6,7 @@ import math
 from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
@@ -67,8 +67,7 @@ class Initial(Value):
     qd: Annotated[tuple[Real, ...], Field(strict=False)] | None = None
     """Their rates."""
 
-    @model_validator(mode="after")
-    def _one(self) -> Initial:
+    def _check(self) -> None:
         check_one_given(self, "pose", "q")
         if self.qd is not None and self.q is None:
             raise ValueError("qd needs q; a named pose is at rest")
@@ -78,7 +77,6 @@ class Initial(Value):
             value = load.force if load.kind == "force" else load.moment
             if hasattr(value, "times"):
                 raise ValueError(f"held_by[{k}] must be constant")
-        return self
 
 
 MOST_STATES = 10_000_000
@@ -98,8 +96,7 @@ class Timing(Value):
     tolerance: Annotated[float, BeforeValidator(_share), Field(ge=1e-10, le=0.1)] = 1e-4
     """Greatest error of position that the steps in time may leave, per length of the finger."""
 
-    @model_validator(mode="after")
-    def _whole(self) -> Timing:
+    def _check(self) -> None:
         if self.step > self.duration:
             raise ValueError(f"step ({self.step} s) is longer than duration ({self.duration} s)")
         count = self.duration / self.step
@@ -114,7 +111,6 @@ class Timing(Value):
             raise ValueError(
                 f"duration must be a whole number of steps, got {self.duration} s in steps of {self.step} s"
             )
-        return self
 
 
 class FingerScene(Surroundings):
@@ -132,8 +128,7 @@ class FingerScene(Surroundings):
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Names of model parameters that stay run-time arguments of the generated functions."""
 
-    @model_validator(mode="after")
-    def _contacts_inside(self) -> FingerScene:
+    def _check(self) -> None:
         length = self.finger.rod.length
         for k, at in enumerate(self.contacts):
             if at >= length:
@@ -141,7 +136,6 @@ class FingerScene(Surroundings):
                     f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
                 )
         check_increasing("contacts", self.contacts, " along the finger")
-        return self
 
 
 class Scene(FingerScene):
@@ -153,8 +147,7 @@ class Scene(FingerScene):
     loads: Annotated[tuple[Load, ...], Field(strict=False)] = ()
     time: Timing | None = None
 
-    @model_validator(mode="after")
-    def _sense(self) -> Scene:
+    def _check(self) -> None:
         self.finger.rod.check_inside("loads", self.loads)
         self.finger.rod.check_inside("initial.held_by", self.initial.held_by)
         if self.actuation is not None:
@@ -167,7 +160,6 @@ class Scene(FingerScene):
         lengths, length = self.fidelity.elements, self.finger.rod.length
         if isinstance(lengths, tuple) and abs(sum(lengths) - length) > 1e-9 * length:
             raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")
-        return self
 
     def _check_actuation(self, actuation: Actuation) -> None:
         tendons = self.finger.tendons

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
 
@@ -101,11 +101,9 @@ class Line(_Support):
         half = 0.5 * math.dist(self.start, self.end)
         return (Wall(name, (0.5 * (x0 + x1), 0.5 * (y0 + y1)), angle, half, self.friction, self.touch),)
 
-    @model_validator(mode="after")
-    def _extended(self) -> Line:
+    def _check(self) -> None:
         if math.dist(self.start, self.end) < 1e-9:
             raise ValueError("start and end are the same point")
-        return self
 
 
 class Point(_Support):

@@ -6,7 +6,7 @@ import math
 from itertools import pairwise
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import Point
@@ -42,15 +42,13 @@ class ContactLaw(Value):
     """In place of ``presliding``: the friction force grows smoothly with the speed of slip and has about 70 % of its
     limit at this one [m/s]. It needs no state, but what it holds creeps."""
 
-    @model_validator(mode="after")
-    def _one_friction(self) -> ContactLaw:
+    def _check(self) -> None:
         if self.presliding is not None and self.slip_speed is not None:
             raise ValueError("presliding and slip_speed exclude each other: give one, or none for 0.1 mm of presliding")
         stiffness_why = "N/m is that of no fingertip (expected: N/m)"
         doubt_outside("contact_law.stiffness", self.stiffness, 10.0, 1e7, stiffness_why)
         doubt_outside("contact_law.rounding", self.rounding, 0.0, 1e-3, "m is more than a millimeter (expected: m)")
         doubt_outside("contact_law.friction", self.friction, 0.0, 3.0, "is more than surfaces have")
-        return self
 
     @property
     def displacement(self) -> float | None:
@@ -90,15 +88,14 @@ class Surroundings(Value):
     """Of a moving object about its center of mass [kg m2]; None: that of its mass spread evenly over its shape (over
     each part by its area, for a union)."""
 
-    @model_validator(mode="after")
-    def _complete(self) -> Surroundings:
+    def _check(self) -> None:
         body = self.object
         if body is None:
             given = [key for key in ("supports", "contact_law", "moment_of_inertia") if getattr(self, key)]
             given += [key for key in ("object_moves", "out_of_plane_gravity", "table") if getattr(self, key)]
             if given:
                 raise ValueError(f"{given[0]} has no meaning without an object")
-            return self
+            return
         if self.contact_law is None:
             raise ValueError("contact_law is missing: an object needs its stiffness and friction")
         if body.free is not None:
@@ -111,7 +108,6 @@ class Surroundings(Value):
             given = [key for key in ("moment_of_inertia", "out_of_plane_gravity") if getattr(self, key)]
             if given or self.supports:
                 raise ValueError(f"{(given or ['supports'])[0]} has no meaning for a fixed object: set object_moves")
-        return self
 
     @property
     def surroundings(self) -> Surroundings | None:

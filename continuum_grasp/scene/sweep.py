@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.value import Positive, Real, Value, check_increasing, check_one_given
 
@@ -45,22 +45,20 @@ class Grid(Value):
     spacing: Literal["linear", "log"] = "linear"
     """log: equal ratios instead of equal differences."""
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Grid:
+    def _check(self) -> None:
         ends = (self.first, self.to, self.count)
         if (self.values is None) == all(end is None for end in ends):
             raise ValueError("give either values, or from, to and count")
         if self.values is not None:
             if any(end is not None for end in ends) or self.spacing != "linear":
                 raise ValueError("values stand alone, without from, to, count and spacing")
-            return self
+            return
         if any(end is None for end in ends):
             raise ValueError("from, to and count belong together")
         if self.first == self.to:
             raise ValueError(f"to is the same as from: {self.to}")
         if self.spacing == "log" and not (self.first or 0.0) * (self.to or 0.0) > 0.0:
             raise ValueError("spacing: log needs from and to of one sign, neither of them 0")
-        return self
 
     @property
     def listed(self) -> tuple[Any, ...]:
@@ -89,13 +87,11 @@ class Draw(Value):
     choice: Values | None = None
     """Values that are equally likely."""
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Draw:
+    def _check(self) -> None:
         check_one_given(self, *type(self).model_fields)
         check_increasing(self.kind, self.uniform or self.log_uniform or ())
         if self.log_uniform is not None and self.log_uniform[0] <= 0.0:
             raise ValueError(f"log_uniform needs positive numbers, got {list(self.log_uniform)}")
-        return self
 
     @property
     def kind(self) -> str:
@@ -176,8 +172,7 @@ class Sweep(Value):
     pareto: tuple[Front, ...] = Field(default=(), strict=False)
     """Pictures of two quantities against each other."""
 
-    @model_validator(mode="after")
-    def _sense(self) -> Sweep:
+    def _check(self) -> None:
         if not self.vary and self.sample is None:
             raise ValueError("give vary, sample, or both")
         drawn = {} if self.sample is None else self.sample.keys
@@ -193,7 +188,6 @@ class Sweep(Value):
                 raise ValueError(f"record[{k}] must be quality., certificate. or statistics. and a name, got {name!r}")
         if self.count > MOST_SCENES:
             raise ValueError(f"{self.count} scenes are more than the {MOST_SCENES} that are possible")
-        return self
 
     @property
     def count(self) -> int:

@@ -8,11 +8,15 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 
 class Value(BaseModel):
-    """A frozen value in SI units; unknown keys, NaN, infinity and absurd magnitudes are refused."""
+    """A frozen value in SI units; unknown keys, NaN, infinity and absurd magnitudes are refused.
+
+    A class whose fields must fit together has a method ``_check``, which raises `ValueError` with a message that begins
+    with the key, or warns by `doubt`.
+    """
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True, strict=True
@@ -25,6 +29,14 @@ class Value(BaseModel):
             from continuum_grasp.scene.problems import input_error
 
             raise input_error(error, type(self), data) from None
+
+    @model_validator(mode="after")
+    def _checked(self) -> Self:
+        # Base classes first: a class may rely on what they have checked.
+        for kind in reversed(type(self).__mro__):
+            if "_check" in vars(kind):
+                vars(kind)["_check"](self)
+        return self
 
     def replaced(self, **fields: Any) -> Self:
         """A copy with other values of some fields, validated as if it were made anew; `InputError` as then."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.parts import Part, Point, farthest
 from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2, check_increasing
@@ -25,11 +25,9 @@ class Freedom(Value):
     angle: Interval | None = None
     """[rad]"""
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Freedom:
+    def _check(self) -> None:
         for name, bounds in (("x", self.x), ("y", self.y), ("angle", self.angle)):
             check_increasing(name, bounds or ())
-        return self
 
     def check(self, x: float, y: float, angle: float) -> None:
         """Whether a pose lies within the bounds.
@@ -96,11 +94,9 @@ class ObjectBody(Value):
         x, y = point[0] - self.position[0], point[1] - self.position[1]
         return min(part.distance((c * x + s * y, c * y - s * x)) for part in self.parts)
 
-    @model_validator(mode="after")
-    def _pose_within_bounds(self) -> ObjectBody:
+    def _check(self) -> None:
         if self.free is not None:
             self.free.check(*self.pose)
-        return self
 
 
 class MemberPlace(Value):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.objects.body import MemberPlace, ObjectBody
 from continuum_grasp.scene.parts import (
@@ -99,13 +99,11 @@ class _BoxShape(Value):
         w, h, r = 0.5 * self.width, 0.5 * self.height, self.corner_radius
         return (rounded(((-w, -h), (w, -h), (w, h), (-w, h)), r),)
 
-    @model_validator(mode="after")
-    def _has_flat_faces(self) -> _BoxShape:
+    def _check(self) -> None:
         if 2 * self.corner_radius >= min(self.width, self.height):
             raise ValueError(
                 f"corner_radius = {self.corner_radius} m leaves no flat face; expected less than half a side"
             )
-        return self
 
 
 class Box(_BoxShape, ObjectBody):
@@ -129,10 +127,8 @@ class _PolygonShape(Value):
     def centroid(self) -> Point:
         return polygon_centroid(self.vertices)
 
-    @model_validator(mode="after")
-    def _convex(self) -> _PolygonShape:
+    def _check(self) -> None:
         check_convex(self.vertices)
-        return self
 
 
 class Polygon(_PolygonShape, ObjectBody):
@@ -158,8 +154,7 @@ class _RoundedPolygonShape(Value):
     def centroid(self) -> Point:
         return polygon_centroid(tuple(self.parts[0].outline(720)))
 
-    @model_validator(mode="after")
-    def _has_flat_faces(self) -> _RoundedPolygonShape:
+    def _check(self) -> None:
         check_convex(self.vertices)
         outline = counter_clockwise(self.vertices)
         core = rounded(outline, self.corner_radius).vertices
@@ -168,7 +163,6 @@ class _RoundedPolygonShape(Value):
             raise ValueError(
                 f"corner_radius = {self.corner_radius} m is too large: an edge would have no flat part left"
             )
-        return self
 
 
 class RoundedPolygon(_RoundedPolygonShape, ObjectBody):
