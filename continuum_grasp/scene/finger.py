@@ -10,13 +10,13 @@ from pydantic import Field
 
 from continuum_grasp.scene.value import (
     Extent,
+    Increasing,
     Length,
     NonNegative,
     Positive,
     Real,
     Value,
     Vector2,
-    check_increasing,
     doubt,
     doubt_outside,
 )
@@ -141,7 +141,7 @@ class PointMass(Value):
 class PiecewiseCurvature(Value):
     """A rest curvature that is constant between ``breaks``."""
 
-    breaks: Annotated[tuple[Length, ...], Field(strict=False)]
+    breaks: Annotated[tuple[Length, ...], Field(strict=False), Increasing]
     """Positions along the finger where the curvature jumps, increasing [m]."""
     values: Annotated[tuple[Real, ...], Field(strict=False)]
     """Curvatures between them, one more than ``breaks`` [1/m]."""
@@ -151,7 +151,6 @@ class PiecewiseCurvature(Value):
             raise ValueError(
                 f"values must have one entry more than breaks ({len(self.breaks) + 1}), got {len(self.values)}"
             )
-        check_increasing("breaks", self.breaks)
 
 
 class Tendons(Value):

@@ -11,7 +11,7 @@ from continuum_grasp.scene.objects import Freedom
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.supports import Switch
-from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2, check_increasing
+from continuum_grasp.scene.value import Extent, Increasing, Length, NonNegative, Positive, Real, Value, Vector2
 
 Middles = Switch | Annotated[tuple[Switch, ...], Field(strict=False, min_length=1, max_length=4)]
 Counts = Annotated[int, Field(ge=1)] | Annotated[tuple[int, ...], Field(strict=False, min_length=1, max_length=4)]
@@ -48,14 +48,11 @@ class GraspContacts(Value):
     where that is better; a list: several such contacts, from base to tip."""
     middle_after: Counts | None = None
     """Number of elements between base and middle contact, or a list of these; None: spread evenly."""
-    middle_range: Range | None = None
+    middle_range: Annotated[Range, Increasing] | None = None
     """Positions along the finger between which middle contacts are sought [m]; None: 5 % to 95 % of the
     length."""
     tip: Switch = "on"
     """on: the rounded end of the finger touches the object; auto: where that is better."""
-
-    def _check(self) -> None:
-        check_increasing("middle_range", self.middle_range or ())
 
 
 class GraspFinger(Finger):

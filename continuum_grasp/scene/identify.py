@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.value import Length, Positive, Real, Value, check_increasing
+from continuum_grasp.scene.value import Interval, Length, Positive, Real, Value
 
 Quantity = Literal["x", "y", "angle", "bend"]
 Estimated = Annotated[float, Field(ge=-1e15, le=1e15)]
@@ -88,7 +88,7 @@ class TipTrajectory(_Data):
     y: ColumnLike | None = "y"
     at: Length | None = None
     """Position along the finger [m]; None: the tip."""
-    window: Annotated[tuple[Real, Real], Field(strict=False)] | None = None
+    window: Interval | None = None
     """Instants from and to which samples are used [s]."""
     sigma: Positive | None = None
     """Standard deviation of x and y [m], where known."""
@@ -96,7 +96,6 @@ class TipTrajectory(_Data):
     def _check(self) -> None:
         if self.x is None and self.y is None:
             raise ValueError("x and y are both null: give one of them at least")
-        check_increasing("window", self.window or ())
 
 
 class RingDown(_Data):
@@ -106,13 +105,10 @@ class RingDown(_Data):
     t: ColumnLike = "t"
     signals: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = ("signal",)
     """Headings of the columns, in any unit; empty cells are samples that are missing."""
-    window: Annotated[tuple[Real, Real], Field(strict=False)]
+    window: Interval
     """Instants from and to which samples are used [s]."""
     mode: Annotated[int, Field(ge=1)] = 1
     """Natural mode that rings, from 1."""
-
-    def _check(self) -> None:
-        check_increasing("window", self.window)
 
 
 class FrequencyTable(_Data):

@@ -7,17 +7,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2, check_increasing, check_one_given
+from continuum_grasp.scene.value import Increasing, NonNegative, Real, Value, Vector2, check_one_given
 
 
 class _Sampled(Value):
-    times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2)]
+    times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2), Increasing]
     """Instants, increasing [s]; before the first and after the last the value is held."""
     interpolation: Literal["smooth", "linear"] = "smooth"
     """smooth: monotone piecewise quintic with continuous rate and acceleration; linear: straight lines."""
 
     def _check(self) -> None:
-        check_increasing("times", self.times)
         # Closer instants give slopes that swamp the splines in rounding.
         if any(b - a < 1e-9 for a, b in pairwise(self.times)):
             raise ValueError("times must be 1e-9 s apart at least")

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.value import Positive, Real, Value, check_increasing, check_one_given
+from continuum_grasp.scene.value import Interval, Positive, Real, Value, check_one_given
 
 MOST_SCENES = 10_000_000
 """A plan is held in memory, about 100 bytes a scene: 1 GB."""
@@ -28,7 +28,6 @@ QUANTITIES = {
 Values = Annotated[tuple[Any, ...], Field(strict=False, min_length=1, max_length=100_000)]
 Key = Annotated[str, Field(min_length=1)]
 _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
-Pair = Annotated[tuple[Real, Real], Field(strict=False)]
 
 
 class Grid(Value):
@@ -78,9 +77,9 @@ class Grid(Value):
 class Draw(Value):
     """How one key is drawn at random."""
 
-    uniform: Pair | None = None
+    uniform: Interval | None = None
     """Least and greatest value."""
-    log_uniform: Pair | None = None
+    log_uniform: Interval | None = None
     """Least and greatest value, both positive; equal ratios are equally likely."""
     normal: Annotated[tuple[Real, Positive], Field(strict=False)] | None = None
     """Mean and standard deviation."""
@@ -89,7 +88,6 @@ class Draw(Value):
 
     def _check(self) -> None:
         check_one_given(self, *type(self).model_fields)
-        check_increasing(self.kind, self.uniform or self.log_uniform or ())
         if self.log_uniform is not None and self.log_uniform[0] <= 0.0:
             raise ValueError(f"log_uniform needs positive numbers, got {list(self.log_uniform)}")
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 
 
 class Value(BaseModel):
@@ -66,6 +66,17 @@ def check_increasing(key: str, values: Sequence[float], where: str = "") -> None
     """Refuse numbers of which one is not greater than that before it."""
     if any(b <= a for a, b in pairwise(values)):
         raise ValueError(f"{key} must increase{where}, got {list(values)}")
+
+
+def _increasing(values: tuple[float, ...], field: ValidationInfo) -> tuple[float, ...]:
+    check_increasing(field.field_name or "values", values)
+    return values
+
+
+Increasing = AfterValidator(_increasing)
+"""For numbers of which each must be greater than that before it."""
+Interval = Annotated[tuple[Real, Real], Field(strict=False), Increasing]
+"""Least and greatest value."""
 
 
 def check_one_given(value: Value, *keys: str) -> None:

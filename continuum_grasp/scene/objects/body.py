@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
-
-from pydantic import Field
 
 from continuum_grasp.scene.parts import Part, Point, farthest
-from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2, check_increasing
+from continuum_grasp.scene.value import Interval, NonNegative, Real, Value, Vector2
 
 Pose = tuple[float, float, float]
-
-Interval = Annotated[tuple[Real, Real], Field(strict=False)]
 
 
 class Freedom(Value):
@@ -25,18 +20,8 @@ class Freedom(Value):
     angle: Interval | None = None
     """[rad]"""
 
-    def _check(self) -> None:
-        for name, bounds in (("x", self.x), ("y", self.y), ("angle", self.angle)):
-            check_increasing(name, bounds or ())
-
     def check(self, x: float, y: float, angle: float) -> None:
-        """Whether a pose lies within the bounds.
-
-        Raises
-        ------
-        ValueError
-            If it does not.
-        """
+        """Refuse a pose beyond the bounds, by `ValueError`."""
         for name, bounds, value in (("x", self.x, x), ("y", self.y, y), ("angle", self.angle, angle)):
             if bounds is not None and not bounds[0] <= value <= bounds[1]:
                 raise ValueError(f"free.{name} = {list(bounds)} does not hold the given {value}")
