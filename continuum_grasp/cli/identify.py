@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from continuum_grasp.cli.options import Config, Json, Out, Pictures, Quiet, Set, Verbose
 from continuum_grasp.cli.output import Output, run_folder, saved_in
 from continuum_grasp.errors import InputError
-
-if TYPE_CHECKING:
-    from continuum_grasp.identification import Fit
 
 
 def identify(
@@ -48,10 +45,6 @@ def identify(
             raise
         raise document.placed_error(error) from None
     files = output.save(fit, folder, pictures)
-    _report(fit, folder, files, output)
-
-
-def _report(fit: Fit, folder: Path, files: list[Path], output: Output) -> None:
     if "fidelity" in fit.statistics:
         output.say(f"fidelity: {fit.statistics['fidelity']}")
     output.warn(fit.warnings)

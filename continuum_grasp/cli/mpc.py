@@ -15,8 +15,6 @@ from continuum_grasp.errors import InputError, Interrupted
 if TYPE_CHECKING:
     from continuum_grasp.closed_loop.result import ControlRun
     from continuum_grasp.grasp.result import GraspResult
-    from continuum_grasp.mission.result import MissionRun
-    from continuum_grasp.mission.trials import Outcome
     from continuum_grasp.scene.mission import MissionScene
 
 _FAILED = 1
@@ -149,43 +147,7 @@ def _carry_out(scene: MissionScene, folder: Path, animation: str | None, picture
     grasp = _grasp(scene, output)
     with output.computing("carrying it out", folder) as report:
         run = run_mission(scene, grasp=grasp, progress=report)
-    _report_mission(run, folder, output.save(run, folder, pictures, animation), output)
-    if not run.verdict.held:
-        raise typer.Exit(_FAILED)
-
-
-def _try_out(scene: MissionScene, folder: Path, jobs: int | None, pictures: bool, output: Output) -> None:
-    """Carry a mission out on many plants: saves and prints how it went; exit status 1 if it failed on any."""
-    from continuum_grasp.mission.trials import run_trials
-
-    grasp = _grasp(scene, output)
-    stopped: Interrupted | None = None
-    try:
-        with output.busy(f"on {scene.trials.count} plants") as report:
-            outcomes = run_trials(scene, grasp=grasp, jobs=jobs, progress=report)
-    except Interrupted as error:
-        if not error.result:
-            raise
-        outcomes, stopped = error.result, error
-    _report_trials(scene, outcomes, folder, pictures, output)
-    if stopped is not None:
-        raise stopped
-    if not all(outcome.succeeded for outcome in outcomes):
-        raise typer.Exit(_FAILED)
-
-
-def _grasp(scene: MissionScene, output: Output) -> GraspResult:
-    from continuum_grasp.grasp import optimize_grasp
-
-    with output.busy("optimizing the grasp"):
-        found = optimize_grasp(scene.grasp)
-    # A search that was stopped has a grasp, but not the one that a mission should be judged by.
-    if found.statistics["interrupted"]:
-        raise KeyboardInterrupt("interrupted while the grasp was optimized")
-    return found
-
-
-def _report_mission(run: MissionRun, folder: Path, files: list[Path], output: Output) -> None:
+    files = output.save(run, folder, pictures, animation)
     found = run.run.metrics()
     output.warn(run.warnings)
     output.pairs(run.verdict.pairs())
@@ -209,11 +171,23 @@ def _report_mission(run: MissionRun, folder: Path, files: list[Path], output: Ou
         warnings=run.warnings,
         statistics=run.run.statistics,
     )
+    if not run.verdict.held:
+        raise typer.Exit(_FAILED)
 
 
-def _report_trials(scene: MissionScene, outcomes: list[Outcome], folder: Path, pictures: bool, output: Output) -> None:
-    from continuum_grasp.mission.trials import save_trials, summarize
+def _try_out(scene: MissionScene, folder: Path, jobs: int | None, pictures: bool, output: Output) -> None:
+    """Carry a mission out on many plants: saves and prints how it went; exit status 1 if it failed on any."""
+    from continuum_grasp.mission.trials import run_trials, save_trials, summarize
 
+    grasp = _grasp(scene, output)
+    stopped: Interrupted | None = None
+    try:
+        with output.busy(f"on {scene.trials.count} plants") as report:
+            outcomes = run_trials(scene, grasp=grasp, jobs=jobs, progress=report)
+    except Interrupted as error:
+        if not error.result:
+            raise
+        outcomes, stopped = error.result, error
     found = summarize(outcomes)
     with output.saving(folder):
         files = [save_trials(outcomes, folder)]
@@ -231,3 +205,18 @@ def _report_trials(scene: MissionScene, outcomes: list[Outcome], folder: Path, p
     output.pairs(saved_in(folder, files, "files"))
     failed = [{"plant": k + 1, "text": outcomes[k].text} for k in found.failed]
     output.result(folder=folder, files=files, asked=scene.trials.count, summary=asdict(found), failed=failed)
+    if stopped is not None:
+        raise stopped
+    if not all(outcome.succeeded for outcome in outcomes):
+        raise typer.Exit(_FAILED)
+
+
+def _grasp(scene: MissionScene, output: Output) -> GraspResult:
+    from continuum_grasp.grasp import optimize_grasp
+
+    with output.busy("optimizing the grasp"):
+        found = optimize_grasp(scene.grasp)
+    # A search that was stopped has a grasp, but not the one that a mission should be judged by.
+    if found.statistics["interrupted"]:
+        raise KeyboardInterrupt("interrupted while the grasp was optimized")
+    return found

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from continuum_grasp.cli.options import Animate, Config, Json, Out, Pictures, Quiet, Set, Verbose, named_path
 from continuum_grasp.cli.output import Output, run_folder, saved_in
 from continuum_grasp.errors import SolverError
-
-if TYPE_CHECKING:
-    from continuum_grasp.planning import Plan
 
 
 def plan(
@@ -51,48 +48,39 @@ def plan(
     with output.computing("planning", folder):
         found = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
     files = output.save(found, folder, pictures, animation, speed)
-    _report(found, folder, files, output)
+    squared = "(N m)2" if len(found.u_names) == 1 else "N2"
+    units = {"least_time": "s", "least_effort": f"{squared} s", "least_input_rate": f"{squared}/s"}
+    x, y = found.tip[-1]
+    active = [c.name for c in found.constraints.values() if c.active and not c.name.startswith("motion")]
+    rows: dict[str, Any] = {
+        "status": found.status.value,
+        "objective": f"{found.objective:.6g} {units.get(found.scene.objective, '')} ({found.scene.objective})",
+        "duration": f"{found.duration:.6g} s in {len(found.t) - 1} intervals",
+        "tip at the end": f"({x:.4f}, {y:.4f}) m",
+        "active constraints": ", ".join(active) or "nothing",
+        "solver": f"{found.iterations} iterations; {found.times.get('total', 0.0):.2f} s in all",
+    }
+    for name, check in (("fine simulation", found.deviation), ("finer model", found.finer)):
+        if check is not None:
+            text = f"tip up to {1e3 * check.tip:.3g} mm off the found, {1e3 * check.final_tip:.3g} mm at the end"
+            rows[name] = f"{text} ({check.model})"
+    output.warn(found.warnings)
+    output.pairs({**rows, **saved_in(folder, files)})
+    output.conclude(
+        found,
+        folder,
+        files,
+        {f"{name} [s]": f"{value:.3f}" for name, value in found.times.items()},
+        objective=found.objective,
+        duration=found.duration,
+        tip=(x, y),
+        active=active,
+        iterations=found.iterations,
+        times=found.times,
+        violated=found.violated,
+        advice=found.advice,
+    )
     if not found.solved:
         raise SolverError(
             found.message, status=found.status.value, violated=found.violated, advice=found.advice, result=found
         )
-
-
-def _report(plan: Plan, folder: Path, files: list[Path], output: Output) -> None:
-    x, y = plan.tip[-1]
-    active = [c.name for c in plan.constraints.values() if c.active and not c.name.startswith("motion")]
-    rows: dict[str, Any] = {
-        "status": plan.status.value,
-        "objective": f"{plan.objective:.6g} {_unit(plan)} ({plan.scene.objective})",
-        "duration": f"{plan.duration:.6g} s in {len(plan.t) - 1} intervals",
-        "tip at the end": f"({x:.4f}, {y:.4f}) m",
-        "active constraints": ", ".join(active) or "nothing",
-        "solver": f"{plan.iterations} iterations; {plan.times.get('total', 0.0):.2f} s in all",
-    }
-    for name, found in (("fine simulation", plan.deviation), ("finer model", plan.finer)):
-        if found is not None:
-            text = f"tip up to {1e3 * found.tip:.3g} mm off the plan, {1e3 * found.final_tip:.3g} mm at the end"
-            rows[name] = f"{text} ({found.model})"
-    output.warn(plan.warnings)
-    output.pairs({**rows, **saved_in(folder, files)})
-    output.conclude(
-        plan,
-        folder,
-        files,
-        {f"{name} [s]": f"{value:.3f}" for name, value in plan.times.items()},
-        objective=plan.objective,
-        duration=plan.duration,
-        tip=(x, y),
-        active=active,
-        iterations=plan.iterations,
-        times=plan.times,
-        violated=plan.violated,
-        advice=plan.advice,
-    )
-
-
-def _unit(plan: Plan) -> str:
-    """Unit of the objective."""
-    squared = "(N m)2" if len(plan.u_names) == 1 else "N2"
-    units = {"least_time": "s", "least_effort": f"{squared} s", "least_input_rate": f"{squared}/s"}
-    return units.get(plan.scene.objective, "")

@@ -4,15 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from continuum_grasp.cli.options import Animate, Config, Json, Out, Pictures, Quiet, Set, Verbose, simulation_scene
 from continuum_grasp.cli.output import Output, run_folder, saved_in
 from continuum_grasp.errors import InputError
-
-if TYPE_CHECKING:
-    from continuum_grasp.simulation import Trajectory
 
 
 def simulate(
@@ -39,10 +34,6 @@ def simulate(
     if note:
         trajectory = replace(trajectory, statistics={**trajectory.statistics, "fidelity": note})
     files = output.save(trajectory, folder, pictures, animation)
-    _report(trajectory, folder, files, output)
-
-
-def _report(trajectory: Trajectory, folder: Path, files: list[Path], output: Output) -> None:
     energy = (trajectory.kinetic + trajectory.potential)[[0, -1]]
     x, y = trajectory.tip[-1]
     error, steps = trajectory.time_error, len(trajectory.t) - 1

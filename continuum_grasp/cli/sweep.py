@@ -72,25 +72,6 @@ def sweep(
     if pictures or plot_only:
         with output.drawing(folder):
             files = table.plot(folder)
-    _report(table, files, output)
-
-
-def _stored(config: Path, folder: Path, changes: list[str]) -> SweepTable:
-    """The table as it is, with the pictures that the configuration asks for now."""
-    from dataclasses import replace
-
-    from continuum_grasp.results import begin_run
-    from continuum_grasp.sweeps import sweep_table
-    from continuum_grasp.sweeps.folder import PLAN
-    from continuum_grasp.sweeps.plan import plan_of
-    from continuum_grasp.sweeps.table import CSV
-
-    table = replace(sweep_table(folder), pictures=plan_of(config, changes).pictures)
-    begin_run(folder, "sweep", retained=(PLAN, CSV))
-    return table
-
-
-def _report(table: SweepTable, files: list[Path], output: Output) -> None:
     statistics = dict(table.statistics)
     output.warn(statistics.pop("notes", ()))
     if len(table) and not table.solved.any():
@@ -114,6 +95,21 @@ def _report(table: SweepTable, files: list[Path], output: Output) -> None:
         failures=table.failures,
         statistics=statistics,
     )
+
+
+def _stored(config: Path, folder: Path, changes: list[str]) -> SweepTable:
+    """The table as it is, with the pictures that the configuration asks for now."""
+    from dataclasses import replace
+
+    from continuum_grasp.results import begin_run
+    from continuum_grasp.sweeps import sweep_table
+    from continuum_grasp.sweeps.folder import PLAN
+    from continuum_grasp.sweeps.plan import plan_of
+    from continuum_grasp.sweeps.table import CSV
+
+    table = replace(sweep_table(folder), pictures=plan_of(config, changes).pictures)
+    begin_run(folder, "sweep", retained=(PLAN, CSV))
+    return table
 
 
 @contextmanager
