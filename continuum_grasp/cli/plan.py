@@ -50,11 +50,12 @@ def plan(
     files = output.save(found, folder, pictures, animation, speed)
     squared = "(N m)2" if len(found.u_names) == 1 else "N2"
     units = {"least_time": "s", "least_effort": f"{squared} s", "least_input_rate": f"{squared}/s"}
+    unit = units.get(found.scene.objective, "")  # tracking sums terms of several units
     x, y = found.tip[-1]
     active = [c.name for c in found.constraints.values() if c.active and not c.name.startswith("motion")]
     rows: dict[str, Any] = {
         "status": found.status.value,
-        "objective": f"{found.objective:.6g} {units.get(found.scene.objective, '')} ({found.scene.objective})",
+        "objective": f"{found.objective:.6g} {unit} ({found.scene.objective})",
         "duration": f"{found.duration:.6g} s in {len(found.t) - 1} intervals",
         "tip at the end": f"({x:.4f}, {y:.4f}) m",
         "active constraints": ", ".join(active) or "nothing",
@@ -62,7 +63,7 @@ def plan(
     }
     for name, check in (("fine simulation", found.deviation), ("finer model", found.finer)):
         if check is not None:
-            text = f"tip up to {1e3 * check.tip:.3g} mm off the found, {1e3 * check.final_tip:.3g} mm at the end"
+            text = f"tip up to {1e3 * check.tip:.3g} mm off the plan, {1e3 * check.final_tip:.3g} mm at the end"
             rows[name] = f"{text} ({check.model})"
     output.warn(found.warnings)
     output.pairs({**rows, **saved_in(folder, files)})
