@@ -100,7 +100,7 @@ def _put_in_files(document: Document, main: Path) -> None:
     """Put in place what stands in other files: the grasp of a mission or plan, and fingers, its own too."""
     target = document.value.get("grasp")
     if isinstance(target, str):
-        place = document.places[("grasp",)]
+        place = document.place(("grasp",))
         file = place.beside(target, main)
         if not file.is_file():
             raise place.error(f"no such grasp file: {os.path.normpath(file)}", ("grasp",))
@@ -133,7 +133,7 @@ def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, 
     """The finger at ``path``, read from the file that it names."""
     own = document.part(path)
     key: KeyPath = ("extends",) if isinstance(own.value, dict) else ()
-    place, target = own.places[key], own.get(key)
+    place, target = own.place(key), own.get(key)
     if not isinstance(target, str):
         raise place.error("expected the path of a finger file", path + key)
     file = place.beside(target, main)
@@ -155,7 +155,7 @@ def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, 
 
 
 def _check_version(document: Document) -> None:
-    version, place = document.value["schema_version"], document.places[("schema_version",)]
+    version, place = document.value["schema_version"], document.place(("schema_version",))
     if isinstance(version, bool) or not isinstance(version, int) or version != _VERSION:
         message = f"not a format that is read here: expected {_VERSION}, got {version!r}"
         raise place.error(message, ("schema_version",))
@@ -176,18 +176,15 @@ def read_overrides(overrides: Overrides) -> list[Change]:
 
     Values in texts are read as YAML; entries of lists are ``masses[0]`` or ``masses.0``.
     """
-    if isinstance(overrides, Mapping):
-        named = ((_word(key), value) for key, value in overrides.items())
-        return [(path_of(key, key), placed(value, Place(f"override {key}"))) for key, value in named]
     if isinstance(overrides, str) or not isinstance(overrides, Iterable):
         raise InputError(f"overrides: expected a list of key.path=value texts, or a mapping, got {overrides!r:.60}")
-    return [_read(_word(text)) for text in overrides]
-
-
-def _word(given: Any) -> str:
-    if not isinstance(given, str):
-        raise InputError(f"overrides: expected a text, got {given!r:.60}")
-    return given
+    words = list(overrides)
+    for word in words:
+        if not isinstance(word, str):
+            raise InputError(f"overrides: expected a text, got {word!r:.60}")
+    if isinstance(overrides, Mapping):
+        return [(path_of(key, key), placed(value, Place(f"override {key}"))) for key, value in overrides.items()]
+    return [_read(text) for text in words]
 
 
 def _read(text: str) -> tuple[KeyPath, Document]:
@@ -215,18 +212,14 @@ def path_of(key: str, name: str) -> KeyPath:
 
 def placed(value: Any, place: Place) -> Document:
     """A value as a document all of whose entries come from the same place."""
-    document = Document(None, {(): place})
+    return Document(_plain(value), {(): place})
+
+
+def _plain(value: Any) -> Any:
+    """Mappings and sequences in a value as the dict and list that a file would have."""
     if isinstance(value, Mapping):
-        document.value = {}
-        for key, child in value.items():
-            document.put((key,), placed(child, place))
-    elif isinstance(value, list | tuple):
-        document.value = [None] * len(value)
-        for k, child in enumerate(value):
-            document.put((k,), placed(child, place))
-    else:
-        document.value = value
-    return document
+        return {key: _plain(child) for key, child in value.items()}
+    return [_plain(child) for child in value] if isinstance(value, list | tuple) else value
 
 
 def apply_override(document: Document, path: KeyPath, new: Document) -> None:

@@ -78,7 +78,7 @@ def _plain(value: Any) -> Any:
 
 
 def _listed(problems: Iterable[Problem], document: Document) -> InputError | None:
-    placed = [(_place(problem, document), problem) for problem in problems]
+    placed = [(document.nearest(one.path, at_key=one.at_key), one) for one in problems]
     if not placed:
         return None
     main_file = document.places[()].file
@@ -89,10 +89,6 @@ def _listed(problems: Iterable[Problem], document: Document) -> InputError | Non
         lines.append(f"and {len(placed) - _MOST} more")
     place, first = placed[0]
     return place.error("\n".join([first.message, *lines]), first.path)
-
-
-def _place(problem: Problem, document: Document) -> Place:
-    return document.nearest(problem.path, at_key=problem.at_key)
 
 
 def explain(error: ValidationError, model: type[BaseModel], data: Any) -> list[Problem]:
@@ -131,7 +127,7 @@ def _locate(error: Any, data: Any, shape: Shape) -> _Located:
 
 def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[Problem]:
     """Of each union, keep the branches whose kind of value fits; where none does, say what all expect."""
-    unions = sorted({path for item in located for path, _ in item.branches}, key=len)
+    unions = sorted(dict.fromkeys(path for item in located for path, _ in item.branches), key=len)
     problems: list[Problem] = []
     for union in unions:
         here = [item for item in located if any(path == union for path, _ in item.branches)]

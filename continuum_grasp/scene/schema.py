@@ -8,8 +8,6 @@ from typing import Any
 
 from continuum_grasp.scene.load import model_of
 
-KINDS = ("simulate", "identify", "grasp", "mpc", "mission", "plan", "sweep", "finger")
-
 _Node = dict[str, Any]
 _SUFFIX = "Changes"
 _GRASP = {"type": "string", "description": "Path of a grasp file, relative to this file."}

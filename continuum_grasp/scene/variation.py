@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import os
 import re
 from collections.abc import Sequence
@@ -156,7 +155,7 @@ class _Resolver:
             path = path_of(key, place.file)
         except InputError as error:
             raise place.error(error.message, where) from None
-        return path, placed(copy.deepcopy(value), place)
+        return path, placed(value, place)
 
     def _beside(self, where: KeyPath, target: str, file: Path) -> Path:
         place: Place = self.document.nearest(where)
