@@ -19,13 +19,9 @@ from typing import Any
 _PACKAGES = {"continuum_grasp": "continuum-grasp", "casadi": "casadi", "numpy": "numpy"}
 
 
-def versions() -> dict[str, str]:
-    """Versions of Python, the package, CasADi and numpy; nothing is imported for it."""
-    return dict(_versions())
-
-
 @functools.cache
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Versions of Python, the package, CasADi and numpy, ``"not installed"`` in a plain checkout; not to be changed."""
     found = {"python": platform.python_version()}
     for name, distribution in _PACKAGES.items():
         try:

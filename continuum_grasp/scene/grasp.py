@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Literal, cast
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field
 
@@ -186,13 +186,14 @@ class GraspScene(Value):
         return wall.height((x, y)) - reach
 
     def _setup(self, name: str, finger: GraspFinger) -> FingerSetup:
-        own, shared = finger.contacts, self.contacts
+        given = {key: value for key, value in finger.contacts if value is not None}
+        contacts: dict[str, Any] = {**dict(self.contacts), **given}
         fidelity = finger.fidelity or self.fidelity
-        middle = shared.middle if own.middle is None else own.middle
-        middles = (middle,) if isinstance(middle, str) else middle
+        middle, after = contacts["middle"], contacts["middle_after"]
+        middles: tuple[Switch, ...] = (middle,) if isinstance(middle, str) else middle
         elements = fidelity.elements
+        # Two elements per segment between contacts resolve its curvature; with fewer than three a finger cannot wrap.
         count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))
-        after = shared.middle_after if own.middle_after is None else own.middle_after
         if after is None:
             after = tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles)))
         has_friction = finger.tendons is not None and finger.tendons.friction > 0.0
@@ -201,15 +202,15 @@ class GraspScene(Value):
             name=name,
             finger=finger,
             middles=middles,
-            tip=shared.tip if own.tip is None else own.tip,
+            tip=contacts["tip"],
             before=(after,) if isinstance(after, int) else after,
             elements=count,
             family=fidelity.family or default_family(free_tip=has_friction),
             bending_range=fidelity.bending_range or max(4 * math.pi / count, 2 * math.pi / 3),
             accuracy=fidelity.accuracy,
-            middle_bounds=own.middle_range or shared.middle_range or (0.05 * length, 0.95 * length),
-            friction=shared.friction if own.friction is None else own.friction,
-            normal_force_max=shared.normal_force_max if own.normal_force_max is None else own.normal_force_max,
+            middle_bounds=contacts["middle_range"] or (0.05 * length, 0.95 * length),
+            friction=contacts["friction"],
+            normal_force_max=contacts["normal_force_max"],
         )
 
     # -- sense -----------------------------------------------------------------------------------------------

@@ -178,20 +178,25 @@ def _polygon_distance(point: Point, vertices: Sequence[Point]) -> float:
     return -nearest if inside else nearest
 
 
-def _area(vertices: tuple[Point, ...]) -> float:
-    return 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in pairwise([*vertices, vertices[0]]))
+def polygon_moments(vertices: Sequence[Point], about: Point = (0.0, 0.0)) -> tuple[float, Point, float]:
+    """Area [m2], first moments [m3] and polar second moment [m4] about a point; negative for clockwise corners."""
+    area = x = y = second = 0.0
+    points = [(px - about[0], py - about[1]) for px, py in vertices]
+    # Green's theorem: each edge spans a triangle with the point.
+    for (ax, ay), (bx, by) in pairwise([*points, points[0]]):
+        cross = ax * by - ay * bx
+        area += 0.5 * cross
+        x, y = x + cross / 6.0 * (ax + bx), y + cross / 6.0 * (ay + by)
+        second += cross * (ax * ax + ax * bx + bx * bx + ay * ay + ay * by + by * by) / 12.0
+    return area, (x, y), second
 
 
 def counter_clockwise(vertices: tuple[Point, ...]) -> tuple[Point, ...]:
-    return vertices if _area(vertices) > 0.0 else vertices[::-1]
+    return vertices if polygon_moments(vertices)[0] > 0.0 else vertices[::-1]
 
 
 def polygon_centroid(vertices: tuple[Point, ...]) -> Point:
-    x = y = 0.0
-    for a, b in pairwise([*vertices, vertices[0]]):
-        weight = (a[0] * b[1] - a[1] * b[0]) / 6.0
-        x, y = x + weight * (a[0] + b[0]), y + weight * (a[1] + b[1])
-    area = _area(vertices)
+    area, (x, y), _ = polygon_moments(vertices)
     return x / area, y / area
 
 
