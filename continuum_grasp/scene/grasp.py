@@ -190,7 +190,7 @@ class GraspScene(Value):
         contacts: dict[str, Any] = {**dict(self.contacts), **given}
         fidelity = finger.fidelity or self.fidelity
         middle, after = contacts["middle"], contacts["middle_after"]
-        middles: tuple[Switch, ...] = (middle,) if isinstance(middle, str) else middle
+        middles: tuple[Switch, ...] = (cast(Switch, middle),) if isinstance(middle, str) else middle
         elements = fidelity.elements
         # Two elements per segment between contacts resolve its curvature; with fewer than three a finger cannot wrap.
         count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))
