@@ -39,7 +39,7 @@ def validated(document: Document, model: type[Model]) -> Model:
 
 
 def kind_of(data: Any) -> str:
-    """What kind of configuration it is, as in ``KINDS`` of ``scene.schema``."""
+    """What kind of configuration it is, as in ``KINDS`` of ``scene.load``."""
     if isinstance(data, dict):
         if "controller" in data:
             return "mission" if "grasp" in data else "mpc"
