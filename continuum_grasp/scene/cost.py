@@ -158,19 +158,9 @@ class Reference(Value):
             raise ValueError(f"tip: expected rows of x, y, got {self.tip.width} entries")
 
     def check(self, cost: Cost, key: str) -> None:
-        """Check that each tracked quantity has its setpoint, and each setpoint a weight.
+        """Refuse, by `ValueError`, tracked quantities without a setpoint and setpoints that nothing tracks.
 
-        Parameters
-        ----------
-        cost : Cost
-            The weights.
-        key : str
-            Where they are in the scene, for messages.
-
-        Raises
-        ------
-        ValueError
-            If one is missing, or the setpoints of ``shape`` are not as many as its sections have coordinates.
+        ``key`` is where the weights are in the scene.
         """
         for name in Reference.model_fields:
             if name not in Cost.model_fields or name in _ZERO_BY_DEFAULT:

@@ -43,12 +43,16 @@ class CircleMember(_CircleShape, MemberPlace):
     """The same as a member of a union."""
 
 
-class _EllipseShape(Value):
-    shape: Literal["ellipse"]
+class _Rectangle(Value):
+    shape: str
     width: Extent
     """Extent along the object's x axis [m]; the frame's origin is the center."""
     height: Extent
     """Extent along the object's y axis [m]."""
+
+
+class _EllipseShape(_Rectangle):
+    shape: Literal["ellipse"]
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -63,12 +67,8 @@ class EllipseMember(_EllipseShape, MemberPlace):
     """The same as a member of a union."""
 
 
-class _SuperellipseShape(Value):
+class _SuperellipseShape(_Rectangle):
     shape: Literal["superellipse"]
-    width: Extent
-    """Extent along the object's x axis [m]; the frame's origin is the center."""
-    height: Extent
-    """Extent along the object's y axis [m]."""
     exponent: Annotated[float, Field(ge=2.0, le=12.0)]
     """p in |x/a|^p + |y/b|^p = 1 [1]; 2 is an ellipse, above it flattens towards a box."""
 
@@ -85,12 +85,8 @@ class SuperellipseMember(_SuperellipseShape, MemberPlace):
     """The same as a member of a union."""
 
 
-class _BoxShape(Value):
+class _BoxShape(_Rectangle):
     shape: Literal["box"]
-    width: Extent
-    """Extent along the object's x axis [m]; the frame's origin is the center."""
-    height: Extent
-    """Extent along the object's y axis [m]."""
     corner_radius: NonNegative = 0.0
     """Radius of the rounded corners [m]."""
 
