@@ -95,6 +95,7 @@ def export_c(
         )
     made = package.manifest
     errors = [f["relative_error"] for f in made["functions"].values() if "relative_error" in f]
+    # Estimator and controller have the object in their model, the plain functions only its forces.
     if (made["configuration"].get("object") is not None) and not {"estimator", "mpc"}.issuperset(made["parts"]):
         output.say("the object of the scene is no part of the model: what it presses with is given as forces")
     output.pairs(

@@ -162,6 +162,7 @@ def _show_progress(what: str, done: threading.Event, shares: list[float]) -> Non
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(what, total=None)
+        # The bar shows the time since the work began, not since it appeared.
         progress.tasks[0].start_time = progress.get_time() - (time.monotonic() - start)
         while not done.wait(0.1):
             # None leaves the bar without a length, as of work that does not know its share.

@@ -92,6 +92,7 @@ def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, retain
         found = _TEMPORARY.match(path.name)
         if found and not _alive(int(found[1])):  # of a process that was killed
             path.unlink(missing_ok=True)
+    # Recorded before the caller replaces them, so that a kill in between leaves them known.
     files = {name: digests for name, digests in old["files"].items() if name in retained}
     _write(target, {"kind": kind, "files": files, "parts": []})
     return target
@@ -203,7 +204,7 @@ def _alive(process: int) -> bool:
     if os.name != "posix":
         return True
     try:
-        os.kill(process, 0)
+        os.kill(process, 0)  # signal 0 only asks
     except ProcessLookupError:
         return False
     except OSError:

@@ -222,8 +222,10 @@ def _packed(arrays: Mapping[str, Any], text: str) -> bytes:
     stored = {name: _checked(name, value) for name, value in arrays.items()}
     stored[_META_KEY] = np.frombuffer(text.encode("utf-8"), dtype=np.uint8)
     file = io.BytesIO()
+    # np.savez has no choice of level; a smooth motion in doubles shrinks to 95 % at level 1, and to 94.5 % at 4 and 9.
     with zipfile.ZipFile(file, "w", compression=zipfile.ZIP_DEFLATED, compresslevel=4) as archive:
         for name, array in stored.items():
+            # The size is not known before the end, and may exceed 4 GiB.
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, array, allow_pickle=False)
     return file.getvalue()

@@ -47,6 +47,7 @@ def kind_of(data: Any) -> str:
             return "plan"
         if "scene" in data or "vary" in data or "sample" in data:
             return "sweep"
+        # A simulation with an object has a contact law, a grasp never.
         if "object" in data and "contact_law" not in data:
             return "grasp"
         if "estimate" in data:
@@ -79,6 +80,7 @@ def changed(document: Document, changes: Iterable[Change], path: str | Path) -> 
 def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
     for where, new in changes:
         if len(where) > 1:
+            # A change inside a finger that is in another file needs that file; one of its name must come before.
             if where[-1] != "extends":
                 _put_in_files(document, main)
             elif not _extends(document, where[:-1]):
@@ -137,6 +139,7 @@ def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, 
     if not isinstance(target, str):
         raise place.error("expected the path of a finger file", path + key)
     file = place.beside(target, main)
+    # Resolved, so that links do not hide a circle.
     if os.path.realpath(file) in within:
         raise place.error(f"{target} leads back to itself", path + key)
     if not file.is_file():
@@ -205,6 +208,7 @@ def path_of(key: str, name: str) -> KeyPath:
     parts: list[str | int] = []
     for word, index in _PART.findall(key):
         parts.append(int(index or word) if (index or word).isdecimal() else word)
+    # What the pattern skips, such as a blank or an open bracket, is missing when the path is written again.
     if not parts or dotted(tuple(parts)) != re.sub(r"\.(\d+)(?=\.|\[|$)", r"[\1]", key):
         raise InputError(f"expected a key path such as finger.masses[0].mass, got {key!r}", file=name)
     return tuple(parts)

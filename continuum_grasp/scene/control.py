@@ -96,6 +96,7 @@ class ControlScene(FingerScene):
         """
         rate, weight = self.controller.input.rate_max, self.controller.cost.input_rate
         unit = "N/s" if self.finger.tendons is not None else "N m/s"
+        # The rate at which the weighted square is one, as that of an error of its own unit.
         tolerated = 1.0 / math.sqrt(weight) if weight else math.inf
         tracks_force = self.controller.cost.contact_force is not None
         if rate is not None and not tracks_force and tolerated > _CALM * rate * (1 + 1e-9):
@@ -120,6 +121,7 @@ class ControlScene(FingerScene):
             raise ValueError("estimator.disturbances.object_position needs an object that does not move")
         if estimator.measured.tension is not None and self.lag is None:
             raise ValueError("estimator.measured.tension needs a lag; without one the tension is the command itself")
+        # The estimator corrects the state of a past period and repeats the inputs since, which it has one per period.
         periods = estimator.delay / self.controller.step
         if abs(periods - round(periods)) > 1e-6 * max(1.0, periods):
             raise ValueError(

@@ -76,6 +76,7 @@ class Bounds(Value):
 
     def curvature_limit(self, finger: Finger) -> float:
         """Greatest curvature, apart from the bending range of a model [1/m]."""
+        # Infinite, since a limit of the model's bending range may be less.
         if self.curvature is None:
             return math.inf
         return finger.curvature_limit if self.curvature == "finger" else self.curvature

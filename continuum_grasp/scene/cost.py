@@ -97,6 +97,7 @@ class RowSamples(Value):
     """smooth: monotone piecewise quintic; linear: straight lines; hold: each row until the next instant."""
 
     def _check(self) -> None:
+        # Closer instants give slopes that swamp the splines in rounding.
         if any(b - a < 1e-9 for a, b in zip(self.times, self.times[1:], strict=False)):
             raise ValueError(f"times must increase by 1e-9 s at least, got {list(self.times)}")
         if len(self.values) != len(self.times):

@@ -99,6 +99,7 @@ class Rod(Value):
         """Mass per length rho A [kg/m]."""
         if self.linear_density is not None:
             return self.linear_density
+        # A rod without linear_density has both of these, as _check sees to.
         return (self.density or 0.0) * math.pi * (self.diameter or 0.0) ** 2 / 4
 
     @property
@@ -117,6 +118,7 @@ class Rod(Value):
 
     @property
     def _second_moment(self) -> float:
+        # Of a solid round section about a diameter [m4].
         return math.pi * (self.diameter or 0.0) ** 4 / 64
 
 
@@ -239,6 +241,7 @@ class Finger(Value):
         """Greatest curvature that the strain limit allows [1/m]; infinite without a limit."""
         if self.strain_limit is None or self.rod.diameter is None:
             return math.inf
+        # Euler-Bernoulli: the strain of the outermost fiber is curvature times radius.
         return self.strain_limit / (0.5 * self.rod.diameter)
 
     @property

@@ -29,6 +29,7 @@ from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Peg, Place, Support, Switch, Wall
 from continuum_grasp.scene.value import Value, check_increasing, check_one_given
 
+# Names become parts of contact names, as in left.middle_1, and of columns in tables.
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 TOUCHING = 1e-6
 """Gap, as a part of the object's size, up to which an object at rest lies against a support."""
@@ -152,6 +153,7 @@ class GraspScene(Value):
         """The disturbances: world force x, y [N], moment about the center of mass [N m]."""
         if self.disturbances.wrenches is not None:
             return self.disturbances.wrenches
+        # Both ways of each axis: friction cones are not symmetric about the wrench that holds the object.
         m = self.torque_scale
         return ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, m), (0.0, 0.0, -m))
 
@@ -181,6 +183,7 @@ class GraspScene(Value):
 
     def gap(self, wall: Wall) -> float:
         """Distance of the object, where it starts, from a wall's plane [m]."""
+        # The support function is in the object's frame, the normal in the world's.
         x, y, turn = self.object.pose
         reach = max(p.support(wall.normal_angle + math.pi - turn) for p in self.object.parts)
         return wall.height((x, y)) - reach
@@ -192,7 +195,7 @@ class GraspScene(Value):
         middle, after = contacts["middle"], contacts["middle_after"]
         middles: tuple[Switch, ...] = (cast(Switch, middle),) if isinstance(middle, str) else middle
         elements = fidelity.elements
-        # Two elements per segment between contacts resolve its curvature; with fewer than three a finger cannot wrap.
+        # Two per segment between base, contacts and tip.
         count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))
         if after is None:
             after = tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles)))
@@ -206,8 +209,10 @@ class GraspScene(Value):
             before=(after,) if isinstance(after, int) else after,
             elements=count,
             family=fidelity.family or default_family(free_tip=has_friction),
+            # All elements together may bend by two turns, and each by 120 degrees at least.
             bending_range=fidelity.bending_range or max(4 * math.pi / count, 2 * math.pi / 3),
             accuracy=fidelity.accuracy,
+            # A contact at base or tip would leave an element of no length.
             middle_bounds=contacts["middle_range"] or (0.05 * length, 0.95 * length),
             friction=contacts["friction"],
             normal_force_max=contacts["normal_force_max"],
@@ -276,6 +281,7 @@ class GraspScene(Value):
         if high >= length:
             raise ValueError(f"contacts.middle_range ends at {high} m; {where} is {length} m long")
         gap = self.object.distance(finger.base.position) - finger.thickness_radius
+        # A pose to be chosen only starts there.
         if gap < 0 and self.object.free is None and finger.base_free is None:
             raise ValueError(
                 f"{where}.base lies {-gap:.4g} m inside the object (half thickness of the finger included)"
@@ -287,6 +293,7 @@ class GraspScene(Value):
         size = self.object.size
         for wall in self.walls:
             gap = self.gap(wall)
+            # The plane of a finite edge may cut the object beside the edge.
             if gap < -TOUCHING * size and math.isinf(wall.half_length):
                 raise ValueError(f"the object lies {-gap:.4g} m deep in supports.{wall.name}")
             if wall.touch == "on" and abs(gap) > TOUCHING * size:

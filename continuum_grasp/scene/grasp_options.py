@@ -74,6 +74,7 @@ class GraspFinger(Finger):
 
 
 def _as_grasp_finger(value: Any) -> Any:
+    # A finger built in Python has been checked, and warned of, when it was made: it is not made again.
     if isinstance(value, Finger) and not isinstance(value, GraspFinger):
         return GraspFinger.model_construct(**{name: getattr(value, name) for name in Finger.model_fields})
     return value

@@ -124,6 +124,7 @@ class MissionScene(Value):
         length = fingers[0].finger.rod.length
         if fingers[0].tendons.time_constant is None:
             raise ValueError("grasp.finger.tendons needs a time_constant: tensions that jump throw a fine finger")
+        # The tip is a contact already, and a contact at the clamped base could not move.
         if any(not 0.0 < at < length for at in self.more_contacts):
             raise ValueError(f"more_contacts must lie between base and tip of the finger, within {length} m")
 

@@ -204,6 +204,7 @@ class PlanScene(FingerScene):
 
     def _check_contact(self) -> None:
         law = self.contact_law
+        # The NLP needs derivatives, and friction with presliding would add states to the plan.
         if law is not None and law.friction > 0.0 and law.slip_speed is None:
             raise ValueError(
                 "contact_law: plans need friction that is a smooth function of the speed of slip: give slip_speed "
@@ -255,6 +256,7 @@ class PlanScene(FingerScene):
     def _check_loads(self) -> None:
         places = (*self.contacts, self.finger.rod.length)
         for k, load in enumerate(self.loads):
+            # The model has forces as inputs at its contacts and tip alone.
             if not any(abs(load.at - at) <= 1e-9 * self.finger.rod.length for at in places):
                 raise ValueError(f"loads[{k}].at = {load.at} m: expected one of contacts or the tip, {list(places)}")
             if load.follows:

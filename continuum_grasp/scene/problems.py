@@ -121,6 +121,7 @@ def _locate(error: Any, data: Any, shape: Shape) -> _Located:
             path.append(part)
             value, tagged = (value[part] if part < len(value) else None), False
             continue
+        # Neither a key nor an index of the data: the name that pydantic gives a branch of a union.
         branches.append((tuple(path), str(part)))
     return _Located(tuple(path), tuple(branches), error)
 
@@ -132,6 +133,7 @@ def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[P
     for union in unions:
         here = [item for item in located if any(path == union for path, _ in item.branches)]
         labels = {dict(item.branches)[union] for item in here}
+        # Wrong in kind at the union itself, as text where a branch is a mapping: that branch was not meant.
         unfit = {dict(item.branches)[union] for item in here if item.path == union and item.error["type"] in _KINDS}
         located = [item for item in located if item not in here]
         if labels == unfit:
@@ -150,6 +152,7 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
     if kind in _LIMITS:
         name, words = _LIMITS[kind]
         limit = context[name]
+        # Lower limits such as 1e-12 only exclude absurd magnitudes; of a negative number they would mislead.
         if name == "ge" and 0.0 < limit < 1.0 and isinstance(got, int | float) and got <= 0.0:
             words, limit = "greater than", 0
         about = shape.description(path, data).partition(";")[0] if limit else ""
@@ -236,6 +239,7 @@ def _mentioned(message: str, path: KeyPath, data: Any) -> KeyPath:
 def nearest(word: str, allowed: Iterable[str], *, say_all: bool = True) -> str:
     """``; did you mean 'x'?`` where one is near, otherwise what is allowed."""
     allowed = list(allowed)
+    # 0.6, the default of difflib, finds swapped and missing letters and few other words.
     close = difflib.get_close_matches(word.lower(), allowed, n=1, cutoff=0.6)
     if close:
         return f"; did you mean {close[0]!r}?"

@@ -27,6 +27,7 @@ def json_schema(kind: str) -> _Node:
             **schema["properties"],
         }
         schema["required"] = ["schema_version"]
+        # A finger that changes another one needs no rod of its own.
         schema["anyOf"] = [{"required": ["rod"]}, {"required": ["extends"]}]
     elif kind != "sweep":
         if "GraspScene" in definitions:  # in a mission or plan

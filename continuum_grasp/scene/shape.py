@@ -94,6 +94,7 @@ class Shape:
         if "$ref" in node:
             yield from self._branches(self._root["$defs"][node["$ref"].rpartition("/")[2]], value)
             return
+        # The data's tag selects one branch; without it all may have been meant.
         tag = node.get("discriminator", {})
         word = _child(value, tag["propertyName"]) if "propertyName" in tag else None
         if isinstance(word, str) and word in tag.get("mapping", {}):

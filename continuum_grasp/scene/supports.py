@@ -97,11 +97,13 @@ class Line(_Support):
 
     def walls(self, name: str) -> tuple[Wall, ...]:
         (x0, y0), (x1, y1) = self.start, self.end
+        # The direction turned to its left, where the object may lie.
         angle = math.atan2(x1 - x0, y0 - y1)
         half = 0.5 * math.dist(self.start, self.end)
         return (Wall(name, (0.5 * (x0 + x1), 0.5 * (y0 + y1)), angle, half, self.friction, self.touch),)
 
     def _check(self) -> None:
+        # A nanometer: shorter edges have a direction of rounding errors.
         if math.dist(self.start, self.end) < 1e-9:
             raise ValueError("start and end are the same point")
 
@@ -132,6 +134,7 @@ class VGroove(_Support):
 
     def walls(self, name: str) -> tuple[Wall, ...]:
         """The wall on the left and that on the right of the axis, seen from the apex."""
+        # Each wall's normal is a right angle from the wall, into the opening.
         half = 0.5 * self.opening_angle
         left, right = self.axis_angle + half - 0.5 * math.pi, self.axis_angle - half + 0.5 * math.pi
         sides = ((f"{name}.left", left), (f"{name}.right", right))

@@ -51,6 +51,7 @@ class ContactLaw(Value):
     @property
     def displacement(self) -> float | None:
         """Displacement before slip [m]; None where friction has no state."""
+        # A friction force that is a function of the slip speed alone needs no state.
         if self.slip_speed is not None:
             return None
         return _PRESLIDING if self.presliding is None else self.presliding

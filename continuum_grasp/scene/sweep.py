@@ -70,6 +70,7 @@ class Grid(Value):
             found = [low * (high / low) ** share for share in shares]
         else:
             found = [low + (high - low) * share for share in shares]
+        # 0.1 + 2 * 0.1 would print as 0.30000000000000004 in tables and key paths.
         rounded = [float(f"{value:.12g}") for value in found]
         return tuple(map(int, rounded)) if all(value.is_integer() for value in rounded) else tuple(rounded)
 

@@ -51,7 +51,7 @@ class Value(BaseModel):
         return hash((type(self), *(frozenset(v.items()) if isinstance(v, dict) else v for v in fields)))
 
 
-# The widest ranges in which all of the models stay finite in double precision: a value beyond is a wrong unit.
+# Wide enough for any finger in SI units: a value beyond is in another unit, or mistyped.
 Real = Annotated[float, Field(ge=-1e12, le=1e12)]
 Positive = Annotated[float, Field(ge=1e-12, le=1e12)]
 NonNegative = Annotated[float, Field(ge=0.0, le=1e12)]

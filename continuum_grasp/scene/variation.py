@@ -114,6 +114,7 @@ class _Resolver:
             path, values = self._values(where, key, draw.choice, listed=True)
             return Random(key, path, self._unit(path), draw.kind, (0.0, 0.0), values, tuple(map(_label, draw.choice)))
         numbers = draw.uniform or draw.log_uniform or draw.normal or (0.0, 0.0)
+        # The second number of a normal draw is a deviation, which need not be a value of the key.
         tried = numbers if draw.normal is None else numbers[:1]
         path, _ = self._values(where, key, tried, listed=True)
         return Random(key, path, self._unit(path), draw.kind, numbers)
@@ -143,6 +144,7 @@ class _Resolver:
             GraspScene.model_validate(tried.value)
         except ValidationError as error:
             kinds = {one["type"] for one in error.errors(include_url=False, include_context=False, include_input=False)}
+            # Checks of the whole scene fail single runs; for a key that follows, all but its existence does.
             soft = {"value_error"} if not only_key else kinds - {"extra_forbidden"}
             if kinds - soft:
                 raise_problems(explain(error, GraspScene, tried.value), tried)
@@ -165,6 +167,7 @@ class _Resolver:
         return Path(os.path.normpath(found))
 
     def _unit(self, path: KeyPath) -> str:
+        # Descriptions are those of fields; an entry of a list has the unit of the list.
         parent = path[:-1] if isinstance(path[-1], int) else path
         found = re.search(r"\[([^\]]+)\]", self.shape.description(parent, self.base.value))
         return "" if found is None or found.group(1) == "1" else found.group(1)

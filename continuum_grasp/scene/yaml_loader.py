@@ -73,7 +73,7 @@ def read_yaml(path: str | Path, *, name: str | None = None) -> Document:
     refuse_what_is_no_file(path, name)
     try:
         with open(path, "rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+            data = stream.read(MAX_BYTES + 1)  # its size is not asked first: it may grow meanwhile
     except FileNotFoundError:
         raise InputError("no such file", file=name) from None
     except (OSError, ValueError) as error:
@@ -81,7 +81,7 @@ def read_yaml(path: str | Path, *, name: str | None = None) -> Document:
     if len(data) > MAX_BYTES:
         raise InputError(f"the file is too large; expected at most {MAX_BYTES} bytes", file=name)
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode("utf-8-sig")  # editors on Windows write a byte order mark
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise InputError("the file is not UTF-8 text", file=name, line=line) from None
@@ -126,6 +126,7 @@ class _Builder:
         self.count += 1
         if self.count > MAX_NODES:
             raise self.error(node, path, f"more than {MAX_NODES} values, aliases counted in full")
+        # A node by identity: an alias gives the very node of its anchor.
         if any(node is parent for parent in parents):
             raise self.error(node, path, "an alias may not contain itself")
         here, above = node.start_mark, (key or node).start_mark
