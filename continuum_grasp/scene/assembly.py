@@ -83,19 +83,11 @@ def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
             # A change inside a finger that is in another file needs that file; one of its name must come before.
             if where[-1] != "extends":
                 _put_in_files(document, main)
-            elif not _extends(document, where[:-1]):
+            elif not document.has(where):
                 key = dotted(where[:-1])
                 raise new.places[()].error(f"{key} extends no file: expected {key}={{extends: FILE, ...}}", where)
         apply_override(document, where, new)
     _put_in_files(document, main)
-
-
-def _extends(document: Document, path: KeyPath) -> bool:
-    """Whether at a path there is a mapping that names the file it changes."""
-    value = document.value
-    for part in path:
-        value = value.get(part) if isinstance(value, dict) else None
-    return isinstance(value, dict) and "extends" in value
 
 
 def _put_in_files(document: Document, main: Path) -> None:

@@ -56,6 +56,15 @@ class Document:
             value = value[part]
         return value
 
+    def has(self, path: KeyPath) -> bool:
+        """Whether the data has a path of keys."""
+        value = self.value
+        for part in path:
+            if not isinstance(value, dict) or part not in value:
+                return False
+            value = value[part]
+        return True
+
     def place(self, path: KeyPath) -> Place:
         """Where ``path`` was written, or the nearest above it: what was set from outside has one place for all."""
         while path and path not in self.places:

@@ -105,14 +105,7 @@ def scene_of(given: Scene | str | os.PathLike[str]) -> Scene: ...
 @overload
 def scene_of(given: Kind | str | os.PathLike[str], kind: type[Kind], overrides: Overrides = ()) -> Kind: ...
 def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
-    """Return a scene that is given as such, or read it from its file.
-
-    Examples
-    --------
-    >>> from continuum_grasp.scene.load import scene_of
-    >>> scene_of("configs/simulate/hanging.yaml").finger.rod.length
-    0.6
-    """
+    """Return a scene that is given as such, or read it from its file; ``overrides`` are for a file, as in `load`."""
     if isinstance(given, kind):
         return given
     if not isinstance(given, (str, os.PathLike)):

@@ -198,9 +198,30 @@ class PlanScene(FingerScene):
             raise ValueError("fidelity.tolerance is not for plans: give family and elements")
         self._check_contact()
         self._check_inputs()
-        self._check_goal()
-        self._check_objective()
-        self._check_loads()
+        goal = self.goal
+        if goal.shape is not None:
+            self.finger.rod.check_sections("goal.shape", goal.shape.at)
+        anything = (goal.tip, goal.bending, goal.shape, goal.contact_force, goal.input, self.grasp)
+        if self.objective != "tracking" and all(aim is None for aim in anything):
+            raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking may do without)")
+        free = isinstance(self.duration, DurationRange)
+        if self.objective == "least_time" and not free:
+            raise ValueError("duration: least_time needs a range, {least: ..., most: ...}")
+        if self.objective == "tracking" and free:
+            raise ValueError("duration: tracking needs a number, since its reference runs in time")
+        if (self.cost is not None) != (self.objective == "tracking"):
+            raise ValueError("cost belongs to objective: tracking, which needs it")
+        if self.cost is not None:
+            self.reference.check(self.cost, "cost")
+        places = (*self.contacts, self.finger.rod.length)
+        for k, load in enumerate(self.loads):
+            # The model has forces as inputs at its contacts and tip alone.
+            if not any(abs(load.at - at) <= 1e-9 * self.finger.rod.length for at in places):
+                raise ValueError(f"loads[{k}].at = {load.at} m: expected one of contacts or the tip, {list(places)}")
+            if load.follows:
+                raise ValueError(f"loads[{k}].follows is not for plans")
+            if not isinstance(load.force, tuple) and isinstance(self.duration, DurationRange):
+                raise ValueError(f"loads[{k}].force: a force over time needs a duration that is given")
 
     def _check_contact(self) -> None:
         law = self.contact_law
@@ -233,36 +254,6 @@ class PlanScene(FingerScene):
             for value in row:
                 if not least <= value <= most:
                     raise ValueError(f"{key}: {value} is outside the limits of the input, {least} to {most}")
-
-    def _check_goal(self) -> None:
-        goal = self.goal
-        if goal.shape is not None:
-            self.finger.rod.check_sections("goal.shape", goal.shape.at)
-        anything = (goal.tip, goal.bending, goal.shape, goal.contact_force, goal.input, self.grasp)
-        if self.objective != "tracking" and all(aim is None for aim in anything):
-            raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking may do without)")
-
-    def _check_objective(self) -> None:
-        free = isinstance(self.duration, DurationRange)
-        if self.objective == "least_time" and not free:
-            raise ValueError("duration: least_time needs a range, {least: ..., most: ...}")
-        if self.objective == "tracking" and free:
-            raise ValueError("duration: tracking needs a number, since its reference runs in time")
-        if (self.cost is not None) != (self.objective == "tracking"):
-            raise ValueError("cost belongs to objective: tracking, which needs it")
-        if self.cost is not None:
-            self.reference.check(self.cost, "cost")
-
-    def _check_loads(self) -> None:
-        places = (*self.contacts, self.finger.rod.length)
-        for k, load in enumerate(self.loads):
-            # The model has forces as inputs at its contacts and tip alone.
-            if not any(abs(load.at - at) <= 1e-9 * self.finger.rod.length for at in places):
-                raise ValueError(f"loads[{k}].at = {load.at} m: expected one of contacts or the tip, {list(places)}")
-            if load.follows:
-                raise ValueError(f"loads[{k}].follows is not for plans")
-            if not isinstance(load.force, tuple) and isinstance(self.duration, DurationRange):
-                raise ValueError(f"loads[{k}].force: a force over time needs a duration that is given")
 
     @property
     def input_limits(self) -> tuple[float, float]:

@@ -176,7 +176,8 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
             return Problem(path, f"not one of the choices: expected {context['expected']}, got {_show(got)}{hint}")
         case "union_tag_not_found":
             tag = str(context["discriminator"]).strip("'")
-            return Problem((*path, tag), "missing" + _choices(shape.tags(path, data)))
+            words = " or ".join(map(repr, shape.tags(path, data)))
+            return Problem((*path, tag), "missing" + (f"; expected {words}" if words else ""))
         case "union_tag_invalid":
             tag = str(context["discriminator"]).strip("'")
             hint = nearest(str(context["tag"]), shape.tags(path, data), say_all=False)
@@ -244,11 +245,6 @@ def nearest(word: str, allowed: Iterable[str], *, say_all: bool = True) -> str:
     if close:
         return f"; did you mean {close[0]!r}?"
     return f"; expected one of {', '.join(allowed)}" if allowed and say_all else ""
-
-
-def _choices(allowed: Iterable[str]) -> str:
-    words = " or ".join(repr(word) for word in allowed)
-    return f"; expected {words}" if words else ""
 
 
 def _show(value: Any) -> str:
