@@ -75,7 +75,14 @@ def export_c(
     folder = run_folder(out, config, "export-c")
 
     if casadi is not None:
-        _write_functions(scene, folder, casadi, prefix, output)
+        from continuum_grasp.export import export_casadi
+
+        with output.busy("generating"):
+            functions = None if casadi == "all" else [name.strip() for name in casadi.split(",")]
+            package = export_casadi(scene, folder, functions=functions, prefix=prefix)
+        for file in package.files:
+            output.say(str(folder / file))
+        output.result(folder=folder, files=package.files, manifest=package.manifest)
         return
     from continuum_grasp.export import export_c as write
 
@@ -111,18 +118,6 @@ def export_c(
     for name, found in ((made["measured"] or {}).get("functions", {})).items():
         output.say(f"{name}: {found['most_instructions']} instructions, {found['stack_bytes']} bytes of stack at most")
     output.result(folder=folder, files=package.files, manifest=made)
-
-
-def _write_functions(scene: Any, folder: Path, names: str, prefix: str, output: Output) -> None:
-    """Plain C of named functions."""
-    from continuum_grasp.export import export_casadi
-
-    with output.busy("generating"):
-        functions = None if names == "all" else [name.strip() for name in names.split(",")]
-        package = export_casadi(scene, folder, functions=functions, prefix=prefix)
-    for file in package.files:
-        output.say(str(folder / file))
-    output.result(folder=folder, files=package.files, manifest=package.manifest)
 
 
 def _limits(made: Mapping[str, Any]) -> dict[str, str]:

@@ -91,7 +91,20 @@ def mpc(
 
         with output.busy("comparing") as report:
             others = compared(scene, progress=report)
-    _report(run, others, folder, files, output)
+    found = run.metrics()
+    output.warn(run.warnings)
+    output.pairs({"status": run.ended, "time": f"{run.t[-1]:g} s in {len(run.u)} periods of {1e3 * run.period:g} ms"})
+    output.say("")
+    output.table(*found.rows())
+    output.say("")
+    output.pairs(found.pairs())
+    if others:
+        output.say("")
+        output.table(*_comparison({"this controller": run, **others}))
+    output.pairs(saved_in(folder, files))
+    metrics = {name: asdict(other.metrics()) for name, other in others.items()}
+    values = {"duration": run.t[-1], "metrics": asdict(found), "compared": metrics}
+    output.conclude(run, folder, files, status=run.ended, **values)
     if run.tripped:
         raise typer.Exit(_FAILED)
 
@@ -106,23 +119,6 @@ def _settings(seed: int | None, trials: str | None) -> list[str]:
             raise InputError(f"expected a number or all, got {trials!r}", key="--trials")
         found.append(f"trials.count={trials}")
     return found
-
-
-def _report(run: ControlRun, others: dict[str, ControlRun], folder: Path, files: list[Path], output: Output) -> None:
-    found = run.metrics()
-    output.warn(run.warnings)
-    output.pairs({"status": run.ended, "time": f"{run.t[-1]:g} s in {len(run.u)} periods of {1e3 * run.period:g} ms"})
-    output.say("")
-    output.table(*found.rows())
-    output.say("")
-    output.pairs(found.pairs())
-    if others:
-        output.say("")
-        output.table(*_comparison({"this controller": run, **others}))
-    output.pairs(saved_in(folder, files))
-    compared = {name: asdict(other.metrics()) for name, other in others.items()}
-    values = {"duration": run.t[-1], "metrics": asdict(found), "compared": compared}
-    output.conclude(run, folder, files, status=run.ended, **values)
 
 
 def _comparison(runs: dict[str, ControlRun]) -> list[tuple[str, ...]]:

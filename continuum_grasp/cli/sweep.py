@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,7 +17,7 @@ from continuum_grasp.cli.output import Output, run_folder, saved_in
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
-    from continuum_grasp.sweeps import Progress, SweepTable
+    from continuum_grasp.sweeps import Progress
 
 _LINE_SECONDS = 10.0
 """Between two lines of progress where there is no terminal [s]: a day of work is 8,640 lines of a log."""
@@ -54,7 +55,15 @@ def sweep(
         raise InputError(f"expected all, failed or none, got {keep!r}", key="--keep")
     folder = run_folder(out, config, "sweep")
     if plot_only:
-        table = _stored(config, folder, changes or [])
+        from continuum_grasp.results import begin_run
+        from continuum_grasp.sweeps import sweep_table
+        from continuum_grasp.sweeps.folder import PLAN
+        from continuum_grasp.sweeps.plan import plan_of
+        from continuum_grasp.sweeps.table import CSV
+
+        # The pictures are those that the configuration asks for now; those of before go.
+        table = replace(sweep_table(folder), pictures=plan_of(config, changes or []).pictures)
+        begin_run(folder, "sweep", retained=(PLAN, CSV))
     else:
         from continuum_grasp.sweeps import sweep as run
 
@@ -95,21 +104,6 @@ def sweep(
         failures=table.failures,
         statistics=statistics,
     )
-
-
-def _stored(config: Path, folder: Path, changes: list[str]) -> SweepTable:
-    """The table as it is, with the pictures that the configuration asks for now."""
-    from dataclasses import replace
-
-    from continuum_grasp.results import begin_run
-    from continuum_grasp.sweeps import sweep_table
-    from continuum_grasp.sweeps.folder import PLAN
-    from continuum_grasp.sweeps.plan import plan_of
-    from continuum_grasp.sweeps.table import CSV
-
-    table = replace(sweep_table(folder), pictures=plan_of(config, changes).pictures)
-    begin_run(folder, "sweep", retained=(PLAN, CSV))
-    return table
 
 
 @contextmanager
