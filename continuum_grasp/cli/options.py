@@ -63,13 +63,10 @@ def simulation_scene(
     """A scene for simulation, modes and code generation, its tolerance turned into a model; what was chosen and why."""
     from continuum_grasp.scene.load import scene_of
     from continuum_grasp.scene.simulate import Scene
-
-    scene = scene_of(config, Scene, changes or ())
-    if scene.fidelity.tolerance is None:
-        return scene, ""
-    from continuum_grasp.accuracy.choose import resolve_fidelity
+    from continuum_grasp.verbs import resolved
 
     with output.busy("choosing the model"):
-        scene, note = resolve_fidelity(scene, vibrates=vibrates)
-    output.say(f"fidelity: {note}")
+        scene, note = resolved(scene_of(config, Scene, changes or ()), vibrates=vibrates)
+    if note:
+        output.say(f"fidelity: {note}")
     return scene, note

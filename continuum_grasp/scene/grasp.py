@@ -132,11 +132,8 @@ class GraspScene(Value):
     @property
     def weights(self) -> ObjectiveWeights:
         """The objective as weights."""
-        return (
-            self.objective
-            if isinstance(self.objective, ObjectiveWeights)
-            else ObjectiveWeights(**{self.objective: 1.0})
-        )
+        given = self.objective
+        return given if isinstance(given, ObjectiveWeights) else ObjectiveWeights(**{given: 1.0})
 
     @property
     def aims(self) -> tuple[str, ...]:
