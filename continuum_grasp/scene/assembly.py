@@ -29,13 +29,12 @@ def validated(document: Document, model: type[Model]) -> Model:
     """What a document says, checked: `InputError` has file, line, column and key of everything that is wrong."""
     from pydantic import ValidationError
 
-    from continuum_grasp.scene.problems import explain, raise_problems
+    from continuum_grasp.scene.problems import input_error
 
     try:
         return model.model_validate(document.value)
     except ValidationError as error:
-        raise_problems(explain(error, model, document.value), document)
-        raise
+        raise input_error(error, model, document) from error
 
 
 def kind_of(data: Any) -> str:

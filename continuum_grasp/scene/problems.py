@@ -54,18 +54,22 @@ class _Located:
     error: Mapping[str, Any]
 
 
-def raise_problems(problems: Iterable[Problem], document: Document) -> None:
-    """Raise one InputError that lists every problem on a line of its own, in the order of the file."""
-    error = _listed(problems, document)
-    if error is not None:
-        raise error
+def input_error(error: ValidationError, model: type[BaseModel], document: Document) -> InputError:
+    """Every problem of a document on a line of its own, in the order of the file; its position is that of the first."""
+    problems = explain(error, model, document.value)
+    placed = list(dict.fromkeys((document.nearest(one.path, at_key=one.at_key), one) for one in problems))
+    main_file = document.places[()].file
+    placed.sort(key=lambda item: (item[0].file != main_file, item[0].file, item[0].line or 0, item[0].column or 0))
+    lines = [str(place.error(problem.message, problem.path)) for place, problem in placed[1:_MOST]]
+    if len(placed) > _MOST:
+        lines.append(f"and {len(placed) - _MOST} more")
+    place, first = placed[0]
+    return place.error("\n".join([first.message, *lines]), first.path)
 
 
-def input_error(error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]) -> InputError:
+def input_error_of_values(error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]) -> InputError:
     """What is wrong with values that were given in Python, with the class in place of a file."""
-    plain = _plain(data)
-    document = Document(plain, {(): Place(model.__name__)})
-    return _listed(explain(error, model, plain), document) or InputError(str(error), file=model.__name__)
+    return input_error(error, model, Document(_plain(data), {(): Place(model.__name__)}))
 
 
 def _plain(value: Any) -> Any:
@@ -75,20 +79,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _plain(child) for key, child in value.items()}
     return [_plain(child) for child in value] if isinstance(value, list | tuple) else value
-
-
-def _listed(problems: Iterable[Problem], document: Document) -> InputError | None:
-    placed = [(document.nearest(one.path, at_key=one.at_key), one) for one in problems]
-    if not placed:
-        return None
-    main_file = document.places[()].file
-    placed.sort(key=lambda item: (item[0].file != main_file, item[0].file, item[0].line or 0, item[0].column or 0))
-    placed = list(dict.fromkeys(placed))
-    lines = [str(place.error(problem.message, problem.path)) for place, problem in placed[1:_MOST]]
-    if len(placed) > _MOST:
-        lines.append(f"and {len(placed) - _MOST} more")
-    place, first = placed[0]
-    return place.error("\n".join([first.message, *lines]), first.path)
 
 
 def explain(error: ValidationError, model: type[BaseModel], data: Any) -> list[Problem]:

@@ -26,9 +26,9 @@ class Value(BaseModel):
         try:
             super().__init__(**data)
         except ValidationError as error:
-            from continuum_grasp.scene.problems import input_error
+            from continuum_grasp.scene.problems import input_error_of_values
 
-            raise input_error(error, type(self), data) from None
+            raise input_error_of_values(error, type(self), data) from None
 
     @model_validator(mode="after")
     def _checked(self) -> Self:

@@ -16,7 +16,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import assembled, changed, kind_of, path_of, placed, validated
 from continuum_grasp.scene.document import Change, Document, KeyPath
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.problems import explain, nearest, raise_problems
+from continuum_grasp.scene.problems import input_error, nearest
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.sweep import Draw, Sweep
 
@@ -138,7 +138,7 @@ class _Resolver:
                 kinds = {one["type"] for one in error.errors(include_url=False, include_context=False)}
                 # Checks of the whole scene fail single runs; for a key that follows, all but its existence does.
                 if kinds - {"value_error"} if not only_key else "extra_forbidden" in kinds:
-                    raise_problems(explain(error, GraspScene, tried.value), tried)
+                    raise input_error(error, GraspScene, tried) from error
         return path, tuple(found)
 
     def _change(self, where: KeyPath, key: str, value: Any) -> Change:
