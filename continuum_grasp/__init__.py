@@ -5,52 +5,9 @@ Everything here is loaded when it is first used; importing the package is quick.
 
 from __future__ import annotations
 
-from continuum_grasp._lazy import TYPE_CHECKING, lazy_names
+from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 __version__ = "0.1.0"
-
-_MODULES = {
-    "continuum_grasp.core": ("compile",),
-    "continuum_grasp.errors": ("ContinuumGraspError", "InputError", "Interrupted", "NumericalError", "SolverError"),
-    "continuum_grasp.grasp": ("optimize_grasp",),
-    "continuum_grasp.identification.fitting": ("identify",),
-    "continuum_grasp.model": ("FingerModel", "System"),
-    "continuum_grasp.export": ("export_c",),
-    "continuum_grasp.control.controller": ("Controller",),
-    "continuum_grasp.control.estimation.estimator": ("Estimator",),
-    "continuum_grasp.closed_loop.run": ("run_closed_loop",),
-    "continuum_grasp.mission.run": ("run_mission",),
-    "continuum_grasp.mission.trials": ("run_trials",),
-    "continuum_grasp.planning": ("plan",),
-    "continuum_grasp.scene": (
-        "Actuation",
-        "BasePose",
-        "ControlScene",
-        "Damping",
-        "Fidelity",
-        "Finger",
-        "ForceLoad",
-        "GraspScene",
-        "Initial",
-        "MissionScene",
-        "MomentLoad",
-        "PiecewiseCurvature",
-        "PlanScene",
-        "PointMass",
-        "Rod",
-        "Samples",
-        "Scene",
-        "Tendons",
-        "Timing",
-        "VectorSamples",
-    ),
-    "continuum_grasp.scene.load": ("load",),
-    "continuum_grasp.accuracy.choose": ("choose_fidelity",),
-    "continuum_grasp.accuracy.report": ("accuracy_report",),
-    "continuum_grasp.sweeps": ("sweep", "sweep_table"),
-    "continuum_grasp.verbs": ("equilibrium", "modes", "simulate"),
-}
-__all__ = ["__version__", *(name for names in _MODULES.values() for name in names)]
 
 if TYPE_CHECKING:
     from continuum_grasp.accuracy.choose import choose_fidelity as choose_fidelity
@@ -99,4 +56,6 @@ if TYPE_CHECKING:
     from continuum_grasp.verbs import modes as modes
     from continuum_grasp.verbs import simulate as simulate
 
+_MODULES = checked_imports(__name__)
+__all__ = ["__version__", *(name for names in _MODULES.values() for name in names)]
 __getattr__, __dir__ = lazy_names(__name__, _MODULES)

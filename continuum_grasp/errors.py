@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Sequence
 from typing import Any
 
@@ -77,13 +78,7 @@ class SolverError(ContinuumGraspError, RuntimeError):
         super().__init__("\n".join(parts))
 
     def __reduce__(self) -> tuple[Any, ...]:  # an error that a worker cannot send breaks the whole pool
-        return _unpickled, (type(self), self.args), self.__dict__
-
-
-def _unpickled(kind: type[SolverError], args: tuple[Any, ...]) -> SolverError:
-    error = kind.__new__(kind)
-    error.args = args
-    return error
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
 
 class NumericalError(ContinuumGraspError, ArithmeticError):

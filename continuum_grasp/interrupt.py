@@ -73,12 +73,8 @@ def listening(command: bool = False) -> Iterator[None]:
     """Take Ctrl-C within the block; without effect outside the main thread, and where another handler is installed.
 
     It serves as a decorator too, which every long computation has: in Python, Ctrl-C is as sure as on the command line.
-
-    Parameters
-    ----------
-    command : bool, optional
-        The block is the whole process: it ends with status 130 at a second press before the first could be raised, or
-        if that takes long, and what comes after the block ignores Ctrl-C.
+    ``command``: the block is the whole process, which ends with status 130 at a second press before the first could be
+    raised, or if that takes long; what comes after the block ignores Ctrl-C.
     """
     global _noted, _seen
     usual = signal.getsignal(signal.SIGINT)
@@ -102,15 +98,7 @@ def listening(command: bool = False) -> Iterator[None]:
 def held(*, quietly: bool = False) -> Iterator[Callable[[], bool]]:
     """Keep Ctrl-C until the end of the block, for solvers that would lose an exception; raise it then.
 
-    Parameters
-    ----------
-    quietly : bool, optional
-        Raise nothing: whoever opened the block asks whether Ctrl-C was pressed.
-
-    Yields
-    ------
-    callable
-        Whether Ctrl-C was pressed; also after the block.
+    Yields what states whether Ctrl-C was pressed, also after the block. ``quietly``: raise nothing; the caller asks.
     """
     global _blocks, _noted
     usual = signal.getsignal(signal.SIGINT)
@@ -128,6 +116,7 @@ def held(*, quietly: bool = False) -> Iterator[Callable[[], bool]]:
         found = pressed()
         if usual is not _press:
             signal.signal(signal.SIGINT, usual)
+        # An outer block that holds it back raises it at its own end.
         if found and (quietly or not _blocks):
             _noted = None
             if not quietly:
@@ -164,6 +153,7 @@ def _press(number: int, frame: FrameType | None) -> None:
     carrier = _carrier(frame)
     if carrier is frame:
         _raise()
+    # Tracing is the one way to raise in a frame that is not the innermost.
     if carrier is not None:
         carrier.f_trace = _deliver
         sys.settrace(_deliver)
@@ -199,7 +189,7 @@ def _raise() -> None:
 
 def leave() -> None:
     """End the process with status 130; after an exception in an ``eval`` Python would have the signal kill it."""
-    atexit._run_exitfuncs()
+    atexit._run_exitfuncs()  # os._exit skips them
     os._exit(STATUS)
 
 
@@ -231,10 +221,12 @@ def _answer(number: int, frame: FrameType | None) -> None:
 def _watch(heard: int) -> None:
     """End the process where a press is not raised in time, or is repeated."""
     global _answered
+    # The wakeup descriptor gets a byte from C as soon as the signal comes, whatever the main thread does.
     while True:
         if signal.SIGINT not in os.read(heard, 64):
             continue
         _answered = False
+        # Its handler runs when the main thread is back in Python: then the press is raised, or held by a block.
         _thread.interrupt_main(signal.SIGURG)
         began, reported = time.monotonic(), False
         while not _answered or _noted is not None:

@@ -55,8 +55,8 @@ def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], 
     >>> motion.t.shape, motion.tip.shape, motion.x_names[0]
     ((51,), (51, 2), 'kappa_0 [1/m]')
     """
-    resolved, note = _resolved(scene)
-    trajectory = simulation.simulate(resolved, progress=progress)
+    chosen, note = resolved(scene)
+    trajectory = simulation.simulate(chosen, progress=progress)
     return replace(trajectory, statistics={**trajectory.statistics, "fidelity": note}) if note else trajectory
 
 
@@ -110,8 +110,8 @@ def equilibrium(
     >>> found.stable, found.tip.shape, found.backbone(points=20).shape
     (True, (2,), (20, 2))
     """
-    resolved = scene_of(scene) if model is not None else _resolved(scene)[0]
-    return simulation.equilibrium(resolved, extra_loads=extra_loads, guess=guess, stable=stable, side=side, model=model)
+    chosen = scene_of(scene) if model is not None else resolved(scene)[0]
+    return simulation.equilibrium(chosen, extra_loads=extra_loads, guess=guess, stable=stable, side=side, model=model)
 
 
 def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = None, points: int = 61) -> Modes:
@@ -147,11 +147,12 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     >>> found.shapes.shape == (len(found.frequencies_hz), 61, 2)
     True
     """
-    resolved = scene_of(scene) if about is not None else _resolved(scene, vibrates=True)[0]
-    return simulation.modes(resolved, about=about, points=points)
+    chosen = scene_of(scene) if about is not None else resolved(scene, vibrates=True)[0]
+    return simulation.modes(chosen, about=about, points=points)
 
 
-def _resolved(given: Scene | str | PathLike[str], *, vibrates: bool = False) -> tuple[Scene, str]:
+def resolved(given: Scene | str | PathLike[str], *, vibrates: bool = False) -> tuple[Scene, str]:
+    """A scene whose tolerance, if any, has become a model, and what was chosen and why."""
     scene = scene_of(given)
     if scene.fidelity.tolerance is None:
         return scene, ""

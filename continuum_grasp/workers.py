@@ -12,45 +12,20 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from typing import Any, Protocol
+from typing import Any
 
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.interrupt import ignored_by_children
 
+# One thread of linear algebra per worker: there is a worker per core already.
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-
-
-class WorkerPool(Protocol):
-    """Takes tasks."""
-
-    @property
-    def workers(self) -> int:
-        """Number of workers."""
-
-    @property
-    def most(self) -> int:
-        """Greatest number of tasks to have submitted at a time."""
-
-    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Submit a task; fewer than ``most`` are pending."""
-
-    def lost(self, future: Future[Any]) -> bool:
-        """Whether a task failed because its worker died, and another may be tried.
-
-        Raises
-        ------
-        SolverError
-            There are no workers left.
-        """
-
-    def close(self, at_once: bool) -> None:
-        """Shut the workers down, at once or when they are done."""
 
 
 @dataclass
 class _Worker:
     pool: ProcessPoolExecutor
     started: Future[Any]
+    """Of `_confirm_start`: failed where the process ended before any task of the caller."""
     busy: Future[Any]
 
 
@@ -58,19 +33,15 @@ class ProcessPool:
     """Processes on this machine, one executor each: a task that ends its process ends no other task.
 
     Each worker has one task at a time and one thread for linear algebra, ignores Ctrl-C, and ends when this process
-    does, however that ends.
-
-    Parameters
-    ----------
-    count : int
-        Number of processes.
-    start : callable, optional
-        Called in each new process with ``arguments``, before its first task.
+    does, however that ends. ``start`` is called in each new process with ``arguments``, before its first task. ``most``
+    is the greatest number of tasks to have submitted at a time.
     """
 
     def __init__(self, count: int, start: Callable[..., None] | None = None, *arguments: Any) -> None:
         self.workers = self.most = count
+        # A forked child would inherit the locks of threads that it does not have, such as those of OpenBLAS.
         self._context = multiprocessing.get_context("spawn")
+        # The writing end is open in this process alone: when it closes, however, the workers end.
         self._watched, self._alive = self._context.Pipe(duplex=False)
         self._started: list[_Worker | None] = [None] * count
         self._prepared = (self._watched, start, arguments)
@@ -79,12 +50,10 @@ class ProcessPool:
         """Submit a task to an idle worker; one that died is replaced."""
         k = next(k for k, worker in enumerate(self._started) if worker is None or worker.busy.done())
         worker = self._started[k]
-        try:
-            if worker is not None:
+        if worker is not None:
+            with suppress(BrokenExecutor):  # its process died
                 worker.busy = worker.pool.submit(work, *arguments)
                 return worker.busy
-        except BrokenExecutor:  # its process died
-            pass
         with _one_thread(), ignored_by_children():
             pool = ProcessPoolExecutor(1, self._context, _prepare, self._prepared)
             started = pool.submit(_confirm_start)
@@ -103,13 +72,7 @@ class ProcessPool:
                 yield pending.pop(future), future
 
     def lost(self, future: Future[Any]) -> bool:
-        """Whether the worker's process ended.
-
-        Raises
-        ------
-        SolverError
-            It ended before it had begun.
-        """
+        """Whether the worker's process ended; `SolverError` where it did before it had begun."""
         if not isinstance(future.exception(), BrokenExecutor):
             return False
         worker = next(worker for worker in self._started if worker is not None and worker.busy is future)
@@ -135,11 +98,7 @@ class ProcessPool:
 class ExecutorPool:
     """Any `concurrent.futures.Executor`, which stays its owner's.
 
-    Parameters
-    ----------
-    executor : concurrent.futures.Executor
-    workers : callable
-        Returns their number; asked again and again, since clusters grow and shrink.
+    ``workers`` returns their number; it is asked again and again, since clusters grow and shrink.
     """
 
     def __init__(self, executor: Executor, workers: Callable[[], int]) -> None:
@@ -157,13 +116,7 @@ class ExecutorPool:
         return 2 * self.workers
 
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Submit a task.
-
-        Raises
-        ------
-        SolverError
-            The executor takes no more.
-        """
+        """Submit a task; `SolverError` where the executor takes no more."""
         try:
             future = self._executor.submit(work, *arguments)
         except RuntimeError as error:  # broken, or shut down
@@ -173,16 +126,11 @@ class ExecutorPool:
         return future
 
     def lost(self, future: Future[Any]) -> bool:
-        """Whether a cluster gave a task up because workers died of it.
-
-        Raises
-        ------
-        SolverError
-            The executor is broken.
-        """
+        """Whether a cluster gave a task up because workers died of it; `SolverError` where the executor is broken."""
         error = future.exception()
         if isinstance(error, BrokenExecutor):
             raise _stopped(error) from error
+        # Of dask.distributed, which is not imported for its name.
         return type(error).__name__ == "KilledWorker"
 
     def close(self, at_once: bool) -> None:
@@ -191,21 +139,17 @@ class ExecutorPool:
             future.cancel()
 
 
+WorkerPool = ProcessPool | ExecutorPool
+"""Takes tasks, up to ``most`` at a time."""
+
+
 def cores() -> int:
     """Processor cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def checked_count(workers: Any) -> int:
-    """A number of workers.
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
+    """A number of workers."""
     if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= 4096:
         raise InputError(f"expected a number of workers from 1 to 4096, got {workers!r:.60}", key="workers")
     return workers
@@ -229,7 +173,7 @@ def _prepare(watched: Connection, start: Callable[..., None] | None, arguments: 
 
 def _end_with_parent(watched: Connection) -> None:
     with suppress(OSError, EOFError):
-        watched.poll(None)
+        watched.poll(None)  # nothing is ever written: it returns when the writing end closes
     os._exit(1)
 
 

@@ -16,46 +16,35 @@ _PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "pydantic", "pyyaml", "ty
 
 def doctor(as_json: Json = False) -> None:
     """Print versions, solvers, compiler, and how fast the finger runs here."""
-    output = Output(as_json)
-    facts: dict[str, Any] = {**_versions(), **_tools()}
-    facts |= _speed()
-    output.pairs(facts)
-    output.result(**facts)
-    if facts["ipopt"] != "found":
-        output.warn(["IPOPT is not in this CasADi: grasps cannot be optimized; install casadi from PyPI"])
-        raise typer.Exit(1)
-
-
-def _versions() -> dict[str, str]:
     import platform
     from importlib.metadata import PackageNotFoundError, version
 
-    from continuum_grasp import __version__
-
-    found = {"continuum_grasp": __version__}
-    found |= {"python": platform.python_version(), "platform": platform.platform()}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not found"
-    return found
-
-
-def _tools() -> dict[str, str]:
     import casadi
 
+    from continuum_grasp import __version__
     from continuum_grasp.core.compiler import find_compiler
 
-    compiler = find_compiler()
-    return {
+    output, compiler = Output(as_json), find_compiler()
+    facts = {"continuum_grasp": __version__, "python": platform.python_version(), "platform": platform.platform()}
+    for package in _PACKAGES:
+        try:
+            facts[package] = version(package)
+        except PackageNotFoundError:
+            facts[package] = "not found"
+    facts |= {
         "processors": str(os.cpu_count()),
         "ipopt": "found" if casadi.has_nlpsol("ipopt") else "not found",
         "compiler": f"{' '.join(compiler.command)}, {compiler.version}"
         if compiler
         else "not found: everything runs on CasADi's virtual machine, slower",
         "ffmpeg": shutil.which("ffmpeg") or "not found: animations as GIF only",
+        **_speed(),
     }
+    output.pairs(facts)
+    output.result(**facts)
+    if facts["ipopt"] != "found":
+        output.warn(["IPOPT is not in this CasADi: grasps cannot be optimized; install casadi from PyPI"])
+        raise typer.Exit(1)
 
 
 def _speed() -> dict[str, str]:
@@ -77,8 +66,10 @@ def _speed() -> dict[str, str]:
     def microseconds(call: Any) -> str:
         timer = timeit.Timer(call)
         count, _ = timer.autorange()
+        # The least of three: interruptions only add time.
         return f"{min(timer.repeat(3, count)) / count * 1e6:.3g} us per call from Python"
 
+    # Converted beforehand: the call alone is compared.
     dense = [casadi.DM(argument) for argument in arguments]
     found = {"forward dynamics, virtual machine": microseconds(lambda: model.forward_dynamics(*dense))}
     if core.compiled:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option, simulation_scene
 from continuum_grasp.cli.output import Output, run_folder
 from continuum_grasp.errors import InputError
 
@@ -66,7 +66,6 @@ def export_c(
     given |= {"--target": target != "host", "--substeps": substeps != 1, "--measure": measure}
     if casadi is not None and (others := [option for option, value in given.items() if value]):
         raise InputError(f"--casadi cannot be combined with {', '.join(others)}: plain functions have none of these")
-    from continuum_grasp.cli.options import simulation_scene
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.load import load
 
@@ -76,7 +75,14 @@ def export_c(
     folder = run_folder(out, config, "export-c")
 
     if casadi is not None:
-        _write_functions(scene, folder, casadi, prefix, output)
+        from continuum_grasp.export import export_casadi
+
+        with output.busy("generating"):
+            functions = None if casadi == "all" else [name.strip() for name in casadi.split(",")]
+            package = export_casadi(scene, folder, functions=functions, prefix=prefix)
+        for file in package.files:
+            output.say(str(folder / file))
+        output.result(folder=folder, files=package.files, manifest=package.manifest)
         return
     from continuum_grasp.export import export_c as write
 
@@ -96,6 +102,7 @@ def export_c(
         )
     made = package.manifest
     errors = [f["relative_error"] for f in made["functions"].values() if "relative_error" in f]
+    # Estimator and controller have the object in their model, the plain functions only its forces.
     if (made["configuration"].get("object") is not None) and not {"estimator", "mpc"}.issuperset(made["parts"]):
         output.say("the object of the scene is no part of the model: what it presses with is given as forces")
     output.pairs(
@@ -110,19 +117,7 @@ def export_c(
     )
     for name, found in ((made["measured"] or {}).get("functions", {})).items():
         output.say(f"{name}: {found['most_instructions']} instructions, {found['stack_bytes']} bytes of stack at most")
-    output.result(folder=str(folder), files=list(package.files), manifest=made)
-
-
-def _write_functions(scene: Any, folder: Path, names: str, prefix: str, output: Output) -> None:
-    """Plain C of named functions."""
-    from continuum_grasp.export import export_casadi
-
-    with output.busy("generating"):
-        functions = None if names == "all" else [name.strip() for name in names.split(",")]
-        package = export_casadi(scene, folder, functions=functions, prefix=prefix)
-    for file in package.files:
-        output.say(str(folder / file))
-    output.result(folder=str(folder), files=list(package.files), manifest=package.manifest)
+    output.result(folder=folder, files=package.files, manifest=made)
 
 
 def _limits(made: Mapping[str, Any]) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -47,21 +47,20 @@ def grasp(
         result.save(folder)
         files = result.plot(folder) if pictures else []
 
-    statistics: dict[str, Any] = dict(result.statistics)
     output.warn(result.warnings)
     output.say(result.table())
-    if "fidelity" in statistics:
-        output.say(f"fidelity: {statistics['fidelity']}")
-    output.statistics(statistics)
+    if "fidelity" in result.statistics:
+        output.say(f"fidelity: {result.statistics['fidelity']}")
+    output.statistics(result.statistics)
     output.say(f"saved in {folder}" + "".join(f", {path.name}" for path in files))
     output.result(
         status=result.status,
-        folder=str(folder),
-        files=[str(folder / "result.yaml"), *(str(path) for path in files)],
+        folder=folder,
+        files=[folder / "result.yaml", *files],
         table=result.table(),
-        warnings=list(result.warnings),
+        warnings=result.warnings,
         reasons=[{"name": r.name, "key": r.key, "limit": r.limit, "needed": r.needed} for r in result.reasons],
-        statistics=statistics,
+        statistics=result.statistics,
     )
     if not result.solved:
         raise SolverError(result.message, status=result.status.value, result=result)

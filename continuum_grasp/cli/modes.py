@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option, simulation_scene
 from continuum_grasp.cli.output import Output, run_folder
-
-if TYPE_CHECKING:
-    pass
 
 
 def modes(
@@ -24,11 +21,8 @@ def modes(
     quiet: Quiet = False,
 ) -> None:
     """Natural frequencies and shapes about the equilibrium."""
-    from continuum_grasp.cli.options import simulation_scene
-
     output = Output(as_json, quiet)
     scene, note = simulation_scene(config, changes, output, vibrates=True)
-
     folder = None if out is None else run_folder(out, config, "modes")
 
     from continuum_grasp.simulation import modes as find
@@ -43,7 +37,7 @@ def modes(
     files = output.save(found, folder, pictures=True) if folder is not None else []
     output.table(
         ("mode", "frequency [Hz]", "damping ratio"),
-        (
+        *(
             (str(k + 1), f"{frequency:.5g}", "-" if math.isnan(ratio) else f"{ratio:.3g}")
             for k, (frequency, ratio) in enumerate(zip(found.frequencies_hz, found.damping_ratios, strict=True))
         ),
@@ -53,9 +47,9 @@ def modes(
     output.result(
         stable=found.stable,
         fidelity=note or None,
-        warnings=list(found.warnings),
+        warnings=found.warnings,
         frequencies_hz=found.frequencies_hz,
         damping_ratios=found.damping_ratios,
-        folder=None if out is None else str(out),
-        files=[str(file) for file in files],
+        folder=out,
+        files=files,
     )

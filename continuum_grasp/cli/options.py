@@ -14,26 +14,14 @@ if TYPE_CHECKING:
 
 
 def named_path(text: str | Path) -> Path:
-    """A path that is given by its name; an empty one would be the working directory.
-
-    Raises
-    ------
-    typer.BadParameter
-        The name is empty.
-    """
+    """A path that is given by its name; an empty one would be the working directory."""
     if not str(text):
         raise typer.BadParameter("expected a path, got an empty text")
     return Path(text)
 
 
 def _format(text: str) -> str:
-    """The format of an animation.
-
-    Raises
-    ------
-    typer.BadParameter
-        There is none of that name.
-    """
+    """The format of an animation."""
     if text not in ("gif", "mp4"):
         raise typer.BadParameter(f"expected gif or mp4, got {text!r}")
     return text
@@ -63,6 +51,7 @@ Set = Annotated[
         help="Change one entry of the configuration; repeatable. Paths are relative to the configuration.",
     ),
 ]
+Pictures = Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print statistics too.")]
@@ -71,24 +60,13 @@ Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print statistics
 def simulation_scene(
     config: Path, changes: Iterable[str] | None, output: Output, *, vibrates: bool = False
 ) -> tuple[Scene, str]:
-    """A scene for simulation, modes and code generation, its tolerance turned into a model; what was chosen and why.
-
-    Raises
-    ------
-    InputError
-        Where the file is wrong or of another kind.
-    SolverError
-        Where no model keeps the tolerance.
-    """
+    """A scene for simulation, modes and code generation, its tolerance turned into a model; what was chosen and why."""
     from continuum_grasp.scene.load import scene_of
     from continuum_grasp.scene.simulate import Scene
-
-    scene = scene_of(config, Scene, changes or ())
-    if scene.fidelity.tolerance is None:
-        return scene, ""
-    from continuum_grasp.accuracy.choose import resolve_fidelity
+    from continuum_grasp.verbs import resolved
 
     with output.busy("choosing the model"):
-        scene, note = resolve_fidelity(scene, vibrates=vibrates)
-    output.say(f"fidelity: {note}")
+        scene, note = resolved(scene_of(config, Scene, changes or ()), vibrates=vibrates)
+    if note:
+        output.say(f"fidelity: {note}")
     return scene, note

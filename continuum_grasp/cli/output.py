@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
@@ -48,10 +48,9 @@ class Output:
         for name, value in rows.items():
             self.say(f"{name:<{width}}  {value}")
 
-    def table(self, head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-        """Print columns, aligned to the right."""
-        lines = [list(head), *(list(row) for row in rows)]
-        widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
+    def table(self, *lines: Sequence[str]) -> None:
+        """Print a heading and rows in columns, aligned to the right."""
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         for line in lines:
             self.say("  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)))
 
@@ -93,24 +92,28 @@ class Output:
                 typer.echo(f"what was computed until then is in {folder}", err=True)
             raise
 
-    def save(self, result: Result, folder: Path, pictures: bool) -> list[Path]:
-        """Save a result and draw its pictures where wanted; returns these."""
+    def save(
+        self, result: Result, folder: Path, pictures: bool, animation: str | None = None, speed: float = 1.0
+    ) -> list[Path]:
+        """Save a result, draw its pictures where wanted, and its animation where a format is given; returns these."""
         with self.saving(folder):
             result.save(folder)
-        if not pictures:
-            return []
-        with self.drawing(folder):
-            return result.plot(folder)
+        files: list[Path] = []
+        if pictures:
+            with self.drawing(folder):
+                files += result.plot(folder)
+        if animation is not None:
+            with self.drawing(folder):
+                files.append(cast("MotionResult", result).animate(folder / f"animation.{animation}", speed=speed))
+        return files
 
-    def save_motion(
-        self, result: MotionResult, folder: Path, pictures: bool, animation: str | None, speed: float = 1.0
-    ) -> list[Path]:
-        """As `save`, with an animation where its format is given."""
-        files = self.save(result, folder, pictures)
-        if animation is None:
-            return files
-        with self.drawing(folder):
-            return [*files, result.animate(folder / f"animation.{animation}", speed=speed)]
+    def conclude(
+        self, result: Result, folder: Path, files: Sequence[Path], more: Mapping[str, Any] | None = None, **values: Any
+    ) -> None:
+        """Print the statistics of a result, and ``more`` of them, where wanted, or its JSON object with ``values``."""
+        self.statistics({**result.statistics, **(more or {})})
+        own = {"warnings": result.warnings, "statistics": result.statistics}
+        self.result(**{"status": result.status, "folder": folder, "files": files, **values, **own})
 
     @contextmanager
     def drawing(self, folder: Path) -> Iterator[None]:
@@ -159,22 +162,20 @@ def _show_progress(what: str, done: threading.Event, shares: list[float]) -> Non
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(what, total=None)
+        # The bar shows the time since the work began, not since it appeared.
         progress.tasks[0].start_time = progress.get_time() - (time.monotonic() - start)
         while not done.wait(0.1):
-            if shares:
-                progress.update(task, total=1.0, completed=shares[-1])
-            else:
-                progress.update(task)
+            # None leaves the bar without a length, as of work that does not know its share.
+            progress.update(task, total=1.0 if shares else None, completed=shares[-1] if shares else None)
+
+
+def saved_in(folder: Path, files: Iterable[Path], what: str = "pictures") -> dict[str, str]:
+    """The last of the pairs that verbs print."""
+    return {"saved in": f"{folder}", what: ", ".join(file.name for file in files) or "none"}
 
 
 def run_folder(out: Path | None, config: Path, command: str) -> Path:
-    """The folder of a run: as asked, or named after command and configuration; nothing is written yet.
-
-    Raises
-    ------
-    InputError
-        It is no folder, cannot be written, or belongs to another command: a folder holds one run.
-    """
+    """The folder of a run: as asked, or named after command and configuration; nothing is written yet."""
     from continuum_grasp.results.record import kind_of_run
 
     folder = out if out is not None else Path("runs") / command / config.stem

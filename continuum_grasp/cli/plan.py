@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import Animate, Config, Json, Out, Quiet, Set, Verbose, named_path
-from continuum_grasp.cli.output import Output, run_folder
-
-if TYPE_CHECKING:
-    from continuum_grasp.planning import Plan
+from continuum_grasp.cli.options import Animate, Config, Json, Out, Pictures, Quiet, Set, Verbose, named_path
+from continuum_grasp.cli.output import Output, run_folder, saved_in
+from continuum_grasp.errors import SolverError
 
 
 def plan(
@@ -32,13 +30,12 @@ def plan(
     speed: Annotated[
         float, typer.Option("--speed", metavar="S", help="Seconds of motion per second of animation.")
     ] = 0.1,
-    pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")] = True,
+    pictures: Pictures = True,
     as_json: Json = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """Plan a whole motion to a goal: least time, least effort, smoothest input, tracking."""
-    from continuum_grasp.errors import SolverError
     from continuum_grasp.scene.load import scene_of
     from continuum_grasp.scene.plan import PlanScene
 
@@ -50,54 +47,41 @@ def plan(
 
     with output.computing("planning", folder):
         found = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
-    files = output.save_motion(found, folder, pictures, animation, speed)
-    _report(found, folder, files, output)
+    files = output.save(found, folder, pictures, animation, speed)
+    squared = "(N m)2" if len(found.u_names) == 1 else "N2"
+    units = {"least_time": "s", "least_effort": f"{squared} s", "least_input_rate": f"{squared}/s"}
+    unit = units.get(found.scene.objective, "")  # tracking sums terms of several units
+    x, y = found.tip[-1]
+    active = [c.name for c in found.constraints.values() if c.active and not c.name.startswith("motion")]
+    rows: dict[str, Any] = {
+        "status": found.status.value,
+        "objective": f"{found.objective:.6g} {unit} ({found.scene.objective})",
+        "duration": f"{found.duration:.6g} s in {len(found.t) - 1} intervals",
+        "tip at the end": f"({x:.4f}, {y:.4f}) m",
+        "active constraints": ", ".join(active) or "nothing",
+        "solver": f"{found.iterations} iterations; {found.times.get('total', 0.0):.2f} s in all",
+    }
+    for name, check in (("fine simulation", found.deviation), ("finer model", found.finer)):
+        if check is not None:
+            text = f"tip up to {1e3 * check.tip:.3g} mm off the plan, {1e3 * check.final_tip:.3g} mm at the end"
+            rows[name] = f"{text} ({check.model})"
+    output.warn(found.warnings)
+    output.pairs({**rows, **saved_in(folder, files)})
+    output.conclude(
+        found,
+        folder,
+        files,
+        {f"{name} [s]": f"{value:.3f}" for name, value in found.times.items()},
+        objective=found.objective,
+        duration=found.duration,
+        tip=(x, y),
+        active=active,
+        iterations=found.iterations,
+        times=found.times,
+        violated=found.violated,
+        advice=found.advice,
+    )
     if not found.solved:
         raise SolverError(
             found.message, status=found.status.value, violated=found.violated, advice=found.advice, result=found
         )
-
-
-def _report(plan: Plan, folder: Path, files: list[Path], output: Output) -> None:
-    x, y = (float(v) for v in plan.tip[-1])
-    active = [c.name for c in plan.constraints.values() if c.active and not c.name.startswith("motion")]
-    rows: dict[str, Any] = {
-        "status": plan.status.value,
-        "objective": f"{plan.objective:.6g} {_unit(plan)} ({plan.scene.objective})",
-        "duration": f"{plan.duration:.6g} s in {len(plan.t) - 1} intervals",
-        "tip at the end": f"({x:.4f}, {y:.4f}) m",
-        "active constraints": ", ".join(active) or "nothing",
-        "solver": f"{plan.iterations} iterations; {plan.times.get('total', 0.0):.2f} s in all",
-    }
-    for name, found in (("fine simulation", plan.deviation), ("finer model", plan.finer)):
-        if found is not None:
-            text = f"tip up to {1e3 * found.tip:.3g} mm off the plan, {1e3 * found.final_tip:.3g} mm at the end"
-            rows[name] = f"{text} ({found.model})"
-    rows |= {"saved in": str(folder), "pictures": ", ".join(file.name for file in files) or "none"}
-    output.warn(plan.warnings)
-    output.pairs(rows)
-    output.statistics({**plan.statistics, **{f"{name} [s]": f"{value:.3f}" for name, value in plan.times.items()}})
-    output.result(
-        status=plan.status.value,
-        folder=str(folder),
-        files=[str(file) for file in files],
-        objective=plan.objective,
-        duration=plan.duration,
-        tip=[x, y],
-        active=active,
-        iterations=plan.iterations,
-        times=dict(plan.times),
-        violated=list(plan.violated),
-        advice=plan.advice,
-        warnings=list(plan.warnings),
-        statistics=dict(plan.statistics),
-    )
-
-
-def _unit(plan: Plan) -> str:
-    """Unit of the objective."""
-    force = "N m" if len(plan.u_names) == 1 else "N"
-    squared = f"({force})2" if " " in force else f"{force}2"
-    return {"least_time": "s", "least_effort": f"{squared} s", "least_input_rate": f"{squared}/s"}.get(
-        plan.scene.objective, ""
-    )

@@ -6,16 +6,18 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from continuum_grasp.cli.options import Config, Json, Quiet, Set, Verbose, out_option
-from continuum_grasp.cli.output import Output, run_folder
+from continuum_grasp.cli.output import Output, run_folder, saved_in
+from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
-    from continuum_grasp.sweeps import Progress, SweepTable
+    from continuum_grasp.sweeps import Progress
 
 _LINE_SECONDS = 10.0
 """Between two lines of progress where there is no terminal [s]: a day of work is 8,640 lines of a log."""
@@ -48,14 +50,20 @@ def sweep(
     verbose: Verbose = False,
 ) -> None:
     """Find the grasps of many scenes: a grid or random draws of any keys; resumes after an interruption."""
-    from continuum_grasp.errors import InputError
-
     output = Output(as_json, quiet, verbose)
     if keep not in ("all", "failed", "none"):
         raise InputError(f"expected all, failed or none, got {keep!r}", key="--keep")
     folder = run_folder(out, config, "sweep")
     if plot_only:
-        table = _stored(config, folder, changes or [])
+        from continuum_grasp.results import begin_run
+        from continuum_grasp.sweeps import sweep_table
+        from continuum_grasp.sweeps.folder import PLAN
+        from continuum_grasp.sweeps.plan import plan_of
+        from continuum_grasp.sweeps.table import CSV
+
+        # The pictures are those that the configuration asks for now; those of before go.
+        table = replace(sweep_table(folder), pictures=plan_of(config, changes or []).pictures)
+        begin_run(folder, "sweep", retained=(PLAN, CSV))
     else:
         from continuum_grasp.sweeps import sweep as run
 
@@ -73,25 +81,6 @@ def sweep(
     if pictures or plot_only:
         with output.drawing(folder):
             files = table.plot(folder)
-    _report(table, files, output)
-
-
-def _stored(config: Path, folder: Path, changes: list[str]) -> SweepTable:
-    """The table as it is, with the pictures that the configuration asks for now."""
-    from dataclasses import replace
-
-    from continuum_grasp.results import begin_run
-    from continuum_grasp.sweeps import sweep_table
-    from continuum_grasp.sweeps.folder import PLAN
-    from continuum_grasp.sweeps.plan import plan_of
-    from continuum_grasp.sweeps.table import CSV
-
-    table = replace(sweep_table(folder), pictures=plan_of(config, changes).pictures)
-    begin_run(folder, "sweep", retained=(PLAN, CSV))
-    return table
-
-
-def _report(table: SweepTable, files: list[Path], output: Output) -> None:
     statistics = dict(table.statistics)
     output.warn(statistics.pop("notes", ()))
     if len(table) and not table.solved.any():
@@ -101,15 +90,14 @@ def _report(table: SweepTable, files: list[Path], output: Output) -> None:
             "scenes": f"{len(table)} of {table.total}",
             "status": ", ".join(f"{count} {name}" for name, count in table.counts.items()) or "none",
             "without a grasp": ", ".join(f"{count} {name}" for name, count in table.failures.items()) or "none",
-            "saved in": f"{table.folder}",
-            "pictures": ", ".join(file.name for file in files) or "none",
+            **saved_in(table.folder, files),
         }
     )
     output.statistics(statistics)
     output.result(
-        folder=str(table.folder),
-        table=str(table.folder / "table.jsonl"),
-        files=[str(file) for file in files],
+        folder=table.folder,
+        table=table.folder / "table.jsonl",
+        files=files,
         scenes=table.total,
         rows=len(table),
         status=table.counts,

@@ -6,7 +6,7 @@ drawing and animating are written here for all of them. Nothing here draws: `con
 
 from __future__ import annotations
 
-from continuum_grasp._lazy import TYPE_CHECKING, lazy_names
+from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
     from continuum_grasp.results.animation import save_picture as save_picture
@@ -24,12 +24,6 @@ if TYPE_CHECKING:
     from continuum_grasp.results.run_folder import read_run as read_run
     from continuum_grasp.results.run_folder import write_run as write_run
 
-_MODULES = {
-    "continuum_grasp.results.animation": ("save_picture",),
-    "continuum_grasp.results.atomic": ("replacing", "write_text"),
-    "continuum_grasp.results.record": ("begin_run", "kind_of_run", "note_part"),
-    "continuum_grasp.results.result": ("File", "MotionResult", "Result", "Stored"),
-    "continuum_grasp.results.run_folder": ("Run", "pack_run", "read_run", "write_run"),
-}
-__all__ = [*(name for names in _MODULES.values() for name in names)]
+_MODULES = checked_imports(__name__)
+__all__ = [name for names in _MODULES.values() for name in names]
 __getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -73,6 +73,7 @@ def write_animation(
 def _write_gif(path: Path, pictures: Iterator[NDArray[Any]], count: int, fps: float) -> None:
     from PIL import Image
 
+    # Ends, not durations, are rounded to the GIF's hundredths of a second, so that no error adds up.
     ends = np.round(100.0 * np.arange(1, count + 1) / fps).astype(int)
     shown = (10 * np.diff(ends, prepend=0)).tolist()
     shown[-1] += _REST_MS
@@ -109,6 +110,7 @@ def _write_mp4(path: Path, pictures: Iterator[NDArray[Any]], fps: float, ffmpeg:
     height, width = first.shape[:2]
     command = [ffmpeg, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]
     command += ["-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-", "-an"]
+    # Players other than ffmpeg's need 4:2:0; a rate factor of 18 is visually lossless.
     command += ["-vcodec", "libx264", "-pix_fmt", "yuv420p", "-crf", "18", "-f", "mp4", str(path)]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
     try:

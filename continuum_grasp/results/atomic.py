@@ -52,6 +52,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     target = Path(path)
     with naming(target):
         target.parent.mkdir(parents=True, exist_ok=True)
+    # In the same folder, since a rename is atomic within one file system only.
     temporary = target.with_name(f".tmp-{os.getpid()}-{secrets.token_hex(6)}-{target.name}")
     try:
         with naming(target, temporary):
@@ -98,6 +99,7 @@ def naming(path: Path, temporary: Path | None = None) -> Iterator[None]:
 
 def _flush(path: Path) -> None:
     """Have the content of a file on the disk before it gets its name."""
+    # Else a power cut after the rename may leave the new name with no content.
     with open(path, "r+b") as file:
         os.fsync(file.fileno())
 

@@ -21,23 +21,7 @@ def plain(value: Any, key: str = "") -> Any:
 
     Numpy numbers and arrays become numbers and lists, validated models and mappings become objects, paths,
     dates and enumerations become strings. JSON has no NaN and no infinity: they become the strings ``"NaN"``,
-    ``"Infinity"`` and ``"-Infinity"``, which ``float`` reads back.
-
-    Parameters
-    ----------
-    value : object
-        What to convert.
-    key : str
-        Dotted path of ``value``, named in an error.
-
-    Returns
-    -------
-    dict, list, str, float, int, bool or None
-
-    Raises
-    ------
-    InputError
-        A value has no plain form, or the keys of a mapping are not strings.
+    ``"Infinity"`` and ``"-Infinity"``, which ``float`` reads back. Errors name ``key``, the dotted path of the value.
     """
     kind = type(value)
     if value is None or kind is str or kind is bool or kind is int:  # nearly all, and quickly
@@ -72,18 +56,7 @@ def plain(value: Any, key: str = "") -> Any:
 
 
 def digest(value: Any) -> str:
-    """SHA-256 of a value's plain form with sorted keys.
-
-    Parameters
-    ----------
-    value : object
-        Anything that `plain` takes.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits; equal for equal values whatever the order of their keys.
-    """
+    """SHA-256 (64 hexadecimal digits) of a value's plain form, equal whatever the order of its keys."""
     text = json.dumps(plain(value), sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=True)
     return hashlib.sha256(text.encode("ascii")).hexdigest()
 

@@ -19,19 +19,9 @@ from typing import Any
 _PACKAGES = {"continuum_grasp": "continuum-grasp", "casadi": "casadi", "numpy": "numpy"}
 
 
-def versions() -> dict[str, str]:
-    """Versions of Python, the package, CasADi and numpy; nothing is imported for it.
-
-    Returns
-    -------
-    dict of str to str
-        ``"not installed"`` where a package has no installed version, as in a plain checkout.
-    """
-    return dict(_versions())
-
-
 @functools.cache
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Versions of Python, the package, CasADi and numpy, ``"not installed"`` in a plain checkout; not to be changed."""
     found = {"python": platform.python_version()}
     for name, distribution in _PACKAGES.items():
         try:
@@ -42,13 +32,7 @@ def _versions() -> dict[str, str]:
 
 
 def machine() -> dict[str, str]:
-    """Operating system, its release, processor architecture and Python implementation.
-
-    Returns
-    -------
-    dict of str to str
-        No host or user name.
-    """
+    """Operating system, its release, processor architecture and Python implementation; no host or user name."""
     return {
         "system": platform.system(),
         "release": platform.release(),
@@ -108,6 +92,7 @@ def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, retain
         found = _TEMPORARY.match(path.name)
         if found and not _alive(int(found[1])):  # of a process that was killed
             path.unlink(missing_ok=True)
+    # Recorded before the caller replaces them, so that a kill in between leaves them known.
     files = {name: digests for name, digests in old["files"].items() if name in retained}
     _write(target, {"kind": kind, "files": files, "parts": []})
     return target
@@ -219,7 +204,7 @@ def _alive(process: int) -> bool:
     if os.name != "posix":
         return True
     try:
-        os.kill(process, 0)
+        os.kill(process, 0)  # signal 0 only asks
     except ProcessLookupError:
         return False
     except OSError:

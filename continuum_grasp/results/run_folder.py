@@ -110,9 +110,8 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     if not os.fspath(folder):
         raise InputError("expected the name of a folder, got an empty one", key="folder")
     target = Path(folder)
-    checked = {_checked_name(name): _checked_array(name, value) for name, value in arrays.items()}
     text = json.dumps(_complete(meta or {}), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    content = _packed(checked, text)
+    content = _packed(arrays, text)
     with replacing(target / RESULT) as temporary:
         temporary.write_bytes(content)
         begin_run(target, (meta or {}).get("kind"), retained=(RESULT,))
@@ -149,8 +148,7 @@ def pack_run(arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -
     >>> read_run(folder).arrays["force"]
     array([1., 2.])
     """
-    checked = {_checked_name(name): _checked_array(name, value) for name, value in arrays.items()}
-    return _packed(checked, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
+    return _packed(arrays, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
 
 
 def read_run(folder: str | os.PathLike[str]) -> Run:
@@ -202,35 +200,40 @@ def read_run(folder: str | os.PathLike[str]) -> Run:
 def _complete(meta: Mapping[str, Any]) -> dict[str, Any]:
     """The caller's meta data in plain form, with what is always recorded."""
     given: dict[str, Any] = plain(meta)
+    own = {"config_sha256", "created", "format_version", "platform"} & given.keys()
+    if own:
+        raise InputError(f"recorded by the run folder itself, not given: {', '.join(sorted(own))}", key="meta")
     config = given.pop("config", None)
-    found = {**versions(), **given.pop("versions", {})}
-    complete = {
+    return {
         "format_version": FORMAT_VERSION,
         "created": created_now(),
         "status": given.pop("status", None),
         "seed": given.pop("seed", None),
         "config_sha256": None if config is None else digest(config),
-        "versions": found,
+        "versions": {**versions(), **given.pop("versions", {})},
         "platform": machine(),
+        **given,
+        "config": config,
     }
-    own = {"config_sha256", "created", "format_version", "platform"} & given.keys()
-    if own:
-        raise InputError(f"recorded by the run folder itself, not given: {', '.join(sorted(own))}", key="meta")
-    return {**complete, **given, "config": config}
 
 
-def _packed(arrays: Mapping[str, NDArray[Any]], text: str) -> bytes:
+def _packed(arrays: Mapping[str, Any], text: str) -> bytes:
     """Content of the file, put together in memory: a ZIP file that fills the disk hides why it failed."""
+    stored = {name: _checked(name, value) for name, value in arrays.items()}
+    stored[_META_KEY] = np.frombuffer(text.encode("utf-8"), dtype=np.uint8)
     file = io.BytesIO()
-    stored = {**arrays, _META_KEY: np.frombuffer(text.encode("utf-8"), dtype=np.uint8)}
+    # np.savez has no choice of level; a smooth motion in doubles shrinks to 95 % at level 1, and to 94.5 % at 4 and 9.
     with zipfile.ZipFile(file, "w", compression=zipfile.ZIP_DEFLATED, compresslevel=4) as archive:
         for name, array in stored.items():
+            # The size is not known before the end, and may exceed 4 GiB.
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, array, allow_pickle=False)
     return file.getvalue()
 
 
-def _checked_array(name: str, value: Any) -> NDArray[Any]:
+def _checked(name: str, value: Any) -> NDArray[Any]:
+    if not isinstance(name, str) or not name or name == _META_KEY or set(name) & set("/\\:\0") or name[0] == ".":
+        raise InputError(f"expected a plain name for an array, got {name!r}", key="arrays")
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -238,9 +241,3 @@ def _checked_array(name: str, value: Any) -> NDArray[Any]:
     if array.dtype.hasobject:
         raise InputError("expected an array of numbers, booleans or strings, got Python objects", key=name)
     return array
-
-
-def _checked_name(name: str) -> str:
-    if not isinstance(name, str) or not name or name == _META_KEY or set(name) & set("/\\:\0") or name[0] == ".":
-        raise InputError(f"expected a plain name for an array, got {name!r}", key="arrays")
-    return name

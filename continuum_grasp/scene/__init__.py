@@ -5,94 +5,7 @@ The names here are loaded when they are first used. Reading files: `continuum_gr
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from continuum_grasp._lazy import lazy_names
-
-_MODULES = {
-    "continuum_grasp.scene.control": ("ControlScene",),
-    "continuum_grasp.scene.controller": (
-        "BendingSensors",
-        "Bounds",
-        "Controller",
-        "DiscZone",
-        "Disturbed",
-        "Estimator",
-        "HalfPlaneZone",
-        "Horizon",
-        "InputLimits",
-        "Measured",
-        "Penalty",
-        "Plant",
-    ),
-    "continuum_grasp.scene.mission": (
-        "MissionController",
-        "MissionScene",
-        "Phases",
-        "Trials",
-    ),
-    "continuum_grasp.scene.plan": (
-        "DurationRange",
-        "FineCheck",
-        "Goal",
-        "PlanBounds",
-        "PlanInput",
-        "PlanScene",
-        "PlanSolver",
-    ),
-    "continuum_grasp.scene.cost": (
-        "CircleReference",
-        "Cost",
-        "ForceWeight",
-        "Reference",
-        "RowSamples",
-        "ShapeWeight",
-        "Weight",
-    ),
-    "continuum_grasp.scene.finger": (
-        "BasePose",
-        "Damping",
-        "Finger",
-        "PiecewiseCurvature",
-        "PointMass",
-        "Rod",
-        "Tendons",
-    ),
-    "continuum_grasp.scene.grasp": ("GraspScene",),
-    "continuum_grasp.scene.grasp_options": (
-        "Disturbances",
-        "FingerContacts",
-        "GraspContacts",
-        "GraspFinger",
-        "GraspSolver",
-        "NoGravity",
-        "ObjectiveWeights",
-        "OutOfPlaneGravity",
-        "PlanarGravity",
-    ),
-    "continuum_grasp.scene.loads": (
-        "Actuation",
-        "ForceLoad",
-        "Load",
-        "MomentLoad",
-        "Samples",
-        "VectorSamples",
-    ),
-    "continuum_grasp.scene.objects": (
-        "Box",
-        "Circle",
-        "Ellipse",
-        "Freedom",
-        "Polygon",
-        "RoundedPolygon",
-        "Stadium",
-        "Superellipse",
-        "Union",
-    ),
-    "continuum_grasp.scene.supports": ("Line", "Palm", "Point", "VGroove"),
-    "continuum_grasp.scene.simulate": ("Fidelity", "Initial", "Scene", "Timing"),
-}
-__all__ = [name for names in _MODULES.values() for name in names]
+from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.control import ControlScene as ControlScene
@@ -167,4 +80,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.supports import Point as Point
     from continuum_grasp.scene.supports import VGroove as VGroove
 
+_MODULES = checked_imports(__name__)
+__all__ = [name for names in _MODULES.values() for name in names]
 __getattr__, __dir__ = lazy_names(__name__, _MODULES)

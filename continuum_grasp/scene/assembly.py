@@ -26,26 +26,19 @@ _PART = re.compile(r"([^.\[\]\s]+)|\[(\d+)\]")
 
 
 def validated(document: Document, model: type[Model]) -> Model:
-    """What a document says, checked.
-
-    Raises
-    ------
-    InputError
-        With file, line, column and key of everything that is wrong.
-    """
+    """What a document says, checked: `InputError` has file, line, column and key of everything that is wrong."""
     from pydantic import ValidationError
 
-    from continuum_grasp.scene.problems import explain, raise_problems
+    from continuum_grasp.scene.problems import input_error
 
     try:
         return model.model_validate(document.value)
     except ValidationError as error:
-        raise_problems(explain(error, model, document.value), document)
-        raise
+        raise input_error(error, model, document) from error
 
 
 def kind_of(data: Any) -> str:
-    """What kind of configuration it is, as in ``KINDS`` of ``scene.schema``."""
+    """What kind of configuration it is, as in ``KINDS`` of ``scene.load``."""
     if isinstance(data, dict):
         if "controller" in data:
             return "mission" if "grasp" in data else "mpc"
@@ -53,6 +46,7 @@ def kind_of(data: Any) -> str:
             return "plan"
         if "scene" in data or "vary" in data or "sample" in data:
             return "sweep"
+        # A simulation with an object has a contact law, a grasp never.
         if "object" in data and "contact_law" not in data:
             return "grasp"
         if "estimate" in data:
@@ -63,13 +57,7 @@ def kind_of(data: Any) -> str:
 
 
 def assembled(path: str | Path, changes: Iterable[Change]) -> Document:
-    """The data of a file, with changes applied and fingers from other files put in.
-
-    Raises
-    ------
-    InputError
-        Where a file cannot be read, or a change has no place in it.
-    """
+    """The data of a file, with changes applied and fingers from other files put in."""
     document = read_yaml(path)
     if not isinstance(document.value, dict):
         place = document.places[()]
@@ -82,13 +70,7 @@ def assembled(path: str | Path, changes: Iterable[Change]) -> Document:
 
 
 def changed(document: Document, changes: Iterable[Change], path: str | Path) -> Document:
-    """A copy of an assembled document with changes applied; ``path`` is its file.
-
-    Raises
-    ------
-    InputError
-        As `assembled`.
-    """
+    """A copy of an assembled document with changes applied; ``path`` is its file."""
     result = Document(copy.deepcopy(document.value), dict(document.places))
     _apply(result, changes, Path(path))
     return result
@@ -97,28 +79,21 @@ def changed(document: Document, changes: Iterable[Change], path: str | Path) -> 
 def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
     for where, new in changes:
         if len(where) > 1:
+            # A change inside a finger that is in another file needs that file; one of its name must come before.
             if where[-1] != "extends":
                 _put_in_files(document, main)
-            elif not _extends(document, where[:-1]):
+            elif not document.has(where):
                 key = dotted(where[:-1])
                 raise new.places[()].error(f"{key} extends no file: expected {key}={{extends: FILE, ...}}", where)
         apply_override(document, where, new)
     _put_in_files(document, main)
 
 
-def _extends(document: Document, path: KeyPath) -> bool:
-    """Whether at a path there is a mapping that names the file it changes."""
-    value = document.value
-    for part in path:
-        value = value.get(part) if isinstance(value, dict) else None
-    return isinstance(value, dict) and "extends" in value
-
-
 def _put_in_files(document: Document, main: Path) -> None:
     """Put in place what stands in other files: the grasp of a mission or plan, and fingers, its own too."""
     target = document.value.get("grasp")
     if isinstance(target, str):
-        place = document.places[("grasp",)]
+        place = document.place(("grasp",))
         file = place.beside(target, main)
         if not file.is_file():
             raise place.error(f"no such grasp file: {os.path.normpath(file)}", ("grasp",))
@@ -151,10 +126,11 @@ def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, 
     """The finger at ``path``, read from the file that it names."""
     own = document.part(path)
     key: KeyPath = ("extends",) if isinstance(own.value, dict) else ()
-    place, target = own.places[key], own.get(key)
+    place, target = own.place(key), own.get(key)
     if not isinstance(target, str):
         raise place.error("expected the path of a finger file", path + key)
     file = place.beside(target, main)
+    # Resolved, so that links do not hide a circle.
     if os.path.realpath(file) in within:
         raise place.error(f"{target} leads back to itself", path + key)
     if not file.is_file():
@@ -173,20 +149,14 @@ def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, 
 
 
 def _check_version(document: Document) -> None:
-    version, place = document.value["schema_version"], document.places[("schema_version",)]
+    version, place = document.value["schema_version"], document.place(("schema_version",))
     if isinstance(version, bool) or not isinstance(version, int) or version != _VERSION:
         message = f"not a format that is read here: expected {_VERSION}, got {version!r}"
         raise place.error(message, ("schema_version",))
 
 
 def take_version(document: Document) -> None:
-    """Check and remove the version of a finger file.
-
-    Raises
-    ------
-    InputError
-        It is missing, or one that is not read here.
-    """
+    """Check and remove the version of a finger file."""
     if "schema_version" not in document.value:
         message = f"missing; a file says which format it is in: schema_version: {_VERSION}"
         raise document.places[()].error(message, ("schema_version",))
@@ -199,24 +169,16 @@ def read_overrides(overrides: Overrides) -> list[Change]:
     """Read overrides, given as ``"key.path=value"`` texts or as a mapping from key path to value.
 
     Values in texts are read as YAML; entries of lists are ``masses[0]`` or ``masses.0``.
-
-    Raises
-    ------
-    InputError
-        Where a text is not of that form.
     """
-    if isinstance(overrides, Mapping):
-        named = ((_word(key), value) for key, value in overrides.items())
-        return [(path_of(key, key), placed(value, Place(f"override {key}"))) for key, value in named]
     if isinstance(overrides, str) or not isinstance(overrides, Iterable):
         raise InputError(f"overrides: expected a list of key.path=value texts, or a mapping, got {overrides!r:.60}")
-    return [_read(_word(text)) for text in overrides]
-
-
-def _word(given: Any) -> str:
-    if not isinstance(given, str):
-        raise InputError(f"overrides: expected a text, got {given!r:.60}")
-    return given
+    words = list(overrides)
+    for word in words:
+        if not isinstance(word, str):
+            raise InputError(f"overrides: expected a text, got {word!r:.60}")
+    if isinstance(overrides, Mapping):
+        return [(path_of(key, key), placed(value, Place(f"override {key}"))) for key, value in overrides.items()]
+    return [_read(text) for text in words]
 
 
 def _read(text: str) -> tuple[KeyPath, Document]:
@@ -233,16 +195,11 @@ def _read(text: str) -> tuple[KeyPath, Document]:
 
 
 def path_of(key: str, name: str) -> KeyPath:
-    """The path that a text such as ``finger.masses[0].mass`` means; ``name`` says in errors where it stands.
-
-    Raises
-    ------
-    InputError
-        Where it is no such text.
-    """
+    """The path that a text such as ``finger.masses[0].mass`` means; ``name`` says in errors where it stands."""
     parts: list[str | int] = []
     for word, index in _PART.findall(key):
         parts.append(int(index or word) if (index or word).isdecimal() else word)
+    # What the pattern skips, such as a blank or an open bracket, is missing when the path is written again.
     if not parts or dotted(tuple(parts)) != re.sub(r"\.(\d+)(?=\.|\[|$)", r"[\1]", key):
         raise InputError(f"expected a key path such as finger.masses[0].mass, got {key!r}", file=name)
     return tuple(parts)
@@ -250,28 +207,18 @@ def path_of(key: str, name: str) -> KeyPath:
 
 def placed(value: Any, place: Place) -> Document:
     """A value as a document all of whose entries come from the same place."""
-    document = Document(None, {(): place})
+    return Document(_plain(value), {(): place})
+
+
+def _plain(value: Any) -> Any:
+    """Mappings and sequences in a value as the dict and list that a file would have."""
     if isinstance(value, Mapping):
-        document.value = {}
-        for key, child in value.items():
-            document.put((key,), placed(child, place))
-    elif isinstance(value, list | tuple):
-        document.value = [None] * len(value)
-        for k, child in enumerate(value):
-            document.put((k,), placed(child, place))
-    else:
-        document.value = value
-    return document
+        return {key: _plain(child) for key, child in value.items()}
+    return [_plain(child) for child in value] if isinstance(value, list | tuple) else value
 
 
 def apply_override(document: Document, path: KeyPath, new: Document) -> None:
-    """Set one entry; mappings above it that are missing are made.
-
-    Raises
-    ------
-    InputError
-        Where the way leads through a number, or past the end of a list.
-    """
+    """Set one entry; mappings above it that are missing are made."""
     place = new.places[()]
     value = document.value
     for k, part in enumerate(path):

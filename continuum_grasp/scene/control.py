@@ -3,32 +3,28 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Sequence
+from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.controller import Controller, Estimator, Plant
 from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.simulate import Fidelity, Initial
-from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.scene.value import Length, Positive, Vector2, doubt
+from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial
+from continuum_grasp.scene.value import Length, Positive, doubt
 
 _CALM = 0.1
 """Share of the rate limit that the weight of the input's rate may tolerate [1]; at 0.075 the hand finger's loops
 tolerate two periods of unmodeled delay, at 0.23 none (docs/control.md)."""
 
 
-class ControlScene(Surroundings):
+class ControlScene(FingerScene):
     """A finger, its controller and estimator, its surroundings, and the plant of the closed loop."""
 
-    schema_version: Literal[1]
-    name: str | None = None
     finger: Finger
     """Of the controller's model."""
-    gravity: Vector2
-    """World gravity [m/s2]."""
     contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
     """Positions along the finger where known forces act [m]; element boundaries. Contacts with an object are at these
     and at the tip."""
@@ -47,47 +43,27 @@ class ControlScene(Surroundings):
     duration: Positive | None = None
     """Of the closed loop [s]."""
 
-    @model_validator(mode="after")
-    def _sense(self) -> ControlScene:
-        finger, asked = self.finger, self.controller
-        length = finger.rod.length
-        if any(b <= a for a, b in zip(self.contacts, self.contacts[1:], strict=False)):
-            raise ValueError(f"contacts must increase along the finger, got {list(self.contacts)}")
-        for k, at in enumerate(self.contacts):
-            if at >= length:
-                raise ValueError(
-                    f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
-                )
-        if finger.tendons is None and asked.input.moment_max is None:
-            raise ValueError(
-                "controller.input.moment_max is needed: the greatest tip moment of a finger without tendons"
-            )
-        for name in ("moment_max", "time_constant"):
-            if finger.tendons is not None and getattr(asked.input, name) is not None:
-                raise ValueError(f"controller.input.{name} is for a finger without tendons; see finger.tendons")
+    def _check(self) -> None:
+        self.controller.input.check(self.finger, "controller.input")
         if self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not for controllers: give family and elements")
         self._check_references()
         if self.estimator is not None:
             self._check_estimator(self.estimator)
         self._doubt_margin()
-        for k, load in enumerate(self.loads):
-            if load.at > length * (1 + 1e-12):
-                raise ValueError(f"loads[{k}].at = {load.at} m is beyond the finger's length of {length} m")
-        return self
+        self.finger.rod.check_inside("loads", self.loads)
 
     def _check_references(self) -> None:
         cost, given = self.controller.cost, self.reference
         given.check(cost, "controller.cost")
         if cost.contact_force is not None and self.object is None:
             raise ValueError("controller.cost.contact_force needs an object that is touched")
-        for name in (cost.contact_force.of if cost.contact_force is not None else None) or ():
+        for name in self.tracked_contacts:
             if name not in self.contact_names:
                 known = ", ".join(self.contact_names)
                 raise ValueError(f"controller.cost.contact_force.of: expected some of {known}, got {name!r:.60}")
-        for k, at in enumerate(cost.shape.at if cost.shape is not None else ()):
-            if at > self.finger.rod.length * (1 + 1e-9):
-                raise ValueError(f"controller.cost.shape.at[{k}] = {at} m is beyond the finger")
+        if cost.shape is not None:
+            self.finger.rod.check_sections("controller.cost.shape", cost.shape.at)
         self._doubt_reach()
         if given.input is not None:
             width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
@@ -96,16 +72,16 @@ class ControlScene(Surroundings):
 
     def _doubt_reach(self) -> None:
         """Warn of setpoints of the tip that are farther from the base than the finger is long."""
-        tip, length = self.reference.tip, self.finger.rod.length
-        if tip is None:
-            return
-        beyond = tip.radius if isinstance(tip, CircleReference) else 0.0
-        points: tuple[tuple[float, ...], ...]
+        tip, length, beyond = self.reference.tip, self.finger.rod.length, 0.0
+        points: Sequence[Sequence[float]]
         if isinstance(tip, CircleReference):
-            points = (tip.center,)
+            points, beyond = (tip.center,), tip.radius
+        elif isinstance(tip, RowSamples):
+            points = tip.values
         else:
-            points = tip.values if isinstance(tip, RowSamples) else (tip,)
-        far = max(math.dist((p[0], p[1]), self.finger.base.position) for p in points) + beyond
+            points = () if tip is None else (tip,)
+        far = max((math.dist(point, self.finger.base.position) for point in points), default=0.0) + beyond
+        # Twice: a setpoint somewhat out of reach is a fair demand.
         if far > 2.0 * length:
             doubt(
                 f"reference.tip is up to {far:g} m from the base, the finger is {length:g} m long; is it in "
@@ -120,6 +96,7 @@ class ControlScene(Surroundings):
         """
         rate, weight = self.controller.input.rate_max, self.controller.cost.input_rate
         unit = "N/s" if self.finger.tendons is not None else "N m/s"
+        # The rate at which the weighted square is one, as that of an error of its own unit.
         tolerated = 1.0 / math.sqrt(weight) if weight else math.inf
         tracks_force = self.controller.cost.contact_force is not None
         if rate is not None and not tracks_force and tolerated > _CALM * rate * (1 + 1e-9):
@@ -134,10 +111,8 @@ class ControlScene(Surroundings):
             doubt("estimator.delay is not given: a camera shows the past; state its age [s] (0.0 if it has none)")
 
     def _check_estimator(self, estimator: Estimator) -> None:
-        sensors = estimator.measured.bending
-        for k, at in enumerate(sensors.at if sensors is not None else ()):
-            if at > self.finger.rod.length * (1 + 1e-9):
-                raise ValueError(f"estimator.measured.bending.at[{k}] = {at} m is beyond the finger")
+        if estimator.measured.bending is not None:
+            self.finger.rod.check_sections("estimator.measured.bending", estimator.measured.bending.at)
         if estimator.disturbances.bending_stiffness is not None and "bending_stiffness" not in self.parameters:
             raise ValueError("estimator.disturbances.bending_stiffness needs parameters: [bending_stiffness]")
         if estimator.disturbances.contact_force is not None and not self.contacts:
@@ -146,6 +121,7 @@ class ControlScene(Surroundings):
             raise ValueError("estimator.disturbances.object_position needs an object that does not move")
         if estimator.measured.tension is not None and self.lag is None:
             raise ValueError("estimator.measured.tension needs a lag; without one the tension is the command itself")
+        # The estimator corrects the state of a past period and repeats the inputs since, which it has one per period.
         periods = estimator.delay / self.controller.step
         if abs(periods - round(periods)) > 1e-6 * max(1.0, periods):
             raise ValueError(
@@ -156,8 +132,7 @@ class ControlScene(Surroundings):
     @property
     def lag(self) -> float | None:
         """Time constant of the drive [s]; None: the input acts at once."""
-        tendons = self.finger.tendons
-        return self.controller.input.time_constant if tendons is None else tendons.time_constant
+        return self.controller.input.lag(self.finger)
 
     @property
     def contact_names(self) -> tuple[str, ...]:

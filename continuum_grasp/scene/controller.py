@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.cost import Cost
 from continuum_grasp.scene.families import default_family
@@ -76,6 +76,7 @@ class Bounds(Value):
 
     def curvature_limit(self, finger: Finger) -> float:
         """Greatest curvature, apart from the bending range of a model [1/m]."""
+        # Infinite, since a limit of the model's bending range may be less.
         if self.curvature is None:
             return math.inf
         return finger.curvature_limit if self.curvature == "finger" else self.curvature
@@ -90,6 +91,18 @@ class InputLimits(Value):
     """Greatest change of the input per time [N/s or N m/s]."""
     time_constant: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
     """Lag of the tip moment of a finger without tendons [s]; that of tendons is in ``finger.tendons``."""
+
+    def check(self, finger: Finger, key: str) -> None:
+        """Refuse limits that the finger's drive lacks, or has itself; ``key`` is where they are in the scene."""
+        if finger.tendons is None and self.moment_max is None:
+            raise ValueError(f"{key}.moment_max is needed: the greatest tip moment of a finger without tendons")
+        for name in ("moment_max", "time_constant"):
+            if finger.tendons is not None and getattr(self, name) is not None:
+                raise ValueError(f"{key}.{name} is for a finger without tendons; see finger.tendons")
+
+    def lag(self, finger: Finger) -> float | None:
+        """Time constant of the drive [s]; None: the input acts at once."""
+        return self.time_constant if finger.tendons is None else finger.tendons.time_constant
 
 
 class Horizon(Value):
@@ -127,11 +140,9 @@ class Controller(Value):
     deadline: Positive | None = None
     """Time after which a command counts as late [s]; None: the period."""
 
-    @model_validator(mode="after")
-    def _commensurate(self) -> Controller:
+    def _check(self) -> None:
         if self.period is not None and self.period > self.horizon.stage * self.horizon.stages:
             raise ValueError(f"period = {self.period} s is longer than the whole horizon")
-        return self
 
     @property
     def step(self) -> float:
@@ -158,13 +169,11 @@ class Measured(Value):
     one it is the input itself."""
     bending: BendingSensors | None = None
 
-    @model_validator(mode="after")
-    def _something(self) -> Measured:
+    def _check(self) -> None:
         if self.tip is None and self.bending is None:
             raise ValueError(
                 "measure the tip, the bending, or both: the shape cannot be estimated from a tension alone"
             )
-        return self
 
 
 class Disturbed(Value):

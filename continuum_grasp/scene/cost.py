@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Real, Value, Vector2
 
@@ -67,8 +67,7 @@ class Cost(Value):
     input_rate: NonNegative | None = None
     """Change of the input per time, towards zero [s2/N2, or s2/(N m)2]."""
 
-    @model_validator(mode="after")
-    def _tracks_something(self) -> Cost:
+    def _check(self) -> None:
         *others, last = [name for name in Cost.model_fields if name in Reference.model_fields]
         names = f"{', '.join(others)} or {last}"
         tracked = [weight for name in (*others, last) if (weight := getattr(self, name)) is not None]
@@ -78,7 +77,6 @@ class Cost(Value):
             raise ValueError(f"give {names} a weight greater than 0: nothing is tracked")
         if not self.effort and not self.input_rate:
             raise ValueError("give effort or input_rate a weight greater than 0: without either inputs are not unique")
-        return self
 
     def tracked_contacts(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """Names of the contacts whose normal force is tracked, among those there are."""
@@ -98,15 +96,14 @@ class RowSamples(Value):
     interpolation: Literal["smooth", "linear", "hold"] = "smooth"
     """smooth: monotone piecewise quintic; linear: straight lines; hold: each row until the next instant."""
 
-    @model_validator(mode="after")
-    def _consistent(self) -> RowSamples:
+    def _check(self) -> None:
+        # Closer instants give slopes that swamp the splines in rounding.
         if any(b - a < 1e-9 for a, b in zip(self.times, self.times[1:], strict=False)):
             raise ValueError(f"times must increase by 1e-9 s at least, got {list(self.times)}")
         if len(self.values) != len(self.times):
             raise ValueError(f"values must be as many as times ({len(self.times)}), got {len(self.values)}")
         if len({len(row) for row in self.values}) > 1:
             raise ValueError("all rows of values must have the same number of entries")
-        return self
 
     @property
     def width(self) -> int:
@@ -157,26 +154,14 @@ class Reference(Value):
     input: Rows | None = None
     """Input that costs no effort: tip moment [N m] or tensions [N]; tensions: least tension where not given."""
 
-    @model_validator(mode="after")
-    def _planar(self) -> Reference:
+    def _check(self) -> None:
         if isinstance(self.tip, RowSamples) and self.tip.width != 2:
             raise ValueError(f"tip: expected rows of x, y, got {self.tip.width} entries")
-        return self
 
     def check(self, cost: Cost, key: str) -> None:
-        """Check that each tracked quantity has its setpoint, and each setpoint a weight.
+        """Refuse, by `ValueError`, tracked quantities without a setpoint and setpoints that nothing tracks.
 
-        Parameters
-        ----------
-        cost : Cost
-            The weights.
-        key : str
-            Where they are in the scene, for messages.
-
-        Raises
-        ------
-        ValueError
-            If one is missing, or the setpoints of ``shape`` are not as many as its sections have coordinates.
+        ``key`` is where the weights are in the scene.
         """
         for name in Reference.model_fields:
             if name not in Cost.model_fields or name in _ZERO_BY_DEFAULT:

@@ -42,8 +42,8 @@ class Place:
 class Document:
     """Plain data and the place of each entry in it.
 
-    ``value`` holds dict, list, str, int, float, bool and None; ``places`` maps the path of each entry, such
-    as ``("finger", "masses", 0, "at")``, to where it was written.
+    ``value`` holds dict, list, str, int, float, bool and None; ``places`` maps paths of entries, such as
+    ``("finger", "masses", 0, "at")``, to where they were written.
     """
 
     value: Any
@@ -56,26 +56,42 @@ class Document:
             value = value[part]
         return value
 
+    def has(self, path: KeyPath) -> bool:
+        """Whether the data has a path of keys."""
+        value = self.value
+        for part in path:
+            if not isinstance(value, dict) or part not in value:
+                return False
+            value = value[part]
+        return True
+
+    def place(self, path: KeyPath) -> Place:
+        """Where ``path`` was written, or the nearest above it: what was set from outside has one place for all."""
+        while path and path not in self.places:
+            path = path[:-1]
+        return self.places[path]
+
     def nearest(self, path: KeyPath, *, at_key: bool = False) -> Place:
         """Where ``path`` was written, or the key of what it would stand in."""
-        known = path
-        while known not in self.places and known:
-            known = known[:-1]
-        place = self.places[known]
-        if (at_key or known != path) and place.key_line is not None:
+        place = self.place(path)
+        if (at_key or path not in self.places) and place.key_line is not None:
             return Place(place.file, place.key_line, place.key_column)
         return Place(place.file, place.line, place.column)
+
+    def placed_error(self, error: InputError) -> InputError:
+        """An error about a key of this document, at the place of that key."""
+        path = undotted(error.key or "")
+        return self.nearest(path).error(error.message, path)
 
     def part(self, path: KeyPath) -> Document:
         """What lies below ``path``, as a document of its own."""
         count = len(path)
         places = {p[count:]: place for p, place in self.places.items() if p[:count] == path}
-        return Document(self.get(path), places)
+        return Document(self.get(path), {(): self.place(path), **places})
 
     def put(self, path: KeyPath, new: Document) -> None:
         """Set the entry at ``path``, whose parent exists."""
-        if path in self.places:
-            self.forget(path)
+        self.forget(path)
         self.places.update({path + p: place for p, place in new.places.items()})
         if path:
             self.get(path[:-1])[path[-1]] = new.value
@@ -89,11 +105,9 @@ class Document:
 
     def merged(self, other: Document) -> Document:
         """A copy with the keys of the other laid over its own; mappings merge, all else is replaced."""
-        result = Document(self.value, dict(self.places))
         if not (isinstance(self.value, dict) and isinstance(other.value, dict)):
             return other
-        result.value = dict(self.value)
-        result.places[()] = other.places[()]
+        result = Document(dict(self.value), {**self.places, (): other.places[()]})
         for key in other.value:
             new = other.part((key,))
             result.put((key,), self.part((key,)).merged(new) if key in self.value else new)
@@ -123,10 +137,7 @@ Change = tuple[KeyPath, Document]
 def refuse_what_is_no_file(path: str | os.PathLike[str], name: str | None = None) -> None:
     """Refuse folders, pipes and devices, which have no end or wait for a writer; a missing file is not looked at.
 
-    Raises
-    ------
-    InputError
-        There is something else than a file; ``name`` is what it is called in place of its path.
+    ``name`` is what errors call it in place of its path.
     """
     given = Path(path)
     try:

@@ -11,22 +11,15 @@ from pydantic_core import PydanticCustomError
 
 @dataclass(frozen=True)
 class CurvatureFamily:
-    """One curvature family, as far as scenes are concerned.
-
-    Attributes
-    ----------
-    equations : str
-        Module and name of the subclass of ``model.family.Family``, imported when a model is built.
-    matches_tip : bool
-        Whether the curvature at the tip, its last coordinate, is not free but set by the moment balance there. The tip
-        then moves with its moment, which must be continuous, and tendons have no friction.
-    one_turn : bool
-        Whether an element bends by ``ONE_TURN`` at most.
-    """
+    """One curvature family, as far as scenes are concerned."""
 
     equations: str
+    """Module and name of the subclass of ``model.family.Family``, imported when a model is built."""
     matches_tip: bool = False
+    """Whether the curvature at the tip, its last coordinate, is not free but set by the moment balance there. The tip
+    then moves with its moment, which must be continuous, and tendons have no friction."""
     one_turn: bool = False
+    """Whether an element bends by ``ONE_TURN`` at most."""
 
 
 ONE_TURN = 6.3
@@ -48,10 +41,7 @@ PAPER_FAMILY = "arc"
 def default_family(*, free_tip: bool) -> str:
     """Name the family of a model where none is stated: the finest one that allows its tip moment.
 
-    Parameters
-    ----------
-    free_tip : bool
-        Whether the moment at the tip may jump, or depends on the shape by tendon friction.
+    ``free_tip``: that moment may jump, or depends on the shape by tendon friction.
     """
     return "clothoid" if free_tip else "matched_clothoid"
 

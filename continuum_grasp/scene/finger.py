@@ -3,14 +3,33 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from collections.abc import Iterable
+from typing import Annotated, Protocol
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2, doubt
+from continuum_grasp.scene.value import (
+    Extent,
+    Increasing,
+    Length,
+    NonNegative,
+    Positive,
+    Real,
+    Value,
+    Vector2,
+    doubt,
+    doubt_outside,
+)
 
 _SECTION_KEYS = ("diameter", "density", "youngs_modulus")
-_LINEAR_KEYS = ("linear_density", "bending_stiffness", "rotary_inertia")
+_LINEAR_KEYS = ("linear_density", "bending_stiffness")
+
+
+class _Placed(Protocol):
+    """Something at a position along the finger."""
+
+    @property
+    def at(self) -> float: ...
 
 
 class Rod(Value):
@@ -37,45 +56,50 @@ class Rod(Value):
     """Rotary inertia per length, rho I [kg m]; 0 leaves it out of the model. Not given: that of the round section, or
     none beside ``linear_density``."""
 
-    @model_validator(mode="after")
-    def _one_description(self) -> Rod:
+    def _check(self) -> None:
+        # The diameter may stand beside both: it says where the strain limit is reached.
         section = [k for k in _SECTION_KEYS[1:] if getattr(self, k) is not None]
-        linear = [k for k in _LINEAR_KEYS[:2] if getattr(self, k) is not None]
+        linear = [k for k in _LINEAR_KEYS if getattr(self, k) is not None]
         if section and linear:
             raise ValueError(
-                f"give either {', '.join(_SECTION_KEYS)} or {', '.join(_LINEAR_KEYS[:2])}, "
+                f"give either {', '.join(_SECTION_KEYS)} or {', '.join(_LINEAR_KEYS)}, "
                 f"not both; got {', '.join(section + linear)}"
             )
-        wanted = _LINEAR_KEYS[:2] if linear else _SECTION_KEYS
+        wanted = _LINEAR_KEYS if linear else _SECTION_KEYS
         missing = [k for k in wanted if getattr(self, k) is None]
         if missing:
             raise ValueError(f"a rod needs {', '.join(wanted)}; missing {', '.join(missing)}")
-        return self
-
-    @model_validator(mode="after")
-    def _magnitudes(self) -> Rod:
         if self.diameter is not None and self.diameter >= self.length:
             raise ValueError(
                 f"diameter = {self.diameter} m is not smaller than the length of {self.length} m (both are in meters)"
             )
-        for key, most in (("length", 10.0), ("diameter", 0.3)):
-            if (getattr(self, key) or 0.0) > most:
-                doubt(
-                    f"rod.{key} = {getattr(self, key):g} m is large for a finger; is it in millimeters? (expected: m)"
-                )
-        if self.youngs_modulus is not None and not 1e3 <= self.youngs_modulus <= 2e12:
-            doubt(
-                f"rod.youngs_modulus = {self.youngs_modulus:g} Pa is that of no material; 60 GPa is 60e9 (expected: Pa)"
-            )
-        if self.density is not None and not 10.0 <= self.density <= 23e3:
-            doubt(f"rod.density = {self.density:g} kg/m3 is that of no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)")
-        return self
+        too_large = "m is large for a finger; is it in millimeters? (expected: m)"
+        doubt_outside("rod.length", self.length, 0.0, 10.0, too_large)
+        doubt_outside("rod.diameter", self.diameter, 0.0, 0.3, too_large)
+        # From soft gels to graphene, and from foams to osmium.
+        no_material = "Pa is that of no material; 60 GPa is 60e9 (expected: Pa)"
+        doubt_outside("rod.youngs_modulus", self.youngs_modulus, 1e3, 2e12, no_material)
+        no_solid = "kg/m3 is that of no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)"
+        doubt_outside("rod.density", self.density, 10.0, 23e3, no_solid)
+
+    def check_inside(self, key: str, placed: Iterable[_Placed]) -> None:
+        """Refuse entries of ``key`` that lie beyond the tip, but for rounding."""
+        for k, one in enumerate(placed):
+            if one.at > self.length * (1 + 1e-12):
+                raise ValueError(f"{key}[{k}].at = {one.at} m is beyond the finger's length of {self.length} m")
+
+    def check_sections(self, key: str, positions: Iterable[float]) -> None:
+        """Refuse sections that lie beyond the tip; positions are often sums of lengths, with their rounding."""
+        for k, at in enumerate(positions):
+            if at > self.length * (1 + 1e-9):
+                raise ValueError(f"{key}.at[{k}] = {at} m is beyond the finger")
 
     @property
     def mass_per_length(self) -> float:
         """Mass per length rho A [kg/m]."""
         if self.linear_density is not None:
             return self.linear_density
+        # A rod without linear_density has both of these, as _check sees to.
         return (self.density or 0.0) * math.pi * (self.diameter or 0.0) ** 2 / 4
 
     @property
@@ -94,6 +118,7 @@ class Rod(Value):
 
     @property
     def _second_moment(self) -> float:
+        # Of a solid round section about a diameter [m4].
         return math.pi * (self.diameter or 0.0) ** 4 / 64
 
 
@@ -118,20 +143,16 @@ class PointMass(Value):
 class PiecewiseCurvature(Value):
     """A rest curvature that is constant between ``breaks``."""
 
-    breaks: Annotated[tuple[Length, ...], Field(strict=False)]
+    breaks: Annotated[tuple[Length, ...], Field(strict=False), Increasing]
     """Positions along the finger where the curvature jumps, increasing [m]."""
     values: Annotated[tuple[Real, ...], Field(strict=False)]
     """Curvatures between them, one more than ``breaks`` [1/m]."""
 
-    @model_validator(mode="after")
-    def _consistent(self) -> PiecewiseCurvature:
+    def _check(self) -> None:
         if len(self.values) != len(self.breaks) + 1:
             raise ValueError(
                 f"values must have one entry more than breaks ({len(self.breaks) + 1}), got {len(self.values)}"
             )
-        if any(b <= a for a, b in zip(self.breaks, self.breaks[1:], strict=False)):
-            raise ValueError(f"breaks must increase, got {list(self.breaks)}")
-        return self
 
 
 class Tendons(Value):
@@ -149,11 +170,9 @@ class Tendons(Value):
     """Time constant of the tension drive [s]: the commanded tension is followed through a critically damped
     second-order lag. None: the tension is what is commanded."""
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Tendons:
+    def _check(self) -> None:
         if self.min_tension >= self.max_tension:
             raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
-        return self
 
 
 class BasePose(Value):
@@ -164,11 +183,11 @@ class BasePose(Value):
     angle: Real = 0.0
     """Angle from world axes to base axes, counter-clockwise [rad]."""
 
-    @model_validator(mode="after")
-    def _radians(self) -> BasePose:
-        if abs(self.angle) > 2 * math.pi * (1 + 1e-9):
-            doubt(f"base.angle = {self.angle:g} rad is beyond a full turn; is it in degrees? (expected: rad)")
-        return self
+    def _check(self) -> None:
+        turn = 2 * math.pi * (1 + 1e-9)
+        doubt_outside(
+            "base.angle", self.angle, -turn, turn, "rad is beyond a full turn; is it in degrees? (expected: rad)"
+        )
 
 
 class Finger(Value):
@@ -187,50 +206,42 @@ class Finger(Value):
     """None: the input is the tip moment itself."""
     base: BasePose = BasePose()
 
-    @model_validator(mode="after")
-    def _sense(self) -> Finger:
-        length = self.rod.length
-        for k, m in enumerate(self.masses):
-            if m.at > length * (1 + 1e-12):
-                raise ValueError(f"masses[{k}].at = {m.at} m is beyond the finger's length of {length} m")
-        if self.tendons is not None and self.tendons.offset >= length:
-            raise ValueError(
-                f"tendons.offset = {self.tendons.offset} m is not smaller than the finger's length of {length} m"
-            )
+    def _check(self) -> None:
+        length, half = self.rod.length, self.half_thickness
+        self.rod.check_inside("masses", self.masses)
+        offset = None if self.tendons is None else self.tendons.offset
+        for key, value in (("tendons.offset", offset), ("half_thickness", half)):
+            if value is not None and value >= length:
+                raise ValueError(f"{key} = {value} m is not smaller than the finger's length of {length} m")
         if self.strain_limit is not None and self.rod.diameter is None:
             raise ValueError("strain_limit needs rod.diameter")
-        if self.tendons is not None and 0.0 < (self.half_thickness or 0.0) < self.tendons.offset:
+        if offset is not None and half is not None and 0.0 < half < offset:
             doubt(
-                f"tendons.offset = {self.tendons.offset:g} m is more than half_thickness = {self.half_thickness:g} m: "
+                f"tendons.offset = {offset:g} m is more than half_thickness = {half:g} m: "
                 "the tendons run outside the finger"
-            )
-        if self.half_thickness is not None and self.half_thickness >= length:
-            raise ValueError(
-                f"half_thickness = {self.half_thickness} m is not smaller than the finger's length of {length} m"
             )
         breaks = self.rest_curvature.breaks if isinstance(self.rest_curvature, PiecewiseCurvature) else ()
         if breaks and breaks[-1] >= length:
             raise ValueError(
                 f"rest_curvature.breaks end at {breaks[-1]} m, not before the finger's length of {length} m"
             )
+        # Only a rod given by its density shows by its mass in which unit its user thinks.
         own = self.rod.mass_per_length * length
         for k, m in enumerate(self.masses):
             if self.rod.density is not None and m.mass > 1e3 * own:
                 doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {own:.2g} kg; is it in grams? (expected: kg)")
-        return self
 
     @property
     def thickness_radius(self) -> float:
         """Half the outer thickness [m]."""
-        if self.half_thickness is not None:
-            return self.half_thickness
-        return 0.5 * (self.rod.diameter or 0.0)
+        return 0.5 * (self.rod.diameter or 0.0) if self.half_thickness is None else self.half_thickness
 
     @property
     def curvature_limit(self) -> float:
         """Greatest curvature that the strain limit allows [1/m]; infinite without a limit."""
         if self.strain_limit is None or self.rod.diameter is None:
             return math.inf
+        # Euler-Bernoulli: the strain of the outermost fiber is curvature times radius.
         return self.strain_limit / (0.5 * self.rod.diameter)
 
     @property

@@ -6,9 +6,9 @@ import math
 import re
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Literal, cast
+from typing import Annotated, Any, Literal, cast
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.finger import PiecewiseCurvature, Tendons
@@ -27,8 +27,9 @@ from continuum_grasp.scene.grasp_options import (
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Peg, Place, Support, Switch, Wall
-from continuum_grasp.scene.value import Value
+from continuum_grasp.scene.value import Value, check_increasing, check_one_given
 
+# Names become parts of contact names, as in left.middle_1, and of columns in tables.
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 TOUCHING = 1e-6
 """Gap, as a part of the object's size, up to which an object at rest lies against a support."""
@@ -36,42 +37,26 @@ TOUCHING = 1e-6
 
 @dataclass(frozen=True)
 class FingerSetup:
-    """One finger of a scene with everything resolved.
-
-    Attributes
-    ----------
-    name : str
-    finger : GraspFinger
-    middles : tuple of {"on", "off", "auto"}
-        Middle contacts from base to tip.
-    tip : {"on", "off", "auto"}
-    before : tuple of int
-        Per middle contact, the number of elements between it and the base.
-    elements : int
-    family : str
-    bending_range : float
-        Greatest bend of an element [rad]; for clothoids its length times its greatest curvature.
-    accuracy : float or None
-        Relative accuracy of the model's evaluation.
-    middle_bounds : (float, float)
-        Least and greatest position of middle contacts along the finger [m].
-    friction : float
-    normal_force_max : float
-        [N]
-    """
+    """One finger of a scene with everything resolved."""
 
     name: str
     finger: GraspFinger
     middles: tuple[Switch, ...]
+    """Middle contacts from base to tip."""
     tip: Switch
     before: tuple[int, ...]
+    """Per middle contact, the number of elements between it and the base."""
     elements: int
     family: str
     bending_range: float
+    """Greatest bend of an element [rad]; for clothoids its length times its greatest curvature."""
     accuracy: float | None
+    """Relative accuracy of the model's evaluation."""
     middle_bounds: tuple[float, float]
+    """Least and greatest position of middle contacts along the finger [m]."""
     friction: float
     normal_force_max: float
+    """[N]"""
 
     @property
     def tendons(self) -> Tendons:
@@ -147,11 +132,8 @@ class GraspScene(Value):
     @property
     def weights(self) -> ObjectiveWeights:
         """The objective as weights."""
-        return (
-            self.objective
-            if isinstance(self.objective, ObjectiveWeights)
-            else ObjectiveWeights(**{self.objective: 1.0})
-        )
+        given = self.objective
+        return given if isinstance(given, ObjectiveWeights) else ObjectiveWeights(**{given: 1.0})
 
     @property
     def aims(self) -> tuple[str, ...]:
@@ -168,6 +150,7 @@ class GraspScene(Value):
         """The disturbances: world force x, y [N], moment about the center of mass [N m]."""
         if self.disturbances.wrenches is not None:
             return self.disturbances.wrenches
+        # Both ways of each axis: friction cones are not symmetric about the wrench that holds the object.
         m = self.torque_scale
         return ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, m), (0.0, 0.0, -m))
 
@@ -197,18 +180,20 @@ class GraspScene(Value):
 
     def gap(self, wall: Wall) -> float:
         """Distance of the object, where it starts, from a wall's plane [m]."""
+        # The support function is in the object's frame, the normal in the world's.
         x, y, turn = self.object.pose
         reach = max(p.support(wall.normal_angle + math.pi - turn) for p in self.object.parts)
         return wall.height((x, y)) - reach
 
     def _setup(self, name: str, finger: GraspFinger) -> FingerSetup:
-        own, shared = finger.contacts, self.contacts
+        given = {key: value for key, value in finger.contacts if value is not None}
+        contacts: dict[str, Any] = {**dict(self.contacts), **given}
         fidelity = finger.fidelity or self.fidelity
-        middle = shared.middle if own.middle is None else own.middle
-        middles = (middle,) if isinstance(middle, str) else middle
+        middle, after = contacts["middle"], contacts["middle_after"]
+        middles: tuple[Switch, ...] = (cast(Switch, middle),) if isinstance(middle, str) else middle
         elements = fidelity.elements
+        # Two per segment between base, contacts and tip.
         count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))
-        after = shared.middle_after if own.middle_after is None else own.middle_after
         if after is None:
             after = tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles)))
         has_friction = finger.tendons is not None and finger.tendons.friction > 0.0
@@ -217,23 +202,23 @@ class GraspScene(Value):
             name=name,
             finger=finger,
             middles=middles,
-            tip=shared.tip if own.tip is None else own.tip,
+            tip=contacts["tip"],
             before=(after,) if isinstance(after, int) else after,
             elements=count,
             family=fidelity.family or default_family(free_tip=has_friction),
+            # All elements together may bend by two turns, and each by 120 degrees at least.
             bending_range=fidelity.bending_range or max(4 * math.pi / count, 2 * math.pi / 3),
             accuracy=fidelity.accuracy,
-            middle_bounds=own.middle_range or shared.middle_range or (0.05 * length, 0.95 * length),
-            friction=shared.friction if own.friction is None else own.friction,
-            normal_force_max=shared.normal_force_max if own.normal_force_max is None else own.normal_force_max,
+            # A contact at base or tip would leave an element of no length.
+            middle_bounds=contacts["middle_range"] or (0.05 * length, 0.95 * length),
+            friction=contacts["friction"],
+            normal_force_max=contacts["normal_force_max"],
         )
 
     # -- sense -----------------------------------------------------------------------------------------------
 
-    @model_validator(mode="after")
-    def _sense(self) -> GraspScene:
-        if (self.finger is None) == (self.fingers is None):
-            raise ValueError("give exactly one of finger and fingers")
+    def _check(self) -> None:
+        check_one_given(self, "finger", "fingers")
         for name in (*self.named_fingers, *self.supports):
             if not _NAME.fullmatch(name):
                 raise ValueError(f"{name!r:.40} is no name: expected letters, digits and _, beginning with a letter")
@@ -244,7 +229,6 @@ class GraspScene(Value):
             where = "finger" if self.fingers is None else f"fingers.{setup.name}"
             self._check_finger(setup, where)
         self._check_supports()
-        return self
 
     def _check_finger(self, setup: FingerSetup, where: str) -> None:
         finger, length = setup.finger, setup.finger.rod.length
@@ -290,11 +274,11 @@ class GraspScene(Value):
                 "curvature of each could not follow"
             )
         low, high = setup.middle_bounds
-        if low >= high:
-            raise ValueError(f"contacts.middle_range must increase, got {[low, high]}")
+        check_increasing("contacts.middle_range", (low, high))
         if high >= length:
             raise ValueError(f"contacts.middle_range ends at {high} m; {where} is {length} m long")
         gap = self.object.distance(finger.base.position) - finger.thickness_radius
+        # A pose to be chosen only starts there.
         if gap < 0 and self.object.free is None and finger.base_free is None:
             raise ValueError(
                 f"{where}.base lies {-gap:.4g} m inside the object (half thickness of the finger included)"
@@ -306,6 +290,7 @@ class GraspScene(Value):
         size = self.object.size
         for wall in self.walls:
             gap = self.gap(wall)
+            # The plane of a finite edge may cut the object beside the edge.
             if gap < -TOUCHING * size and math.isinf(wall.half_length):
                 raise ValueError(f"the object lies {-gap:.4g} m deep in supports.{wall.name}")
             if wall.touch == "on" and abs(gap) > TOUCHING * size:

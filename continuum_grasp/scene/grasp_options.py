@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.objects import Freedom
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.supports import Switch
-from continuum_grasp.scene.value import Extent, Length, NonNegative, Positive, Real, Value, Vector2
+from continuum_grasp.scene.value import Extent, Increasing, Length, NonNegative, Positive, Real, Value, Vector2
 
 Middles = Switch | Annotated[tuple[Switch, ...], Field(strict=False, min_length=1, max_length=4)]
 Counts = Annotated[int, Field(ge=1)] | Annotated[tuple[int, ...], Field(strict=False, min_length=1, max_length=4)]
@@ -48,17 +48,11 @@ class GraspContacts(Value):
     where that is better; a list: several such contacts, from base to tip."""
     middle_after: Counts | None = None
     """Number of elements between base and middle contact, or a list of these; None: spread evenly."""
-    middle_range: Range | None = None
+    middle_range: Annotated[Range, Increasing] | None = None
     """Positions along the finger between which middle contacts are sought [m]; None: 5 % to 95 % of the
     length."""
     tip: Switch = "on"
     """on: the rounded end of the finger touches the object; auto: where that is better."""
-
-    @model_validator(mode="after")
-    def _ordered(self) -> GraspContacts:
-        if self.middle_range is not None and self.middle_range[0] >= self.middle_range[1]:
-            raise ValueError(f"middle_range must increase, got {list(self.middle_range)}")
-        return self
 
 
 class GraspFinger(Finger):
@@ -74,14 +68,13 @@ class GraspFinger(Finger):
     base_free: Freedom | None = None
     """Bounds within which the base's pose may be chosen; None: it is fixed."""
 
-    @model_validator(mode="after")
-    def _base_within_bounds(self) -> GraspFinger:
+    def _check(self) -> None:
         if self.base_free is not None:
             self.base_free.check(*self.base.position, self.base.angle)
-        return self
 
 
 def _as_grasp_finger(value: Any) -> Any:
+    # A finger built in Python has been checked, and warned of, when it was made: it is not made again.
     if isinstance(value, Finger) and not isinstance(value, GraspFinger):
         return GraspFinger.model_construct(**{name: getattr(value, name) for name in Finger.model_fields})
     return value
@@ -135,11 +128,9 @@ class ObjectiveWeights(Value):
     greatest_friction_margin: NonNegative = 0.0
     """Weight of the least friction margin [1]."""
 
-    @model_validator(mode="after")
-    def _some(self) -> ObjectiveWeights:
+    def _check(self) -> None:
         if not any(getattr(self, name) for name in type(self).model_fields):
             raise ValueError("at least one weight must be positive")
-        return self
 
 
 class Disturbances(Value):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.value import Length, Positive, Real, Value
+from continuum_grasp.scene.value import Interval, Length, Positive, Real, Value
 
 Quantity = Literal["x", "y", "angle", "bend"]
 Estimated = Annotated[float, Field(ge=-1e15, le=1e15)]
@@ -88,18 +88,14 @@ class TipTrajectory(_Data):
     y: ColumnLike | None = "y"
     at: Length | None = None
     """Position along the finger [m]; None: the tip."""
-    window: Annotated[tuple[Real, Real], Field(strict=False)] | None = None
+    window: Interval | None = None
     """Instants from and to which samples are used [s]."""
     sigma: Positive | None = None
     """Standard deviation of x and y [m], where known."""
 
-    @model_validator(mode="after")
-    def _something(self) -> TipTrajectory:
+    def _check(self) -> None:
         if self.x is None and self.y is None:
             raise ValueError("x and y are both null: give one of them at least")
-        if self.window is not None and self.window[1] <= self.window[0]:
-            raise ValueError(f"window must increase, got {list(self.window)}")
-        return self
 
 
 class RingDown(_Data):
@@ -109,16 +105,10 @@ class RingDown(_Data):
     t: ColumnLike = "t"
     signals: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = ("signal",)
     """Headings of the columns, in any unit; empty cells are samples that are missing."""
-    window: Annotated[tuple[Real, Real], Field(strict=False)]
+    window: Interval
     """Instants from and to which samples are used [s]."""
     mode: Annotated[int, Field(ge=1)] = 1
     """Natural mode that rings, from 1."""
-
-    @model_validator(mode="after")
-    def _increasing(self) -> RingDown:
-        if self.window[1] <= self.window[0]:
-            raise ValueError(f"window must increase, got {list(self.window)}")
-        return self
 
 
 class FrequencyTable(_Data):
@@ -154,13 +144,11 @@ class Estimate(Value):
     second_moment: Annotated[float, Field(ge=1e-24, le=1e6)] | None = None
     """Second moment of area [m4], for youngs_modulus of a rod that is given by its bending stiffness."""
 
-    @model_validator(mode="after")
-    def _bounds(self) -> Estimate:
+    def _check(self) -> None:
         if self.min is not None and self.max is not None and self.min >= self.max:
             raise ValueError(f"min = {self.min:g} is not below max = {self.max:g}")
         if self.second_moment is not None and self.name != "youngs_modulus":
             raise ValueError(f"second_moment goes with youngs_modulus, not with {self.name}")
-        return self
 
 
 class IdentifyScene(Scene):
@@ -172,8 +160,7 @@ class IdentifyScene(Scene):
     loss: Literal["squares", "huber"] = "squares"
     """huber: residuals beyond 1.345 standard deviations count linearly, so that outliers pull less."""
 
-    @model_validator(mode="after")
-    def _distinct(self) -> IdentifyScene:
+    def _check(self) -> None:
         if self.object is not None:
             raise ValueError("object has no place here: measurements are of the finger alone")
         names = [one.name for one in self.estimate]
@@ -182,4 +169,3 @@ class IdentifyScene(Scene):
                 raise ValueError(f"estimate[{k}].name: {name} is estimated twice")
         if self.data and all(one.use == "holdout" for one in self.data):
             raise ValueError("data: every set is a hold-out; one at least must be fitted")
-        return self

@@ -10,39 +10,25 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Integrator:
-    """What is known of a method without its equations.
-
-    Attributes
-    ----------
-    text : str
-        The method in words.
-    order : int
-        Power of the step in the error of a smooth motion.
-    evaluations : int
-        Of the dynamics per step; of iterative methods the usual number.
-    stable : float or None
-        Greatest product of step and spectral radius at which it is stable; None: it is implicit, any step is stable.
-    simulates : bool
-        Offered as ``time.method``; its file has ``step``.
-    differentiates : bool
-        Offered as ``horizon.method``; its file has ``differentiated_step``.
-    symplectic : bool
-        Whether it preserves the symplectic form, and so the energy of a conservative motion within a bound.
-    double_only : bool
-        Whether its iterations end at a tolerance that single precision does not reach.
-    failure : str
-        What is wrong where a step gives no finite state.
-    """
+    """What is known of a method without its equations."""
 
     text: str
     order: int
+    """Power of the step in the error of a smooth motion."""
     evaluations: int
+    """Of the dynamics per step; of iterative methods the usual number."""
     stable: float | None = None
+    """Greatest product of step and spectral radius at which it is stable; None: it is implicit, any step is stable."""
     simulates: bool = True
+    """Offered as ``time.method``; its file has ``step``."""
     differentiates: bool = False
+    """Offered as ``horizon.method``; its file has ``differentiated_step``."""
     symplectic: bool = False
+    """Preserves the symplectic form, and so the energy of a conservative motion within a bound."""
     double_only: bool = False
+    """Its iterations end at a tolerance that single precision does not reach."""
     failure: str = "the motion is not finite"
+    """What is wrong where a step gives no finite state."""
 
 
 # rk4 is stable up to 2.83 where eigenvalues are imaginary (undamped) and up to 2.79 where they are real (overdamped);

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar, overload
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import Overrides, assembled, kind_of, read_overrides, take_version, validated
@@ -26,28 +26,28 @@ if TYPE_CHECKING:
 
 Kind = TypeVar("Kind")
 
-_MODELS = {
-    "simulate": ("simulate", "Scene"),
-    "identify": ("identify", "IdentifyScene"),
-    "grasp": ("grasp", "GraspScene"),
-    "mpc": ("control", "ControlScene"),
-    "mission": ("mission", "MissionScene"),
-    "plan": ("plan", "PlanScene"),
-    "sweep": ("sweep", "Sweep"),
-    "finger": ("finger", "Finger"),
+
+class _Kind(NamedTuple):
+    module: str
+    model: str
+    words: str
+    keys: str
+    """Some by which the kind is recognized."""
+    command: str | None
+
+
+_KINDS = {
+    "simulate": _Kind("simulate", "Scene", "a scene", "finger, gravity", "simulate"),
+    "identify": _Kind("identify", "IdentifyScene", "an identification", "finger, estimate", "identify"),
+    "grasp": _Kind("grasp", "GraspScene", "a grasp", "finger, object", "grasp"),
+    "mpc": _Kind("control", "ControlScene", "a closed loop", "finger, controller", "mpc"),
+    "mission": _Kind("mission", "MissionScene", "a mission", "grasp, controller", "mpc"),
+    "plan": _Kind("plan", "PlanScene", "a plan", "finger, goal", "plan"),
+    "sweep": _Kind("sweep", "Sweep", "a sweep", "scene, vary", "sweep"),
+    "finger": _Kind("finger", "Finger", "a finger alone", "rod", None),
 }
-"""Per kind of configuration, the file and the name of its model."""
-_WORDS = {
-    "simulate": ("a scene", "finger, gravity", "simulate"),
-    "identify": ("an identification", "finger, estimate", "identify"),
-    "grasp": ("a grasp", "finger, object", "grasp"),
-    "mpc": ("a closed loop", "finger, controller", "mpc"),
-    "mission": ("a mission", "grasp, controller", "mpc"),
-    "plan": ("a plan", "finger, goal", "plan"),
-    "sweep": ("a sweep", "scene, vary", "sweep"),
-    "finger": ("a finger alone", "rod", None),
-}
-"""What the kinds are called, keys that tell them apart, and the commands for them."""
+KINDS = tuple(_KINDS)
+"""Of configurations."""
 
 
 def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
@@ -87,13 +87,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
 
 
 def load_placed(path: str | Path, overrides: Overrides = ()) -> tuple[Loaded, Document]:
-    """As `load`, with the document that says where everything was written.
-
-    Raises
-    ------
-    InputError
-        As `load`.
-    """
+    """As `load`, with the document that says where everything was written."""
     document = assembled(path, read_overrides(overrides))
     kind = kind_of(document.value)
     if kind == "finger":
@@ -111,27 +105,7 @@ def scene_of(given: Scene | str | os.PathLike[str]) -> Scene: ...
 @overload
 def scene_of(given: Kind | str | os.PathLike[str], kind: type[Kind], overrides: Overrides = ()) -> Kind: ...
 def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
-    """Return a scene that is given as such, or read it from its file.
-
-    Parameters
-    ----------
-    given : scene or path-like
-    kind : type
-        Of the scene: ``Scene``, ``GraspScene``, ``ControlScene``, ``MissionScene`` or ``PlanScene``.
-    overrides : iterable of str, or mapping
-        For a file, as in `load`.
-
-    Raises
-    ------
-    InputError
-        If it is something else, or the file is wrong.
-
-    Examples
-    --------
-    >>> from continuum_grasp.scene.load import scene_of
-    >>> scene_of("configs/simulate/hanging.yaml").finger.rod.length
-    0.6
-    """
+    """Return a scene that is given as such, or read it from its file; ``overrides`` are for a file, as in `load`."""
     if isinstance(given, kind):
         return given
     if not isinstance(given, (str, os.PathLike)):
@@ -144,27 +118,22 @@ def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
 
 def other_kind(file: str | os.PathLike[str], wanted: type, loaded: Loaded) -> InputError:
     """The error that a file is of another kind than the one wanted, and which command takes it."""
-    name, keys, _ = next(words for kind, words in _WORDS.items() if _MODELS[kind][1] == wanted.__name__)
-    got, _, command = _WORDS[kind_of_scene(loaded)]
-    advice = f" (continuum-grasp {command})" if command else ""
-    return InputError(f"expected {name} ({keys}, ...), got {got}{advice}", file=os.fspath(file))
+    asked = next(kind for kind in _KINDS.values() if kind.model == wanted.__name__)
+    got = _KINDS[kind_of_scene(loaded)]
+    advice = f" (continuum-grasp {got.command})" if got.command else ""
+    return InputError(f"expected {asked.words} ({asked.keys}, ...), got {got.words}{advice}", file=os.fspath(file))
 
 
 def kind_of_scene(loaded: Loaded) -> str:
     """What kind of configuration a loaded one is."""
-    return next(kind for kind, (_, name) in _MODELS.items() if name == type(loaded).__name__)
+    return next(name for name, kind in _KINDS.items() if kind.model == type(loaded).__name__)
 
 
 def model_of(kind: str) -> type[BaseModel]:
-    """The model of a kind of configuration.
-
-    Raises
-    ------
-    InputError
-        Where there is no such kind.
-    """
-    if kind in _MODELS:
-        module, name = _MODELS[kind]
-        found: type[BaseModel] = getattr(import_module(f"continuum_grasp.scene.{module}"), name)
-        return found
-    raise InputError(f"no such kind of configuration: expected one of {', '.join(_MODELS)}, got {kind!r}")
+    """The model of a kind of configuration."""
+    if kind not in _KINDS:
+        raise InputError(f"no such kind of configuration: expected one of {', '.join(_KINDS)}, got {kind!r}")
+    # A kind's module is loaded with its first file: a simulation needs none of those of control.
+    module = import_module(f"continuum_grasp.scene.{_KINDS[kind].module}")
+    found: type[BaseModel] = getattr(module, _KINDS[kind].model)
+    return found

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
+from continuum_grasp.scene.value import Increasing, NonNegative, Real, Value, Vector2, check_one_given
 
 
 class _Sampled(Value):
-    times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2)]
+    times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2), Increasing]
     """Instants, increasing [s]; before the first and after the last the value is held."""
     interpolation: Literal["smooth", "linear"] = "smooth"
     """smooth: monotone piecewise quintic with continuous rate and acceleration; linear: straight lines."""
 
-    @model_validator(mode="after")
-    def _increasing(self) -> _Sampled:
-        if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
-            raise ValueError(f"times must increase, got {list(self.times)}")
-        if any(b - a < 1e-9 for a, b in zip(self.times, self.times[1:], strict=False)):
+    def _check(self) -> None:
+        # Closer instants give slopes that swamp the splines in rounding.
+        if any(b - a < 1e-9 for a, b in pairwise(self.times)):
             raise ValueError("times must be 1e-9 s apart at least")
         count = len(getattr(self, "values", ()))
         if count != len(self.times):
             raise ValueError(f"values must be as many as times ({len(self.times)}), got {count}")
-        return self
 
 
 class Samples(_Sampled):
@@ -72,8 +70,5 @@ class Actuation(Value):
     tensions: Annotated[tuple[Real | Samples, Real | Samples], Field(strict=False)] | None = None
     """Tensions F1, F2 [N], for a finger with tendons."""
 
-    @model_validator(mode="after")
-    def _one(self) -> Actuation:
-        if (self.tip_moment is None) == (self.tensions is None):
-            raise ValueError("give exactly one of tip_moment and tensions")
-        return self
+    def _check(self) -> None:
+        check_one_given(self, "tip_moment", "tensions")

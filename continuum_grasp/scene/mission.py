@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.controller import Bounds, Estimator, Horizon, InputLimits, Plant
 from continuum_grasp.scene.grasp import GraspScene
@@ -113,8 +113,7 @@ class MissionScene(Value):
     """Share of the disturbances that the certificate promises to resist, pulled one after the other [1]."""
     trials: Trials = Trials()
 
-    @model_validator(mode="after")
-    def _sense(self) -> MissionScene:
+    def _check(self) -> None:
         fingers = self.grasp.setups
         if len(fingers) != 1:
             raise ValueError(f"grasp has {len(fingers)} fingers: a mission is for one")
@@ -125,9 +124,9 @@ class MissionScene(Value):
         length = fingers[0].finger.rod.length
         if fingers[0].tendons.time_constant is None:
             raise ValueError("grasp.finger.tendons needs a time_constant: tensions that jump throw a fine finger")
+        # The tip is a contact already, and a contact at the clamped base could not move.
         if any(not 0.0 < at < length for at in self.more_contacts):
             raise ValueError(f"more_contacts must lie between base and tip of the finger, within {length} m")
-        return self
 
     @property
     def gravity(self) -> float:

@@ -47,18 +47,12 @@ class Part(ABC):
 
 @dataclass(frozen=True)
 class OffsetPolygon(Part):
-    """Everything within a distance of a convex polygon, of a segment (a stadium), or of a point (a disc).
-
-    Attributes
-    ----------
-    vertices : tuple of (float, float)
-        Counter-clockwise corners of the core; one for a disc, two for a stadium [m].
-    radius : float
-        The part is everything within this distance of the core [m].
-    """
+    """Everything within a distance of a convex polygon, of a segment (a stadium), or of a point (a disc)."""
 
     vertices: tuple[Point, ...]
+    """Counter-clockwise corners of the core; one for a disc, two for a stadium [m]."""
     radius: float = 0.0
+    """The part is everything within this distance of the core [m]."""
 
     def placed(self, position: Point, angle: float) -> OffsetPolygon:
         return OffsetPolygon(tuple(map(_mover(position, angle), self.vertices)), self.radius)
@@ -70,6 +64,7 @@ class OffsetPolygon(Part):
     def outline(self, count: int = 240) -> list[Point]:
         if self.radius == 0.0:
             return list(self.vertices)
+        # An arc about each corner, from the normal of the edge before it to that of the edge after it.
         points = []
         size = len(self.vertices)
         for k, (x, y) in enumerate(self.vertices):
@@ -81,6 +76,7 @@ class OffsetPolygon(Part):
                 )
                 turn = (high - low) % math.tau
             steps = max(2, round(count * turn / math.tau))
+            # A disc closes on itself: its last point would be its first.
             angles = [low + turn * j / steps for j in range(steps + (size > 1))]
             points += [(x + self.radius * math.cos(t), y + self.radius * math.sin(t)) for t in angles]
         return points
@@ -101,36 +97,29 @@ class OffsetPolygon(Part):
 
 @dataclass(frozen=True)
 class SuperellipsePart(Part):
-    """A superellipse |x/a|^p + |y/b|^p <= 1 in axes of its own.
-
-    Attributes
-    ----------
-    semi_axes : (float, float)
-        a and b [m].
-    exponent : float
-        p; 2 is an ellipse.
-    center : (float, float)
-        [m]
-    angle : float
-        From the object's axes to those of the superellipse [rad].
-    """
+    """A superellipse |x/a|^p + |y/b|^p <= 1 in axes of its own."""
 
     semi_axes: Point
+    """a and b [m]."""
     exponent: float = 2.0
+    """p; 2 is an ellipse."""
     center: Point = (0.0, 0.0)
     angle: float = 0.0
+    """From the object's axes to those of the superellipse [rad]."""
 
     def placed(self, position: Point, angle: float) -> SuperellipsePart:
         return replace(self, center=_mover(position, angle)(self.center), angle=self.angle + angle)
 
     def support(self, angle: float) -> float:
         c, s = math.cos(angle), math.sin(angle)
+        # Hoelder's inequality: the support function of a p-norm ball is the norm of the dual exponent p / (p - 1).
         (a, b), dual = self.semi_axes, self.exponent / (self.exponent - 1.0)
         u, v = a * abs(math.cos(angle - self.angle)), b * abs(math.sin(angle - self.angle))
         return float(c * self.center[0] + s * self.center[1] + (u**dual + v**dual) ** (1.0 / dual))
 
     def outline(self, count: int = 240) -> list[Point]:
         move, power = _mover(self.center, self.angle), 2.0 / self.exponent
+        # x = a |cos t|^(2/p) satisfies the equation exactly, with the sign of the quadrant.
         turns = (math.tau * k / count for k in range(count))
         return [
             move(
@@ -150,6 +139,7 @@ class SuperellipsePart(Part):
         fx, fy = u ** (p - 1.0) / a, v ** (p - 1.0) / b  # a p-th of the gradient of |x/a|^p + |y/b|^p
         fxx = (p - 1.0) * u ** (p - 2.0) / a**2
         fyy = (p - 1.0) * v ** (p - 2.0) / b**2
+        # Of an implicit curve f = 0, whose mixed derivative is zero here.
         return float((fxx * fy**2 + fyy * fx**2) / (fx**2 + fy**2) ** 1.5)
 
     @property
@@ -178,6 +168,7 @@ def _cross(a: Point, b: Point, p: Point) -> float:
 
 def _segment_distance(p: Point, a: Point, b: Point) -> float:
     dx, dy = b[0] - a[0], b[1] - a[1]
+    # 1e-300: a segment of no length is its start.
     share = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / max(dx * dx + dy * dy, 1e-300)
     share = min(max(share, 0.0), 1.0)
     return math.dist(p, (a[0] + share * dx, a[1] + share * dy))
@@ -189,24 +180,30 @@ def _polygon_distance(point: Point, vertices: Sequence[Point]) -> float:
         return math.dist(point, vertices[0])
     edges = list(pairwise([*vertices, vertices[0]]))
     nearest = min(_segment_distance(point, a, b) for a, b in edges)
+    # A segment has no inside, though every point on its line would pass.
     inside = len(vertices) > 2 and all(_cross(a, b, point) >= 0.0 for a, b in edges)
     return -nearest if inside else nearest
 
 
-def _area(vertices: tuple[Point, ...]) -> float:
-    return 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in pairwise([*vertices, vertices[0]]))
+def polygon_moments(vertices: Sequence[Point], about: Point = (0.0, 0.0)) -> tuple[float, Point, float]:
+    """Area [m2], first moments [m3] and polar second moment [m4] about a point; negative for clockwise corners."""
+    area = x = y = second = 0.0
+    points = [(px - about[0], py - about[1]) for px, py in vertices]
+    # Green's theorem: each edge spans a triangle with the point.
+    for (ax, ay), (bx, by) in pairwise([*points, points[0]]):
+        cross = ax * by - ay * bx
+        area += 0.5 * cross
+        x, y = x + cross / 6.0 * (ax + bx), y + cross / 6.0 * (ay + by)
+        second += cross * (ax * ax + ax * bx + bx * bx + ay * ay + ay * by + by * by) / 12.0
+    return area, (x, y), second
 
 
 def counter_clockwise(vertices: tuple[Point, ...]) -> tuple[Point, ...]:
-    return vertices if _area(vertices) > 0.0 else vertices[::-1]
+    return vertices if polygon_moments(vertices)[0] > 0.0 else vertices[::-1]
 
 
 def polygon_centroid(vertices: tuple[Point, ...]) -> Point:
-    x = y = 0.0
-    for a, b in pairwise([*vertices, vertices[0]]):
-        weight = (a[0] * b[1] - a[1] * b[0]) / 6.0
-        x, y = x + weight * (a[0] + b[0]), y + weight * (a[1] + b[1])
-    area = _area(vertices)
+    area, (x, y), _ = polygon_moments(vertices)
     return x / area, y / area
 
 
@@ -214,10 +211,12 @@ def check_convex(vertices: tuple[Point, ...]) -> None:
     ring = [*vertices, *vertices[:2]]
     turns = [_cross(ring[k], ring[k + 1], ring[k + 2]) for k in range(len(vertices))]
     scale = max(math.dist(a, b) for a, b in pairwise([*vertices, vertices[0]]))
+    # A pentagram turns the same way at all corners too, but by two turns.
     whole = sum(
         math.remainder(_edge_normal(ring[k + 1], ring[k + 2]) - _edge_normal(ring[k], ring[k + 1]), math.tau)
         for k in range(len(vertices))
     )
+    # Three corners in line to 1e-9 of the size have no edge normal that rounding leaves.
     flat = 1e-9 * scale**2
     same_way = all(t > flat for t in turns) or all(t < -flat for t in turns)
     if not same_way or abs(abs(whole) - math.tau) > 1e-6:
@@ -234,6 +233,7 @@ def rounded(vertices: tuple[Point, ...], radius: float) -> OffsetPolygon:
     for k, (x, y) in enumerate(vertices):
         low = _edge_normal(vertices[k - 1], (x, y))
         high = _edge_normal((x, y), vertices[(k + 1) % len(vertices)])
+        # The center of an arc tangent to both edges is on the bisector, radius / cos(half) inside the corner.
         half = 0.5 * ((high - low) % math.tau)
         reach, middle = radius / math.cos(half), low + half
         core.append((x - reach * math.cos(middle), y - reach * math.sin(middle)))

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, InputLimits, Penalty
 from continuum_grasp.scene.cost import Cost, Reference, Row
-from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial
 from continuum_grasp.scene.solver import SolverOptions
-from continuum_grasp.scene.surroundings import ContactLaw, Surroundings
+from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.value import Length, NonNegative, Positive, Value, Vector2
 
 
@@ -48,11 +47,9 @@ class ShapeAim(_Aim):
     value: Annotated[tuple[Vector2, ...], Field(strict=False, min_length=1)]
     """Their world positions [m]."""
 
-    @model_validator(mode="after")
-    def _as_many(self) -> ShapeAim:
+    def _check(self) -> None:
         if len(self.value) != len(self.at):
             raise ValueError(f"value: expected as many points as at ({len(self.at)}), got {len(self.value)}")
-        return self
 
 
 Aim = Annotated[RowAim, BeforeValidator(_exact, json_schema_input_type=Row | RowAim)]
@@ -86,11 +83,9 @@ class DurationRange(Value):
     most: Positive
     """[s]"""
 
-    @model_validator(mode="after")
-    def _ordered(self) -> DurationRange:
+    def _check(self) -> None:
         if self.least >= self.most:
             raise ValueError(f"least = {self.least} s must be less than most = {self.most} s")
-        return self
 
 
 class PlanInput(InputLimits):
@@ -147,11 +142,9 @@ class PlanSolver(SolverOptions):
     degree: Annotated[int, Field(ge=2, le=9)] = 3
     """Number of collocation points per interval."""
 
-    @model_validator(mode="after")
-    def _hessian_is_convex(self) -> PlanSolver:
+    def _check(self) -> None:
         if self.method == "sqp" and self.hessian == "exact":
             raise ValueError("method: sqp needs hessian: gauss_newton, since its QPs have to be convex")
-        return self
 
 
 class FineCheck(Value):
@@ -165,18 +158,12 @@ class FineCheck(Value):
     """Of the finer model; None: the same."""
 
 
-class PlanScene(Surroundings):
+class PlanScene(FingerScene):
     """A finger that is to move from an initial state to a goal, and what it can touch."""
 
-    schema_version: Literal[1]
-    name: str | None = None
-    finger: Finger
-    gravity: Vector2
-    """World gravity [m/s2]."""
     contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
     """Positions along the finger where loads act [m]; element boundaries. These and the tip are where it touches an
     object."""
-    fidelity: Fidelity = Fidelity()
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Model parameters that stay arguments of the model."""
     grasp: GraspScene | None = None
@@ -205,32 +192,40 @@ class PlanScene(Surroundings):
     solver: PlanSolver = PlanSolver()
     check: FineCheck = FineCheck()
 
-    @model_validator(mode="after")
-    def _sense(self) -> PlanScene:
-        finger, length = self.finger, self.finger.rod.length
-        if any(b <= a for a, b in zip(self.contacts, self.contacts[1:], strict=False)):
-            raise ValueError(f"contacts must increase along the finger, got {list(self.contacts)}")
-        for k, at in enumerate(self.contacts):
-            if at >= length:
-                raise ValueError(
-                    f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
-                )
-        if finger.tendons is None and self.input.moment_max is None:
-            raise ValueError("input.moment_max is needed: the greatest tip moment of a finger without tendons")
-        for name in ("moment_max", "time_constant"):
-            if finger.tendons is not None and getattr(self.input, name) is not None:
-                raise ValueError(f"input.{name} is for a finger without tendons; see finger.tendons")
+    def _check(self) -> None:
+        self.input.check(self.finger, "input")
         if self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not for plans: give family and elements")
         self._check_contact()
         self._check_inputs()
-        self._check_goal()
-        self._check_objective()
-        self._check_loads()
-        return self
+        goal = self.goal
+        if goal.shape is not None:
+            self.finger.rod.check_sections("goal.shape", goal.shape.at)
+        anything = (goal.tip, goal.bending, goal.shape, goal.contact_force, goal.input, self.grasp)
+        if self.objective != "tracking" and all(aim is None for aim in anything):
+            raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking may do without)")
+        free = isinstance(self.duration, DurationRange)
+        if self.objective == "least_time" and not free:
+            raise ValueError("duration: least_time needs a range, {least: ..., most: ...}")
+        if self.objective == "tracking" and free:
+            raise ValueError("duration: tracking needs a number, since its reference runs in time")
+        if (self.cost is not None) != (self.objective == "tracking"):
+            raise ValueError("cost belongs to objective: tracking, which needs it")
+        if self.cost is not None:
+            self.reference.check(self.cost, "cost")
+        places = (*self.contacts, self.finger.rod.length)
+        for k, load in enumerate(self.loads):
+            # The model has forces as inputs at its contacts and tip alone.
+            if not any(abs(load.at - at) <= 1e-9 * self.finger.rod.length for at in places):
+                raise ValueError(f"loads[{k}].at = {load.at} m: expected one of contacts or the tip, {list(places)}")
+            if load.follows:
+                raise ValueError(f"loads[{k}].follows is not for plans")
+            if not isinstance(load.force, tuple) and isinstance(self.duration, DurationRange):
+                raise ValueError(f"loads[{k}].force: a force over time needs a duration that is given")
 
     def _check_contact(self) -> None:
         law = self.contact_law
+        # The NLP needs derivatives, and friction with presliding would add states to the plan.
         if law is not None and law.friction > 0.0 and law.slip_speed is None:
             raise ValueError(
                 "contact_law: plans need friction that is a smooth function of the speed of slip: give slip_speed "
@@ -260,36 +255,6 @@ class PlanScene(Surroundings):
                 if not least <= value <= most:
                     raise ValueError(f"{key}: {value} is outside the limits of the input, {least} to {most}")
 
-    def _check_goal(self) -> None:
-        shape = self.goal.shape
-        for k, at in enumerate(shape.at if shape is not None else ()):
-            if at > self.finger.rod.length * (1 + 1e-9):
-                raise ValueError(f"goal.shape.at[{k}] = {at} m is beyond the finger")
-        anything = (self.goal.tip, self.goal.bending, shape, self.goal.contact_force, self.goal.input, self.grasp)
-        if self.objective != "tracking" and all(aim is None for aim in anything):
-            raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking may do without)")
-
-    def _check_objective(self) -> None:
-        free = isinstance(self.duration, DurationRange)
-        if self.objective == "least_time" and not free:
-            raise ValueError("duration: least_time needs a range, {least: ..., most: ...}")
-        if self.objective == "tracking" and free:
-            raise ValueError("duration: tracking needs a number, since its reference runs in time")
-        if (self.cost is not None) != (self.objective == "tracking"):
-            raise ValueError("cost belongs to objective: tracking, which needs it")
-        if self.cost is not None:
-            self.reference.check(self.cost, "cost")
-
-    def _check_loads(self) -> None:
-        places = (*self.contacts, self.finger.rod.length)
-        for k, load in enumerate(self.loads):
-            if not any(abs(load.at - at) <= 1e-9 * self.finger.rod.length for at in places):
-                raise ValueError(f"loads[{k}].at = {load.at} m: expected one of contacts or the tip, {list(places)}")
-            if load.follows:
-                raise ValueError(f"loads[{k}].follows is not for plans")
-            if not isinstance(load.force, tuple) and isinstance(self.duration, DurationRange):
-                raise ValueError(f"loads[{k}].force: a force over time needs a duration that is given")
-
     @property
     def input_limits(self) -> tuple[float, float]:
         """Least and greatest tip moment [N m] or tension [N]."""
@@ -302,8 +267,7 @@ class PlanScene(Surroundings):
     @property
     def lag(self) -> float | None:
         """Time constant of the drive [s]; None: the input acts at once."""
-        tendons = self.finger.tendons
-        return self.input.time_constant if tendons is None else tendons.time_constant
+        return self.input.lag(self.finger)
 
     @property
     def disturbances(self) -> frozenset[str]:

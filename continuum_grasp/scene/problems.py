@@ -54,24 +54,22 @@ class _Located:
     error: Mapping[str, Any]
 
 
-def raise_problems(problems: Iterable[Problem], document: Document) -> None:
-    """Raise one InputError that lists every problem on a line of its own, in the order of the file.
+def input_error(error: ValidationError, model: type[BaseModel], document: Document) -> InputError:
+    """Every problem of a document on a line of its own, in the order of the file; its position is that of the first."""
+    problems = explain(error, model, document.value)
+    placed = list(dict.fromkeys((document.nearest(one.path, at_key=one.at_key), one) for one in problems))
+    main_file = document.places[()].file
+    placed.sort(key=lambda item: (item[0].file != main_file, item[0].file, item[0].line or 0, item[0].column or 0))
+    lines = [str(place.error(problem.message, problem.path)) for place, problem in placed[1:_MOST]]
+    if len(placed) > _MOST:
+        lines.append(f"and {len(placed) - _MOST} more")
+    place, first = placed[0]
+    return place.error("\n".join([first.message, *lines]), first.path)
 
-    Raises
-    ------
-    InputError
-        Unless there are no problems. Its position is that of the first problem.
-    """
-    error = _listed(problems, document)
-    if error is not None:
-        raise error
 
-
-def input_error(error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]) -> InputError:
+def input_error_of_values(error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]) -> InputError:
     """What is wrong with values that were given in Python, with the class in place of a file."""
-    plain = _plain(data)
-    document = Document(plain, {(): Place(model.__name__)})
-    return _listed(explain(error, model, plain), document) or InputError(str(error), file=model.__name__)
+    return input_error(error, model, Document(_plain(data), {(): Place(model.__name__)}))
 
 
 def _plain(value: Any) -> Any:
@@ -81,24 +79,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _plain(child) for key, child in value.items()}
     return [_plain(child) for child in value] if isinstance(value, list | tuple) else value
-
-
-def _listed(problems: Iterable[Problem], document: Document) -> InputError | None:
-    placed = [(_place(problem, document), problem) for problem in problems]
-    if not placed:
-        return None
-    main_file = document.places[()].file
-    placed.sort(key=lambda item: (item[0].file != main_file, item[0].file, item[0].line or 0, item[0].column or 0))
-    placed = list(dict.fromkeys(placed))
-    lines = [str(place.error(problem.message, problem.path)) for place, problem in placed[1:_MOST]]
-    if len(placed) > _MOST:
-        lines.append(f"and {len(placed) - _MOST} more")
-    place, first = placed[0]
-    return place.error("\n".join([first.message, *lines]), first.path)
-
-
-def _place(problem: Problem, document: Document) -> Place:
-    return document.nearest(problem.path, at_key=problem.at_key)
 
 
 def explain(error: ValidationError, model: type[BaseModel], data: Any) -> list[Problem]:
@@ -131,17 +111,19 @@ def _locate(error: Any, data: Any, shape: Shape) -> _Located:
             path.append(part)
             value, tagged = (value[part] if part < len(value) else None), False
             continue
+        # Neither a key nor an index of the data: the name that pydantic gives a branch of a union.
         branches.append((tuple(path), str(part)))
     return _Located(tuple(path), tuple(branches), error)
 
 
 def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[Problem]:
     """Of each union, keep the branches whose kind of value fits; where none does, say what all expect."""
-    unions = sorted({path for item in located for path, _ in item.branches}, key=len)
+    unions = sorted(dict.fromkeys(path for item in located for path, _ in item.branches), key=len)
     problems: list[Problem] = []
     for union in unions:
         here = [item for item in located if any(path == union for path, _ in item.branches)]
         labels = {dict(item.branches)[union] for item in here}
+        # Wrong in kind at the union itself, as text where a branch is a mapping: that branch was not meant.
         unfit = {dict(item.branches)[union] for item in here if item.path == union and item.error["type"] in _KINDS}
         located = [item for item in located if item not in here]
         if labels == unfit:
@@ -160,6 +142,7 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
     if kind in _LIMITS:
         name, words = _LIMITS[kind]
         limit = context[name]
+        # Lower limits such as 1e-12 only exclude absurd magnitudes; of a negative number they would mislead.
         if name == "ge" and 0.0 < limit < 1.0 and isinstance(got, int | float) and got <= 0.0:
             words, limit = "greater than", 0
         about = shape.description(path, data).partition(";")[0] if limit else ""
@@ -183,7 +166,8 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
             return Problem(path, f"not one of the choices: expected {context['expected']}, got {_show(got)}{hint}")
         case "union_tag_not_found":
             tag = str(context["discriminator"]).strip("'")
-            return Problem((*path, tag), "missing" + _choices(shape.tags(path, data)))
+            words = " or ".join(map(repr, shape.tags(path, data)))
+            return Problem((*path, tag), "missing" + (f"; expected {words}" if words else ""))
         case "union_tag_invalid":
             tag = str(context["discriminator"]).strip("'")
             hint = nearest(str(context["tag"]), shape.tags(path, data), say_all=False)
@@ -246,15 +230,11 @@ def _mentioned(message: str, path: KeyPath, data: Any) -> KeyPath:
 def nearest(word: str, allowed: Iterable[str], *, say_all: bool = True) -> str:
     """``; did you mean 'x'?`` where one is near, otherwise what is allowed."""
     allowed = list(allowed)
+    # 0.6, the default of difflib, finds swapped and missing letters and few other words.
     close = difflib.get_close_matches(word.lower(), allowed, n=1, cutoff=0.6)
     if close:
         return f"; did you mean {close[0]!r}?"
     return f"; expected one of {', '.join(allowed)}" if allowed and say_all else ""
-
-
-def _choices(allowed: Iterable[str]) -> str:
-    words = " or ".join(repr(word) for word in allowed)
-    return f"; expected {words}" if words else ""
 
 
 def _show(value: Any) -> str:

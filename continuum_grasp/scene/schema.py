@@ -8,32 +8,13 @@ from typing import Any
 
 from continuum_grasp.scene.load import model_of
 
-KINDS = ("simulate", "identify", "grasp", "mpc", "mission", "plan", "sweep", "finger")
-
 _Node = dict[str, Any]
 _SUFFIX = "Changes"
 _GRASP = {"type": "string", "description": "Path of a grasp file, relative to this file."}
 
 
 def json_schema(kind: str) -> _Node:
-    """JSON Schema of one kind of configuration file.
-
-    Parameters
-    ----------
-    kind : str
-        ``simulate``, ``identify``, ``grasp``, ``mpc``, ``mission``, ``plan``, ``sweep`` or ``finger``.
-
-    Returns
-    -------
-    dict
-        The schema of what `load` accepts: of the model, and where a finger may stand also the path of a
-        finger file, or changes to one (``extends``).
-
-    Raises
-    ------
-    InputError
-        Where there is no such kind.
-    """
+    """JSON Schema of one kind of configuration file."""
     schema = model_of(kind).model_json_schema()
     definitions = schema.setdefault("$defs", {})
     if kind == "finger":
@@ -46,6 +27,7 @@ def json_schema(kind: str) -> _Node:
             **schema["properties"],
         }
         schema["required"] = ["schema_version"]
+        # A finger that changes another one needs no rod of its own.
         schema["anyOf"] = [{"required": ["rod"]}, {"required": ["extends"]}]
     elif kind != "sweep":
         if "GraspScene" in definitions:  # in a mission or plan

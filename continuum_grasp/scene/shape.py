@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
@@ -26,21 +28,7 @@ class Shape:
     @cached_property
     def discriminators(self) -> tuple[str, ...]:
         """Names of the keys that select a branch of a union."""
-        found: dict[str, None] = {}
-
-        def search(node: Any) -> None:
-            if isinstance(node, dict):
-                tag = node.get("discriminator")
-                if isinstance(tag, dict) and "propertyName" in tag:
-                    found[tag["propertyName"]] = None
-                for child in node.values():
-                    search(child)
-            elif isinstance(node, list):
-                for child in node:
-                    search(child)
-
-        search(self._root)
-        return tuple(found)
+        return tuple(set(re.findall(r'"propertyName": "(\w+)"', json.dumps(self._root))))
 
     def keys(self, path: KeyPath, data: Any) -> list[str]:
         """The keys that a mapping at ``path`` may have."""
@@ -94,6 +82,7 @@ class Shape:
         if "$ref" in node:
             yield from self._branches(self._root["$defs"][node["$ref"].rpartition("/")[2]], value)
             return
+        # The data's tag selects one branch; without it all may have been meant.
         tag = node.get("discriminator", {})
         word = _child(value, tag["propertyName"]) if "propertyName" in tag else None
         if isinstance(word, str) and word in tag.get("mapping", {}):

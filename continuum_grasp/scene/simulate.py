@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import SIMULATION_METHODS
 from continuum_grasp.scene.loads import Actuation, Load, Samples
 from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.scene.value import Length, Positive, Real, Value, Vector2, doubt
+from continuum_grasp.scene.value import Length, Positive, Real, Value, Vector2, check_increasing, check_one_given, doubt
 
 if TYPE_CHECKING:
     Method = str
@@ -23,10 +24,8 @@ else:
 def _share(value: Any) -> Any:
     """A share, also as a text in per cent."""
     if isinstance(value, str) and value.rstrip().endswith("%"):
-        try:
+        with suppress(ValueError):  # the text is then reported as no number
             return float(value.rstrip()[:-1]) / 100.0
-        except ValueError:
-            return value
     return value
 
 
@@ -68,10 +67,8 @@ class Initial(Value):
     qd: Annotated[tuple[Real, ...], Field(strict=False)] | None = None
     """Their rates."""
 
-    @model_validator(mode="after")
-    def _one(self) -> Initial:
-        if (self.pose is None) == (self.q is None):
-            raise ValueError("give exactly one of pose and q")
+    def _check(self) -> None:
+        check_one_given(self, "pose", "q")
         if self.qd is not None and self.q is None:
             raise ValueError("qd needs q; a named pose is at rest")
         if self.held_by and self.pose != "equilibrium":
@@ -80,11 +77,10 @@ class Initial(Value):
             value = load.force if load.kind == "force" else load.moment
             if hasattr(value, "times"):
                 raise ValueError(f"held_by[{k}] must be constant")
-        return self
 
 
 MOST_STATES = 10_000_000
-"""Output states that a simulation may keep."""
+"""Output states that a simulation may keep: 1 GB of a dozen doubles each."""
 
 
 class Timing(Value):
@@ -100,8 +96,7 @@ class Timing(Value):
     tolerance: Annotated[float, BeforeValidator(_share), Field(ge=1e-10, le=0.1)] = 1e-4
     """Greatest error of position that the steps in time may leave, per length of the finger."""
 
-    @model_validator(mode="after")
-    def _whole(self) -> Timing:
+    def _check(self) -> None:
         if self.step > self.duration:
             raise ValueError(f"step ({self.step} s) is longer than duration ({self.duration} s)")
         count = self.duration / self.step
@@ -111,15 +106,15 @@ class Timing(Value):
                 f"{MOST_STATES} can be stored: take a longer step (the integrator takes sub-steps of its own) or a "
                 "shorter duration"
             )
+        # Decimal steps such as 0.001 are no binary fractions, so that the quotient is whole but for rounding.
         if abs(count - round(count)) > 1e-6 * count:
             raise ValueError(
                 f"duration must be a whole number of steps, got {self.duration} s in steps of {self.step} s"
             )
-        return self
 
 
-class Scene(Surroundings):
-    """One finger with gravity, contacts, loads and, for a simulation, what it can touch, initial state and time."""
+class FingerScene(Surroundings):
+    """What scenes of one finger have in common; those that mean something else by a field describe it anew."""
 
     schema_version: Literal[1]
     name: str | None = None
@@ -132,36 +127,39 @@ class Scene(Surroundings):
     fidelity: Fidelity = Fidelity()
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Names of model parameters that stay run-time arguments of the generated functions."""
-    actuation: Actuation | None = None
-    """None: no input, the finger is passive and its tendons are slack."""
-    initial: Initial = Initial(pose="straight")
-    loads: Annotated[tuple[Load, ...], Field(strict=False)] = ()
-    time: Timing | None = None
 
-    @model_validator(mode="after")
-    def _sense(self) -> Scene:
+    def _check(self) -> None:
         length = self.finger.rod.length
         for k, at in enumerate(self.contacts):
             if at >= length:
                 raise ValueError(
                     f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
                 )
-        if any(b <= a for a, b in zip(self.contacts, self.contacts[1:], strict=False)):
-            raise ValueError(f"contacts must increase along the finger, got {list(self.contacts)}")
-        for where, loads in (("loads", self.loads), ("initial.held_by", self.initial.held_by)):
-            for k, load in enumerate(loads):
-                if load.at > length * (1 + 1e-12):
-                    raise ValueError(f"{where}[{k}].at = {load.at} m is beyond the finger's length of {length} m")
+        check_increasing("contacts", self.contacts, " along the finger")
+
+
+class Scene(FingerScene):
+    """One finger with gravity, contacts, loads and, for a simulation, what it can touch, initial state and time."""
+
+    actuation: Actuation | None = None
+    """None: no input, the finger is passive and its tendons are slack."""
+    initial: Initial = Initial(pose="straight")
+    loads: Annotated[tuple[Load, ...], Field(strict=False)] = ()
+    time: Timing | None = None
+
+    def _check(self) -> None:
+        self.finger.rod.check_inside("loads", self.loads)
+        self.finger.rod.check_inside("initial.held_by", self.initial.held_by)
         if self.actuation is not None:
             self._check_actuation(self.actuation)
+        # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
         if self.object is not None and self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not measured with an object; give family and elements")
-        lengths = self.fidelity.elements
+        lengths, length = self.fidelity.elements, self.finger.rod.length
         if isinstance(lengths, tuple) and abs(sum(lengths) - length) > 1e-9 * length:
             raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")
-        return self
 
     def _check_actuation(self, actuation: Actuation) -> None:
         tendons = self.finger.tendons

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
-from itertools import pairwise
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.parts import Point
+from continuum_grasp.scene.parts import polygon_moments
 from continuum_grasp.scene.supports import Peg, Support, Wall
-from continuum_grasp.scene.value import Extent, NonNegative, Positive, Value, doubt
+from continuum_grasp.scene.value import Extent, NonNegative, Positive, Value, doubt_outside
 
 _PRESLIDING = 1e-4
 """Displacement before slip by default [m]."""
@@ -42,21 +40,18 @@ class ContactLaw(Value):
     """In place of ``presliding``: the friction force grows smoothly with the speed of slip and has about 70 % of its
     limit at this one [m/s]. It needs no state, but what it holds creeps."""
 
-    @model_validator(mode="after")
-    def _one_friction(self) -> ContactLaw:
+    def _check(self) -> None:
         if self.presliding is not None and self.slip_speed is not None:
             raise ValueError("presliding and slip_speed exclude each other: give one, or none for 0.1 mm of presliding")
-        if not 10.0 <= self.stiffness <= 1e7:
-            doubt(f"contact_law.stiffness = {self.stiffness:g} N/m is that of no fingertip (expected: N/m)")
-        if self.rounding > 1e-3:
-            doubt(f"contact_law.rounding = {self.rounding:g} m is more than a millimeter (expected: m)")
-        if self.friction > 3.0:
-            doubt(f"contact_law.friction = {self.friction:g} is more than surfaces have")
-        return self
+        stiffness_why = "N/m is that of no fingertip (expected: N/m)"
+        doubt_outside("contact_law.stiffness", self.stiffness, 10.0, 1e7, stiffness_why)
+        doubt_outside("contact_law.rounding", self.rounding, 0.0, 1e-3, "m is more than a millimeter (expected: m)")
+        doubt_outside("contact_law.friction", self.friction, 0.0, 3.0, "is more than surfaces have")
 
     @property
     def displacement(self) -> float | None:
         """Displacement before slip [m]; None where friction has no state."""
+        # A friction force that is a function of the slip speed alone needs no state.
         if self.slip_speed is not None:
             return None
         return _PRESLIDING if self.presliding is None else self.presliding
@@ -92,15 +87,14 @@ class Surroundings(Value):
     """Of a moving object about its center of mass [kg m2]; None: that of its mass spread evenly over its shape (over
     each part by its area, for a union)."""
 
-    @model_validator(mode="after")
-    def _complete(self) -> Surroundings:
+    def _check(self) -> None:
         body = self.object
         if body is None:
             given = [key for key in ("supports", "contact_law", "moment_of_inertia") if getattr(self, key)]
             given += [key for key in ("object_moves", "out_of_plane_gravity", "table") if getattr(self, key)]
             if given:
                 raise ValueError(f"{given[0]} has no meaning without an object")
-            return self
+            return
         if self.contact_law is None:
             raise ValueError("contact_law is missing: an object needs its stiffness and friction")
         if body.free is not None:
@@ -113,7 +107,6 @@ class Surroundings(Value):
             given = [key for key in ("moment_of_inertia", "out_of_plane_gravity") if getattr(self, key)]
             if given or self.supports:
                 raise ValueError(f"{(given or ['supports'])[0]} has no meaning for a fixed object: set object_moves")
-        return self
 
     @property
     def surroundings(self) -> Surroundings | None:
@@ -125,7 +118,12 @@ class Surroundings(Value):
         """Moment of inertia of the object about its center of mass [kg m2]; zero without an object."""
         if self.moment_of_inertia is not None or self.object is None:
             return self.moment_of_inertia or 0.0
-        return self.object.mass * _squared_gyration(self.object)
+        # Overlaps of a union count twice. Outlines of 720 points have round shapes' gyration to 2e-5.
+        area = second = 0.0
+        for part in self.object.parts:
+            own, _, moment = polygon_moments(part.outline(720), self.object.com)
+            area, second = area + abs(own), second + abs(moment)
+        return self.object.mass * (second / area)
 
     @property
     def walls(self) -> tuple[Wall, ...]:
@@ -136,23 +134,3 @@ class Surroundings(Value):
     def pegs(self) -> tuple[Peg, ...]:
         """All round supports."""
         return tuple(peg for name, support in self.supports.items() for peg in support.pegs(name))
-
-
-def _squared_gyration(body: GraspObject) -> float:
-    """Mean squared distance of the shape from the center of mass [m2]."""
-    area = second = 0.0
-    for part in body.parts:
-        own, moment = _area_moment(part.outline(720), body.com)
-        area, second = area + own, second + moment
-    return second / area
-
-
-def _area_moment(outline: list[Point], about: Point) -> tuple[float, float]:
-    """Area of a polygon and its polar second moment about a point."""
-    area = second = 0.0
-    points = [(x - about[0], y - about[1]) for x, y in outline]
-    for (ax, ay), (bx, by) in pairwise([*points, points[0]]):
-        cross = ax * by - bx * ay
-        area += 0.5 * cross
-        second += cross * (ax * ax + ax * bx + bx * bx + ay * ay + ay * by + by * by) / 12.0
-    return math.fabs(area), math.fabs(second)

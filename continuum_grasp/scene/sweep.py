@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from continuum_grasp.scene.value import Positive, Real, Value
+from continuum_grasp.scene.value import Interval, Positive, Real, Value, check_one_given
 
 MOST_SCENES = 10_000_000
 """A plan is held in memory, about 100 bytes a scene: 1 GB."""
@@ -28,7 +28,6 @@ QUANTITIES = {
 Values = Annotated[tuple[Any, ...], Field(strict=False, min_length=1, max_length=100_000)]
 Key = Annotated[str, Field(min_length=1)]
 _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
-Pair = Annotated[tuple[Real, Real], Field(strict=False)]
 
 
 class Grid(Value):
@@ -45,22 +44,20 @@ class Grid(Value):
     spacing: Literal["linear", "log"] = "linear"
     """log: equal ratios instead of equal differences."""
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Grid:
+    def _check(self) -> None:
         ends = (self.first, self.to, self.count)
         if (self.values is None) == all(end is None for end in ends):
             raise ValueError("give either values, or from, to and count")
         if self.values is not None:
             if any(end is not None for end in ends) or self.spacing != "linear":
                 raise ValueError("values stand alone, without from, to, count and spacing")
-            return self
+            return
         if any(end is None for end in ends):
             raise ValueError("from, to and count belong together")
         if self.first == self.to:
             raise ValueError(f"to is the same as from: {self.to}")
         if self.spacing == "log" and not (self.first or 0.0) * (self.to or 0.0) > 0.0:
             raise ValueError("spacing: log needs from and to of one sign, neither of them 0")
-        return self
 
     @property
     def listed(self) -> tuple[Any, ...]:
@@ -73,6 +70,7 @@ class Grid(Value):
             found = [low * (high / low) ** share for share in shares]
         else:
             found = [low + (high - low) * share for share in shares]
+        # 0.1 + 2 * 0.1 would print as 0.30000000000000004 in tables and key paths.
         rounded = [float(f"{value:.12g}") for value in found]
         return tuple(map(int, rounded)) if all(value.is_integer() for value in rounded) else tuple(rounded)
 
@@ -80,25 +78,19 @@ class Grid(Value):
 class Draw(Value):
     """How one key is drawn at random."""
 
-    uniform: Pair | None = None
+    uniform: Interval | None = None
     """Least and greatest value."""
-    log_uniform: Pair | None = None
+    log_uniform: Interval | None = None
     """Least and greatest value, both positive; equal ratios are equally likely."""
     normal: Annotated[tuple[Real, Positive], Field(strict=False)] | None = None
     """Mean and standard deviation."""
     choice: Values | None = None
     """Values that are equally likely."""
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Draw:
-        if sum(getattr(self, name) is not None for name in type(self).model_fields) != 1:
-            raise ValueError("give exactly one of uniform, log_uniform, normal and choice")
-        for name, pair in (("uniform", self.uniform), ("log_uniform", self.log_uniform)):
-            if pair is not None and pair[0] >= pair[1]:
-                raise ValueError(f"{name} must increase, got {list(pair)}")
+    def _check(self) -> None:
+        check_one_given(self, *type(self).model_fields)
         if self.log_uniform is not None and self.log_uniform[0] <= 0.0:
             raise ValueError(f"log_uniform needs positive numbers, got {list(self.log_uniform)}")
-        return self
 
     @property
     def kind(self) -> str:
@@ -179,8 +171,7 @@ class Sweep(Value):
     pareto: tuple[Front, ...] = Field(default=(), strict=False)
     """Pictures of two quantities against each other."""
 
-    @model_validator(mode="after")
-    def _sense(self) -> Sweep:
+    def _check(self) -> None:
         if not self.vary and self.sample is None:
             raise ValueError("give vary, sample, or both")
         drawn = {} if self.sample is None else self.sample.keys
@@ -196,7 +187,6 @@ class Sweep(Value):
                 raise ValueError(f"record[{k}] must be quality., certificate. or statistics. and a name, got {name!r}")
         if self.count > MOST_SCENES:
             raise ValueError(f"{self.count} scenes are more than the {MOST_SCENES} that are possible")
-        return self
 
     @property
     def count(self) -> int:

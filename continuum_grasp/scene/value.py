@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import inspect
 import warnings
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 
 
 class Value(BaseModel):
     """A frozen value in SI units; unknown keys, NaN, infinity and absurd magnitudes are refused.
 
-    Raises
-    ------
-    InputError
-        Where it is made with something wrong, with the path of each key.
+    A class whose fields must fit together has a method ``_check``, which raises `ValueError` with a message that begins
+    with the key, or warns by `doubt`.
     """
 
     model_config = ConfigDict(
@@ -26,28 +26,32 @@ class Value(BaseModel):
         try:
             super().__init__(**data)
         except ValidationError as error:
-            from continuum_grasp.scene.problems import input_error
+            from continuum_grasp.scene.problems import input_error_of_values
 
-            raise input_error(error, type(self), data) from None
+            raise input_error_of_values(error, type(self), data) from None
+
+    @model_validator(mode="after")
+    def _checked(self) -> Self:
+        # Base classes first: a class may rely on what they have checked.
+        for kind in reversed(type(self).__mro__):
+            if "_check" in vars(kind):
+                vars(kind)["_check"](self)
+        return self
 
     def replaced(self, **fields: Any) -> Self:
-        """A copy with other values of some fields, validated as if it were made anew.
-
-        Raises
-        ------
-        InputError
-            The fields do not go together.
-        """
+        """A copy with other values of some fields, validated as if it were made anew; `InputError` as then."""
         return type(self)(**{**dict(self), **fields})
 
     # pydantic calls an initializer of one's own for nested values too, and loses the keys of what is wrong in them.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
+    # That of pydantic cannot hash a dict, which supports, fingers and zones are.
     def __hash__(self) -> int:
         fields = (getattr(self, name) for name in type(self).model_fields)
         return hash((type(self), *(frozenset(v.items()) if isinstance(v, dict) else v for v in fields)))
 
 
+# Wide enough for any finger in SI units: a value beyond is in another unit, or mistyped.
 Real = Annotated[float, Field(ge=-1e12, le=1e12)]
 Positive = Annotated[float, Field(ge=1e-12, le=1e12)]
 NonNegative = Annotated[float, Field(ge=0.0, le=1e12)]
@@ -58,8 +62,39 @@ Extent = Annotated[float, Field(ge=1e-9, le=1e8)]
 Vector2 = Annotated[tuple[Real, Real], Field(strict=False)]
 
 
+def check_increasing(key: str, values: Sequence[float], where: str = "") -> None:
+    """Refuse numbers of which one is not greater than that before it."""
+    if any(b <= a for a, b in pairwise(values)):
+        raise ValueError(f"{key} must increase{where}, got {list(values)}")
+
+
+def _increasing(values: tuple[float, ...], field: ValidationInfo) -> tuple[float, ...]:
+    check_increasing(field.field_name or "values", values)
+    return values
+
+
+Increasing = AfterValidator(_increasing)
+"""For numbers of which each must be greater than that before it."""
+Interval = Annotated[tuple[Real, Real], Field(strict=False), Increasing]
+"""Least and greatest value."""
+
+
+def check_one_given(value: Value, *keys: str) -> None:
+    """Refuse a value that has none, or several, of some fields."""
+    if sum(getattr(value, key) is not None for key in keys) != 1:
+        *others, last = keys
+        raise ValueError(f"give exactly one of {', '.join(others)} and {last}")
+
+
+def doubt_outside(key: str, value: float | None, least: float, most: float, why: str) -> None:
+    """Warn of a value, where there is one, outside the range of what is built; ``why`` begins with its unit."""
+    if value is not None and not least <= value <= most:
+        doubt(f"{key} = {value:g} {why}")
+
+
 def doubt(what: str) -> None:
     """Warn of a value that can be meant, but is more likely in another unit; names the line of the user."""
+    # Between this line and the user's are a varying number of frames of pydantic's validation.
     frame, level = inspect.currentframe(), 1
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in (
         "continuum_grasp",

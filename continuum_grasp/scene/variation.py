@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import copy
+import json
 import os
 import re
 from collections.abc import Sequence
@@ -14,54 +14,38 @@ from pydantic import ValidationError
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import assembled, changed, kind_of, path_of, placed, validated
-from continuum_grasp.scene.document import Change, Document, KeyPath, Place
+from continuum_grasp.scene.document import Change, Document, KeyPath
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.problems import explain, nearest, raise_problems
+from continuum_grasp.scene.problems import input_error, nearest
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.sweep import Draw, Sweep
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A key with the values that are tried.
-
-    Attributes
-    ----------
-    key : str
-        As the user writes it.
-    path : tuple of str and int
-        The same taken apart.
-    unit : str
-        Empty where the scene's documentation names none.
-    values : tuple
-        Plain data; fingers from other files are put in.
-    labels : tuple
-        The values as they were written.
-    """
+    """A key with the values that are tried."""
 
     key: str
     path: KeyPath
     unit: str
+    """Empty where the scene's documentation names none."""
     values: tuple[Any, ...]
+    """Plain data; fingers from other files are put in."""
     labels: tuple[Any, ...]
+    """The values as they were written."""
 
 
 @dataclass(frozen=True)
-class Random:
+class Random(Axis):
     """A key that is drawn: uniformly, log-uniformly or normally with two numbers, or from a choice of values."""
 
-    key: str
-    path: KeyPath
-    unit: str
     kind: str
     numbers: tuple[float, float] = (0.0, 0.0)
-    values: tuple[Any, ...] = ()
-    labels: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True)
 class Tie:
-    """A key that follows another: times its value, plus a number."""
+    """A key that follows another, ``source``: times its value, plus a number."""
 
     key: str
     path: KeyPath
@@ -73,18 +57,10 @@ class Tie:
 
 @dataclass(frozen=True)
 class Variation:
-    """A sweep, resolved.
-
-    Attributes
-    ----------
-    base : dict
-        The scene as plain data, with fingers from other files and what the sweep sets put in.
-    axes : tuple of Axis
-    draws : tuple of Random
-    ties : tuple of Tie
-    """
+    """A sweep, resolved."""
 
     base: dict[str, Any]
+    """The scene as plain data, with fingers from other files and what the sweep sets put in."""
     axes: tuple[Axis, ...]
     draws: tuple[Random, ...]
     ties: tuple[Tie, ...]
@@ -95,19 +71,6 @@ def variation_of(sweep: Sweep, document: Document, file: str | os.PathLike[str])
 
     A scene that does not make sense as a whole, such as a finger that begins inside the object, is no error: it is a
     failed run. A key that does not exist, and a value of the wrong type or out of its own range, is.
-
-    Parameters
-    ----------
-    sweep : Sweep
-    document : Document
-        What the sweep was read from.
-    file : path-like
-        Its file, relative to which the scene is sought.
-
-    Raises
-    ------
-    InputError
-        With file, line and column in the sweep, or in the scene that it varies.
     """
     return _Resolver(sweep, document, Path(file)).variation()
 
@@ -116,47 +79,48 @@ class _Resolver:
     def __init__(self, sweep: Sweep, document: Document, file: Path) -> None:
         self.sweep, self.document = sweep, document
         self._folder = file.parent
-        self.file = self._beside(("scene",), sweep.scene, file)
+        place = document.nearest(("scene",))
+        self.file = Path(os.path.normpath(place.beside(sweep.scene, file)))
+        if not self.file.is_file():
+            raise place.error(f"no such file: {self.file}", ("scene",))
         fixed = [self._change(("set", key), key, value) for key, value in sweep.set.items()]
         self.base = assembled(self.file, fixed)
         kind = kind_of(self.base.value)
         if kind != "grasp":
-            raise document.nearest(("scene",)).error(
-                f"expected a grasp (finger, object, ...), got a file of kind {kind}", ("scene",)
-            )
+            raise place.error(f"expected a grasp (finger, object, ...), got a file of kind {kind}", ("scene",))
         validated(self.base, GraspScene)
         self.shape = Shape(GraspScene)
 
     def variation(self) -> Variation:
+        where: KeyPath
         axes, draws = [], []
         for key, grid in self.sweep.vary.items():
-            where: KeyPath = ("vary", key, "values") if grid.values is not None else ("vary", key)
+            where = ("vary", key, "values") if grid.values is not None else ("vary", key)
             path, values = self._values(where, key, grid.listed, listed=grid.values is not None)
             axes.append(Axis(key, path, self._unit(path), values, tuple(map(_label, grid.listed))))
         for key, draw in {} if self.sweep.sample is None else self.sweep.sample.keys.items():
             draws.append(self._random(key, draw))
         numeric = {axis.key for axis in axes if all(_is_number(value) for value in axis.values)}
         numeric |= {draw.key for draw in draws if draw.kind != "choice" or all(map(_is_number, draw.values))}
-        ties = [self._tie(key, numeric) for key in self.sweep.follow]
+        ties = []
+        for key, follow in self.sweep.follow.items():
+            where = ("follow", key)
+            if follow.key not in numeric:
+                message = f"{follow.key!r} has values that are no numbers"
+                raise self.document.nearest((*where, "key")).error(message, where)
+            path, _ = self._values(where, key, [follow.times + follow.plus], listed=False, only_key=True)
+            ties.append(Tie(key, path, self._unit(path), follow.key, follow.times, follow.plus))
         self._pictures([*self.sweep.vary, *(draw.key for draw in draws), *self.sweep.follow])
         return Variation(self.base.value, tuple(axes), tuple(draws), tuple(ties))
 
     def _random(self, key: str, draw: Draw) -> Random:
-        where: KeyPath = ("sample", "keys", key, draw.kind)
-        if draw.choice is not None:
-            path, values = self._values(where, key, draw.choice, listed=True)
-            return Random(key, path, self._unit(path), draw.kind, (0.0, 0.0), values, tuple(map(_label, draw.choice)))
         numbers = draw.uniform or draw.log_uniform or draw.normal or (0.0, 0.0)
-        tried = numbers if draw.normal is None else numbers[:1]
-        path, _ = self._values(where, key, tried, listed=True)
-        return Random(key, path, self._unit(path), draw.kind, numbers)
-
-    def _tie(self, key: str, numeric: set[str]) -> Tie:
-        follow, where = self.sweep.follow[key], ("follow", key)
-        if follow.key not in numeric:
-            raise self.document.nearest((*where, "key")).error(f"{follow.key!r} has values that are no numbers", where)
-        path, _ = self._values(where, key, [follow.times + follow.plus], listed=False, only_key=True)
-        return Tie(key, path, self._unit(path), follow.key, follow.times, follow.plus)
+        # The second number of a normal draw is a deviation, which need not be a value of the key.
+        tried = draw.choice or (numbers if draw.normal is None else numbers[:1])
+        path, values = self._values(("sample", "keys", key, draw.kind), key, tried, listed=True)
+        if draw.choice is None:
+            return Random(key, path, self._unit(path), (), (), draw.kind, numbers)
+        return Random(key, path, self._unit(path), values, tuple(map(_label, draw.choice)), draw.kind)
 
     def _values(
         self, where: KeyPath, key: str, given: Sequence[Any], *, listed: bool, only_key: bool = False
@@ -168,17 +132,14 @@ class _Resolver:
             path, new = self._change((*where, k) if listed else where, key, value)
             tried = changed(self.base, [(path, new)], self.file)
             found.append(tried.get(path))
-            self._check(tried, only_key)
+            try:
+                GraspScene.model_validate(tried.value)
+            except ValidationError as error:
+                kinds = {one["type"] for one in error.errors(include_url=False, include_context=False)}
+                # Checks of the whole scene fail single runs; for a key that follows, all but its existence does.
+                if kinds - {"value_error"} if not only_key else "extra_forbidden" in kinds:
+                    raise input_error(error, GraspScene, tried) from error
         return path, tuple(found)
-
-    def _check(self, tried: Document, only_key: bool) -> None:
-        try:
-            GraspScene.model_validate(tried.value)
-        except ValidationError as error:
-            kinds = {one["type"] for one in error.errors(include_url=False, include_context=False, include_input=False)}
-            soft = {"value_error"} if not only_key else kinds - {"extra_forbidden"}
-            if kinds - soft:
-                raise_problems(explain(error, GraspScene, tried.value), tried)
 
     def _change(self, where: KeyPath, key: str, value: Any) -> Change:
         """A key of the scene with a value, at its place in the sweep."""
@@ -188,16 +149,10 @@ class _Resolver:
             path = path_of(key, place.file)
         except InputError as error:
             raise place.error(error.message, where) from None
-        return path, placed(copy.deepcopy(value), place)
-
-    def _beside(self, where: KeyPath, target: str, file: Path) -> Path:
-        place: Place = self.document.nearest(where)
-        found = place.beside(target, file)
-        if not found.is_file():
-            raise place.error(f"no such file: {os.path.normpath(found)}", where)
-        return Path(os.path.normpath(found))
+        return path, placed(value, place)
 
     def _unit(self, path: KeyPath) -> str:
+        # Descriptions are those of fields; an entry of a list has the unit of the list.
         parent = path[:-1] if isinstance(path[-1], int) else path
         found = re.search(r"\[([^\]]+)\]", self.shape.description(parent, self.base.value))
         return "" if found is None or found.group(1) == "1" else found.group(1)
@@ -218,8 +173,6 @@ def _label(value: Any) -> Any:
     """A value as one entry of a table."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
-    import json
-
     return json.dumps(value, separators=(",", ":"), ensure_ascii=False, default=str)
 
 

@@ -23,6 +23,8 @@ MAX_NODES = 300_000
 MAX_DEPTH = 40
 """Levels; a scene has eight, and Python's recursion ends at a thousand."""
 
+_TAG = "tag:yaml.org,2002:"
+# YAML 1.2: in 1.1, which PyYAML reads by default, "no" is false, 010 is 8, 1e3 is a text and 1:30 is 90.
 _CORE_SCHEMA = (
     ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
     ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
@@ -60,36 +62,18 @@ class _Loader(yaml.SafeLoader):
 
 
 for _name, _pattern, _first in _CORE_SCHEMA:
-    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_name}", re.compile(rf"^(?:{_pattern})$"), _first)
+    _Loader.add_implicit_resolver(f"{_TAG}{_name}", re.compile(rf"^(?:{_pattern})$"), _first)
 
 
 def read_yaml(path: str | Path, *, name: str | None = None) -> Document:
-    """Read one YAML file.
-
-    Parameters
-    ----------
-    path : path-like
-        A UTF-8 file of at most 2 MB.
-    name : str, optional
-        What errors call the file; its path where not given.
-
-    Returns
-    -------
-    Document
-        Plain data and places.
-
-    Raises
-    ------
-    InputError
-        Where the file cannot be read, or is not YAML of the accepted kind.
-    """
+    """Read one YAML file."""
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"expected the path of a file, got {path!r:.60}")
     name = name or str(path)
     refuse_what_is_no_file(path, name)
     try:
         with open(path, "rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+            data = stream.read(MAX_BYTES + 1)  # its size is not asked first: it may grow meanwhile
     except FileNotFoundError:
         raise InputError("no such file", file=name) from None
     except (OSError, ValueError) as error:
@@ -97,7 +81,7 @@ def read_yaml(path: str | Path, *, name: str | None = None) -> Document:
     if len(data) > MAX_BYTES:
         raise InputError(f"the file is too large; expected at most {MAX_BYTES} bytes", file=name)
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode("utf-8-sig")  # editors on Windows write a byte order mark
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise InputError("the file is not UTF-8 text", file=name, line=line) from None
@@ -105,13 +89,7 @@ def read_yaml(path: str | Path, *, name: str | None = None) -> Document:
 
 
 def parse_yaml(text: str, name: str = "<text>") -> Document:
-    """Parse YAML text; ``name`` stands for the file in errors.
-
-    Raises
-    ------
-    InputError
-        With the position, where the text is not YAML of the accepted kind.
-    """
+    """Parse YAML text; ``name`` stands for the file in errors."""
     try:
         loader = _Loader(text)
         try:
@@ -130,7 +108,10 @@ def parse_yaml(text: str, name: str = "<text>") -> Document:
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, int(error.position)) + 1
         raise InputError(f"not valid YAML: {error.reason}", file=name, line=line) from None
-    return _Builder(name).document(node)
+    if node is None:
+        return Document(None, {(): Place(name, 1, 1)})
+    builder = _Builder(name)
+    return Document(builder.value(node, (), None, ()), builder.places)
 
 
 class _Builder:
@@ -141,27 +122,23 @@ class _Builder:
         self.places: dict[KeyPath, Place] = {}
         self.count = 0
 
-    def document(self, node: yaml.Node | None) -> Document:
-        if node is None:
-            return Document(None, {(): Place(self.name, 1, 1)})
-        return Document(self.value(node, (), None, ()), self.places)
-
     def value(self, node: yaml.Node, path: KeyPath, key: yaml.Node | None, parents: tuple[yaml.Node, ...]) -> Any:
         self.count += 1
         if self.count > MAX_NODES:
             raise self.error(node, path, f"more than {MAX_NODES} values, aliases counted in full")
+        # A node by identity: an alias gives the very node of its anchor.
         if any(node is parent for parent in parents):
             raise self.error(node, path, "an alias may not contain itself")
         here, above = node.start_mark, (key or node).start_mark
         self.places[path] = Place(self.name, here.line + 1, here.column + 1, above.line + 1, above.column + 1)
+        if node.tag not in (f"{_TAG}map", f"{_TAG}seq") and not isinstance(node, yaml.ScalarNode):
+            raise self.error(node, path, f"tags are not read, got {node.tag!r}")
         if isinstance(node, yaml.MappingNode):
-            self.plain_tag(node, path, "map")
             return {
                 k: self.value(child, (*path, k), key_node, (*parents, node))
                 for k, key_node, child in self.entries(node, path)
             }
         if isinstance(node, yaml.SequenceNode):
-            self.plain_tag(node, path, "seq")
             return [self.value(child, (*path, k), None, (*parents, node)) for k, child in enumerate(node.value)]
         return self.scalar(node, path)
 
@@ -169,7 +146,7 @@ class _Builder:
         lines: dict[str, int] = {}
         before: yaml.Node | None = None
         for key, child in node.value:
-            if not isinstance(key, yaml.ScalarNode) or key.tag != "tag:yaml.org,2002:str":
+            if not isinstance(key, yaml.ScalarNode) or key.tag != f"{_TAG}str":
                 got = repr(key.value) if isinstance(key, yaml.ScalarNode) else f"a {key.id}"
                 raise self.error(key, path, f"expected a word as key, got {got}{_comma_hint(before, key, child)}")
             if key.value == "<<":
@@ -181,42 +158,29 @@ class _Builder:
             yield key.value, key, child
 
     def scalar(self, node: yaml.Node, path: KeyPath) -> Any:
-        kind = node.tag.removeprefix("tag:yaml.org,2002:")
-        text: str = node.value
-        if kind == "float" and not text.lower().endswith((".inf", ".nan")):
-            self.bounded(node, path)
+        kind, text = node.tag.removeprefix(_TAG), str(node.value)
+        if kind == "str":
+            return text
+        if kind == "null":
+            return None
+        word = text.lower()
+        if kind == "bool":
+            return word == "true"
+        if kind not in ("int", "float"):
+            raise self.error(node, path, f"tags are not read, got {node.tag!r}")
         try:
-            match kind:
-                case "str":
-                    return text
-                case "null":
-                    return None
-                case "bool":
-                    return text.lower() == "true"
-                case "int":
-                    base = {"0o": 8, "0x": 16}.get(text[:2], 10)
-                    return int(text[2:] if base != 10 else text, base)
-                case "float":
-                    word = text.lower()
-                    return float(word.replace(".inf", "inf").replace(".nan", "nan"))
+            if kind == "int":
+                base = {"0o": 8, "0x": 16}.get(text[:2], 10)
+                return int(text[2:] if base != 10 else text, base)
+            value = float(word.replace(".inf", "inf").replace(".nan", "nan"))
         except ValueError:
             raise self.error(node, path, f"cannot be read as {kind}: {text[:60]!r}") from None
-        raise self.error(node, path, f"tags are not read, got {node.tag!r}")
-
-    def bounded(self, node: yaml.Node, path: KeyPath) -> None:
-        """Refuse a number that doubles turn into infinity or zero."""
-        try:
-            value = float(node.value)
-        except ValueError:  # said by who reads it
-            return
-        if math.isinf(value):
-            raise self.error(node, path, f"too large: expected a number up to 1.8e308, got {node.value[:60]}")
-        if value == 0.0 and re.search("[1-9]", re.split("[eE]", node.value)[0]):
-            raise self.error(node, path, f"too small: expected 0 or a number from 5e-324 on, got {node.value[:60]}")
-
-    def plain_tag(self, node: yaml.Node, path: KeyPath, kind: str) -> None:
-        if node.tag != f"tag:yaml.org,2002:{kind}":
-            raise self.error(node, path, f"tags are not read, got {node.tag!r}")
+        # Python rounds what no double can hold to infinity or zero without a word.
+        if math.isinf(value) and not word.endswith(".inf"):
+            raise self.error(node, path, f"too large: expected a number up to 1.8e308, got {text[:60]}")
+        if value == 0.0 and re.search("[1-9]", re.split("[eE]", text)[0]):
+            raise self.error(node, path, f"too small: expected 0 or a number from 5e-324 on, got {text[:60]}")
+        return value
 
     def error(self, node: yaml.Node, path: KeyPath, message: str) -> InputError:
         mark = node.start_mark

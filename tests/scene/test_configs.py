@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from continuum_grasp.scene.assembly import kind_of
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.schema import KINDS, json_schema
+from continuum_grasp.scene.load import KINDS, load
+from continuum_grasp.scene.schema import json_schema
 from continuum_grasp.scene.yaml_loader import read_yaml
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.objects.body import Freedom, ObjectBody
 from continuum_grasp.scene.objects.shapes import (
@@ -64,11 +64,9 @@ class Union(ObjectBody):
     def parts(self) -> tuple[Part, ...]:
         return tuple(part.placed(m.position, m.angle) for m in self.members for part in m.parts)
 
-    @model_validator(mode="after")
-    def _weighed(self) -> Union:
+    def _check(self) -> None:
         if self.center_of_mass is None:
             raise ValueError("center_of_mass is needed: the parts of a union may overlap and differ in density")
-        return self
 
 
 GraspObject = Annotated[

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
-
-from pydantic import Field, model_validator
 
 from continuum_grasp.scene.parts import Part, Point, farthest
-from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
+from continuum_grasp.scene.value import Interval, NonNegative, Real, Value, Vector2
 
 Pose = tuple[float, float, float]
-
-Interval = Annotated[tuple[Real, Real], Field(strict=False)]
 
 
 class Freedom(Value):
@@ -25,21 +20,8 @@ class Freedom(Value):
     angle: Interval | None = None
     """[rad]"""
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Freedom:
-        for name, bounds in (("x", self.x), ("y", self.y), ("angle", self.angle)):
-            if bounds is not None and bounds[0] >= bounds[1]:
-                raise ValueError(f"{name} must increase, got {list(bounds)}")
-        return self
-
     def check(self, x: float, y: float, angle: float) -> None:
-        """Whether a pose lies within the bounds.
-
-        Raises
-        ------
-        ValueError
-            If it does not.
-        """
+        """Refuse a pose beyond the bounds, by `ValueError`."""
         for name, bounds, value in (("x", self.x, x), ("y", self.y, y), ("angle", self.angle, angle)):
             if bounds is not None and not bounds[0] <= value <= bounds[1]:
                 raise ValueError(f"free.{name} = {list(bounds)} does not hold the given {value}")
@@ -97,11 +79,9 @@ class ObjectBody(Value):
         x, y = point[0] - self.position[0], point[1] - self.position[1]
         return min(part.distance((c * x + s * y, c * y - s * x)) for part in self.parts)
 
-    @model_validator(mode="after")
-    def _pose_within_bounds(self) -> ObjectBody:
+    def _check(self) -> None:
         if self.free is not None:
             self.free.check(*self.pose)
-        return self
 
 
 class MemberPlace(Value):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.objects.body import MemberPlace, ObjectBody
 from continuum_grasp.scene.parts import (
@@ -43,12 +43,16 @@ class CircleMember(_CircleShape, MemberPlace):
     """The same as a member of a union."""
 
 
-class _EllipseShape(Value):
-    shape: Literal["ellipse"]
+class _Rectangle(Value):
+    shape: str
     width: Extent
     """Extent along the object's x axis [m]; the frame's origin is the center."""
     height: Extent
     """Extent along the object's y axis [m]."""
+
+
+class _EllipseShape(_Rectangle):
+    shape: Literal["ellipse"]
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -63,12 +67,8 @@ class EllipseMember(_EllipseShape, MemberPlace):
     """The same as a member of a union."""
 
 
-class _SuperellipseShape(Value):
+class _SuperellipseShape(_Rectangle):
     shape: Literal["superellipse"]
-    width: Extent
-    """Extent along the object's x axis [m]; the frame's origin is the center."""
-    height: Extent
-    """Extent along the object's y axis [m]."""
     exponent: Annotated[float, Field(ge=2.0, le=12.0)]
     """p in |x/a|^p + |y/b|^p = 1 [1]; 2 is an ellipse, above it flattens towards a box."""
 
@@ -85,12 +85,8 @@ class SuperellipseMember(_SuperellipseShape, MemberPlace):
     """The same as a member of a union."""
 
 
-class _BoxShape(Value):
+class _BoxShape(_Rectangle):
     shape: Literal["box"]
-    width: Extent
-    """Extent along the object's x axis [m]; the frame's origin is the center."""
-    height: Extent
-    """Extent along the object's y axis [m]."""
     corner_radius: NonNegative = 0.0
     """Radius of the rounded corners [m]."""
 
@@ -99,13 +95,11 @@ class _BoxShape(Value):
         w, h, r = 0.5 * self.width, 0.5 * self.height, self.corner_radius
         return (rounded(((-w, -h), (w, -h), (w, h), (-w, h)), r),)
 
-    @model_validator(mode="after")
-    def _has_flat_faces(self) -> _BoxShape:
+    def _check(self) -> None:
         if 2 * self.corner_radius >= min(self.width, self.height):
             raise ValueError(
                 f"corner_radius = {self.corner_radius} m leaves no flat face; expected less than half a side"
             )
-        return self
 
 
 class Box(_BoxShape, ObjectBody):
@@ -129,10 +123,8 @@ class _PolygonShape(Value):
     def centroid(self) -> Point:
         return polygon_centroid(self.vertices)
 
-    @model_validator(mode="after")
-    def _convex(self) -> _PolygonShape:
+    def _check(self) -> None:
         check_convex(self.vertices)
-        return self
 
 
 class Polygon(_PolygonShape, ObjectBody):
@@ -158,8 +150,7 @@ class _RoundedPolygonShape(Value):
     def centroid(self) -> Point:
         return polygon_centroid(tuple(self.parts[0].outline(720)))
 
-    @model_validator(mode="after")
-    def _has_flat_faces(self) -> _RoundedPolygonShape:
+    def _check(self) -> None:
         check_convex(self.vertices)
         outline = counter_clockwise(self.vertices)
         core = rounded(outline, self.corner_radius).vertices
@@ -168,7 +159,6 @@ class _RoundedPolygonShape(Value):
             raise ValueError(
                 f"corner_radius = {self.corner_radius} m is too large: an edge would have no flat part left"
             )
-        return self
 
 
 class RoundedPolygon(_RoundedPolygonShape, ObjectBody):
