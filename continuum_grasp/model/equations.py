@@ -13,7 +13,7 @@ from functools import cached_property
 import casadi as ca
 
 from continuum_grasp.model.actuation import Drive, friction_factors
-from continuum_grasp.model.chain import Chain, Force, Moment, Place
+from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.family import Rod
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.link import Section
@@ -162,15 +162,15 @@ class Equations:
         return angle
 
     @cached_property
-    def section_jacobian(self) -> list[Vec]:
-        """Per unknown, the derivative of the world position of the section at s."""
+    def section_jacobian(self) -> ca.SX:
+        """Derivative (2, n) of the world position of the section at s with respect to the unknowns."""
         tip = self._partial_chain[-1][2]
         arms = [ZERO] * self._family.size
         for (turn, section, end), local in zip(self._partial_chain, self.chain.coordinates, strict=True):
             beyond = tip - end
             for a, arm, angle in zip(local, section.arms, section.angles, strict=True):
                 arms[a] = arms[a] + turn.apply(arm) + beyond.scaled(angle)
-        return [self.turn.apply(arm.perp()) for arm in arms[: self._structure.n]]
+        return ca.horzcat(*[self.turn.apply(arm.perp()).column() for arm in arms[: self._structure.n]])
 
     @cached_property
     def joints(self) -> list[tuple[Vec, Scalar]]:
@@ -242,28 +242,27 @@ class Equations:
         return self.turn.transposed().apply(Vec(gx, gy))
 
     @cached_property
-    def loads(self) -> tuple[list[Force], list[Moment]]:
-        """Point forces and moments of ``w``."""
+    def loads(self) -> list[Load]:
+        """Point forces and couples of ``w``, and of the contacts."""
         back, made = self.turn.transposed(), self._structure
-        forces, moments = [], []
-        places = [place_at(at, made.lengths) for at in made.contacts]
-        for k, place in enumerate([*places, made.tip] if made.tip_force else places):
-            forces.append(Force(place, back.apply(Vec(self.w[2 * k], self.w[2 * k + 1]))))
+        places = [place_at(at, made.lengths) for at in made.contacts] + [made.tip] * made.tip_force
+        loads = [Load(place, back.apply(Vec(self.w[2 * k], self.w[2 * k + 1]))) for k, place in enumerate(places)]
+        couples = []
         for load, (vector, start) in zip(made.loads, made.load_entries, strict=True):
             place = place_at(load.at, made.lengths)
             if isinstance(load, ForceLoad) and load.follows:
-                forces.append(Force(place, Vec(self.w[start + 1], -self.w[start]), follows=True))
+                # (across, along) the section; the chain's axes have X along it and -Y across.
+                loads.append(Load(place, Vec(self.w[start + 1], -self.w[start]), follows=True))
             elif isinstance(load, ForceLoad):
-                forces.append(Force(place, back.apply(Vec(self.w[start], self.w[start + 1]))))
-            elif vector == "w":
-                moments.append(Moment(place, self.w[start]))
-        touching = self.contact_loads
-        return forces + touching[0], moments + touching[1]
+                loads.append(Load(place, back.apply(Vec(self.w[start], self.w[start + 1]))))
+            elif vector == "w":  # those of u act on the tip, like the tip moment
+                couples.append(Load(place, couple=self.w[start]))
+        return loads + couples + self.contact_loads
 
     @property
-    def contact_loads(self) -> tuple[list[Force], list[Moment]]:
-        """Forces and moments that follow from the state; none on a finger alone."""
-        return [], []
+    def contact_loads(self) -> list[Load]:
+        """Forces and couples that follow from the state; none on a finger alone."""
+        return []
 
     @cached_property
     def rest(self) -> list[Scalar]:
@@ -336,12 +335,12 @@ class Equations:
     @cached_property
     def external_force(self) -> list[Scalar]:
         """Generalized forces of ``w``; equation (41)."""
-        return self.chain.motion_forces(None, ZERO, *self.loads)[: self._structure.n]
+        return self.chain.motion_forces(None, ZERO, self.loads)[: self._structure.n]
 
     @cached_property
     def net_force(self) -> list[Scalar]:
         """M qdd."""
-        motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, *self.loads)
+        motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, self.loads)
         net = []
         for k in range(self._structure.n):
             internal = self.elastic[k] + self.damping[k]

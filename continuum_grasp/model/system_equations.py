@@ -8,7 +8,7 @@ from functools import cached_property
 import casadi as ca
 
 from continuum_grasp.model.body import Body
-from continuum_grasp.model.chain import Force, Moment, Place
+from continuum_grasp.model.chain import Load, Place
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.planar import Scalar, Vec
@@ -87,17 +87,16 @@ class SystemEquations(Equations):
         return [pair.pressed() for pair in pairs] if self._pressed else pairs
 
     @cached_property
-    def contact_loads(self) -> tuple[list[Force], list[Moment]]:
+    def contact_loads(self) -> list[Load]:
         """Contact forces on the finger, with their couples about the center line where the tip is free."""
-        if self.body is None:
-            return [], []
-        back = self.turn.transposed()
-        forces, moments = [], []
+        back, loads = self.turn.transposed(), []
+        # Stations come first among the pairs; supports and table do not touch the finger.
         for (place, station), pair in zip(self._stations, self.pairs, strict=False):
-            forces.append(Force(place, back.apply(pair.force)))
-            if not (self._structure.matched and place is self._structure.tip):
-                moments.append(Moment(place, (pair.point - station.center).cross(pair.force)))
-        return forces, moments
+            # A couple at a matched tip would set the curvature that it depends on.
+            free = not (self._structure.matched and place is self._structure.tip)
+            couple = (pair.point - station.center).cross(pair.force) if free else 0.0
+            loads.append(Load(place, back.apply(pair.force), couple))
+        return loads
 
     @cached_property
     def _world_gravity(self) -> Vec:

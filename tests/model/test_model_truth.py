@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.chain import Chain, Place, column
+from continuum_grasp.model.chain import Chain, Place
 from continuum_grasp.model.clothoid import Clothoid
 from continuum_grasp.model.link import LoadedLink
-from continuum_grasp.model.planar import ZERO, Vec
+from continuum_grasp.model.planar import ZERO, Vec, column
 from continuum_grasp.model.quadrature import _ERRORS, _RANGES
 from continuum_grasp.model.stumpff import ROUNDING, rotation, stumpff
 from continuum_grasp.scene import BasePose, Damping, PointMass, Tendons
