@@ -34,6 +34,9 @@ class Load:
     follows: bool = False
 
 
+_NONE: Scalar = 0.0
+
+
 class Chain:
     """A chain of flexible links, from base to tip.
 
@@ -174,11 +177,11 @@ class Chain:
         biases, fields = self._forward(rates, gravity)
         total: list[Scalar] = [0.0] * self.size
         # Newton-Euler, inwards from the tip: force and moment that the part beyond the link hands to its end section.
-        force, moment = ZERO, 0.0
+        force, moment = ZERO, _NONE
         for k in range(len(self.links) - 1, -1, -1):
             end, turn = self.links[k].link.end, self.rotations[k]
             # What acts within the link: about its start, and on its own coordinates.
-            inner, inner_moment = ZERO, 0.0
+            inner, inner_moment = ZERO, _NONE
             extra: list[Scalar] = [0.0] * len(end.arms)
             for load in (load for load in loads if load.place.link == k):
                 vector = self.rotation(load.place).apply(load.force) if load.follows else load.force

@@ -32,27 +32,9 @@ _WIDEST = 20.0
 def element_lengths(
     length: float, contacts: Sequence[float], elements: int | Sequence[float] | None
 ) -> tuple[float, ...]:
-    """Lengths of the elements, with a boundary at each contact.
+    """Lengths of the elements from base to tip [m], with a boundary at each contact [m].
 
-    Parameters
-    ----------
-    length : float
-        Length of the finger [m].
-    contacts : sequence of float
-        Positions of the contacts, increasing [m].
-    elements : int, sequence of float or None
-        Number of elements, or their lengths; None: two, or one per segment between contacts where that is more.
-
-    Returns
-    -------
-    tuple of float
-        Lengths from base to tip [m].
-
-    Raises
-    ------
-    InputError
-        If contacts are outside the finger, out of order, or not on a boundary of given lengths, or if there are
-        fewer elements than segments.
+    ``elements`` is their number, or their lengths; None: two, or one per segment between contacts where that is more.
     """
     edges = [0.0, *contacts, length]
     if any(not b > a for a, b in itertools.pairwise(edges)):
@@ -70,6 +52,7 @@ def element_lengths(
     if count < len(segments):
         message = f"{len(contacts)} contacts need at least {len(segments)} elements, got {count}"
         raise InputError(message, key="elements")
+    # Even out: each further element goes to the segment whose elements are longest.
     shares = [1] * len(segments)
     for _ in range(count - len(segments)):
         longest = max(range(len(segments)), key=lambda k: segments[k] / shares[k])
@@ -82,21 +65,9 @@ def with_breaks(
 ) -> tuple[float, ...]:
     """Contacts, and where the curvature or its slope jumps: loads, masses, and jumps of the rest curvature.
 
-    Parameters
-    ----------
-    contacts : sequence of float
-        Positions of the contacts [m].
-    finger : Finger
-    loads : sequence of loads
-    continuous : bool
-        Whether the curvature is continuous from element to element. It then cannot jump at a couple, and rises within
-        a short element around it: a couple of 0.3 EI/L on 2 elements costs 1e-3 of the length, with such an element
-        3e-5 (with a boundary at the couple 2e-3), and the stiffest mode hardly changes.
-
-    Returns
-    -------
-    tuple of float
-        Increasing [m], without what is too near to another or to an end for an element.
+    Increasing [m], without what is too near to another or to an end for an element. A ``continuous`` curvature cannot
+    jump at a couple, and rises within a short element around it: a couple of 0.3 EI/L on 2 elements costs 1e-3 of the
+    length, with such an element 3e-5 (with a boundary at the couple 2e-3), and the stiffest mode hardly changes.
     """
     length, marks = finger.rod.length, list(contacts)
 
@@ -107,6 +78,7 @@ def with_breaks(
         if not near and min(places) > 0.0 and max(places) < length and len(marks) + len(places) < _MOST:
             marks.extend(places)
 
+    # Where two are too near for an element, the first one stays: jumps of the curvature before those of its slope.
     for start, _, _ in finger.curvature_pieces[1:]:
         add(start)
     for load in loads:
@@ -139,13 +111,7 @@ def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tu
 
 
 def element_ranges(lengths: Sequence[float], bending_range: float | None, curvature_limit: float) -> tuple[float, ...]:
-    """Bending range of each element [rad]: as declared, or the default, or less where the strain limit allows less.
-
-    Raises
-    ------
-    InputError
-        If the declared range is not positive, or beyond what series can follow.
-    """
+    """Bending range of each element [rad]: as declared, or the default, or less where the strain limit allows less."""
     if bending_range is not None:
         if not 0.0 < bending_range <= _WIDEST:
             message = f"expected a positive number of radians, up to {_WIDEST:g}, got {bending_range}"
@@ -155,13 +121,7 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, curvat
 
 
 def place_at(at: float, lengths: Sequence[float]) -> Place:
-    """The section at a position along the finger; at a boundary, the end of the element before it.
-
-    Raises
-    ------
-    InputError
-        If the position is not on the finger.
-    """
+    """The section at a position along the finger [m]; at a boundary, the end of the element before it."""
     total = sum(lengths)
     if not -_SNAP * total <= at <= total * (1 + _SNAP):
         raise InputError(f"position {at} m is not on the finger of {total} m")

@@ -28,24 +28,7 @@ _UNITS = {
 
 
 class Parameters:
-    """Values of the model's parameters.
-
-    Parameters
-    ----------
-    finger : Finger
-        Where the nominal values come from.
-    gravity : pair of float
-        World gravity [m/s2].
-    lengths : sequence of float
-        Element lengths [m].
-    names : sequence of str
-        Parameters that stay run-time arguments, in the order of the argument ``p``.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown or repeated, or does not fit the finger.
-    """
+    """Nominal values and, of those with ``names``, symbols: they stay run-time arguments, in this order in ``p``."""
 
     def __init__(
         self, finger: Finger, gravity: tuple[float, float], lengths: Sequence[float], names: Sequence[str]
@@ -117,6 +100,7 @@ def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Seque
 
 def at_tip(at: float, length: float) -> bool:
     """Whether a position is the tip."""
+    # The tolerance of ``layout``: above the rounding of sums of lengths.
     return abs(at - length) <= 1e-9 * length
 
 
