@@ -24,15 +24,8 @@ coefficients; where it is, if it is fixed."""
 class SystemEquations(Equations):
     """Equations of a finger and of its object, if there is one; its state follows that of the finger.
 
-    Parameters
-    ----------
-    structure : Structure
-        Of the finger's model.
-    surroundings : Surroundings or None
-    runtime : sequence of str
-        Which of ``OBJECT_PARAMETERS`` stay run-time arguments, at the end of ``p``.
-    pressed : bool
-        Whether the run-time numbers ``press`` [m], one per contact, make the gaps smaller.
+    Those of ``OBJECT_PARAMETERS`` that are ``runtime`` are at the end of ``p``. ``pressed``: run-time numbers ``press``
+    [m], one per contact, make the gaps smaller.
     """
 
     def __init__(
@@ -69,8 +62,9 @@ class SystemEquations(Equations):
         found = []
         for name, place in [*places, ("finger.tip", made.tip)]:
             center, (velocity, spin) = self.to_world(self.chain.position(place)), motions[place.link]
+            # Without the couple of its force, a matched tip must not turn in the slip either, or power would appear.
             rolls = not (made.matched and place is made.tip)
-            found.append((place, Station(name, center, self.turn.apply(velocity), spin if rolls else 0.0, radius)))
+            found.append((place, Station(name, center, radius, self.turn.apply(velocity), spin if rolls else 0.0)))
         return found
 
     @cached_property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from typing import ClassVar, Self
 
 import casadi as ca
 
@@ -19,23 +19,34 @@ from continuum_grasp.scene.surroundings import ContactLaw
 
 @dataclass(frozen=True, kw_only=True)
 class _Contact:
-    """What touches the object, as of a ``Pair``; subclasses have the normal force and the slip."""
+    """A place of the object's surface and what may touch it there; subclasses have the normal force and the slip.
+
+    Vectors are the world's. Velocities are the object's against what touches it, at the point.
+    """
 
     name: str
-    gap: Scalar
-    point: Vec
-    velocity: Vec
-    climb: Scalar
-    friction: float
-    grip: Scalar
+    gap: Scalar  # distance of the surfaces [m], negative where they overlap
+    point: Vec  # where the force acts [m]
+    velocity: Vec  # in the plane [m/s]
+    climb: Scalar  # the same out of the plane [m/s]
+    friction: float  # coefficient [1]
+    grip: Scalar  # factor of it [1]
     law: ContactLaw
-    z: ca.SX
-    press: ca.SX = field(default_factory=ca.SX)
+    z: ca.SX  # friction states, one per direction in which the object can slip
+    press: ca.SX = field(default_factory=ca.SX)  # what the gap is made smaller by [m]; empty where it is what it is
+
+    # Names of the directions of friction: along the normal turned by +90 degrees, then out of the plane.
+    words: ClassVar[tuple[str, ...]] = ("slide", "climb")
 
     def pressed(self) -> Self:
         """The same with a gap that is smaller by a run-time number ``press``."""
         press = ca.SX.sym("press")
         return replace(self, gap=self.gap - press, press=press)
+
+    @property
+    def z_names(self) -> list[str]:
+        """Name and unit of each friction state."""
+        return [f"{self.name}.{word} [1]" for word in self.words[: self.z.numel()]]
 
     @property
     def z_rate(self) -> list[Scalar]:
@@ -52,21 +63,31 @@ class _Contact:
         return [self.z[k] for k in range(self.z.numel())]
 
     @cached_property
+    def _friction(self) -> list[Scalar]:
+        """Forces against the slip, per direction [N]: Coulomb's limit times the share that the law gives."""
+        if self.friction == 0.0:
+            return [0.0 for _ in self._slip]
+        limit = self.grip * self.friction * self.normal_force
+        return [limit * share for share in friction_share(self.law, self._states, self._slip)]
+
+    @cached_property
+    def normal_force(self) -> Scalar:
+        """[N]"""
+        raise NotImplementedError
+
+    @cached_property
     def _slip(self) -> list[Scalar]:
-        """Velocity of the object along the directions of friction."""
+        """Velocity of the object along the directions of friction [m/s]."""
         raise NotImplementedError
 
 
 class TablePair(_Contact):
-    """The object's base on a table parallel to the plane; the attributes are those of a ``Pair``.
+    """The object's base on a table parallel to the plane.
 
     The normal force lifts the object; friction acts in the plane at the center of mass, along world x and y.
     """
 
-    @property
-    def z_names(self) -> list[str]:
-        """Name and unit of each friction state."""
-        return [f"{self.name}.slide_{axis} [1]" for axis in "xy"[: self.z.numel()]]
+    words = ("slide_x", "slide_y")
 
     @property
     def normal(self) -> Vec:
@@ -91,11 +112,7 @@ class TablePair(_Contact):
     @cached_property
     def force(self) -> Vec:
         """Force on the table in the plane, world [N]; the object bears the opposite."""
-        if self.friction == 0.0:
-            return Vec(0.0, 0.0)
-        limit = self.grip * self.friction * self.normal_force
-        x, y = friction_share(self.law, self._states, self._slip)
-        return Vec(limit * x, limit * y)
+        return Vec(*self._friction)
 
     @cached_property
     def _slip(self) -> list[Scalar]:
@@ -116,7 +133,6 @@ def table_pair(body: Body, law: ContactLaw, friction: float) -> TablePair:
         grip=body.grip,
         law=law,
         z=ca.SX.sym("table", 2 if has_state else 0),
-        press=ca.SX(0, 1),
     )
 
 
@@ -126,52 +142,22 @@ class Station:
 
     name: str
     center: Vec
-    velocity: Vec
-    spin: Scalar
     radius: float
+    velocity: Vec = ZERO
+    spin: Scalar = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pair(_Contact):
-    """A place of the object's surface and what may touch it there.
+    """A place of the object's surface and what may touch it in the plane."""
 
-    Attributes
-    ----------
-    name : str
-    gap : scalar
-        Distance of the surfaces [m], negative where they overlap.
-    normal : Vec
-        Outward normal of the object, world.
-    point : Vec
-        Where the force acts, world [m].
-    velocity : Vec
-        Of the object against what touches it, at the point, world [m/s].
-    climb : scalar
-        The same out of the plane [m/s].
-    friction : float
-        Coefficient [1].
-    grip : scalar
-        Factor of it [1].
-    law : ContactLaw
-    z : casadi.SX
-        Friction states: along the normal turned by +90 degrees, then out of the plane, where the object can move so.
-    sinks : bool
-        Whether there is friction out of the plane.
-    press : casadi.SX
-        What the gap is made smaller by [m]; empty where it is what it is.
-    """
-
-    normal: Vec
-    sinks: bool
-
-    @property
-    def z_names(self) -> list[str]:
-        """Name and unit of each friction state."""
-        return [f"{self.name}.{word} [1]" for word in ("slide", "climb")[: self.z.numel()]]
+    normal: Vec  # outward normal of the object
+    sinks: bool  # whether there is friction out of the plane
 
     @cached_property
     def normal_force(self) -> Scalar:
         """[N]"""
+        # The gap closes with the object's velocity along its own outward normal.
         return normal_force(self.law, self.gap, -self.normal.dot(self.velocity))
 
     @cached_property
@@ -179,14 +165,6 @@ class Pair(_Contact):
         """Velocity of the object along the surface, and out of the plane."""
         along = self.normal.perp().dot(self.velocity)
         return [along, self.climb] if self.sinks else [along]
-
-    @cached_property
-    def _friction(self) -> list[Scalar]:
-        """Forces against the slip, per direction [N]."""
-        if self.friction == 0.0:
-            return [0.0 for _ in self._slip]
-        limit = self.grip * self.friction * self.normal_force
-        return [limit * share for share in friction_share(self.law, self._states, self._slip)]
 
     @property
     def tangential(self) -> Scalar:
@@ -208,11 +186,11 @@ def disc_pair(body: Body, law: ContactLaw, disc: Station, friction: float | None
     """A disc against the nearest part of the object."""
     found = nearest(body.object.parts, body.local(disc.center))
     normal = body.turn.apply(found.normal)
+    # The force acts on the disc's surface, where the turning of the disc moves it too.
     lever = normal.scaled(-disc.radius)
     point = disc.center + lever
     other = disc.velocity + lever.perp().scaled(disc.spin)
-    gap = found.distance - disc.radius
-    return _pair(disc.name, body, law, gap, normal, point, body.velocity_at(point) - other, friction)
+    return _pair(disc.name, body, law, friction, found.distance - disc.radius, normal, point, other)
 
 
 def support_pairs(body: Body, law: ContactLaw, walls: Sequence[Wall], pegs: Sequence[Peg]) -> list[Pair]:
@@ -230,17 +208,17 @@ def support_pairs(body: Body, law: ContactLaw, walls: Sequence[Wall], pegs: Sequ
             point = body.position + body.turn.apply(place)
             offset = point - Vec(*wall.point)
             gap = -down.dot(offset)
+            # Beyond an edge's ends there is no wall: the gap is that along the edge.
             if wall.half_length < float("inf"):
                 gap = ca.fmax(gap, ca.fabs(ca.SX(down.perp().dot(offset))) - wall.half_length)
             name = wall.name if len(points) == 1 else f"{wall.name}.{k + 1}"
-            pairs.append(_pair(name, body, law, gap, down, point, body.velocity_at(point), wall.friction))
+            pairs.append(_pair(name, body, law, wall.friction, gap, down, point))
         if wall.half_length < float("inf"):
             for word, end in zip(("end", "start"), wall.ends, strict=True):
-                disc = Station(f"{wall.name}.{word}", Vec(*end), ZERO, 0.0, 0.0)
+                disc = Station(f"{wall.name}.{word}", Vec(*end), 0.0)
                 pairs.append(disc_pair(body, law, disc, wall.friction))
     for peg in pegs:
-        disc = Station(peg.name, Vec(*peg.position), ZERO, 0.0, peg.radius)
-        pairs.append(disc_pair(body, law, disc, peg.friction))
+        pairs.append(disc_pair(body, law, Station(peg.name, Vec(*peg.position), peg.radius), peg.friction))
     return pairs
 
 
@@ -248,25 +226,24 @@ def _pair(
     name: str,
     body: Body,
     law: ContactLaw,
+    friction: float | None,
     gap: Scalar,
     normal: Vec,
     point: Vec,
-    velocity: Vec,
-    friction: float | None,
+    other: Vec = ZERO,
 ) -> Pair:
     own = law.friction if friction is None else friction
-    has_state = own > 0.0 and law.displacement is not None
-    z = ca.SX.sym(name, (2 if body.sinks else 1) if has_state else 0)
+    count = (2 if body.sinks else 1) if own > 0.0 and law.displacement is not None else 0
     return Pair(
         name=name,
         gap=gap,
         normal=normal,
         point=point,
-        velocity=velocity,
+        velocity=body.velocity_at(point) - other,
         climb=body.climb,
         friction=own,
         grip=body.grip,
         law=law,
-        z=z,
+        z=ca.SX.sym(name, count),
         sinks=body.sinks,
     )
