@@ -21,33 +21,16 @@ _RELATIVE, _ABSOLUTE = 1e-11, 1e-12
 def integrate_reference(
     model: FingerModel | System, x0: Array, step: float, u: Array, w: Array, *, looser: float = 1.0
 ) -> Array:
-    """Integrate with CVODES (backward differentiation, relative tolerance 1e-11).
+    """Integrate with CVODES (backward differentiation) to states (steps + 1, nx), a ``step`` [s] apart.
 
-    Parameters
-    ----------
-    x0 : (nx,) ndarray
-    step : float
-        Time between stored states [s].
-    u, w : (2 * steps + 1, size) ndarray
-        Inputs and forces at half steps; quadratic in between.
-    looser : float
-        Factor on the tolerances.
-
-    Returns
-    -------
-    (steps + 1, nx) ndarray
-
-    Raises
-    ------
-    NumericalError
-        If the integrator fails; ``result`` holds the states before.
-    Interrupted
-        On Ctrl-C; ``result`` holds the states before.
+    Inputs and forces (2 * steps + 1, size) are those at half steps, quadratic in between; ``looser`` is a factor on the
+    tolerances. NumericalError and Interrupted have the states so far as ``result``.
     """
     x, t = ca.MX.sym("x", model.nx), ca.MX.sym("t")
     samples = ca.MX.sym("samples", 3 * (model.nu + model.nw))
     blocks = ca.vertsplit(samples, [0, *np.cumsum([model.nu] * 3 + [model.nw] * 3).tolist()])
     at = t / step
+    # Lagrange polynomials of start, middle and end of the step.
     weights = ((1 - at) * (1 - 2 * at), 4 * at * (1 - at), at * (2 * at - 1))
     now_u = sum((k * b for k, b in zip(weights, blocks[:3], strict=True)), ca.MX.zeros(model.nu))
     now_w = sum((k * b for k, b in zip(weights, blocks[3:], strict=True)), ca.MX.zeros(model.nw))
@@ -55,6 +38,7 @@ def integrate_reference(
     problem: Any = {"x": x, "t": t, "p": samples, "ode": rate}
     options: Any = {"max_num_steps": 200_000, "newton_scheme": "direct"}
     options |= {"abstol": looser * _ABSOLUTE, "reltol": looser * _RELATIVE}
+    # One output step per call: CVODES starts anew there, where the piecewise quadratic inputs may have kinks.
     one = ca.integrator("reference", "cvodes", problem, 0.0, step, options)
     steps = (len(u) - 1) // 2
     states = np.empty((steps + 1, model.nx))

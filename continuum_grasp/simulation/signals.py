@@ -22,17 +22,7 @@ def interpolate(samples: Samples | VectorSamples, t: ArrayLike) -> tuple[Array, 
 
     ``smooth`` is a monotone piecewise quintic with continuous rate and acceleration, both zero at both ends; its slopes
     are the harmonic means of F. N. Fritsch and J. Butland (1984, doi:10.1137/0905021). ``linear`` has no acceleration.
-    Outside the samples the value is held.
-
-    Parameters
-    ----------
-    t : (T,) array_like
-        Instants [s].
-
-    Returns
-    -------
-    value, rate, acceleration : ndarray
-        (T,) or (T, 2).
+    Outside the samples the value is held. Instants are (T,) [s], values (T,) or (T, 2).
     """
     at, values = np.asarray(samples.times, dtype=float), np.asarray(samples.values, dtype=float)
     instants = np.asarray(t, dtype=float)
@@ -77,21 +67,9 @@ def _monotone_slopes(steps: Array, secants: Array) -> Array:
 class Signals:
     """Inputs ``u`` and forces ``w`` of a model in its scene.
 
-    Parameters
-    ----------
-    scene : Scene
-        Where actuation and values of loads come from.
-    model : FingerModel
-        Model of that scene.
-    loads : sequence of loads, optional
-        Values of the model's loads, one for each; the model's own where not given.
-    nw : int, optional
-        Size of ``w``, of which the model's is the beginning and the rest is zero; the model's where not given.
-
-    Raises
-    ------
-    InputError
-        If an input would move a matched tip with infinite acceleration.
+    ``loads`` are the values of the model's loads, one for each, its own where not given. ``nw`` is the size of ``w``,
+    which begins with the model's; the rest is zero. Raises InputError where an input would move a matched tip with
+    infinite acceleration.
     """
 
     def __init__(
@@ -132,6 +110,7 @@ class Signals:
     def warnings(self, step: float, duration: float) -> tuple[str, ...]:
         """What the user must know of samples that change within less than a step, unless a slower lag takes them up."""
         tendons = self._model.finger.tendons
+        # The lag rounds off what the tensions do; a tenth of it resolves its exponential.
         lag = 0.0 if tendons is None else tendons.time_constant or 0.0
         drive = self._values[:2] if step <= 0.1 * lag else []
         felt = [value for value in self._sampled if not any(value is tension for tension in drive)]

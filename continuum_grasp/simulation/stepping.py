@@ -40,33 +40,15 @@ _LOOSER = 100.0
 
 @dataclass(frozen=True)
 class Plan:
-    """How to integrate.
+    """How to integrate."""
 
-    Attributes
-    ----------
-    method : str
-        Name in ``INTEGRATORS``, or ``reference``.
-    substeps : int
-        Steps of the method per output step.
-    radius : float
-        Spectral radius [1/s].
-    halvings : int
-        Binary logarithm of the length of the steps that are compared with, per that of the steps.
-    observed : bool
-        Whether steps of twice that length are taken too, to observe how the error shrinks.
-    tolerance : float
-        Error per length of the finger at which the motion is given up [1].
-    corrected : bool
-        Whether to remove the leading errors from the states (Richardson's extrapolation).
-    """
-
-    method: str
-    substeps: int
-    radius: float
-    halvings: int = 1
-    observed: bool = False
-    tolerance: float = math.inf
-    corrected: bool = False
+    method: str  # name in ``INTEGRATORS``, or ``reference``
+    substeps: int  # steps of the method per output step
+    radius: float  # spectral radius [1/s]
+    halvings: int = 1  # log2 of the length of the steps that are compared with, per that of the steps
+    observed: bool = False  # whether steps of twice that length are taken too, to observe how the error shrinks
+    tolerance: float = math.inf  # error per length of the finger at which the motion is given up [1]
+    corrected: bool = False  # whether to remove the leading errors from the states (Richardson's extrapolation)
 
     @property
     def order(self) -> int:
@@ -91,6 +73,7 @@ class Plan:
     @property
     def weights(self) -> Array:
         """Weights of the longer steps in the sum that is free of the leading powers of the step in the error."""
+        # The weights of all steps add up to one; those of the errors of order p, p + 1 to zero.
         ratios = np.array([1, *self.ratios], dtype=float)
         powers = np.array([0, *range(self.order, self.order + len(self.ratios))])
         return np.asarray(np.linalg.solve(ratios ** powers[:, None], powers == 0)[1:])
@@ -105,6 +88,7 @@ class Plan:
         shrink = _KNOWN_SHRINK
         if self.observed and differences[0] < differences[1]:
             quotient = differences[0] / differences[1]
+            # (1 - r^k) cancels in the quotient: r for one halving, r + r^2 for two.
             shrink = quotient if self.halvings == 1 else math.sqrt(0.25 + quotient) - 0.5
         elif self.observed:
             return differences[0]
@@ -127,25 +111,10 @@ class Motion:
 
 
 class Stepper:
-    """Integrates a scene from a state.
+    """Integrates a scene from a state; the core is that of the system, or of the finger without an object.
 
-    Parameters
-    ----------
-    system : System or None
-        The finger with its object.
-    core : Core
-        Of the system, or of the finger without an object.
-    signals : Signals
-        Inputs and forces.
-    progress : callable
-        Called with the share that is done.
-
-    Attributes
-    ----------
-    steps : int
-        Output steps.
-    taken : int
-        Steps of fixed-step methods so far, with longer ones and those of plans that were given up.
+    ``steps`` are output steps, ``taken`` those of fixed-step methods so far, with longer ones and those of plans that
+    were given up.
     """
 
     def __init__(
@@ -166,6 +135,7 @@ class Stepper:
 
     def prepare(self, plan: Plan) -> None:
         """Compile what a plan needs."""
+        # Before the motion is timed; the positions' function is compiled by its first call.
         self._ends(np.zeros((1, self._model.nx)), np.zeros((1, self._model.nu)))
         if plan.method != "reference":
             self._core.prepare_rollout(plan.method)
@@ -188,6 +158,7 @@ class Stepper:
         """Add the states after the last one and their differences, and say what stopped them."""
         substeps, h, start = plan.substeps, self._time.step, 0
         wanted = _CHUNK if math.isinf(plan.tolerance) else max(_LEAST_CHUNK, self.steps * substeps // _LOOKS)
+        # Chunks end where steps of all lengths do.
         chunk = plan.every * max(1, min(wanted, _CHUNK) // (substeps * plan.every))
         ends, looked = [parts[0][0]] * (1 + len(plan.ratios)), _COMPARED * (_LOOKS if math.isinf(plan.tolerance) else 1)
         while start < self.steps:
@@ -203,6 +174,7 @@ class Stepper:
                 levels[0] = shared
                 found.add(self._distances(levels, start * h, plan.every, looked))
                 ends = [level[-1] for level in levels]
+                # The corrected states are output only: the levels go on uncorrected, each with its own error.
                 if plan.corrected:
                     longer = zip(plan.weights, levels[1:], strict=True)
                     missed = sum((k * (level - shared) for k, level in longer), np.zeros_like(shared))
@@ -262,6 +234,7 @@ class Stepper:
 
     def _distances(self, levels: list[Array], start: float, every: int, looked: int) -> list[float]:
         """Greatest distance of the elements' ends, and of the object's points, per length, from level to level [1]."""
+        # Backwards, so that the last instant, where errors are largest, is always among them.
         some = np.arange(len(levels[0]))[:: -max(1, len(levels[0]) // looked)]
         u = self._signals.u(start + some * (self._time.step * every))
         levels = [level[some] for level in levels]
@@ -271,6 +244,7 @@ class Stepper:
         if self._system is not None and around is not None and around.object is not None and around.object_moves:
             columns, size = self._system.object_states, around.object.size
             for k, (a, b) in enumerate(pairwise(levels)):
+                # No point of the object is off by more than its origin, and its angle (column 2) times its size.
                 moved = (a - b)[:, columns]
                 shifted = np.sqrt(np.sum(np.delete(moved, 2, axis=1) ** 2, axis=1))
                 found[k] = max(found[k], (shifted + np.abs(moved[:, 2]) * size).max())

@@ -227,6 +227,7 @@ def acting_input(model: FingerModel, x: Array, u: Array) -> Array:
     if model.nx == 2 * model.n:
         return u
     tendons = model.finger.tendons
+    # Any tensions with the lagged moment give the same shape: all of it in the first.
     acting = u.copy()
     acting[:, 0] = x[:, 2 * model.n] / (tendons.offset if tendons else 1.0)
     acting[:, 1] = 0.0
@@ -244,12 +245,7 @@ _LOOKS = 50
 def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | None = None) -> tuple[str, ...]:
     """What the user must know of bends beyond the declared range and of strains beyond the limit.
 
-    Parameters
-    ----------
-    use : (T, elements) ndarray
-        Share of the bending range that each element uses.
-    t : (T,) array_like, optional
-        Instants [s], where the shapes are those of a motion.
+    ``use`` (T, elements) is the share of its bending range that each element uses, at instants (T,) [s] of a motion.
     """
     limit, found = model.finger.curvature_limit, []
 
@@ -281,14 +277,7 @@ def overlap_text(
 ) -> str:
     """By how much a finger is deeper in an object than its stations are pressed into it, and when; empty if it is not.
 
-    Parameters
-    ----------
-    t : (T,) ndarray
-        Instants [s].
-    overlap : callable
-        Deepest overlap at some of the instants, given by their indices [m].
-    half_thickness : float
-        Of the finger [m].
+    ``overlap`` gives the deepest overlap [m] at some of the instants, by their indices.
     """
     looked = np.unique(np.linspace(0, len(t) - 1, _LOOKS).astype(int))
     own = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]

@@ -50,13 +50,7 @@ _SLOT = 1e-9
 
 @dataclass(frozen=True)
 class PolygonSurface(Surface[OffsetPolygon]):
-    """The surface of offset polygons with this many corners.
-
-    Attributes
-    ----------
-    corners : int
-        One for a disc, two for a stadium.
-    """
+    """The surface of offset polygons with this many corners: one for a disc, two for a stadium."""
 
     corners: int
 
@@ -86,6 +80,7 @@ class PolygonSurface(Surface[OffsetPolygon]):
             away = at - Vec(*core[0])
             size = length(away)
             return Nearest(size - part.radius, away.scaled(1.0 / size))
+        # A rectangle is symmetric: folded into one quadrant it takes fewer instructions than four edges.
         found = _from_rectangle(core, at) if _is_rectangle(core) else _from_polygon(core, at)
         return Nearest(found.distance - part.radius, found.normal)
 
@@ -100,8 +95,9 @@ class PolygonSurface(Surface[OffsetPolygon]):
         return SurfacePoint(a + place[0] * (b - a) + feature[4] * normal, normal, ca.SX(0, 1))
 
     def clearance(self, point: ca.SX, beta: ca.SX, numbers: ca.SX, near: ca.SX | None) -> ca.SX:
+        # From a disc the distance is smooth; of a polygon it is the greatest of heights, whose direction is an unknown.
         if not self.has_directions:
-            return ca.sqrt(ca.sumsqr(point - numbers[:2]) + 1e-24) - numbers[2]
+            return ca.sqrt(ca.sumsqr(point - numbers[:2]) + 1e-24) - numbers[2]  # 1e-12 units: differentiable at zero
         corners = numbers[: 2 * self.corners] if near is None else near
         return separation(point, beta, ca.reshape(corners, 2, corners.numel() // 2)) - numbers[-1]
 
@@ -119,6 +115,7 @@ class PolygonSurface(Surface[OffsetPolygon]):
 
     def features(self, part: OffsetPolygon) -> list[Feature]:
         core, r = part.vertices, part.radius
+        # Counter-clockwise, each corner before the face that begins there: its normal turns from the face before it.
         bend = 1.0 / max(r, SHARP)
         if len(core) == 1:
             return [Feature((*core[0], *core[0], r), (0.0, -math.inf), (0.0, math.inf), bend)]
@@ -221,6 +218,7 @@ def _from_rectangle(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
 
 def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     """By the nearest of the edges; two vertices are a segment, which has no inside."""
+    # All edges are compared at run time: a chain of selections, since branches have no derivative.
     edges = list(pairwise([*core, core[0]])) if len(core) > 2 else [(core[0], core[1])]
     heights: list[Scalar] = []
     best: tuple[Scalar, Vec, Vec] | None = None
@@ -244,6 +242,7 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     outward = best[1].scaled(1.0 / size)
     if len(core) == 2:
         return Nearest(size, outward)
+    # Inside, the nearest face is the one of least depth.
     top = heights[0]
     for height in heights[1:]:
         top = ca.fmax(top, height)
@@ -260,6 +259,7 @@ class _PolygonOutline(Outline):
         self.grown = radius + grown
         size = len(vertices)
         extent = float(np.abs(vertices - vertices.mean()).max()) if size > 1 else 0.0
+        # Meters of walk per radian of a corner: some length even where the corner is sharp and not grown.
         self._per_angle = self.grown + 0.2 * extent
         self._edges = np.roll(vertices, -1) - vertices if size > 1 else np.zeros(1, complex)
         self._lengths = np.abs(self._edges)
@@ -314,6 +314,7 @@ class _PolygonOutline(Outline):
         along, out = turned.real, -turned.imag
         beyond = along - np.clip(along, 0.0, self._lengths)
         square = beyond**2 + out**2
+        # A segment is two edges back to back: the side on which the point lies decides.
         if len(self.corners) == 2:
             square = square + np.where(out < 0.0, _SLOT * self.extent**2, 0.0)
         outside = np.argmin(square, axis=-1)

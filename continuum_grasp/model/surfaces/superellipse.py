@@ -63,7 +63,7 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
         return Nearest(found.distance, turn.apply(found.normal))
 
     def lowest_points(self, part: SuperellipsePart, direction: Vec) -> list[Vec]:
-        # The gradient of the support function, whose exponent is dual.
+        # The gradient of the support function, whose exponent q = p / (p - 1) is dual.
         turn, (a, b) = _turn(part.angle), part.semi_axes
         n = turn.transposed().apply(direction)
         if part.exponent == 2.0:
@@ -79,6 +79,7 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
 
     def point(self, place: ca.SX, feature: ca.SX) -> SurfacePoint:
         a, b, power, angle = feature[0], feature[1], feature[2], feature[5]
+        # |xi|^p as (xi^2)^(p / 2): even powers of a signed unknown, without its sign.
         square = place**2 + _TINY_PLACE
         slope = place * square ** (0.5 * power - 1.0) / ca.vertcat(a, b)
         turn = ca.vertcat(ca.horzcat(ca.cos(angle), -ca.sin(angle)), ca.horzcat(ca.sin(angle), ca.cos(angle)))
@@ -105,6 +106,7 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
 
     def features(self, part: SuperellipsePart) -> list[Feature]:
         numbers = (*part.semi_axes, part.exponent, *part.center, part.angle)
+        # |xi| <= 1 on the outline: these bounds are never active.
         return [Feature(numbers, (-1.5, -1.5), (1.5, 1.5))]
 
     def place(
@@ -151,9 +153,11 @@ def _from_superellipse(a: float, b: float, power: float, at: Vec) -> Nearest:
     for _ in range(_FEWER_STEPS if plain else _STEPS):
         point, slope, normal, curvature = _on_superellipse(a, b, power, way)
         away = at - point
+        # Second derivative of half the squared distance, from below by 0.3: inside, past the center of curvature,
+        # it would change its sign and the step its direction.
         size = slope.dot(slope) * ca.fmax(1.0 + away.dot(normal) * curvature, 0.3)
         step = away.dot(slope) / size
-        step = step / ca.sqrt(1.0 + (step / _LONGEST) ** 2)
+        step = step / ca.sqrt(1.0 + (step / _LONGEST) ** 2)  # a smooth limit
         way = way + way.perp().scaled(step)
         way = way.scaled(1.0 / length(way))
     point, _, normal, _ = _on_superellipse(a, b, power, way)
@@ -209,7 +213,7 @@ def _nearest_parameter(points: Array, a: float, b: float, power: float) -> Array
     t = grid[((points[:, None, :] - foot) ** 2).sum(axis=2).argmin(axis=1)]
     for _ in range(8):
         at, normal, radius = _at(t, a, b, power)
-        step = 1e-6 * np.where(t > 0.7, -1.0, 1.0)
+        step = 1e-6 * np.where(t > 0.7, -1.0, 1.0)  # a difference that stays in the quadrant
         speed = np.linalg.norm(_at(t + step, a, b, power)[0] - at, axis=1) / np.abs(step)
         away = points - at
         along = away[:, 1] * normal[:, 0] - away[:, 0] * normal[:, 1]  # counter-clockwise, as t grows
@@ -234,6 +238,7 @@ class _SuperellipseOutline(Outline):
         self.center, self.angle, self.grown = center, angle, grown
         self.axes, self.exponent = semi_axes, exponent
         self.extent = math.hypot(*semi_axes)
+        # A table of places: even in the polar angle, and even in the normal's angle, which changes fast at corners.
         tilts = np.linspace(0.0, 0.5 * math.pi, 17)
         ratio = (semi_axes[1] / semi_axes[0]) * np.tan(tilts[1:-1])
         turns = np.arctan(ratio ** (1.0 / (exponent - 1.0)))
@@ -279,6 +284,7 @@ class _SuperellipseOutline(Outline):
         high = self._table[np.minimum(best + 1, len(self._table) - 1)]
         turn = self._table[best]
         out: Array = np.zeros(points.shape)
+        # Newton's method between the table's neighbors; a step that leaves the bracket is replaced by bisection.
         for _ in range(6):
             at, normal, speed, turning = self._quadrant(turn)
             off = (corner - at) * np.conj(normal)
