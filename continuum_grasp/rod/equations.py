@@ -21,21 +21,11 @@ model does."""
 
 @dataclass(frozen=True)
 class Balance:
-    """What is missing for equilibrium.
+    """What is missing for equilibrium at the nodes."""
 
-    Attributes
-    ----------
-    missing : (N,) ndarray
-        Elastic moment less the share of the moment of the loads at the nodes.
-    slope : (N, N) ndarray
-        Its derivative with respect to the curvature.
-    per_share : (N,) ndarray
-        Its derivative with respect to the share of the loads.
-    """
-
-    missing: Array
-    slope: Array
-    per_share: Array
+    missing: Array  # (N,) elastic moment less the share of the moment of the loads
+    slope: Array  # (N, N) derivative with respect to the curvature
+    per_share: Array  # (N,) derivative with respect to the share of the loads
 
 
 class RodEquations:
@@ -47,14 +37,7 @@ class RodEquations:
     The derivative is one plus a compact operator: it is well conditioned on any mesh.
 
     Tendons lose tension by the capstan law; b(s) is the integral of |k| from the base, with |k| rounded off to
-    k^2 / sqrt(k^2 + (1e-3 rad / L)^2).
-
-    Parameters
-    ----------
-    problem : RodProblem
-        The rod and its loads.
-    mesh : Mesh
-        Panels between the problem's breaks.
+    k^2 / sqrt(k^2 + (1e-3 rad / L)^2). The mesh has panels between the problem's breaks.
     """
 
     def __init__(self, problem: RodProblem, mesh: Mesh) -> None:
@@ -107,6 +90,7 @@ class RodEquations:
             value = body * np.exp(1j * (problem.angle + row @ curvature))
             force[inside] += value
             turning.append((np.real(np.conj(tangent) * value) * inside, row))
+        # t x n = Im(conj(t) n); its derivative by the angle is -Re(conj(t) n), and n turns with a following force.
         moment = self._couple + mesh.backward @ np.imag(np.conj(tangent) * force)
         along = np.real(np.conj(tangent) * force)
         slope = (mesh.backward * along) @ mesh.forward
@@ -129,6 +113,7 @@ class RodEquations:
 
     def stiffness(self, slope: Array) -> Array:
         """Second variation of the energy in the metric of the integral of (change of curvature)^2; symmetric."""
+        # W^(1/2) slope W^(-1/2) is symmetric to rounding, since the mesh integrates by parts exactly.
         scaled = self._root[:, None] * slope / self._root
         return 0.5 * (scaled + scaled.T)
 
