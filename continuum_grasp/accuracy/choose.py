@@ -35,24 +35,13 @@ With few elements the order is not yet reached, so the prediction itself would s
 
 @dataclass(frozen=True)
 class Chosen:
-    """The cheapest choice that meets a tolerance.
-
-    Attributes
-    ----------
-    best : Assessment
-    tolerance : float
-    tried : tuple of Assessment
-        Everything that was measured, in order.
-    truth : Truth
-    seconds : float
-        Time that choosing took.
-    """
+    """The cheapest choice that meets a tolerance."""
 
     best: Assessment
     tolerance: float
-    tried: tuple[Assessment, ...]
+    tried: tuple[Assessment, ...]  # everything that was measured, in order
     truth: Truth
-    seconds: float
+    seconds: float  # that choosing took
 
     @property
     def scene(self) -> Scene:
@@ -175,8 +164,8 @@ class _Search:
         only the most elements are asked for.
         """
         accuracies = allowed_accuracies(self._scene, self._tolerance)
-        stiffness = {False: 0.0, True: 0.0}
-        hopeless = {False: 0.0, True: 0.0}
+        # By whether elements are aligned: the two placements converge each on its own.
+        stiffness, hopeless = {False: 0.0, True: 0.0}, {False: 0.0, True: 0.0}
         closed: set[bool] = set()
         counts = COUNTS[-1:] if only_most else COUNTS
         for coarse in choices(self._scene, self._truth, family, accuracies[0], counts=counts):
@@ -187,6 +176,7 @@ class _Search:
                 continue
             if hopeless[coarse.aligned] > coarse.elements:
                 continue
+            # First with fine terms: an error that remains is that of the elements, whatever the terms.
             probe = self._measured(coarse.with_accuracy(min(_PROBE, 0.1 * self._tolerance, accuracies[-1])))
             if math.isfinite(probe.radius):
                 stiffness[coarse.aligned] = probe.radius
@@ -205,8 +195,9 @@ class _Search:
         before = 0
         for accuracy in accuracies:
             choice = coarse.with_accuracy(accuracy)
-            if choice.instructions == before:
+            if choice.instructions == before:  # the same terms and nodes
                 continue
+            # Coarser terms change the radius a little: 1 % of margin before a choice is given up unmeasured.
             if self._costs_more(choice, 0.99 * radius):
                 return
             before = choice.instructions
@@ -252,25 +243,9 @@ def _none_meets(scene: Scene, tolerance: float, tried: list[Assessment]) -> Solv
 def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, str]:
     """The scene with what its tolerance asks for, and what was chosen and why.
 
-    The choice is stored in the user's cache folder, by the content of the scene and of this package.
-
-    Parameters
-    ----------
-    scene : Scene
-    vibrates : bool
-        Whether modes are asked for: the first two frequencies must meet the tolerance, whether the scene moves or not.
-
-    Returns
-    -------
-    scene : Scene
-        Without a tolerance; as it was where it had none.
-    note : str
-        What was chosen and why; empty where there was nothing to choose.
-
-    Raises
-    ------
-    InputError, SolverError
-        As ``choose_fidelity``.
+    The choice is stored in the user's cache folder, by the content of the scene and of this package. ``vibrates``:
+    modes are asked for, so the first two frequencies must meet the tolerance, whether the scene moves or not. The note
+    is empty where there was nothing to choose. Errors are those of ``choose_fidelity``.
     """
     if scene.fidelity.tolerance is None:
         return scene, ""
@@ -310,6 +285,7 @@ def _read(file: Path, key: str) -> dict[str, Any] | None:
 
 def _key(scene: Scene) -> str:
     """Hash of everything that the choice depends on."""
+    # The code of the packages too: another version may measure other errors. Not the name, which changes nothing.
     package = Path(__file__).parents[1]
     digest = hashlib.sha256(f"{__version__} {ca.CasadiMeta.version()}\n".encode())
     for folder in ("accuracy", "rod", "model", "simulation"):

@@ -27,38 +27,20 @@ _LARGEST_BEND = 3.0 * np.pi
 
 @dataclass(frozen=True)
 class TrueCase:
-    """One load case of the exact rod.
-
-    Attributes
-    ----------
-    case : LoadCase
-    rod : Elastica
-    backbone : (STATIONS, 2) ndarray
-        World positions at equally spaced places [m].
-    frequencies_hz : (2,) ndarray or None
-        First natural frequencies about it; None where something holds it that is released.
-    """
+    """One load case of the exact rod."""
 
     case: LoadCase
     rod: Elastica
-    backbone: Array
-    frequencies_hz: Array | None
+    backbone: Array  # (STATIONS, 2) world positions at equally spaced places [m]
+    frequencies_hz: Array | None  # (2,) first natural frequencies about it; None where what holds it is released
 
 
 @dataclass(frozen=True)
 class Truth:
-    """The exact rod of a scene.
+    """The exact rod of a scene."""
 
-    Attributes
-    ----------
-    cases : tuple of TrueCase
-        That at time zero first.
-    omitted : tuple of str
-        Load cases in which the exact rod has no equilibrium or bends beyond one and a half turns, and why.
-    """
-
-    cases: tuple[TrueCase, ...]
-    omitted: tuple[str, ...]
+    cases: tuple[TrueCase, ...]  # that at time zero first
+    omitted: tuple[str, ...]  # those without an equilibrium or beyond one and a half turns, and why
 
     @property
     def loads(self) -> tuple[Load, ...]:
@@ -71,7 +53,7 @@ class Truth:
         An undamped swing goes as far beyond its equilibrium as it starts before it.
         """
         s = np.linspace(start, end, 9)
-        s[-1] = np.nextafter(end, start)
+        s[-1] = np.nextafter(end, start)  # before a jump of the curvature at the end
         curvatures = np.array([one.rod.curvature(s) for one in self.cases])
         reach = np.abs(curvatures)
         if moving:
@@ -90,13 +72,7 @@ class Truth:
 
 
 def find_truth(scene: Scene) -> Truth:
-    """Solve the exact rod in every load case of a scene.
-
-    Raises
-    ------
-    SolverError
-        If the equilibrium at time zero is not found.
-    """
+    """Solve the exact rod in every load case of a scene; the equilibrium at time zero must be found."""
     s = np.linspace(0.0, scene.finger.rod.length, STATIONS)
     found: list[TrueCase] = []
     omitted: list[str] = []
@@ -126,32 +102,17 @@ equilibrium of the exact rod and one of every choice."""
 class LoadCase:
     """A scene whose loads and inputs are constant.
 
-    Attributes
-    ----------
-    name : str
-    scene : Scene
-        With the loads of the scene, then those that hold its initial pose (zero where they do not act), all constant.
-    rests : bool
-        Whether small motions about its equilibrium are motions of the scene: nothing but its own loads acts.
+    Its loads are the given scene's, then those that hold the initial pose (zero where they do not act), so that one
+    model serves all cases.
     """
 
     name: str
     scene: Scene
-    rests: bool = True
+    rests: bool = True  # whether small motions about it are motions of the scene: nothing but its own loads acts
 
 
 def load_cases(scene: Scene) -> list[LoadCase]:
-    """List the load case at time zero, those of greatest and least loads and inputs, some between, and the held one.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    list of LoadCase
-        That at time zero first.
-    """
+    """List the load case at time zero, those of greatest and least loads and inputs, some between, and the held one."""
     sampled = [value for value in _values(scene) if isinstance(value, Samples | VectorSamples)]
     end = scene.time.duration if scene.time is not None else float("inf")
     instants = sorted({t for value in sampled for t in value.times if 0.0 < t <= end})

@@ -17,13 +17,13 @@ DEFAULT_RANGE = 2 * math.pi / 3
 _SNAP = 1e-9
 """Distance per length of the finger up to which two positions are the same [1]: above the rounding of sums of
 lengths."""
-_SHORTEST = 0.02
+SHORTEST = 0.02
 """Shortest element that is made for a load, a mass or a jump of the rest curvature, per length of the finger [1]:
 shorter ones would raise the highest frequency, which sets the step of explicit integrators (see ``with_breaks``)."""
 _LEAST = 1e-6
 """Least length of an element, per length of the finger [1]: its inertia goes with the third power of its length, 1e-18
 of the finger's, which is below rounding."""
-_MOST = 64
+MOST_ELEMENTS = 64
 """Most elements [1]: four times as many as a tolerance ever chooses, and the expressions grow with the square."""
 _WIDEST = 20.0
 """Greatest bending range [rad]: the series for arcs are then off by 5e-9, by cancellation; at one turn by 4e-15."""
@@ -47,8 +47,8 @@ def element_lengths(
     if isinstance(elements, Sequence):
         return _given(length, contacts, list(elements))
     count = max(2, len(segments)) if elements is None else elements
-    if not 1 <= count <= _MOST:
-        raise InputError(f"expected a number of elements from 1 to {_MOST}, got {count}", key="elements")
+    if not 1 <= count <= MOST_ELEMENTS:
+        raise InputError(f"expected a number of elements from 1 to {MOST_ELEMENTS}, got {count}", key="elements")
     if count < len(segments):
         message = f"{len(contacts)} contacts need at least {len(segments)} elements, got {count}"
         raise InputError(message, key="elements")
@@ -73,9 +73,9 @@ def with_breaks(
 
     def add(*places: float) -> None:
         near = any(
-            abs(at - other) < (1.0 - _SNAP) * _SHORTEST * length for at in places for other in (0.0, *marks, length)
+            abs(at - other) < (1.0 - _SNAP) * SHORTEST * length for at in places for other in (0.0, *marks, length)
         )
-        if not near and min(places) > 0.0 and max(places) < length and len(marks) + len(places) < _MOST:
+        if not near and min(places) > 0.0 and max(places) < length and len(marks) + len(places) < MOST_ELEMENTS:
             marks.extend(places)
 
     # Where two are too near for an element, the first one stays: jumps of the curvature before those of its slope.
@@ -84,7 +84,7 @@ def with_breaks(
     for load in loads:
         if isinstance(load, MomentLoad) and continuous:
             taken = any(abs(load.at - other) <= _SNAP * length for other in marks)
-            half = (1.0 if taken else 0.5) * _SHORTEST * length
+            half = (1.0 if taken else 0.5) * SHORTEST * length
             add(load.at - half, load.at + half)
         elif isinstance(load, MomentLoad):
             add(load.at)
@@ -100,8 +100,8 @@ def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tu
     if min(lengths, default=0.0) < _LEAST * length or abs(sum(lengths) - length) > _SNAP * length:
         message = f"element lengths must be positive and add up to {length} m, got {lengths}"
         raise InputError(message, key="elements")
-    if len(lengths) > _MOST:
-        raise InputError(f"expected the lengths of up to {_MOST} elements, got {len(lengths)}", key="elements")
+    if len(lengths) > MOST_ELEMENTS:
+        raise InputError(f"expected the lengths of up to {MOST_ELEMENTS} elements, got {len(lengths)}", key="elements")
     edges = [sum(lengths[: k + 1]) for k in range(len(lengths))]
     for k, at in enumerate(contacts):
         if min(abs(at - e) for e in edges) > _SNAP * length:

@@ -58,7 +58,7 @@ def collocation(count: int) -> Collocation:
     )
 
 
-_RANGES = (0.3, 0.6, 1.0, 1.5, 2.1, 3.15, 4.5, 6.3)
+RANGES = (0.3, 0.6, 1.0, 1.5, 2.1, 3.15, 4.5, 6.3)
 """Ranges of length times curvature [rad] of the columns of the table below, up to one turn."""
 _ERRORS: dict[int, tuple[float, ...]] = {
     3: (5.0e-2, 5.0e-2, 5.1e-2, 5.3e-2, 5.8e-2, 7.0e-2, 9.4e-2, 4.0e-1),
@@ -76,7 +76,7 @@ _ERRORS: dict[int, tuple[float, ...]] = {
     15: (1.0e-14, 1.0e-14, 1.0e-14, 1.0e-14, 1.0e-14, 1.0e-14, 1.0e-14, 1.0e-14),
 }
 """Largest error of mass matrix, bias, gravity and end point of one clothoid element, relative to the largest entry over
-all shapes, per number of nodes, for elements whose length times curvature stays below each of ``_RANGES`` (measured
+all shapes, per number of nodes, for elements whose length times curvature stays below each of ``RANGES`` (measured
 against 24 nodes over random and extreme shapes; a test measures it again). The bias of curvatures that change sign is
 the worst; the mass matrix is about ten times better."""
 
@@ -90,7 +90,7 @@ def node_count(angle_range: float, accuracy: float) -> int:
 
     ``accuracy`` is the error of mass matrix, bias, gravity and position, relative to their largest entries.
     """
-    column = next((k for k, reach in enumerate(_RANGES) if angle_range <= reach), None)
+    column = next((k for k, reach in enumerate(RANGES) if angle_range <= reach), None)
     if column is None:
         raise InputError(
             f"a clothoid element that bends by up to {angle_range:.3g} rad is beyond one turn: take more elements",

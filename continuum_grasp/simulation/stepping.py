@@ -6,17 +6,19 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
 from continuum_grasp.core import Core
 from continuum_grasp.core.rollouts import signal
 from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.integrators import INTEGRATORS
 from continuum_grasp.scene.simulate import Timing
-from continuum_grasp.simulation.reference import integrate_reference
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.trajectory import acting_input
 
@@ -34,6 +36,8 @@ _LEAST_CHUNK, _LOOKS = 1_000, 16
 0.2 ms, as long as 500 sub-steps of two clothoids."""
 _COMPARED = 100
 """Instants of a chunk that are compared: positions cost as much as a sub-step."""
+_RELATIVE, _ABSOLUTE = 1e-11, 1e-12
+"""Tolerances of CVODES [1; units of the states]: motions of 0.2 s have errors below 1e-9 (test_simulation.py)."""
 _LOOSER = 100.0
 """Factor on the tolerances of the variable-step integrator with which its error is measured."""
 
@@ -146,12 +150,12 @@ class Stepper:
         error: Stop | None
         try:
             error = self._advance(parts, found, plan)
-        except KeyboardInterrupt as interrupt:
-            if isinstance(interrupt, Interrupted):
-                parts.append(interrupt.result[1:])
+        except KeyboardInterrupt as stop:
+            if isinstance(stop, Interrupted):
+                parts.append(stop.result[1:])
             end = (sum(map(len, parts)) - 1) * self._time.step
             error = Interrupted(f"interrupted after t = {end:g} s of {self._time.duration:g} s")
-            error.__cause__ = interrupt
+            error.__cause__ = stop
         return Motion(np.concatenate(parts), error, found.estimate)
 
     def _advance(self, parts: list[Array], found: _Differences, plan: Plan) -> NumericalError | None:
@@ -203,7 +207,7 @@ class Stepper:
 
     def _by_variable_steps(self, x: Array, u: Array, w: Array, looser: float) -> Array:
         try:
-            return integrate_reference(self._core.model, x, self._time.step, u, w, looser=looser)
+            return _integrate_reference(self._core.model, x, self._time.step, u, w, looser=looser)
         except NumericalError as error:
             self._failure = error
             return np.asarray(error.result)
@@ -282,3 +286,44 @@ def _between(rows: Array, every: int, count: int) -> Array:
         return rows
     at, known = np.arange(count), np.arange(len(rows)) * every
     return np.stack([np.interp(at, known, column) for column in rows.T], axis=1)
+
+
+def _integrate_reference(
+    model: FingerModel | System, x0: Array, step: float, u: Array, w: Array, *, looser: float = 1.0
+) -> Array:
+    """Integrate with CVODES (backward differentiation) to states (steps + 1, nx), a ``step`` [s] apart.
+
+    Inputs and forces (2 * steps + 1, size) are those at half steps, quadratic in between; ``looser`` is a factor on the
+    tolerances. NumericalError and Interrupted have the states so far as ``result``.
+    """
+    x, t = ca.MX.sym("x", model.nx), ca.MX.sym("t")
+    samples = ca.MX.sym("samples", 3 * (model.nu + model.nw))
+    blocks = ca.vertsplit(samples, [0, *np.cumsum([model.nu] * 3 + [model.nw] * 3).tolist()])
+    at = t / step
+    # Lagrange polynomials of start, middle and end of the step.
+    weights = ((1 - at) * (1 - 2 * at), 4 * at * (1 - at), at * (2 * at - 1))
+    now_u = sum((k * b for k, b in zip(weights, blocks[:3], strict=True)), ca.MX.zeros(model.nu))
+    now_w = sum((k * b for k, b in zip(weights, blocks[3:], strict=True)), ca.MX.zeros(model.nw))
+    rate = model.forward_dynamics(x, now_u, now_w, ca.DM(model.p_nominal))
+    problem: Any = {"x": x, "t": t, "p": samples, "ode": rate}
+    options: Any = {"max_num_steps": 200_000, "newton_scheme": "direct"}
+    options |= {"abstol": looser * _ABSOLUTE, "reltol": looser * _RELATIVE}
+    # One output step per call: CVODES starts anew there, where the piecewise quadratic inputs may have kinks.
+    one = ca.integrator("reference", "cvodes", problem, 0.0, step, options)
+    steps = (len(u) - 1) // 2
+    states = np.empty((steps + 1, model.nx))
+    states[0] = x0
+    with interrupt.held(quietly=True) as pressed:
+        for k in range(steps):
+            rows = np.concatenate([u[2 * k : 2 * k + 3].ravel(), w[2 * k : 2 * k + 3].ravel()])
+            reason = "the state is not finite"
+            try:
+                states[k + 1] = np.array(one(x0=states[k], p=rows)["xf"]).ravel()
+            except RuntimeError as error:
+                states[k + 1], reason = np.nan, f"the reference integrator failed: {str(error).splitlines()[-1]}"
+            if pressed():  # CasADi's integrators would report it as a failure of the motion
+                raise Interrupted("interrupted", result=states[: k + 1])
+            if not np.all(np.isfinite(states[k + 1])):
+                message = f"{reason} (after t = {k * step:g} s)"
+                raise NumericalError(message, time=k * step, state=states[k], result=states[: k + 1])
+    return states
