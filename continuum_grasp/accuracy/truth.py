@@ -6,6 +6,7 @@ Load cases are static: the loads and inputs of the scene, frozen at the instants
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from continuum_grasp.rod.elastica import Elastica, solve_elastica
 from continuum_grasp.rod.frequencies import natural_frequencies
 from continuum_grasp.scene.loads import Actuation, ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.signals import interpolate
+from continuum_grasp.simulation.signals import interpolate, value_of
 
 Array = NDArray[np.float64]
 
@@ -113,7 +114,10 @@ class LoadCase:
 
 def load_cases(scene: Scene) -> list[LoadCase]:
     """List the load case at time zero, those of greatest and least loads and inputs, some between, and the held one."""
-    sampled = [value for value in _values(scene) if isinstance(value, Samples | VectorSamples)]
+    values: list[object] = [value_of(load) for load in scene.loads]
+    if scene.actuation is not None:
+        values += [scene.actuation.tip_moment, *(scene.actuation.tensions or ())]
+    sampled = [value for value in values if isinstance(value, Samples | VectorSamples)]
     end = scene.time.duration if scene.time is not None else float("inf")
     instants = sorted({t for value in sampled for t in value.times if 0.0 < t <= end})
     chosen = set(instants[:: max(1, -(-len(instants) // _EVENLY))])
@@ -134,38 +138,27 @@ def _extremes(value: Samples | VectorSamples) -> set[float]:
     return found
 
 
-def _values(scene: Scene) -> list[object]:
-    values: list[object] = [load.force if isinstance(load, ForceLoad) else load.moment for load in scene.loads]
-    if scene.actuation is not None:
-        values += [scene.actuation.tip_moment, *(scene.actuation.tensions or ())]
-    return values
-
-
 def _frozen(scene: Scene, t: float, held: bool) -> Scene:
-    loads = [_constant(load, t) for load in scene.loads]
-    loads += [load if held else _without_value(load) for load in scene.initial.held_by]
+    loads = [_with_value(load, _at(value_of(load), t)) for load in scene.loads]
+    for load in scene.initial.held_by:
+        nothing = (0.0, 0.0) if isinstance(load, ForceLoad) else 0.0
+        loads.append(load if held else _with_value(load, nothing))
     actuation = scene.actuation
     if actuation is not None and actuation.tensions is not None:
-        first, second = (_scalar(tension, t) for tension in actuation.tensions)
+        first, second = (_at(tension, t) for tension in actuation.tensions)
         actuation = Actuation(tensions=(first, second))
     elif actuation is not None and actuation.tip_moment is not None:
-        actuation = Actuation(tip_moment=_scalar(actuation.tip_moment, t))
+        actuation = Actuation(tip_moment=_at(actuation.tip_moment, t))
     return scene.model_copy(update={"loads": tuple(loads), "actuation": actuation})
 
 
-def _constant(load: Load, t: float) -> Load:
-    if isinstance(load, ForceLoad):
-        force = load.force
-        if isinstance(force, VectorSamples):
-            x, y = interpolate(force, [t])[0][0]
-            force = (float(x), float(y))
-        return load.model_copy(update={"force": force})
-    return load.model_copy(update={"moment": _scalar(load.moment, t)})
+def _with_value(load: Load, value: Any) -> Load:
+    return load.model_copy(update={"force" if isinstance(load, ForceLoad) else "moment": value})
 
 
-def _without_value(load: Load) -> Load:
-    return load.model_copy(update={"force": (0.0, 0.0)} if isinstance(load, ForceLoad) else {"moment": 0.0})
-
-
-def _scalar(value: float | Samples, t: float) -> float:
-    return float(interpolate(value, [t])[0][0]) if isinstance(value, Samples) else value
+def _at(value: Any, t: float) -> Any:
+    """A force (2 numbers) or another value at an instant."""
+    if not isinstance(value, Samples | VectorSamples):
+        return value
+    found = interpolate(value, [t])[0][0]
+    return tuple(map(float, found)) if isinstance(value, VectorSamples) else float(found)

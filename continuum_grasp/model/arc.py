@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
-from continuum_grasp.model.family import Array, Family, Pieces, Rod
+from continuum_grasp.model.family import Array, Family, Pieces, Rod, overlaps
 from continuum_grasp.model.link import Bias, Inertia, Link, LoadedLink, Section, is_end
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, weighted_sum
 from continuum_grasp.model.stumpff import ROUNDING, stumpff
@@ -195,19 +195,11 @@ class ArcFamily(Family):
         return [[1.0 / lengths[i] if i == j else 0.0 for j in range(n)] for i in range(n)]
 
     def rest(self, lengths: Sequence[float], pieces: Pieces) -> list[float]:
-        result = []
-        start = 0.0
-        for h in lengths:
-            result.append(sum(_overlap(start, start + h, a, b) * value for a, b, value in pieces) / h)
-            start += h
-        return result
+        found = zip(lengths, overlaps(lengths, pieces), strict=True)
+        return [sum((high - low) * value for _, low, high, value in parts) / h for h, parts in found]
 
     def rest_uniform(self, lengths: Sequence[Scalar]) -> list[Scalar]:
         return [1.0 for _ in lengths]
 
     def bend_gradient(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
         return [1.0 if k == element else 0.0 for k in range(self.elements)]
-
-
-def _overlap(a: float, b: float, c: float, d: float) -> float:
-    return max(0.0, min(b, d) - max(a, c))

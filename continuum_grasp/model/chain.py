@@ -9,7 +9,7 @@ axes of the next link, which the appendix of the paper forgets.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from continuum_grasp.model.link import Bias, Inertia, LoadedLink, Section, is_end
@@ -116,16 +116,10 @@ class Chain:
     @cached_property
     def _inertias(self) -> tuple[Inertia, ...]:
         """Mass integrals of each link about its start, in the base's axes."""
+        # There is one rotation more than links, that of the tip.
+        own = zip(self.rotations, (link.inertia() for link in self.links), strict=False)
         return tuple(
-            Inertia(
-                own.mass,
-                turn.apply(own.first),
-                own.second,
-                tuple(turn.apply(arm) for arm in own.arms),
-                own.swing,
-                own.matrix,
-            )
-            for turn, own in zip(self.rotations, (link.inertia() for link in self.links), strict=False)
+            replace(k, first=turn.apply(k.first), arms=tuple(turn.apply(arm) for arm in k.arms)) for turn, k in own
         )
 
     @cached_property

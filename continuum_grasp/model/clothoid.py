@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from continuum_grasp.model.collocated import CollocatedLink
-from continuum_grasp.model.family import Array, Family, Pieces, Rod
+from continuum_grasp.model.family import Array, Family, Pieces, Rod, overlaps
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import node_count
@@ -112,31 +112,25 @@ class ClothoidFamily(Family):
 
     def rest(self, lengths: Sequence[float], pieces: Pieces) -> list[float]:
         result = [0.0] * self.size
-        start = 0.0
-        for k, h in enumerate(lengths):
-            for a, b, value in pieces:
-                lo, hi = max(start, a), min(start + h, b)
-                if hi > lo:
-                    # Integral of the shape that rises from 0 to 1 along the element.
-                    rising = ((hi - start) ** 2 - (lo - start) ** 2) / (2 * h)
-                    result[k] += value * (hi - lo - rising)
-                    result[k + 1] += value * rising
-            left, right = self._steps[k]
+        for k, (h, (left, right), parts) in enumerate(
+            zip(lengths, self._steps, overlaps(lengths, pieces), strict=True)
+        ):
+            for start, low, high, value in parts:
+                # Integral of the shape that rises from 0 to 1 along the element.
+                rising = ((high - start) ** 2 - (low - start) ** 2) / (2 * h)
+                result[k] += value * (high - low - rising)
+                result[k + 1] += value * rising
             result[k] -= h * (left / 3 + right / 6)
             result[k + 1] -= h * (left / 6 + right / 3)
-            start += h
         return result
 
     def rest_energy(self, lengths: Sequence[float], pieces: Pieces) -> float:
-        energy, start = 0.0, 0.0
-        for h, (left, right) in zip(lengths, self._steps, strict=True):
-            for a, b, value in pieces:
-                lo, hi = max(start, a), min(start + h, b)
-                if hi > lo:
-                    first, last = (value - left - (right - left) * (at - start) / h for at in (lo, hi))
-                    # Half the integral of the square of what is linear from first to last.
-                    energy += (hi - lo) * (first**2 + first * last + last**2) / 6
-            start += h
+        energy = 0.0
+        for h, (left, right), parts in zip(lengths, self._steps, overlaps(lengths, pieces), strict=True):
+            for start, low, high, value in parts:
+                first, last = (value - left - (right - left) * (at - start) / h for at in (low, high))
+                # Half the integral of the square of what is linear from first to last.
+                energy += (high - low) * (first**2 + first * last + last**2) / 6
         return energy
 
     def rest_uniform(self, lengths: Sequence[Scalar]) -> list[Scalar]:

@@ -8,7 +8,7 @@ model but a function of its input.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, ClassVar
@@ -137,6 +137,15 @@ class Family(ABC):
         # Affine, for jumps of the rest curvature: differences to the curvature at zero are exact derivatives.
         straight = sampled([0.0] * self.size)
         return np.stack([sampled(row) - straight for row in np.eye(self.size).tolist()], axis=-1)
+
+
+def overlaps(lengths: Sequence[float], pieces: Pieces) -> Iterator[list[tuple[float, float, float, float]]]:
+    """Per element its overlaps with pieces: start of the element, start and end of the overlap [m], value [1/m]."""
+    start = 0.0
+    for h in lengths:
+        spans = [(max(start, a), min(start + h, b), value) for a, b, value in pieces]
+        yield [(start, low, high, value) for low, high, value in spans if high > low]
+        start += h
 
 
 def family_class(name: str) -> type[Family]:

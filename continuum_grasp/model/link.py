@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
 
@@ -118,8 +118,8 @@ class LoadedLink:
         for fraction, mass in self.masses:
             section = self.link.section(fraction)
             force = self.link.section_bias(fraction, omega, rates).scaled(mass)
-            total = Bias(
-                end=total.end,
+            total = replace(
+                total,
                 force=total.force + force,
                 moment=total.moment + section.position.cross(force),
                 # perp(arm) . force = arm x force: why generalized forces are cross products of arms

@@ -13,7 +13,7 @@ from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.touching import Pair, Station, TablePair, disc_pair, support_pairs, table_pair
+from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pair
 from continuum_grasp.scene.surroundings import Surroundings
 
 OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1", "object_x": "m", "object_y": "m"}
@@ -68,14 +68,14 @@ class SystemEquations(Equations):
         return found
 
     @cached_property
-    def pairs(self) -> list[Pair | TablePair]:
+    def pairs(self) -> list[Pair]:
         """What can touch: stations of the finger first, then supports, then the table."""
         around, body = self._around, self.body
         if around is None or body is None or around.contact_law is None:
             return []
         law = around.contact_law
         stations = [disc_pair(body, law, station) for _, station in self._stations]
-        pairs: list[Pair | TablePair] = [*stations, *support_pairs(body, law, around.walls, around.pegs)]
+        pairs: list[Pair] = [*stations, *support_pairs(body, law, around.walls, around.pegs)]
         if around.table is not None:
             pairs.append(table_pair(body, law, around.table.friction))
         return [pair.pressed() for pair in pairs] if self._pressed else pairs

@@ -128,7 +128,7 @@ class Signals:
 
     @property
     def _sampled(self) -> list[Samples | VectorSamples]:
-        values = [*self._values, *(_value(load) for load, _ in self._loads)]
+        values = [*self._values, *(value_of(load) for load, _ in self._loads)]
         return [value for value in values if isinstance(value, (Samples, VectorSamples))]
 
     def u(self, t: ArrayLike) -> Array:
@@ -149,7 +149,7 @@ class Signals:
         for load, (vector, start) in self._loads:
             if vector != "w":
                 continue
-            value = _value(load)
+            value = value_of(load)
             width = 2 if isinstance(load, ForceLoad) else 1
             if isinstance(value, (Samples, VectorSamples)):
                 rows[:, start : start + width] = interpolate(value, instants)[0].reshape(-1, width)
@@ -158,7 +158,8 @@ class Signals:
         return rows
 
 
-def _value(load: Load) -> float | tuple[float, float] | Samples | VectorSamples:
+def value_of(load: Load) -> float | tuple[float, float] | Samples | VectorSamples:
+    """Force or moment of a load."""
     return load.force if isinstance(load, ForceLoad) else load.moment
 
 

@@ -184,28 +184,23 @@ class Trajectory(MotionResult):
 
         Contacts of the finger with an object act on the finger, supports on the object.
         """
-        places = [(at, "contact", 2 * k) for k, at in enumerate(self.model.contacts)]
-        if self.model.structure.tip_force:
-            places.append((self.length, "tip", 2 * len(places)))
-        found = []
         q, u, w = self.q[index], self.acting[index], self.w[index]
-        for at, kind, start in places:
-            found.append((self._point(q, u, at), w[start : start + 2], kind))
+        places = [(at, "contact", 2 * k, False) for k, at in enumerate(self.model.contacts)]
+        if self.model.structure.tip_force:
+            places.append((self.length, "tip", 2 * len(places), False))
         for load, (_, start) in zip(self.model.loads, self.model.load_entries, strict=True):
-            if not isinstance(load, ForceLoad):
-                continue
+            if isinstance(load, ForceLoad):
+                places.append((load.at, "load", start, load.follows))
+        found = [] if self.contacts is None else self.contacts.at(index)
+        own = []
+        for at, kind, start, follows in places:
             force = w[start : start + 2]
-            if load.follows:
-                angle = float(self.core.orientation(q, u, [load.at])[0])
+            if follows:  # across and along the section
+                angle = float(self.core.orientation(q, u, [at])[0])
                 c, s = np.cos(angle), np.sin(angle)
                 force = np.array([[c, -s], [s, c]]) @ force
-            found.append((self._point(q, u, load.at), force, "load"))
-        if self.contacts is not None:
-            found += self.contacts.at(index)
-        return [(at, force, kind) for at, force, kind in found if np.any(force != 0.0)]
-
-    def _point(self, q: Array, u: Array, at: float) -> Array:
-        return np.asarray(self.core.position(q, u, [at]))
+            own.append((np.asarray(self.core.position(q, u, [at])), force, kind))
+        return [(at, force, kind) for at, force, kind in own + found if np.any(force != 0.0)]
 
     def details(self) -> dict[str, Any]:
         """Error of the steps in time, and what the columns are."""
