@@ -32,14 +32,10 @@ from continuum_grasp.model.stumpff import rotation
 class _Nodes:
     """Directions along a link or the first part of it."""
 
-    tangents: list[Vec]
-    """At the nodes."""
-    turns: list[Rotation]
-    """From each node to the next."""
-    doubled: list[Rotation]
-    """From each node to the second next."""
-    end: Rotation
-    """Of the end section."""
+    tangents: list[Vec]  # at the nodes
+    turns: list[Rotation]  # from each node to the next
+    doubled: list[Rotation]  # from each node to the second next
+    end: Rotation  # of the end section
 
 
 class CollocatedLink(Link):

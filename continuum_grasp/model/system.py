@@ -251,15 +251,7 @@ class System(Functions):
         r, angles = _columns(at for at, _ in found), [angle for _, angle in found]
         return self._function("sections", "x u p", r=r, angle=angles)
 
-    @cached_property
-    def energy(self) -> ca.Function:
-        """Kinetic and potential energy [J], with those of the object and of the surfaces pressed in; the table at rest
-        at height zero.
-        """
-        eq = self._equations
-        kinetic, potential = ca.substitute([ca.SX(each) for each in eq.energies], [eq.w], [ca.SX.zeros(self.nw)])
-        return self._function("energy", "x u p", kinetic=kinetic, potential=potential)
-
+    energy = named("x u p", kinetic=lambda eq: eq.energies[0], potential=lambda eq: eq.energies[1])
     touch = named(
         "x u w p",
         gap=lambda eq: [pair.gap for pair in eq.pairs],

@@ -108,11 +108,13 @@ class SystemEquations(Equations):
 
     @cached_property
     def energies(self) -> tuple[Scalar, Scalar]:
-        """Kinetic and potential energy [J], with those of the object and of the surfaces pressed in."""
+        """Kinetic and potential energy [J], with those of the object and of the surfaces pressed in; without w."""
         kinetic, potential = self.kinetic_energy, self.potential_energy
         if self.body is not None:
             moving, weight = self.body.energy(self._world_gravity)
             kinetic, potential = kinetic + moving, potential + weight
             for pair in self.pairs:
                 potential += pair.stored_energy
+        # The table, whose height is in w, is at rest at height zero.
+        kinetic, potential = ca.substitute([ca.SX(kinetic), ca.SX(potential)], [self.w], [ca.SX.zeros(self.w.shape)])
         return kinetic, potential

@@ -39,18 +39,18 @@ def panel_edges(marks: ArrayLike, longest: float) -> Array:
 
 @lru_cache(maxsize=32)
 def _reference(count: int) -> tuple[Array, Array, Array, Array]:
-    """Nodes and weights on (-1, 1), the matrix from values to Legendre coefficients, and that of the integrals from -1.
-
-    The integral of P_k from -1 is (P_(k+1) - P_(k-1)) / (2 k + 1).
-    """
+    """Nodes and weights on (-1, 1), matrix from values to Legendre coefficients, matrix of the integrals from -1."""
     nodes, weights = legendre.leggauss(count)
     series = legendre.legvander(nodes, count)
     to_series = (np.arange(count)[:, None] + 0.5) * (series[:, :count] * weights[:, None]).T
-    integrals = np.empty((count, count))
-    integrals[:, 0] = nodes + 1.0
-    for k in range(1, count):
-        integrals[:, k] = (series[:, k + 1] - series[:, k - 1]) / (2 * k + 1)
-    return nodes, weights, to_series, integrals @ to_series
+    return nodes, weights, to_series, _integrals(nodes, count) @ to_series
+
+
+def _integrals(local: Array, count: int) -> Array:
+    """Integrals (..., count) of the Legendre polynomials from -1: (P_(k+1) - P_(k-1)) / (2 k + 1), and u + 1 of P_0."""
+    basis, degree = legendre.legvander(local, count), np.arange(1, count)
+    higher = (basis[..., 2:] - basis[..., :-2]) / (2 * degree + 1)
+    return np.concatenate([(local + 1.0)[..., None], higher], axis=-1)
 
 
 class Mesh:
@@ -116,12 +116,7 @@ class Mesh:
     def integrate(self, values: NDArray[np.inexact], at: Array) -> NDArray[np.inexact]:
         """Integral from the start of a function given at the nodes."""
         panel, local = self._locate(at)
-        basis = legendre.legvander(local, self.count)
-        degree = np.arange(1, self.count)
-        rising = np.concatenate(
-            [(local + 1.0)[..., None], (basis[..., 2:] - basis[..., :-2]) / (2 * degree + 1)], axis=-1
-        )
-        part = 0.5 * self.widths[panel] * np.sum(rising * self.series(values)[panel], axis=-1)
+        part = 0.5 * self.widths[panel] * np.sum(_integrals(local, self.count) * self.series(values)[panel], axis=-1)
         return np.asarray(self.to_edges(values)[panel] + part)
 
     def _locate(self, at: Array) -> tuple[NDArray[np.intp], Array]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,23 +106,12 @@ class RodEquations:
         slope.flat[:: mesh.size + 1] += 1.0
         return Balance(curvature - self.rest - share * moment, slope, -moment)
 
-    @cached_property
-    def _root(self) -> Array:
-        return np.sqrt(self.mesh.weights)
-
     def stiffness(self, slope: Array) -> Array:
         """Second variation of the energy in the metric of the integral of (change of curvature)^2; symmetric."""
         # W^(1/2) slope W^(-1/2) is symmetric to rounding, since the mesh integrates by parts exactly.
-        scaled = self._root[:, None] * slope / self._root
+        root = np.sqrt(self.mesh.weights)
+        scaled = root[:, None] * slope / root
         return 0.5 * (scaled + scaled.T)
-
-    def scaled(self, values: Array) -> Array:
-        """Values at the nodes in the metric of ``stiffness``."""
-        return np.asarray(self._root * values)
-
-    def unscaled(self, values: Array) -> Array:
-        """The inverse of ``scaled``."""
-        return np.asarray(values / self._root)
 
     def elastic_energy(self, curvature: Array) -> float:
         """Energy of bending, per EI / L."""

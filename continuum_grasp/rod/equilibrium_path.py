@@ -180,19 +180,20 @@ def descend(equations: RodEquations, start: Array, side: int) -> tuple[Array, in
     curvature near a minimum, and the number of steps.
     """
     curvature, energy = start, equations.energy(start)
+    root = np.sqrt(equations.mesh.weights)  # into the metric of ``stiffness``, and back
     kicked = False
     for step in range(1, _MAX_DESCENT + 1):
         balance = equations.balance(curvature)
         values, vectors = np.linalg.eigh(equations.stiffness(balance.slope))
-        force = vectors.T @ equations.scaled(balance.missing)
-        change = equations.unscaled(vectors @ (-force / np.maximum(np.abs(values), 1e-6)))
+        force = vectors.T @ (root * balance.missing)
+        change: Array = vectors @ (-force / np.maximum(np.abs(values), 1e-6)) / root
         turn = equations.turn(change)
         if turn < 1e-6:
             if values[0] > 0.0:
                 return curvature, step
             # On a saddle the force vanishes: leave it along the weakest direction, by a turn of 0.1 rad.
             if not kicked or values[0] < -1e-6:
-                kick = equations.unscaled(vectors[:, 0])
+                kick = vectors[:, 0] / root
                 tip = float(equations.mesh.weights @ kick)
                 change = kick * (side if tip >= 0.0 else -side) * (0.1 / equations.turn(kick))
                 turn, kicked = 0.1, True

@@ -7,7 +7,6 @@ compiled solver; the numbers of a part are handed in.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -170,12 +169,3 @@ def separation(point: ca.SX, beta: ca.SX, corners: ca.SX) -> ca.SX:
     """
     normal = ca.vertcat(ca.cos(beta), ca.sin(beta))
     return ca.vertcat(*(ca.dot(normal, point - corners[:, k]) for k in range(corners.shape[1])))
-
-
-def nearest_of(candidates: Sequence[Nearest]) -> Nearest:
-    """The one with the smallest distance."""
-    best = candidates[0]
-    for other in candidates[1:]:
-        own = ca.SX(best.distance) <= ca.SX(other.distance)
-        best = Nearest(ca.fmin(best.distance, other.distance), chosen(own, best.normal, other.normal))
-    return best
