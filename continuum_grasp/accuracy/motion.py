@@ -95,6 +95,7 @@ def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
             tip = run.tip(substeps)
         except NumericalError:
             continue
+        # The first stable number, refined by four at least: fourth order leaves 1/256 of its error.
         if finest is None:
             finest = run.tip(max(4 * substeps, _SUBSTEPS[min(k + 6, len(_SUBSTEPS) - 1)]))
         error = float(np.linalg.norm(tip - finest, axis=1).max()) / model.finger.rod.length

@@ -79,6 +79,7 @@ def find_truth(scene: Scene) -> Truth:
     omitted: list[str] = []
     for case in load_cases(scene):
         try:
+            # Far below the errors of models: two matched clothoids have 6e-6 under P L^2 / EI = 1.
             rod = solve_elastica(case.scene, tolerance=1e-9)
         except SolverError as error:
             if not found and case.rests:

@@ -92,6 +92,7 @@ class Arc(Link):
         per_length = mass * self._length
         per_square = per_length * self._length
         rotary = self._rotary_inertia * self._length
+        # Per rho A L^3: int |r|^2 = 2 c_3, int r . arm = c_3 - c_4, int |arm|^2 = 2 c_4 - 4 c_5.
         return Inertia(
             mass=mass,
             first=self._mean(0, per_length),

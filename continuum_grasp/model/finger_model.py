@@ -193,32 +193,17 @@ class FingerModel(Functions):
         return tuple(tuple(at for at, _ in link.link.waypoints) for link in self._equations.chain.links)
 
     def probes(self, count: int) -> ca.Function:
-        """World positions (2, count * N) [m] at run-time fractions f (count, N) of the N elements' lengths.
-
-        Parameters
-        ----------
-        count : int
-            Places per element.
-
-        Returns
-        -------
-        casadi.Function
-            ``(q, u, f, p) -> r``.
-        """
+        """``(q, u, f, p) -> r``: world positions (2, count * N) [m] at fractions f (count, N) of the N elements."""
         eq = self._equations
         f = ca.SX.sym("f", count, len(self.lengths))
         r = ca.horzcat(*[at.column() for at in eq.inside(f)])
         return ca.Function("probes", [eq.q, eq.u, f, eq.p], self._at_command([r]), ["q", "u", "f", "p"], ["r"])
 
     def curvatures(self) -> ca.Function:
-        """Curvature and bends of the elements.
+        """``(q, u, p) -> kappa, at, bend``: curvature and bends of the N elements.
 
-        Returns
-        -------
-        casadi.Function
-            ``(q, u, p) -> kappa, at, bend``: curvature (size) [1/m] that belongs to each coordinate of the family, the
-            tip's included where it is none; curvature (degree + 1, N) [1/m] at the ``places`` of the N elements; the
-            same times the elements' lengths [rad].
+        kappa (size) [1/m] belongs to each coordinate of the family, the tip's included where it is none; at
+        (degree + 1, N) [1/m] are curvatures at the ``places`` of the elements; bend is the same times lengths [rad].
         """
         eq = self._equations
         at, bends = (matrix(list(zip(*rows, strict=True))) for rows in (eq.curvatures, eq.greatest_bends))

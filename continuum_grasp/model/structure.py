@@ -48,6 +48,7 @@ class Structure:
         gravity = choices.numbers("gravity", 2) or (0.0, -9.81)
         elements = choices.elements()
         self.lengths = element_lengths(self.length, self.contacts, elements)
+        # A number that is left open may grow by the places where the curvature has kinks or jumps.
         if elements is None:
             held = () if scene is None else scene.initial.held_by
             continuous = family_class(choices.word("family", FAMILIES) or default_family(free_tip=True)).continuous

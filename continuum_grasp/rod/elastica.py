@@ -286,7 +286,18 @@ def _refine(equations: RodEquations, start: Array, iterations: int, tolerance: f
         rounding = 2.0 * noise + _ROUNDING * (1.0 + float(np.abs(curvature).max()) / weak)
         error = float(np.abs(after - before).max()) + rounding
         if error <= tolerance:
-            return _result(equations, curvature, margin, error, iterations)
+            joule = problem.stiffness / problem.length
+            return Elastica(
+                energy=joule * (equations.energy(curvature) + equations.base_energy),
+                elastic_energy=joule * equations.elastic_energy(curvature),
+                stable=margin > 0.0 if problem.conservative else None,
+                margin=margin,
+                error=problem.length * error,
+                nodes=equations.mesh.size,
+                iterations=iterations,
+                equations=equations,
+                nodal_curvature=curvature,
+            )
         if rounding > tolerance:
             break
     raise SolverError(
@@ -294,22 +305,6 @@ def _refine(equations: RodEquations, start: Array, iterations: int, tolerance: f
         status="rounding" if rounding > tolerance else "refinement limit",
         violated=[f"estimated error of position: {error:.3g} L (tolerance {tolerance:.3g} L)"],
         advice="raise the tolerance, or move the loads away from a critical value",
-    )
-
-
-def _result(equations: RodEquations, curvature: Array, margin: float, error: float, iterations: int) -> Elastica:
-    problem = equations.problem
-    joule = problem.stiffness / problem.length
-    return Elastica(
-        energy=joule * (equations.energy(curvature) + equations.base_energy),
-        elastic_energy=joule * equations.elastic_energy(curvature),
-        stable=margin > 0.0 if problem.conservative else None,
-        margin=margin,
-        error=problem.length * error,
-        nodes=equations.mesh.size,
-        iterations=iterations,
-        equations=equations,
-        nodal_curvature=curvature,
     )
 
 

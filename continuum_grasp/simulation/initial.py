@@ -67,6 +67,7 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         q = equilibrium_under(bare, np.zeros(bare.nu), np.zeros(bare.nw)).q
     if model.nx == 2 * n:
         return np.concatenate([q, qd])
+    # The lag has reached what the tensions command at time zero: nothing moves because of it.
     tendons = scene.finger.tendons
     moment = (u[0] - u[1]) * tendons.offset if tendons is not None else 0.0
     return np.concatenate([q, qd, [moment, 0.0]])

@@ -56,6 +56,7 @@ def _monotone_slopes(steps: Array, secants: Array) -> Array:
     slopes = np.zeros(len(secants) + 1)
     before, after = secants[:-1], secants[1:]
     monotone = before * after > 0.0
+    # Fritsch and Butland: the harmonic mean, weighted towards the shorter interval, keeps the interpolant monotone.
     weight = (steps[:-1] + 2.0 * steps[1:]) / (3.0 * (steps[:-1] + steps[1:]))
     blend = np.where(monotone, weight * after + (1.0 - weight) * before, 1.0)
     mean = np.where(monotone, before * after / blend, 0.0)

@@ -118,7 +118,8 @@ class Search:
             q, iterations = self._descend(q + size * kick, iterations)
             margin, _, steady = self._stability(q)
         warnings = (*self._checked(q), *self._buckling(q, margin))
-        residual = self._residual(q)
+        missing = self._core.statics(q, self._u, self._w, self._p)[0]
+        residual = float(np.abs(missing).max() / self._scale(q))
         return Equilibrium(q, self._u, self._w, self._p, steady, margin, residual, iterations, self._model, warnings)
 
     def _checked(self, q: Array) -> tuple[str, ...]:
@@ -204,9 +205,6 @@ class Search:
         # Where nothing loads the finger: what a bend of a part in 1e9 of the range would ask for.
         floor = 1e-9 * np.abs(core.statics(q, u, w, p)[1]).max() * self._reach()
         return max(float(max(np.abs(part).max(initial=0.0) for part in parts)), float(floor))
-
-    def _residual(self, q: Array) -> float:
-        return float(np.abs(self._core.statics(q, self._u, self._w, self._p)[0]).max() / self._scale(q))
 
     def _stability(self, q: Array) -> tuple[float, Array, bool]:
         """Smallest stiffness eigenvalue in the metric of the mass matrix, its direction, and the verdict."""

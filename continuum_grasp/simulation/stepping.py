@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -260,24 +260,24 @@ class Stepper:
         return np.asarray(self._positions.batch("joints", q, acting_input(self._model, x, u), None)[0])
 
 
+@dataclass
 class _Differences:
     """Greatest differences so far between steps of several lengths, per length of the finger [1]."""
 
-    def __init__(self, plan: Plan) -> None:
-        self._plan = plan
-        self._greatest: list[float] = []
-        self.finite = True
+    plan: Plan
+    greatest: list[float] = field(default_factory=list)
+    finite: bool = True
 
     def add(self, found: list[float]) -> None:
         """Note those of some more instants."""
-        self._greatest = [max(pair) for pair in zip(self._greatest or found, found, strict=True)]
+        self.greatest = [max(pair) for pair in zip(self.greatest or found, found, strict=True)]
 
     @property
     def estimate(self) -> float:
         """The error; nan where nothing was compared."""
         if not self.finite:
             return math.inf
-        return self._plan.estimate(self._greatest) if self._greatest else math.nan
+        return self.plan.estimate(self.greatest) if self.greatest else math.nan
 
 
 def _between(rows: Array, every: int, count: int) -> Array:

@@ -171,9 +171,11 @@ class PolygonSurface(Surface[OffsetPolygon]):
         share = np.clip((off * edge).sum(axis=2) / size**2, 0.0, 1.0)
         arm = off - share[:, :, None] * edge
         reach = np.linalg.norm(arm, axis=2)
+        # Inside, the face of least depth; outside, the edge that is nearest.
         inside = (height < 0.0).all(axis=1) if count > 2 else np.zeros(len(points), dtype=bool)
         pick = np.where(inside, height.argmax(axis=1), reach.argmin(axis=1))
         far = reach[rows, pick]
+        # On an edge the way there has no direction: the face's normal stands for it.
         on = inside | (far < 1e-12)
         direction = np.where(on[:, None], normal[pick], arm[rows, pick] / np.maximum(far, 1e-300)[:, None])
         distance = np.where(inside, height[rows, pick], far)
@@ -194,6 +196,7 @@ class PolygonSurface(Surface[OffsetPolygon]):
 def _is_rectangle(core: Sequence[tuple[float, float]]) -> bool:
     if len(core) != 4:
         return False
+    # A parallelogram (its diagonals share their middle) whose diagonals are equally long.
     (ax, ay), (bx, by), (cx, cy), (dx, dy) = core
     size = math.dist(core[0], core[2])
     middles = math.dist((ax + cx, ay + cy), (bx + dx, by + dy))
@@ -221,7 +224,7 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     # All edges are compared at run time: a chain of selections, since branches have no derivative.
     edges = list(pairwise([*core, core[0]])) if len(core) > 2 else [(core[0], core[1])]
     heights: list[Scalar] = []
-    best: tuple[Scalar, Vec, Vec] | None = None
+    found: list[tuple[Scalar, Vec, Vec]] = []
     for (ax, ay), (bx, by) in edges:
         length = math.hypot(bx - ax, by - ay)
         along, normal = Vec((bx - ax) / length, (by - ay) / length), Vec((by - ay) / length, (ax - bx) / length)
@@ -230,16 +233,13 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
         over = s - ca.fmin(ca.fmax(s, 0.0), length)
         offset = along.scaled(over) + normal.scaled(height)
         heights.append(height)
-        square = over * over + height * height
-        if best is None:
-            best = (square, offset, normal)
-            continue
-        nearer = square < best[0]
-        best = (ca.fmin(square, best[0]), chosen(nearer, offset, best[1]), chosen(nearer, normal, best[2]))
-    if best is None:
-        raise ValueError("a polygon without edges")
-    size = ca.sqrt(best[0] + TINY)
-    outward = best[1].scaled(1.0 / size)
+        found.append((over * over + height * height, offset, normal))
+    square, away, face = found[0]
+    for other, offset, normal in found[1:]:
+        nearer = other < square
+        square, away, face = ca.fmin(other, square), chosen(nearer, offset, away), chosen(nearer, normal, face)
+    size = ca.sqrt(square + TINY)
+    outward = away.scaled(1.0 / size)
     if len(core) == 2:
         return Nearest(size, outward)
     # Inside, the nearest face is the one of least depth.
@@ -247,7 +247,7 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     for height in heights[1:]:
         top = ca.fmax(top, height)
     inside = top <= _SKIN
-    return Nearest(ca.if_else(inside, top, size), chosen(inside, best[2], outward))
+    return Nearest(ca.if_else(inside, top, size), chosen(inside, face, outward))
 
 
 class _PolygonOutline(Outline):

@@ -197,6 +197,7 @@ def _at(t: Array, a: float, b: float, power: float) -> tuple[Array, Array, Array
     xi, eta = c * norm, s * norm
     fx, fy = xi ** (power - 1.0) / a, eta ** (power - 1.0) / b
     size = np.hypot(fx, fy)
+    # Level line of f = xi^p + eta^p: radius |grad f|^3 / (fxx fy^2 + fyy fx^2); infinite on the axes where p > 2.
     with np.errstate(divide="ignore", invalid="ignore"):
         fxx = (power - 1.0) * xi ** (power - 2.0) / a**2
         fyy = (power - 1.0) * eta ** (power - 2.0) / b**2
@@ -261,6 +262,7 @@ class _SuperellipseOutline(Outline):
 
     def walk(self, w: Array) -> Walk:
         w = np.mod(w, math.tau)
+        # By symmetry from the first quadrant.
         left, low = (w > 0.5 * math.pi) & (w <= 1.5 * math.pi), w > math.pi
         turn = np.where(left, np.where(low, w - math.pi, math.pi - w), np.where(low, math.tau - w, w))
         point, normal, speed, turning = self._quadrant(turn)
@@ -308,6 +310,7 @@ class _SuperellipseOutline(Outline):
     def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:
         local = direction * np.exp(-1j * self.angle)
         (a, b), dual = self.axes, self.exponent / (self.exponent - 1.0)
+        # Gradient of the support function, the dual norm of (a u, b v).
         u, v = a * abs(local.real), b * abs(local.imag)
         norm = (u**dual + v**dual) ** (1.0 / self.exponent)
         x = math.copysign(a * u ** (dual - 1.0) / norm, local.real)
