@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from time import perf_counter
@@ -148,14 +148,15 @@ def allowed_accuracies(scene: Scene, tolerance: float) -> tuple[float, ...]:
     return tuple(accuracy for accuracy in ACCURACIES if accuracy <= most) or ACCURACIES[-1:]
 
 
+@dataclass
 class _Search:
     """The cheapest choice so far."""
 
-    def __init__(self, scene: Scene, truth: Truth, tolerance: float) -> None:
-        self._scene, self._truth, self._tolerance = scene, truth, tolerance
-        self._frequencies = scene.fidelity.frequencies
-        self.best: Assessment | None = None
-        self.tried: list[Assessment] = []
+    scene: Scene
+    truth: Truth
+    tolerance: float
+    best: Assessment | None = None
+    tried: list[Assessment] = field(default_factory=list)
 
     def through(self, family: str, *, only_most: bool = False) -> None:
         """Try the choices of a family, from few to many elements, until they cost more than the best.
@@ -163,12 +164,12 @@ class _Search:
         Those that cannot meet the tolerance by the order of convergence are skipped, unless
         only the most elements are asked for.
         """
-        accuracies = allowed_accuracies(self._scene, self._tolerance)
+        accuracies = allowed_accuracies(self.scene, self.tolerance)
         # By whether elements are aligned: the two placements converge each on its own.
         stiffness, hopeless = {False: 0.0, True: 0.0}, {False: 0.0, True: 0.0}
         closed: set[bool] = set()
         counts = COUNTS[-1:] if only_most else COUNTS
-        for coarse in choices(self._scene, self._truth, family, accuracies[0], counts=counts):
+        for coarse in choices(self.scene, self.truth, family, accuracies[0], counts=counts):
             if coarse.aligned in closed:
                 continue
             if self._costs_more(coarse, stiffness[coarse.aligned]):
@@ -177,11 +178,11 @@ class _Search:
             if hopeless[coarse.aligned] > coarse.elements:
                 continue
             # First with fine terms: an error that remains is that of the elements, whatever the terms.
-            probe = self._measured(coarse.with_accuracy(min(_PROBE, 0.1 * self._tolerance, accuracies[-1])))
+            probe = self._measured(coarse.with_accuracy(min(_PROBE, 0.1 * self.tolerance, accuracies[-1])))
             if math.isfinite(probe.radius):
                 stiffness[coarse.aligned] = probe.radius
             hopeless[coarse.aligned] = self._hopeless_below(probe)
-            if probe.within(2.0 * self._tolerance, self._frequencies):
+            if probe.within(2.0 * self.tolerance, self.scene.fidelity.frequencies):
                 self._cheapest_terms(coarse, accuracies, probe.radius)
 
     def _hopeless_below(self, probe: Assessment) -> float:
@@ -189,7 +190,7 @@ class _Search:
         if not math.isfinite(probe.shape):
             return 0.0
         order = probe.choice.model.structure.family.order
-        return float(_PRUNE * probe.choice.elements * (probe.shape / self._tolerance) ** (1.0 / order))
+        return float(_PRUNE * probe.choice.elements * (probe.shape / self.tolerance) ** (1.0 / order))
 
     def _cheapest_terms(self, coarse: Choice, accuracies: tuple[float, ...], radius: float) -> None:
         before = 0
@@ -202,18 +203,18 @@ class _Search:
                 return
             before = choice.instructions
             measured = self._measured(choice)
-            if measured.within(self._tolerance, self._frequencies):
+            if measured.within(self.tolerance, self.scene.fidelity.frequencies):
                 if self.best is None or measured.cost < self.best.cost:
                     self.best = measured
                 return
 
     def _costs_more(self, choice: Choice, radius: float) -> bool:
         """Whether a choice costs more than the best, by a bound of its spectral radius."""
-        rate = radius if self._scene.time is not None else 1.0
+        rate = radius if self.scene.time is not None else 1.0
         return self.best is not None and choice.instructions * rate >= self.best.cost
 
     def _measured(self, choice: Choice) -> Assessment:
-        measured = assess(choice, self._truth, stop_at=2.0 * self._tolerance)
+        measured = assess(choice, self.truth, stop_at=2.0 * self.tolerance)
         self.tried.append(measured)
         return measured
 

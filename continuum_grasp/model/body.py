@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import casadi as ca
 
-from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec
+from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, rotated
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.surroundings import Surroundings
 
@@ -54,9 +53,8 @@ class Body:
             self.turn = Rotation(ca.cos(self.pose[2]), ca.sin(self.pose[2]))
             self.velocity, self.omega = Vec(self.rates[0], self.rates[1]), self.rates[2]
         else:
-            angle = described.angle
             self.position = Vec(*(described.position if place is None else place))
-            self.turn = Rotation(1.0, 0.0) if angle == 0.0 else Rotation(math.cos(angle), math.sin(angle))
+            self.turn = rotated(described.angle)
             self.velocity = ZERO
         self.climb: Scalar = self.rates[3] if self.moves and self.sinks else 0.0
         """Rate of its height [m/s]."""

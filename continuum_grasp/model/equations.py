@@ -175,11 +175,7 @@ class Equations:
     @cached_property
     def joints(self) -> list[tuple[Vec, Scalar]]:
         """World position [m] and angle [rad] of the end section of each element."""
-        angle, found = self._par["base_angle"], []
-        for k, bend in enumerate(self.bends):
-            angle += bend
-            found.append((self.to_world(self.chain.position(Place(k))), angle))
-        return found
+        return [self.section_at(Place(k)) for k in range(len(self.lengths))]
 
     @cached_property
     def waypoints(self) -> list[Vec]:

@@ -7,6 +7,7 @@ Inside the model the X axis points along the undeformed backbone, so that the ta
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import TypeAlias
 
@@ -116,6 +117,11 @@ class Rotation:
     def transposed(self) -> Rotation:
         """The inverse rotation."""
         return Rotation(self.c, -self.s)
+
+
+def rotated(angle: float) -> Rotation:
+    """The rotation by an angle [rad]; by zero it costs no instruction."""
+    return Rotation(math.cos(angle), math.sin(angle)) if angle != 0.0 else IDENTITY
 
 
 ZERO = Vec(0.0, 0.0)

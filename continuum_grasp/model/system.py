@@ -229,22 +229,10 @@ class System(Functions):
     range_use = named("x u p", use=lambda eq: eq.range_use)
 
     def sections(self, stations: Sequence[float]) -> ca.Function:
-        """World positions r (2, K) [m] and angles (K) [rad] of the sections at positions along the finger [m].
+        """``(x, u, p) -> r, angle``: world positions (2, K) [m] and angles (K) [rad] of sections.
 
-        Parameters
-        ----------
-        stations : sequence of float
-            K positions from the base [m]; with run-time element lengths they keep their share of an element.
-
-        Returns
-        -------
-        casadi.Function
-            ``(x, u, p) -> r, angle``; the tangent of a section is (-sin, cos) of its angle.
-
-        Raises
-        ------
-        InputError
-            If one is not on the finger.
+        Stations are K positions from the base [m], which must be on the finger; with run-time element lengths they keep
+        their share of an element. The tangent of a section is (-sin, cos) of its angle.
         """
         eq, lengths = self._equations, self.finger_model.lengths
         found = [eq.section_at(place_at(at, lengths)) for at in stations]

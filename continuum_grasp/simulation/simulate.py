@@ -113,9 +113,15 @@ class _Run:
                     f"the initial shape bends an element {use[0].max():.3g} times its range", key="initial"
                 )
             result, use = self._result(states[: lost[0]]), use[: lost[0]]
-            lost_error = self._lost_error(result, use)
-            lost_error.__cause__ = error
-            error = lost_error
+            k, last = int(np.argmax(use[-1])), result.x[-1]
+            beyond = NumericalError(
+                f"element {k + 1} is about to bend beyond {LOST:g} times its declared range of "
+                f"{self._model.ranges[k]:.3g} rad after t = {result.t[-1]:g} s (state {last.tolist()}), where the "
+                "model means nothing: raise fidelity.bending_range, or lower the loads",
+                time=float(result.t[-1]),
+                state=last,
+            )
+            beyond.__cause__, error = error, beyond
         statistics = {
             "method": used.method,
             "substeps": used.substeps,
@@ -274,14 +280,3 @@ class _Run:
         found = overlap_text(result.t, result.contacts, result.overlap, self._model.finger.thickness_radius)
         text = f"between the stations that touch, the finger overlaps the object by {found}: add contacts"
         return (text,) if found else ()
-
-    def _lost_error(self, result: Trajectory, use: Array) -> NumericalError:
-        k = int(np.argmax(use[-1]))
-        reach, last = self._model.ranges[k], result.x[-1]
-        return NumericalError(
-            f"element {k + 1} is about to bend beyond {LOST:g} times its declared range of {reach:.3g} rad after "
-            f"t = {result.t[-1]:g} s (state {last.tolist()}), where the model means nothing: raise "
-            "fidelity.bending_range, or lower the loads",
-            time=float(result.t[-1]),
-            state=last,
-        )

@@ -98,7 +98,16 @@ class Search:
     def find(self, start: Array, stable: bool, side: int) -> Equilibrium:
         """Equilibrium from a start; see ``equilibrium``."""
         try:
-            return self._find(start, stable, side)
+            q, iterations = self._descend(start, 0)
+            margin, direction, steady = self._stability(q)
+            if stable and not steady:
+                # An eigenvector has no sign of its own: the largest component decides what the sides are.
+                kick = direction * side * (1.0 if direction[np.argmax(np.abs(direction))] > 0 else -1.0)
+                size = _IMPERFECTION * self._reach() / max(np.abs(kick).max(), 1e-300)
+                q, iterations = self._descend(q + size * kick, iterations)
+                margin, _, steady = self._stability(q)
+            warnings = (*self._checked(q), *self._buckling(q, margin))
+            missing = self._core.statics(q, self._u, self._w, self._p)[0]
         except np.linalg.LinAlgError as error:
             raise SolverError(
                 "no equilibrium found",
@@ -107,18 +116,6 @@ class Search:
                 advice="a bending stiffness or mass is so small or large that the matrices have no usable numbers, or "
                 "the start is far outside the bending range: check units, or give a guess nearer to the shape",
             ) from error
-
-    def _find(self, start: Array, stable: bool, side: int) -> Equilibrium:
-        q, iterations = self._descend(start, 0)
-        margin, direction, steady = self._stability(q)
-        if stable and not steady:
-            # An eigenvector has no sign of its own: the largest component decides what the sides are.
-            kick = direction * side * (1.0 if direction[np.argmax(np.abs(direction))] > 0 else -1.0)
-            size = _IMPERFECTION * self._reach() / max(np.abs(kick).max(), 1e-300)
-            q, iterations = self._descend(q + size * kick, iterations)
-            margin, _, steady = self._stability(q)
-        warnings = (*self._checked(q), *self._buckling(q, margin))
-        missing = self._core.statics(q, self._u, self._w, self._p)[0]
         residual = float(np.abs(missing).max() / self._scale(q))
         return Equilibrium(q, self._u, self._w, self._p, steady, margin, residual, iterations, self._model, warnings)
 

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.model.planar import Rotation, Scalar, Vec
+from continuum_grasp.model.planar import Scalar, Vec, rotated
 from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
 from continuum_grasp.model.surfaces.surface import Feature, Nearest, Surface, SurfacePoint, length
 from continuum_grasp.scene.parts import SuperellipsePart
@@ -57,14 +57,14 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
     # -- contact in motion
 
     def nearest(self, part: SuperellipsePart, at: Vec) -> Nearest:
-        turn = _turn(part.angle)
+        turn = rotated(part.angle)
         local = turn.transposed().apply(at - Vec(*part.center))
         found = _from_superellipse(*part.semi_axes, part.exponent, local)
         return Nearest(found.distance, turn.apply(found.normal))
 
     def lowest_points(self, part: SuperellipsePart, direction: Vec) -> list[Vec]:
         # The gradient of the support function, whose exponent q = p / (p - 1) is dual.
-        turn, (a, b) = _turn(part.angle), part.semi_axes
+        turn, (a, b) = rotated(part.angle), part.semi_axes
         n = turn.transposed().apply(direction)
         if part.exponent == 2.0:
             reach = ca.sqrt(a * a * n.x * n.x + b * b * n.y * n.y)
@@ -184,10 +184,6 @@ def _on_superellipse(a: float, b: float, power: float, way: Vec) -> tuple[Vec, V
     bend = (power - 1.0) * lift
     curvature = bend * (cs[0] / a**2 * gradient.y * gradient.y + cs[1] / b**2 * gradient.x * gradient.x) / size**3
     return point, slope, gradient.scaled(1.0 / size), curvature
-
-
-def _turn(angle: float) -> Rotation:
-    return Rotation(math.cos(angle), math.sin(angle)) if angle != 0.0 else Rotation(1.0, 0.0)
 
 
 def _at(t: Array, a: float, b: float, power: float) -> tuple[Array, Array, Array]:
