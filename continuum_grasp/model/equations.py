@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, reduce
 
 import casadi as ca
 
@@ -219,13 +219,8 @@ class Equations:
     @cached_property
     def range_use(self) -> list[Scalar]:
         """Share of the declared bending range that each element uses."""
-        use: list[Scalar] = []
-        for bends, reach in zip(self.greatest_bends, self._structure.ranges, strict=True):
-            peak = ca.fabs(ca.SX(bends[0]))
-            for bend in bends[1:]:
-                peak = ca.fmax(peak, ca.fabs(ca.SX(bend)))
-            use.append(peak / reach)
-        return use
+        peaks = [reduce(ca.fmax, [ca.fabs(ca.SX(bend)) for bend in bends]) for bends in self.greatest_bends]
+        return [peak / reach for peak, reach in zip(peaks, self._structure.ranges, strict=True)]
 
     # -- forces --------------------------------------------------------------------------------------------------
 

@@ -124,10 +124,6 @@ class Family(ABC):
     def bend_gradient(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
         """Derivative of an element's bending angle with respect to the full coordinates; constant."""
 
-    def elements_bent_by(self, coordinate: int) -> list[int]:
-        """Elements that a full coordinate bends."""
-        return [k for k in range(self.elements) if coordinate in self.local(k)]
-
     def curvature_shapes(self, lengths: Sequence[float]) -> Array:
         """Derivative (N, degree + 1, size) of the curvature with respect to the full coordinates."""
 

@@ -119,7 +119,11 @@ class Structure:
 
     def _limits(self, size: Callable[[float, float], float], lengths: Sequence[float]) -> list[float]:
         per_element = [size(reach, h) for reach, h in zip(self.ranges, lengths, strict=True)]
-        return [min(per_element[k] for k in self.family.elements_bent_by(a)) for a in range(self.family.size)]
+        # Neighbors may share a coordinate: the tighter one limits it.
+        bent = [self.family.local(k) for k in range(self.family.elements)]
+        return [
+            min(r for r, local in zip(per_element, bent, strict=True) if a in local) for a in range(self.family.size)
+        ]
 
     @property
     def tip(self) -> Place:

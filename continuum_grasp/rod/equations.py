@@ -53,13 +53,9 @@ class RodEquations:
             self.rest[(s > start) & (s < end)] = value
         self._has_friction = problem.friction > 0.0 and problem.drive != 0.0
 
-    def angles(self, curvature: Array) -> Array:
-        """World angles of the sections at the nodes [rad]."""
-        return np.asarray(self.problem.angle + self.mesh.forward @ curvature)
-
     def tangents(self, curvature: Array) -> Complex:
         """Unit tangents at the nodes."""
-        return np.asarray(1j * np.exp(1j * self.angles(curvature)))
+        return np.asarray(1j * np.exp(1j * (self.problem.angle + self.mesh.forward @ curvature)))
 
     def unresolved(self, curvature: Array) -> Array:
         """Turn [rad] per panel that its polynomials may miss: in curvature, tangent or the tendon's friction."""

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 from itertools import pairwise
 from typing import Any
 
@@ -243,9 +244,7 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     if len(core) == 2:
         return Nearest(size, outward)
     # Inside, the nearest face is the one of least depth.
-    top = heights[0]
-    for height in heights[1:]:
-        top = ca.fmax(top, height)
+    top = reduce(ca.fmax, heights)
     inside = top <= _SKIN
     return Nearest(ca.if_else(inside, top, size), chosen(inside, face, outward))
 
