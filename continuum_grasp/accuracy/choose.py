@@ -250,7 +250,13 @@ def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, st
     """
     if scene.fidelity.tolerance is None:
         return scene, ""
-    asked = _swinging(scene) if vibrates else scene
+    asked = scene
+    if vibrates:
+        changed: dict[str, Any] = {"fidelity": scene.fidelity.model_copy(update={"frequencies": 2})}
+        # Frequencies count where a scene moves: one that does not swings about its equilibrium.
+        if scene.time is None:
+            changed |= {"initial": Initial(pose="equilibrium"), "time": Timing(duration=1.0, step=0.01)}
+        asked = scene.model_copy(update=changed)
     key = _key(asked)
     file = private_folder("choices") / f"{key}.json"
     known = _read(file, key)
@@ -264,14 +270,6 @@ def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, st
             temporary.write_text(json.dumps(known))
     fidelity = Fidelity.model_validate(known["fidelity"])
     return scene.model_copy(update={"fidelity": fidelity}), str(known["note"])
-
-
-def _swinging(scene: Scene) -> Scene:
-    """The scene as one whose modes matter, about its equilibrium where it does not move."""
-    changed: dict[str, Any] = {"fidelity": scene.fidelity.model_copy(update={"frequencies": 2})}
-    if scene.time is None:
-        changed |= {"initial": Initial(pose="equilibrium"), "time": Timing(duration=1.0, step=0.01)}
-    return scene.model_copy(update=changed)
 
 
 def _read(file: Path, key: str) -> dict[str, Any] | None:

@@ -153,6 +153,7 @@ class Chain:
                     inner = self.links[j].link.end.angles
                     for b, arm, angle in zip(self.coordinates[j], self._end_arms[j], inner, strict=True):
                         value = arm.dot(force) + angle * moment
+                        # A coordinate that neighbors share meets itself: both orders of the pair on the diagonal.
                         add(b, here[a], 2.0 * value if b == here[a] else value)
                     moment += self.spans[j].dot(force)
             second += 2.0 * span.dot(first) + mass * span.dot(span)

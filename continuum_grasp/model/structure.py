@@ -120,10 +120,8 @@ class Structure:
     def _limits(self, size: Callable[[float, float], float], lengths: Sequence[float]) -> list[float]:
         per_element = [size(reach, h) for reach, h in zip(self.ranges, lengths, strict=True)]
         # Neighbors may share a coordinate: the tighter one limits it.
-        bent = [self.family.local(k) for k in range(self.family.elements)]
-        return [
-            min(r for r, local in zip(per_element, bent, strict=True) if a in local) for a in range(self.family.size)
-        ]
+        bent = [(limit, self.family.local(k)) for k, limit in enumerate(per_element)]
+        return [min(limit for limit, local in bent if a in local) for a in range(self.family.size)]
 
     @property
     def tip(self) -> Place:

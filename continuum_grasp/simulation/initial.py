@@ -62,7 +62,7 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         held = _statics_model(scene, model, loads=(*scene.loads, *initial.held_by))
         acting = Signals(scene, held)
         q = equilibrium_under(held, acting.u(0.0)[0], acting.w(0.0)[0]).q
-    elif initial.pose == "rest":
+    elif initial.pose == "rest":  # bent by its rest curvature alone
         bare = _statics_model(scene, model, loads=(), gravity=(0.0, 0.0))
         q = equilibrium_under(bare, np.zeros(bare.nu), np.zeros(bare.nw)).q
     if model.nx == 2 * n:

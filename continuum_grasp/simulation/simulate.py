@@ -136,7 +136,10 @@ class _Run:
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
         at_start, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
         inexact = self._error_warnings(used, motion)
-        warnings = (*at_start, *jumps, *inexact, *limits, *self._overlaps(result))
+        half, contacts = self._model.finger.thickness_radius, result.contacts
+        overlap = overlap_text(result.t, contacts, result.overlap, half) if contacts is not None else ""
+        through = f"between the stations that touch, the finger overlaps the object by {overlap}: add contacts"
+        warnings = (*at_start, *jumps, *inexact, *limits, *((through,) if overlap else ()))
         result = replace(result, status=status, warnings=warnings, statistics=statistics, time_error=motion.time_error)
         return result, error
 
@@ -256,6 +259,7 @@ class _Run:
     def _radius(self, shapes: Array) -> float:
         """Spectral radius over shapes, at time zero, and over the first of them whenever inputs or loads turn."""
         finite = shapes[np.all(np.isfinite(shapes), axis=1)]
+        # Of later instants the start, the straight finger and two random shapes: eigenvalues take their time.
         core, signals, radius = Core(self._model, compiled=False), self._signals, 0.0
         for k, t in enumerate(signals.instants(self._time.duration)):
             some = finite if k == 0 else finite[:4]
@@ -273,10 +277,3 @@ class _Run:
     def _result(self, states: Array) -> Trajectory:
         t: Array = np.linspace(0.0, (len(states) - 1) * self._time.step, len(states))
         return Trajectory(t, states, self._signals.u(t), self._signals.w(t), self._model, self._scene, self._system)
-
-    def _overlaps(self, result: Trajectory) -> tuple[str, ...]:
-        if result.contacts is None:
-            return ()
-        found = overlap_text(result.t, result.contacts, result.overlap, self._model.finger.thickness_radius)
-        text = f"between the stations that touch, the finger overlaps the object by {found}: add contacts"
-        return (text,) if found else ()
