@@ -99,6 +99,7 @@ class Body:
         if not self.moves:
             return 0.0, 0.0
         mass, center = self.mass, self.velocity + self.arm.perp().scaled(self.omega)
+        # Koenig: the motion of the center of mass, and the turning about it.
         square = center.dot(center) + self.climb * self.climb
         kinetic = 0.5 * mass * square + 0.5 * self.inertia * self.omega**2
         weight = mass * gravity.dot(self.position + self.arm)

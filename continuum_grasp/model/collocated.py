@@ -177,6 +177,7 @@ class CollocatedLink(Link):
         h, scale, shape, weights = self._length, self._kernel_scale, self._shape, self._rule.weights
         one = np.ones(len(weights))
         rotary = self._rotary_inertia * h
+        # Sections turn by the shapes of the bending angle: rho I times the integrals of these and of their products.
         rotary_swing = [float(f @ weights) * rotary * h for f in shape]
         rotary_matrix = [[float(f * weights @ g) * rotary * h * h for g in shape] for f in shape]
         tangents = self._whole.tangents

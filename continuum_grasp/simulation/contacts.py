@@ -89,6 +89,7 @@ def overlaps(body: GraspObject, poses: Array, backbones: Array, half_thickness: 
     away = backbones - poses[:, None, :2]
     local = np.stack([c * away[..., 0] + s * away[..., 1], c * away[..., 1] - s * away[..., 0]], axis=-1)
     at = ca.SX.sym("at", 2)
+    # A function of one point takes all of them as columns.
     distance = ca.Function("distance", [at], [nearest(body.parts, Vec(at[0], at[1])).distance])
     found = np.array(distance(local.reshape(-1, 2).T)).reshape(local.shape[:2])
     return np.asarray(np.maximum(0.0, half_thickness - found.min(axis=1)))

@@ -104,6 +104,7 @@ class Signals:
 
     def instants(self, duration: float) -> list[float]:
         """Zero, and up to 15 more instants at which inputs and loads take their sampled values [s]."""
+        # Each costs the eigenvalues of some shapes, so not more than some 15 of them.
         times = {t for value in self._sampled for t in value.times}
         later = sorted(t for t in times if 0.0 < t <= duration)
         return [0.0, *later[:: max(1, math.ceil(len(later) / 15))]]

@@ -147,6 +147,7 @@ def smooth_support(beta: ca.SX, shape: ca.SX) -> ca.SX:
 
 def _from_superellipse(a: float, b: float, power: float, at: Vec) -> Nearest:
     """Newton's method on the distance along r(t) (a cos t, b sin t), with (cos t, sin t) as the unknown."""
+    # The point's own direction, in which the superellipse is the unit one: exact on the axes and on the outline.
     way = Vec(at.x / a, at.y / b)
     way = way.scaled(1.0 / length(way))
     plain = power <= _PLAIN_EXPONENT and max(a / b, b / a) <= _PLAIN_ASPECT
