@@ -41,6 +41,7 @@ def named(inputs: str, **outputs: Callable[[Any], Output]) -> cached_property[ca
             found.attrname, inputs, **{name: of(model._equations) for name, of in outputs.items()}
         )
     )
+    found.__doc__ = f"({', '.join(inputs.split())}) -> {', '.join(outputs)}; the class describes them."
     return found
 
 
