@@ -14,7 +14,8 @@ from continuum_grasp.accuracy.truth import STATIONS, TrueCase, Truth
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.layout import element_lengths
+from continuum_grasp.model.layout import MOST_ELEMENTS, SHORTEST, element_lengths
+from continuum_grasp.model.quadrature import RANGES
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.finger import PiecewiseCurvature
 from continuum_grasp.scene.simulate import Fidelity, Scene
@@ -28,40 +29,20 @@ COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
 overpaid."""
 ACCURACIES = (1e-2, 2e-3, 1e-4, 1e-6, 1e-9, 1e-13)
 """Accuracies of evaluation [1] that are tried, coarse first; each stands for Horner terms and quadrature nodes."""
-_RANGES = (0.3, 0.6, 1.0, 1.5, 2.1, 3.15, 4.5, 6.3)
-"""Declared bending ranges [rad]; those for which the nodes of clothoids are tabulated."""
 _MARGIN = 1.1
 """Declared bending range per reach of the exact rod [1]: a coarse model may bend a little further."""
-_MOST_ELEMENTS = 64
-"""Elements beyond which no model is tried where contacts ask for more than `COUNTS` has."""
-_SHORTEST = 0.02
-"""Shortest element that ends at a load, per length: shorter ones are stiff and make explicit steps small."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One way to model the finger of a scene.
-
-    Attributes
-    ----------
-    scene : Scene
-    family : str
-    lengths : tuple of float
-        Element lengths [m].
-    aligned : bool
-        Whether elements end at loads, masses and jumps of the rest curvature, beside the contacts.
-    accuracy : float or None
-        Relative accuracy of the evaluation; None: the family's own.
-    bending_range : float
-        [rad]
-    """
+    """One way to model the finger of a scene."""
 
     scene: Scene
     family: str
-    lengths: tuple[float, ...]
-    aligned: bool
-    accuracy: float | None
-    bending_range: float
+    lengths: tuple[float, ...]  # of the elements [m]
+    aligned: bool  # whether elements end at loads, masses and jumps of the rest curvature, beside the contacts
+    accuracy: float | None  # of the evaluation, relative; None: the family's own
+    bending_range: float  # [rad]
 
     @property
     def elements(self) -> int:
@@ -106,16 +87,7 @@ def choices(
 ) -> Iterator[Choice]:
     """All numbers and placements of elements of one family, few elements first.
 
-    Parameters
-    ----------
-    scene : Scene
-    truth : Truth
-        Of that scene: how far elements bend.
-    family : str
-    accuracy : float or None
-        Relative accuracy of the evaluation; None: the family's own.
-    counts : sequence of int
-        Numbers of elements, where the scene fixes none.
+    The truth says how far elements bend; ``counts`` hold where the scene fixes no number of elements.
     """
     for lengths, aligned in _placements(scene, counts):
         reach = _bending_range(scene, truth, lengths)
@@ -133,8 +105,9 @@ def _placements(scene: Scene, counts: Sequence[int]) -> Iterator[tuple[tuple[flo
     if fixed is not None:
         counts = (fixed,)
     elif least > max(counts):
-        counts = tuple(count for count in (least, 2 * least) if count <= _MOST_ELEMENTS)
+        counts = tuple(count for count in (least, 2 * least) if count <= MOST_ELEMENTS)
     for count in counts:
+        # Even elements converge by their order, aligned ones earlier where the curvature has a kink: both are tried.
         if count > len(contacts):
             yield element_lengths(length, contacts, count), False
         if count > len(marks) > len(contacts):
@@ -150,7 +123,7 @@ def _marks(scene: Scene) -> tuple[float, ...]:
         places += finger.rest_curvature.breaks
     found = list(scene.contacts)
     for at in sorted(places):
-        if all(abs(at - other) >= _SHORTEST * length for other in (0.0, *found, length)):
+        if all(abs(at - other) >= SHORTEST * length for other in (0.0, *found, length)):
             found.append(at)
     return tuple(sorted(found))
 
@@ -166,7 +139,7 @@ def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> fl
         start += h
     most = scene.finger.curvature_limit * max(lengths)
     wanted = min(_MARGIN * reach, most if math.isfinite(most) else math.inf)
-    return next((r for r in _RANGES if r >= wanted), None)
+    return next((r for r in RANGES if r >= wanted), None)
 
 
 Array = NDArray[np.float64]
@@ -174,43 +147,25 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of a model against the exact rod.
+    """Greatest errors of a model against the exact rod over the load cases; infinite where one is not found."""
 
-    Attributes
-    ----------
-    tip : float
-        Greatest error of the tip's position over the load cases, per length; infinite where one is not found.
-    shape : float
-        The same of any place along the finger.
-    frequencies : (2,) ndarray
-        Greatest relative error of the first and of the second natural frequency; NaN where there is none.
-    radius : float
-        Spectral radius about the equilibria [1/s], by which explicit steps are limited.
-    """
-
-    tip: float
-    shape: float
-    frequencies: Array
-    radius: float
+    tip: float  # of the tip's position, per length
+    shape: float  # the same of any place along the finger
+    frequencies: Array  # (2,) relative, of the first and the second natural frequency; NaN where there is none
+    radius: float  # spectral radius about the equilibria [1/s], by which explicit steps are limited
 
 
 @dataclass(frozen=True)
 class Assessment(Errors):
-    """Errors of a choice, and its cost.
-
-    Attributes
-    ----------
-    choice : Choice
-    instructions : int
-        Of the forward dynamics.
-    """
+    """Errors of a choice, and its cost."""
 
     choice: Choice
-    instructions: int
+    instructions: int  # of the forward dynamics
 
     @property
     def cost(self) -> float:
         """Instructions: per evaluation, and per second of explicit simulation where the scene moves."""
+        # Counted, not timed: the choice is the same on every machine. An explicit step goes with 1 / radius.
         return self.instructions * (self.radius if self.choice.scene.time is not None else 1.0)
 
     def within(self, tolerance: float, frequencies: int) -> bool:
@@ -220,34 +175,14 @@ class Assessment(Errors):
 
 
 def assess(choice: Choice, truth: Truth, *, stop_at: float = math.inf) -> Assessment:
-    """Measure errors and cost of a choice.
-
-    Parameters
-    ----------
-    choice : Choice
-    truth : Truth
-        Of the choice's scene.
-    stop_at : float
-        Error of shape at which to stop and leave the rest unmeasured (NaN).
-    """
+    """Measure errors and cost of a choice; from an error of shape ``stop_at`` on, the rest is unmeasured (NaN)."""
     scene = choice.scene.model_copy(update={"fidelity": choice.fidelity, "loads": truth.loads})
     found = errors_of(FingerModel(scene, input_rates=False), truth, moves=scene.time is not None, stop_at=stop_at)
     return Assessment(**vars(found), choice=choice, instructions=choice.instructions)
 
 
 def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float = math.inf) -> Errors:
-    """Errors of any model that has the loads of a scene's load cases.
-
-    Parameters
-    ----------
-    model : FingerModel
-        With ``truth.loads``.
-    truth : Truth
-    moves : bool
-        Whether frequencies are asked for.
-    stop_at : float
-        Error of shape at which to stop and leave the rest unmeasured (NaN).
-    """
+    """Errors of any model with ``truth.loads``; where it ``moves``, those of frequencies too. See ``assess``."""
     core, length = Core(model, compiled=False), model.finger.rod.length
     tip = shape = radius = 0.0
     frequencies = np.zeros(2)
@@ -273,6 +208,7 @@ def _at_rest(true: TrueCase, model: FingerModel) -> Equilibrium:
     edges = np.concatenate([[0.0], np.cumsum(model.lengths)])
     edges[-1] = model.finger.rod.length  # the sum may be beyond the tip by rounding, where the exact rod is not
     family, short = model.structure.family, 1e-9 * edges[-1]
+    # Just inside the elements: the exact curvature jumps at couples, where elements end.
     first, last = edges[:-1, None], edges[1:, None]
     inside = np.clip(first + (last - first) * family.places, first + short, last - short)
     curvatures = true.rod.curvature(inside.ravel()).reshape(inside.shape)

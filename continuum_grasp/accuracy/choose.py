@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from time import perf_counter
@@ -35,24 +35,13 @@ With few elements the order is not yet reached, so the prediction itself would s
 
 @dataclass(frozen=True)
 class Chosen:
-    """The cheapest choice that meets a tolerance.
-
-    Attributes
-    ----------
-    best : Assessment
-    tolerance : float
-    tried : tuple of Assessment
-        Everything that was measured, in order.
-    truth : Truth
-    seconds : float
-        Time that choosing took.
-    """
+    """The cheapest choice that meets a tolerance."""
 
     best: Assessment
     tolerance: float
-    tried: tuple[Assessment, ...]
+    tried: tuple[Assessment, ...]  # everything that was measured, in order
     truth: Truth
-    seconds: float
+    seconds: float  # that choosing took
 
     @property
     def scene(self) -> Scene:
@@ -159,14 +148,15 @@ def allowed_accuracies(scene: Scene, tolerance: float) -> tuple[float, ...]:
     return tuple(accuracy for accuracy in ACCURACIES if accuracy <= most) or ACCURACIES[-1:]
 
 
+@dataclass
 class _Search:
     """The cheapest choice so far."""
 
-    def __init__(self, scene: Scene, truth: Truth, tolerance: float) -> None:
-        self._scene, self._truth, self._tolerance = scene, truth, tolerance
-        self._frequencies = scene.fidelity.frequencies
-        self.best: Assessment | None = None
-        self.tried: list[Assessment] = []
+    scene: Scene
+    truth: Truth
+    tolerance: float
+    best: Assessment | None = None
+    tried: list[Assessment] = field(default_factory=list)
 
     def through(self, family: str, *, only_most: bool = False) -> None:
         """Try the choices of a family, from few to many elements, until they cost more than the best.
@@ -174,12 +164,12 @@ class _Search:
         Those that cannot meet the tolerance by the order of convergence are skipped, unless
         only the most elements are asked for.
         """
-        accuracies = allowed_accuracies(self._scene, self._tolerance)
-        stiffness = {False: 0.0, True: 0.0}
-        hopeless = {False: 0.0, True: 0.0}
+        accuracies = allowed_accuracies(self.scene, self.tolerance)
+        # By whether elements are aligned: the two placements converge each on its own.
+        stiffness, hopeless = {False: 0.0, True: 0.0}, {False: 0.0, True: 0.0}
         closed: set[bool] = set()
         counts = COUNTS[-1:] if only_most else COUNTS
-        for coarse in choices(self._scene, self._truth, family, accuracies[0], counts=counts):
+        for coarse in choices(self.scene, self.truth, family, accuracies[0], counts=counts):
             if coarse.aligned in closed:
                 continue
             if self._costs_more(coarse, stiffness[coarse.aligned]):
@@ -187,11 +177,12 @@ class _Search:
                 continue
             if hopeless[coarse.aligned] > coarse.elements:
                 continue
-            probe = self._measured(coarse.with_accuracy(min(_PROBE, 0.1 * self._tolerance, accuracies[-1])))
+            # First with fine terms: an error that remains is that of the elements, whatever the terms.
+            probe = self._measured(coarse.with_accuracy(min(_PROBE, 0.1 * self.tolerance, accuracies[-1])))
             if math.isfinite(probe.radius):
                 stiffness[coarse.aligned] = probe.radius
             hopeless[coarse.aligned] = self._hopeless_below(probe)
-            if probe.within(2.0 * self._tolerance, self._frequencies):
+            if probe.within(2.0 * self.tolerance, self.scene.fidelity.frequencies):
                 self._cheapest_terms(coarse, accuracies, probe.radius)
 
     def _hopeless_below(self, probe: Assessment) -> float:
@@ -199,30 +190,31 @@ class _Search:
         if not math.isfinite(probe.shape):
             return 0.0
         order = probe.choice.model.structure.family.order
-        return float(_PRUNE * probe.choice.elements * (probe.shape / self._tolerance) ** (1.0 / order))
+        return float(_PRUNE * probe.choice.elements * (probe.shape / self.tolerance) ** (1.0 / order))
 
     def _cheapest_terms(self, coarse: Choice, accuracies: tuple[float, ...], radius: float) -> None:
         before = 0
         for accuracy in accuracies:
             choice = coarse.with_accuracy(accuracy)
-            if choice.instructions == before:
+            if choice.instructions == before:  # the same terms and nodes
                 continue
+            # Coarser terms change the radius a little: 1 % of margin before a choice is given up unmeasured.
             if self._costs_more(choice, 0.99 * radius):
                 return
             before = choice.instructions
             measured = self._measured(choice)
-            if measured.within(self._tolerance, self._frequencies):
+            if measured.within(self.tolerance, self.scene.fidelity.frequencies):
                 if self.best is None or measured.cost < self.best.cost:
                     self.best = measured
                 return
 
     def _costs_more(self, choice: Choice, radius: float) -> bool:
         """Whether a choice costs more than the best, by a bound of its spectral radius."""
-        rate = radius if self._scene.time is not None else 1.0
+        rate = radius if self.scene.time is not None else 1.0
         return self.best is not None and choice.instructions * rate >= self.best.cost
 
     def _measured(self, choice: Choice) -> Assessment:
-        measured = assess(choice, self._truth, stop_at=2.0 * self._tolerance)
+        measured = assess(choice, self.truth, stop_at=2.0 * self.tolerance)
         self.tried.append(measured)
         return measured
 
@@ -252,29 +244,19 @@ def _none_meets(scene: Scene, tolerance: float, tried: list[Assessment]) -> Solv
 def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, str]:
     """The scene with what its tolerance asks for, and what was chosen and why.
 
-    The choice is stored in the user's cache folder, by the content of the scene and of this package.
-
-    Parameters
-    ----------
-    scene : Scene
-    vibrates : bool
-        Whether modes are asked for: the first two frequencies must meet the tolerance, whether the scene moves or not.
-
-    Returns
-    -------
-    scene : Scene
-        Without a tolerance; as it was where it had none.
-    note : str
-        What was chosen and why; empty where there was nothing to choose.
-
-    Raises
-    ------
-    InputError, SolverError
-        As ``choose_fidelity``.
+    The choice is stored in the user's cache folder, by the content of the scene and of this package. ``vibrates``:
+    modes are asked for, so the first two frequencies must meet the tolerance, whether the scene moves or not. The note
+    is empty where there was nothing to choose. Errors are those of ``choose_fidelity``.
     """
     if scene.fidelity.tolerance is None:
         return scene, ""
-    asked = _swinging(scene) if vibrates else scene
+    asked = scene
+    if vibrates:
+        changed: dict[str, Any] = {"fidelity": scene.fidelity.model_copy(update={"frequencies": 2})}
+        # Frequencies count where a scene moves: one that does not swings about its equilibrium.
+        if scene.time is None:
+            changed |= {"initial": Initial(pose="equilibrium"), "time": Timing(duration=1.0, step=0.01)}
+        asked = scene.model_copy(update=changed)
     key = _key(asked)
     file = private_folder("choices") / f"{key}.json"
     known = _read(file, key)
@@ -290,14 +272,6 @@ def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, st
     return scene.model_copy(update={"fidelity": fidelity}), str(known["note"])
 
 
-def _swinging(scene: Scene) -> Scene:
-    """The scene as one whose modes matter, about its equilibrium where it does not move."""
-    changed: dict[str, Any] = {"fidelity": scene.fidelity.model_copy(update={"frequencies": 2})}
-    if scene.time is None:
-        changed |= {"initial": Initial(pose="equilibrium"), "time": Timing(duration=1.0, step=0.01)}
-    return scene.model_copy(update=changed)
-
-
 def _read(file: Path, key: str) -> dict[str, Any] | None:
     """A record that is whole and about this very scene."""
     try:
@@ -310,6 +284,7 @@ def _read(file: Path, key: str) -> dict[str, Any] | None:
 
 def _key(scene: Scene) -> str:
     """Hash of everything that the choice depends on."""
+    # The code of the packages too: another version may measure other errors. Not the name, which changes nothing.
     package = Path(__file__).parents[1]
     digest = hashlib.sha256(f"{__version__} {ca.CasadiMeta.version()}\n".encode())
     for folder in ("accuracy", "rod", "model", "simulation"):

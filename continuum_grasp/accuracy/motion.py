@@ -37,43 +37,21 @@ _SUBSTEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 
 
 @dataclass(frozen=True)
 class Motion:
-    """Tip of the finger over time.
+    """Tip of the finger over time."""
 
-    Attributes
-    ----------
-    t : (T,) ndarray
-        Instants [s].
-    tip : (T, 2) ndarray
-        World positions [m].
-    error : float
-        Estimated r.m.s. error of the tip per length; NaN for a motion that is compared, not a reference.
-    """
-
-    t: Array
-    tip: Array
-    error: float = math.nan
+    t: Array  # (T,) instants [s]
+    tip: Array  # (T, 2) world positions [m]
+    error: float = math.nan  # estimated, r.m.s., per length; NaN for a motion that is compared, not a reference
 
 
 @dataclass(frozen=True)
 class Pace:
-    """How fast a model runs at a given error of the time steps alone.
+    """How fast a model runs at a given error of the time steps alone."""
 
-    Attributes
-    ----------
-    steps_per_second : int
-        Runge-Kutta steps per second of model time.
-    step_ns : float
-        Time of one [ns], in C where there is a compiler.
-    error : float
-        Greatest error of the tip by the steps, per length.
-    tip : (T, 2) ndarray
-        World positions of the tip at the instants of a ``Motion`` with far finer steps [m].
-    """
-
-    steps_per_second: int
-    step_ns: float
-    error: float
-    tip: Array
+    steps_per_second: int  # Runge-Kutta steps per second of model time
+    step_ns: float  # time of one [ns], in C where there is a compiler
+    error: float  # greatest of the tip by the steps, per length
+    tip: Array  # (T, 2) world positions at the instants of a ``Motion`` with far finer steps [m]
 
     @property
     def real_time_factor(self) -> float:
@@ -82,13 +60,7 @@ class Pace:
 
 
 def timing_of_comparison(scene: Scene) -> Timing:
-    """A time span of at most a second with some two hundred instants.
-
-    Raises
-    ------
-    InputError
-        If the scene has no time.
-    """
+    """A time span of at most a second with some two hundred instants."""
     if scene.time is None:
         raise InputError("comparing motions needs time: {duration: ..., step: ...}", key="time")
     span = min(scene.time.duration, _SPAN)
@@ -96,13 +68,7 @@ def timing_of_comparison(scene: Scene) -> Timing:
 
 
 def reference_motion(scene: Scene, truth: Truth) -> Motion:
-    """The motion with 12 free clothoids; its error is estimated from that with 8.
-
-    Raises
-    ------
-    NumericalError
-        If the motion stops.
-    """
+    """The motion with 12 free clothoids; its error is estimated from that with 8."""
     timing = timing_of_comparison(scene).model_copy(update={"method": "rk4"})
     fine = {c.elements: c for c in choices(scene, truth, default_family(free_tip=True), 1e-9)}
     tips = []
@@ -110,6 +76,7 @@ def reference_motion(scene: Scene, truth: Truth) -> Motion:
         fidelity = fine[count].fidelity
         trajectory = simulate(scene.model_copy(update={"fidelity": fidelity, "time": timing}))
         tips.append(trajectory.tip)
+    # Errors e and e (8/12)^4 differ by what is seen: e of the finer one is the difference times share / (1 - share).
     share = (_FINE[0] / _FINE[1]) ** 4
     error = rms(tips[1] - tips[0]) / scene.finger.rod.length * share / (1.0 - share)
     return Motion(trajectory.t, tips[1], error)
@@ -118,18 +85,8 @@ def reference_motion(scene: Scene, truth: Truth) -> Motion:
 def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
     """Fewest Runge-Kutta steps whose tip stays within a tolerance of that of the same model with fine steps.
 
-    Parameters
-    ----------
-    scene : Scene
-        With time and with the fidelity of the model; what moves it and where it starts.
-    model : FingerModel
-    tolerance : float
-        Greatest error of the tip by the steps, per length.
-
-    Raises
-    ------
-    NumericalError
-        If no number of steps that is tried does.
+    The scene, with the fidelity of the model, says what moves it and where it starts; the tolerance is per length.
+    Raises NumericalError where no number of steps that is tried does.
     """
     run = Runs(scene, model)
     finest: Array | None = None
@@ -138,6 +95,7 @@ def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
             tip = run.tip(substeps)
         except NumericalError:
             continue
+        # The first stable number, refined by four at least: fourth order leaves 1/256 of its error.
         if finest is None:
             finest = run.tip(max(4 * substeps, _SUBSTEPS[min(k + 6, len(_SUBSTEPS) - 1)]))
         error = float(np.linalg.norm(tip - finest, axis=1).max()) / model.finger.rod.length
@@ -203,9 +161,8 @@ def evaluation_ns(model: FingerModel, precision: str = "double") -> float:
     core = Core(model, precision=precision)
     core.prepare_rollout("rk4")
     start = np.zeros(model.nx)
-    start[: model.n] = 0.4 * np.array(
-        model.structure.coordinate_limits()
-    )  # not zero, whose powers are numbers that processors are slow with
+    # Not zero, whose powers are denormal numbers, which processors are slow with.
+    start[: model.n] = 0.4 * np.array(model.structure.coordinate_limits())
     times = []
     for _ in range(_REPEATS):
         began = clock()
@@ -217,17 +174,13 @@ def evaluation_ns(model: FingerModel, precision: str = "double") -> float:
 def evaluation_error(dynamics: Callable[..., Any], model: FingerModel) -> float:
     """Greatest error of the accelerations of another evaluation of a model, per their greatest entry over the states.
 
-    Parameters
-    ----------
-    dynamics : callable
-        (x, u, w, p) -> xd, an evaluation that is not exact.
-    model : FingerModel
-        The same model, evaluated as well as can be. States are spread over its declared bending ranges, at rates that
-        swing through them in the time of the rod's first oscillation.
+    ``dynamics`` (x, u, w, p) -> xd is the one that is not exact, the model is evaluated as well as can be. States are
+    spread over its declared bending ranges, at rates that swing through them in the rod's first oscillation.
     """
     random = np.random.default_rng(0)
     reach, n = np.array(model.structure.coordinate_limits()), model.n
     rod = model.finger.rod
+    # First pulsation of a clamped-free rod: (1.8751 / L)^2 sqrt(EI / (rho A)).
     rate = 3.516 * np.sqrt(rod.stiffness / (rod.mass_per_length * rod.length**4))
     u, w, p = np.zeros(model.nu), np.zeros(model.nw), np.array(model.p_nominal)
     worst = size = 0.0

@@ -4,19 +4,34 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
 from continuum_grasp import interrupt
-from continuum_grasp.accuracy.motion import Motion, reference_motion
-from continuum_grasp.accuracy.rows import NOTES, ReportRows, Table, columns_of
+from continuum_grasp.accuracy.choice import ACCURACIES, Choice, assess, choices, open_families
+from continuum_grasp.accuracy.motion import (
+    INSTANTS,
+    Motion,
+    Runs,
+    evaluation_error,
+    evaluation_ns,
+    pace,
+    reference_motion,
+    rms,
+)
 from continuum_grasp.accuracy.truth import Truth, find_truth
-from continuum_grasp.errors import InputError
+from continuum_grasp.core import Core
+from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError
 from continuum_grasp.results.record import begin_run
 from continuum_grasp.results.result import File, Result
+from continuum_grasp.scene.families import PAPER_FAMILY
+from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Scene
 
@@ -31,18 +46,50 @@ COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 
 
 @dataclass(frozen=True)
-class AccuracyReport(Result):
-    """What every choice of a scene costs, and how wrong it is.
+class Table:
+    """Rows of figures under named columns."""
 
-    Attributes
-    ----------
-    scene : Scene
-    truth : Truth
-    reference : Motion or None
-        The motion that others are compared with; None where the scene has no time.
-    tables : tuple of Table
-        ``choices`` first.
-    """
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]  # texts and numbers; None and NaN where something does not apply
+    note: str = ""
+
+    def column(self, name: str) -> list[Any]:
+        """All entries under one name."""
+        k = self.columns.index(name)
+        return [row[k] for row in self.rows]
+
+    def markdown(self) -> str:
+        """The table as Markdown, numbers to the right."""
+        texts = [[_text(value) for value in row] for row in self.rows]
+        number = [all(not isinstance(row[k], str) for row in self.rows) for k in range(len(self.columns))]
+        lines = [f"## {self.title}", "", _line(self.columns), _line(["---:" if right else "---" for right in number])]
+        lines += [_line(row) for row in texts]
+        return "\n".join([*lines, "", *([self.note, ""] if self.note else [])])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON; what is not finite is None."""
+        rows = [[None if isinstance(v, float) and not math.isfinite(v) else v for v in row] for row in self.rows]
+        return {"title": self.title, "columns": list(self.columns), "rows": rows, "note": self.note}
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _text(value: Any) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "-"
+    if isinstance(value, int) and not isinstance(value, bool):
+        return f"{value:,}"
+    if isinstance(value, float):
+        return f"{value:,.0f}" if 1000.0 <= abs(value) < 1e9 else f"{value:.3g}"
+    return str(value)
+
+
+@dataclass(frozen=True)
+class AccuracyReport(Result):
+    """What every choice of a scene costs, and how wrong it is."""
 
     kind: ClassVar[str] = "accuracy"
     texts: ClassVar[tuple[File, ...]] = (
@@ -53,8 +100,8 @@ class AccuracyReport(Result):
 
     scene: Scene
     truth: Truth
-    reference: Motion | None
-    tables: tuple[Table, ...]
+    reference: Motion | None  # the motion that others are compared with; None where the scene has no time
+    tables: tuple[Table, ...]  # ``choices`` first
 
     @property
     def choices(self) -> Table:
@@ -65,7 +112,7 @@ class AccuracyReport(Result):
         """Rows of ``choices`` that no other dominates in both cost and error (the Pareto front), cheapest first."""
         i, j = self.choices.columns.index(cost), self.choices.columns.index(error)
         sign = -1.0 if cost == "real-time factor" else 1.0
-        known = [row for row in self.choices.rows if math.isfinite(_number(row[i])) and math.isfinite(_number(row[j]))]
+        known = [row for row in self.choices.rows if all(row[k] is not None and math.isfinite(row[k]) for k in (i, j))]
         front: list[tuple[Any, ...]] = []
         for row in sorted(known, key=lambda row: (sign * row[i], row[j])):
             if not front or row[j] < front[-1][j]:
@@ -104,21 +151,120 @@ class AccuracyReport(Result):
         return json.dumps([table.as_dict() for table in self.tables], indent=1, allow_nan=False)
 
     def save(self, folder: str | PathLike[str]) -> Path:
-        """Write ``accuracy.md`` and ``accuracy.json`` into a run folder, each whole or not at all.
-
-        Returns
-        -------
-        pathlib.Path
-            The folder.
-
-        Raises
-        ------
-        OSError
-            The files cannot be written.
-        """
+        """Write the texts into a run folder, each whole or not at all, and return the folder."""
         target = begin_run(folder, self.kind)
         self._write(self.texts, target)
         return target
+
+
+_LONGEST = _LONGEST = 10_000
+"""Instructions of the forward dynamics up to which a model is compiled and timed; compiling larger ones would take
+most of the report's time."""
+_STEPS = tuple(
+    (name, count)
+    for name in SIMULATION_METHODS
+    for count in ((1, 2, 4) if INTEGRATORS[name].stable is None else (1, 2, 4, 8))
+)
+"""Methods and steps between two instants."""
+_FINEST = 64
+"""Steps between two instants of the motion that others are compared with: eight times the most of `_STEPS`, which rk4
+rewards with an error 4,096 times smaller."""
+_EQUAL = 1e-4
+"""Error of the time steps, per length, at which real-time factors are compared: below the error of most models."""
+
+TABLES = {
+    "choices": (
+        (
+            *("model", "elements", "unknowns", "instructions", "evaluation [ns]", "real-time factor"),
+            *("tip / L", "shape / L", "frequency 1", "frequency 2", "motion / L"),
+        ),
+        "Greatest errors over the static load cases, and of the natural frequencies about them; r.m.s. error of "
+        f"the tip in motion; real-time factor with Runge-Kutta steps whose own error is {_EQUAL:g} of the length.",
+    ),
+    "integrators": (
+        ("model", "method", "steps per s", "real-time factor", "error of steps / L"),
+        "Greatest error of the tip by the steps alone; as called from Python.",
+    ),
+    "terms": (
+        ("model", "accuracy", "instructions", "evaluation [ns]", "error of xd"),
+        "Greatest error of the accelerations by truncated terms and nodes, per their greatest entry, over "
+        "states in the declared range.",
+    ),
+    "precision": (
+        ("model", "real", "evaluation [ns]", "error of xd"),
+        "As in the table of terms, by rounding alone.",
+    ),
+}
+"""Columns of each table, and its note."""
+
+Job = Callable[[], tuple[Any, ...] | None]
+
+
+class ReportRows:
+    """Rows of the tables, one by one."""
+
+    def __init__(self, scene: Scene, truth: Truth, reference: Motion | None) -> None:
+        self.scene, self.truth, self.reference = scene, truth, reference
+        self.families = open_families(scene)
+
+    def jobs(self, counts: Sequence[int]) -> Iterator[tuple[str, Job]]:
+        """Title of the table and what gives its next row."""
+        for family in reversed(self.families):
+            for choice in choices(self.scene, self.truth, family, None, counts=counts):
+                yield "choices", partial(self._choice, choice)
+        for family in (PAPER_FAMILY, self.families[0]):
+            two = [c for c in choices(self.scene, self.truth, family, None) if c.elements >= 2]
+            if not two:
+                continue
+            for accuracy in ACCURACIES:
+                yield "terms", partial(self._terms, two[0], accuracy)
+            for real in ("double", "float"):
+                yield "precision", partial(self._precision, two[0], real)
+            for method, substeps in _STEPS if self.reference is not None else ():
+                yield "integrators", partial(self._integrator, two[0], method, substeps)
+
+    def _choice(self, choice: Choice) -> tuple[Any, ...]:
+        found, model = assess(choice, self.truth), choice.model
+        scene = self.scene.model_copy(update={"fidelity": choice.fidelity})
+        time, factor, motion = math.nan, math.nan, math.nan
+        if found.instructions <= _LONGEST:
+            time = evaluation_ns(model)
+            if self.reference is not None:
+                try:
+                    run = pace(scene, model, _EQUAL)
+                    factor, motion = run.real_time_factor, rms(run.tip - self.reference.tip) / model.finger.rod.length
+                except ContinuumGraspError:  # no such start, or no motion that stays finite
+                    motion = math.inf
+        frequencies = found.frequencies if self.reference is not None else (math.nan, math.nan)
+        name = choice.family + (", aligned" if choice.aligned else "")
+        costs = (found.instructions, time, factor)
+        return (name, len(model.lengths), model.n, *costs, found.tip, found.shape, *frequencies, motion)
+
+    def _terms(self, choice: Choice, accuracy: float) -> tuple[Any, ...]:
+        # Against 1e-15, the end of the series in double precision.
+        model, full = choice.with_accuracy(accuracy).model, choice.with_accuracy(1e-15).model
+        name = f"{choice.elements} {choice.family}"
+        error = evaluation_error(model.forward_dynamics, full)
+        return (name, accuracy, int(model.forward_dynamics.n_instructions()), evaluation_ns(model), error)
+
+    def _precision(self, choice: Choice, real: str) -> tuple[Any, ...] | None:
+        core = Core(choice.model, precision="double")
+        if not core.compiled:
+            return None
+        core = Core(choice.model, precision=real)
+        error = evaluation_error(lambda *x: core.forward_dynamics(*x), choice.model)
+        return (f"{choice.elements} {choice.family}", real, evaluation_ns(choice.model, precision=real), error)
+
+    def _integrator(self, choice: Choice, method: str, substeps: int) -> tuple[Any, ...] | None:
+        runs = Runs(self.scene.model_copy(update={"fidelity": choice.fidelity}), choice.model)
+        finest, length = runs.tip(_FINEST), choice.model.finger.rod.length
+        try:
+            off = runs.tip(substeps, method) - finest
+        except NumericalError:
+            return (f"{choice.elements} {choice.family}", method, round(substeps / runs.step), math.nan, math.inf)
+        factor = INSTANTS * runs.step / runs.seconds(substeps, method)
+        error = float(np.linalg.norm(off, axis=1).max()) / length
+        return (f"{choice.elements} {choice.family}", method, round(substeps / runs.step), factor, error)
 
 
 @interrupt.listening()
@@ -182,12 +328,6 @@ def accuracy_report(
         if progress is not None:
             progress((k + 1) / len(jobs))
     tables = [
-        Table(title, columns_of(title), tuple(found.get(title, ())), NOTES[title])
-        for title in NOTES
-        if found.get(title)
+        Table(title, columns, tuple(found[title]), note) for title, (columns, note) in TABLES.items() if title in found
     ]
     return AccuracyReport(given, truth, measuring.reference, tuple(tables))
-
-
-def _number(value: Any) -> float:
-    return math.nan if value is None else float(value)

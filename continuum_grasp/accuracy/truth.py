@@ -6,6 +6,7 @@ Load cases are static: the loads and inputs of the scene, frozen at the instants
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from continuum_grasp.rod.elastica import Elastica, solve_elastica
 from continuum_grasp.rod.frequencies import natural_frequencies
 from continuum_grasp.scene.loads import Actuation, ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.signals import interpolate
+from continuum_grasp.simulation.signals import interpolate, value_of
 
 Array = NDArray[np.float64]
 
@@ -27,38 +28,20 @@ _LARGEST_BEND = 3.0 * np.pi
 
 @dataclass(frozen=True)
 class TrueCase:
-    """One load case of the exact rod.
-
-    Attributes
-    ----------
-    case : LoadCase
-    rod : Elastica
-    backbone : (STATIONS, 2) ndarray
-        World positions at equally spaced places [m].
-    frequencies_hz : (2,) ndarray or None
-        First natural frequencies about it; None where something holds it that is released.
-    """
+    """One load case of the exact rod."""
 
     case: LoadCase
     rod: Elastica
-    backbone: Array
-    frequencies_hz: Array | None
+    backbone: Array  # (STATIONS, 2) world positions at equally spaced places [m]
+    frequencies_hz: Array | None  # (2,) first natural frequencies about it; None where what holds it is released
 
 
 @dataclass(frozen=True)
 class Truth:
-    """The exact rod of a scene.
+    """The exact rod of a scene."""
 
-    Attributes
-    ----------
-    cases : tuple of TrueCase
-        That at time zero first.
-    omitted : tuple of str
-        Load cases in which the exact rod has no equilibrium or bends beyond one and a half turns, and why.
-    """
-
-    cases: tuple[TrueCase, ...]
-    omitted: tuple[str, ...]
+    cases: tuple[TrueCase, ...]  # that at time zero first
+    omitted: tuple[str, ...]  # those without an equilibrium or beyond one and a half turns, and why
 
     @property
     def loads(self) -> tuple[Load, ...]:
@@ -71,7 +54,7 @@ class Truth:
         An undamped swing goes as far beyond its equilibrium as it starts before it.
         """
         s = np.linspace(start, end, 9)
-        s[-1] = np.nextafter(end, start)
+        s[-1] = np.nextafter(end, start)  # before a jump of the curvature at the end
         curvatures = np.array([one.rod.curvature(s) for one in self.cases])
         reach = np.abs(curvatures)
         if moving:
@@ -90,18 +73,13 @@ class Truth:
 
 
 def find_truth(scene: Scene) -> Truth:
-    """Solve the exact rod in every load case of a scene.
-
-    Raises
-    ------
-    SolverError
-        If the equilibrium at time zero is not found.
-    """
+    """Solve the exact rod in every load case of a scene; the equilibrium at time zero must be found."""
     s = np.linspace(0.0, scene.finger.rod.length, STATIONS)
     found: list[TrueCase] = []
     omitted: list[str] = []
     for case in load_cases(scene):
         try:
+            # Far below the errors of models: two matched clothoids have 6e-6 under P L^2 / EI = 1.
             rod = solve_elastica(case.scene, tolerance=1e-9)
         except SolverError as error:
             if not found and case.rests:
@@ -126,33 +104,21 @@ equilibrium of the exact rod and one of every choice."""
 class LoadCase:
     """A scene whose loads and inputs are constant.
 
-    Attributes
-    ----------
-    name : str
-    scene : Scene
-        With the loads of the scene, then those that hold its initial pose (zero where they do not act), all constant.
-    rests : bool
-        Whether small motions about its equilibrium are motions of the scene: nothing but its own loads acts.
+    Its loads are the given scene's, then those that hold the initial pose (zero where they do not act), so that one
+    model serves all cases.
     """
 
     name: str
     scene: Scene
-    rests: bool = True
+    rests: bool = True  # whether small motions about it are motions of the scene: nothing but its own loads acts
 
 
 def load_cases(scene: Scene) -> list[LoadCase]:
-    """List the load case at time zero, those of greatest and least loads and inputs, some between, and the held one.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    list of LoadCase
-        That at time zero first.
-    """
-    sampled = [value for value in _values(scene) if isinstance(value, Samples | VectorSamples)]
+    """List the load case at time zero, those of greatest and least loads and inputs, some between, and the held one."""
+    values: list[object] = [value_of(load) for load in scene.loads]
+    if scene.actuation is not None:
+        values += [scene.actuation.tip_moment, *(scene.actuation.tensions or ())]
+    sampled = [value for value in values if isinstance(value, Samples | VectorSamples)]
     end = scene.time.duration if scene.time is not None else float("inf")
     instants = sorted({t for value in sampled for t in value.times if 0.0 < t <= end})
     chosen = set(instants[:: max(1, -(-len(instants) // _EVENLY))])
@@ -173,38 +139,27 @@ def _extremes(value: Samples | VectorSamples) -> set[float]:
     return found
 
 
-def _values(scene: Scene) -> list[object]:
-    values: list[object] = [load.force if isinstance(load, ForceLoad) else load.moment for load in scene.loads]
-    if scene.actuation is not None:
-        values += [scene.actuation.tip_moment, *(scene.actuation.tensions or ())]
-    return values
-
-
 def _frozen(scene: Scene, t: float, held: bool) -> Scene:
-    loads = [_constant(load, t) for load in scene.loads]
-    loads += [load if held else _without_value(load) for load in scene.initial.held_by]
+    loads = [_with_value(load, _at(value_of(load), t)) for load in scene.loads]
+    for load in scene.initial.held_by:
+        nothing = (0.0, 0.0) if isinstance(load, ForceLoad) else 0.0
+        loads.append(load if held else _with_value(load, nothing))
     actuation = scene.actuation
     if actuation is not None and actuation.tensions is not None:
-        first, second = (_scalar(tension, t) for tension in actuation.tensions)
+        first, second = (_at(tension, t) for tension in actuation.tensions)
         actuation = Actuation(tensions=(first, second))
     elif actuation is not None and actuation.tip_moment is not None:
-        actuation = Actuation(tip_moment=_scalar(actuation.tip_moment, t))
+        actuation = Actuation(tip_moment=_at(actuation.tip_moment, t))
     return scene.model_copy(update={"loads": tuple(loads), "actuation": actuation})
 
 
-def _constant(load: Load, t: float) -> Load:
-    if isinstance(load, ForceLoad):
-        force = load.force
-        if isinstance(force, VectorSamples):
-            x, y = interpolate(force, [t])[0][0]
-            force = (float(x), float(y))
-        return load.model_copy(update={"force": force})
-    return load.model_copy(update={"moment": _scalar(load.moment, t)})
+def _with_value(load: Load, value: Any) -> Load:
+    return load.model_copy(update={"force" if isinstance(load, ForceLoad) else "moment": value})
 
 
-def _without_value(load: Load) -> Load:
-    return load.model_copy(update={"force": (0.0, 0.0)} if isinstance(load, ForceLoad) else {"moment": 0.0})
-
-
-def _scalar(value: float | Samples, t: float) -> float:
-    return float(interpolate(value, [t])[0][0]) if isinstance(value, Samples) else value
+def _at(value: Any, t: float) -> Any:
+    """A force (2 numbers) or another value at an instant."""
+    if not isinstance(value, Samples | VectorSamples):
+        return value
+    found = interpolate(value, [t])[0][0]
+    return tuple(map(float, found)) if isinstance(value, VectorSamples) else float(found)

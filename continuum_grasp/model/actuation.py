@@ -18,8 +18,7 @@ class InputLayout:
     """What the input vector holds: values, then (for moving tip balances) their rates and accelerations."""
 
     tendons: bool
-    couples: int
-    """Moments of the scene that act on the tip."""
+    couples: int  # moments of the scene that act on the tip
     rates: bool
 
     @property
@@ -30,15 +29,10 @@ class InputLayout:
     @property
     def labels(self) -> list[str]:
         """Name and unit of each entry of u."""
-        names = ["tension_1", "tension_2"] if self.tendons else ["tip_moment"]
-        names += [f"tip_couple_{k + 1}" for k in range(self.couples)]
-        units = ["N", "N"] if self.tendons else ["N m"]
-        units += ["N m"] * self.couples
-        labels = [f"{n} [{u}]" for n, u in zip(names, units, strict=True)]
-        if self.rates:
-            labels += [f"{n}_rate [{u}/s]" for n, u in zip(names, units, strict=True)]
-            labels += [f"{n}_acceleration [{u}/s2]" for n, u in zip(names, units, strict=True)]
-        return labels
+        entries = [("tension_1", "N"), ("tension_2", "N")] if self.tendons else [("tip_moment", "N m")]
+        entries += [(f"tip_couple_{k + 1}", "N m") for k in range(self.couples)]
+        derivatives = (("", ""), ("_rate", "/s"), ("_acceleration", "/s2")) if self.rates else (("", ""),)
+        return [f"{name}{word} [{unit}{per}]" for word, per in derivatives for name, unit in entries]
 
 
 @dataclass(frozen=True)
@@ -52,20 +46,14 @@ class Drive:
 
     @staticmethod
     def from_input(u: ca.SX, layout: InputLayout, offset: Scalar) -> Drive:
-        """Read the input vector; equation (42) for tendons."""
+        """Read the input vector."""
 
         def split(block: int) -> tuple[Scalar, Scalar]:
             start = block * layout.count
-            if layout.tendons:
-                moment: Scalar = offset * (u[start] - u[start + 1])
-                start += 2
-            else:
-                moment = u[start]
-                start += 1
-            couple: Scalar = 0.0
-            for k in range(layout.couples):
-                couple += u[start + k]
-            return moment, couple
+            # Equation (42); tendon 1 is on the -X side, to which a positive moment bends.
+            moment: Scalar = offset * (u[start] - u[start + 1]) if layout.tendons else u[start]
+            couples = range(start + layout.count - layout.couples, start + layout.count)
+            return moment, sum((u[k] for k in couples), 0.0)
 
         moment, couple = split(0)
         if not layout.rates:
@@ -75,23 +63,10 @@ class Drive:
 
 
 def friction_factors(friction: Scalar, bends: list[Scalar], shares: list[Scalar]) -> list[Scalar]:
-    """Share of the tension that reaches the middle of each element, by the capstan law.
+    """Share of the tension that reaches the middle of each element, by the capstan law, of a tendon being pulled.
 
-    Parameters
-    ----------
-    friction : scalar
-        Coefficient of friction between tendon and guides [1].
-    bends : list of scalars
-        Bending angle of each element [rad].
-    shares : list of scalars
-        Length of each element per that of the finger [1].
-
-    Returns
-    -------
-    list of scalars
-        exp(-friction * total bend from the base to the middle of the element), for a tendon that is being pulled;
-        a bend b of a share h of the length is counted as b^2 / sqrt(b^2 + (1e-3 rad h)^2), without sign and smooth when
-        straight.
+    It is exp(-friction * total bend from the base to there). A bend [rad] of a share h of the finger's length counts
+    as b^2 / sqrt(b^2 + (1e-3 rad h)^2), without sign and smooth when straight.
     """
     factors: list[Scalar] = []
     total: Scalar = 0.0

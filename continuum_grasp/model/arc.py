@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
-from continuum_grasp.model.family import Array, Family, Pieces, Rod
-from continuum_grasp.model.link import Bias, Inertia, Link, LoadedLink, Section
+from continuum_grasp.model.family import Array, Family, Pieces, Rod, overlaps
+from continuum_grasp.model.link import Bias, Inertia, Link, LoadedLink, Section, is_end
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, weighted_sum
 from continuum_grasp.model.stumpff import ROUNDING, stumpff
 
@@ -27,18 +27,9 @@ _MEANS = ((1.0,), (1.0, -2.0), (1.0, -4.0, 6.0))
 
 
 class Arc(Link):
-    """A circular arc.
+    """A circular arc of a bending angle [rad], a length [m], rho A [kg/m] and rho I [kg m].
 
-    Parameters
-    ----------
-    theta : float or casadi.SX
-        Bending angle [rad].
-    length : float or casadi.SX
-        Length [m].
-    linear_density, rotary_inertia : float or casadi.SX
-        rho A [kg/m] and rho I [kg m].
-    angle_range, accuracy : float
-        Range of the bending angle and truncation error over it.
+    ``accuracy`` is the truncation error up to an angle of ``angle_range`` [rad].
     """
 
     def __init__(
@@ -69,22 +60,18 @@ class Arc(Link):
         )
 
     def section(self, fraction: Scalar) -> Section:
-        if isinstance(fraction, float) and fraction == 1.0:
+        if is_end(fraction):
             return self.end
-        part = self._part(fraction)
-        return Section(
-            position=part.end.position,
-            rotation=part.end.rotation,
-            arms=(part.end.arms[0].scaled(fraction),),
-            angles=(fraction,),
-        )
+        # Part of an arc is an arc, whose angle is the fraction of the whole one: the chain rule gives its factor.
+        part = self._part(fraction).end
+        return Section(part.position, part.rotation, (part.arms[0].scaled(fraction),), (fraction,))
 
     @property
     def waypoints(self) -> tuple[tuple[float, Vec], ...]:
         return tuple((k / WAYPOINTS, self.section(k / WAYPOINTS).position) for k in range(1, WAYPOINTS))
 
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
-        if isinstance(fraction, float) and fraction == 1.0:
+        if is_end(fraction):
             return self._weighted(self._length, omega, rates[0], self._moment)
         return self._part(fraction).section_bias(1.0, omega, [fraction * rates[0]])
 
@@ -105,12 +92,14 @@ class Arc(Link):
         per_length = mass * self._length
         per_square = per_length * self._length
         rotary = self._rotary_inertia * self._length
+        # Per rho A L^3: int |r|^2 = 2 c_3, int r . arm = c_3 - c_4, int |arm|^2 = 2 c_4 - 4 c_5.
         return Inertia(
             mass=mass,
             first=self._mean(0, per_length),
             second=self._sum(3, (2.0,), per_square) + rotary,
             arms=(self._mean(1, per_length),),
             swing=(self._sum(3, (1.0, -1.0), per_square) + 0.5 * rotary,),
+            # Rotary inertia: integrals of v and v^2, since the section at v turns by v theta.
             matrix=((self._sum(4, (2.0, -4.0), per_square) + 1.0 / 3.0 * rotary,),),
         )
 
@@ -119,6 +108,7 @@ class Arc(Link):
         per_length = self._linear_density * self._length * self._length
         per_square = per_length * self._length * theta
         square = rate * rate
+        # Y_i x Y_j per theta: odd in the angle, so they vanish on the straight finger without a branch.
         y0y1 = self._sum(4, (1.0, -3.0))
         y0y2 = self._sum(4, (1.0, -4.0, 4.0))
         y1y2 = self._sum(5, (1.0, -6.0, 10.0))
@@ -206,19 +196,11 @@ class ArcFamily(Family):
         return [[1.0 / lengths[i] if i == j else 0.0 for j in range(n)] for i in range(n)]
 
     def rest(self, lengths: Sequence[float], pieces: Pieces) -> list[float]:
-        result = []
-        start = 0.0
-        for h in lengths:
-            result.append(sum(_overlap(start, start + h, a, b) * value for a, b, value in pieces) / h)
-            start += h
-        return result
+        found = zip(lengths, overlaps(lengths, pieces), strict=True)
+        return [sum((high - low) * value for _, low, high, value in parts) / h for h, parts in found]
 
     def rest_uniform(self, lengths: Sequence[Scalar]) -> list[Scalar]:
         return [1.0 for _ in lengths]
 
     def bend_gradient(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
         return [1.0 if k == element else 0.0 for k in range(self.elements)]
-
-
-def _overlap(a: float, b: float, c: float, d: float) -> float:
-    return max(0.0, min(b, d) - max(a, c))

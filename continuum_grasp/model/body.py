@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import casadi as ca
 
-from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec
+from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, rotated
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.surroundings import Surroundings
 
@@ -19,19 +18,8 @@ _RATES = ("object_x_rate [m/s]", "object_y_rate [m/s]", "object_angle_rate [rad/
 class Body:
     """Pose, motion and inertia of the object.
 
-    The pose is that of the object's frame: the world position of its origin and its angle.
-
-    Parameters
-    ----------
-    described : GraspObject
-    around : Surroundings
-        What the object is in.
-    mass : scalar, optional
-        Mass [kg]; that of the object where not given. The moment of inertia grows with it.
-    grip : scalar
-        Factor of all friction coefficients [1].
-    place : pair of scalars, optional
-        World position of the frame of a fixed object [m]; that of the object where not given.
+    The pose is that of the object's frame: the world position of its origin and its angle. Mass [kg] and ``place`` [m]
+    of a fixed object are those described where not given; ``grip`` is a factor of all friction coefficients.
     """
 
     def __init__(
@@ -45,6 +33,7 @@ class Body:
         self.object, self._around = described, around
         self.grip = grip
         self.mass: Scalar = described.mass if mass is None else mass
+        # The moment of inertia grows with the mass: same shape, other density.
         self.inertia: Scalar = around.inertia if mass is None else (around.inertia / described.mass) * mass
         self.moves = around.object_moves
         self.sinks = around.out_of_plane_gravity > 0.0
@@ -64,9 +53,8 @@ class Body:
             self.turn = Rotation(ca.cos(self.pose[2]), ca.sin(self.pose[2]))
             self.velocity, self.omega = Vec(self.rates[0], self.rates[1]), self.rates[2]
         else:
-            angle = described.angle
             self.position = Vec(*(described.position if place is None else place))
-            self.turn = Rotation(1.0, 0.0) if angle == 0.0 else Rotation(math.cos(angle), math.sin(angle))
+            self.turn = rotated(described.angle)
             self.velocity = ZERO
         self.climb: Scalar = self.rates[3] if self.moves and self.sinks else 0.0
         """Rate of its height [m/s]."""
@@ -84,16 +72,9 @@ class Body:
         return self.velocity + (at - self.position).perp().scaled(self.omega)
 
     def state_rate(self, gravity: Vec, forces: Sequence[tuple[Vec, Vec]], lifts: Sequence[Scalar]) -> list[Scalar]:
-        """Rates of pose and rates.
+        """Rates of pose and rates under gravity in the plane [m/s2], forces (point [m], force [N]) and lifts [N].
 
-        Parameters
-        ----------
-        gravity : Vec
-            World gravity in the plane [m/s2].
-        forces : sequence of (point, force)
-            World forces on the body [N] and the world points where they act.
-        lifts : sequence of scalars
-            Forces out of the plane [N].
+        Vectors are the world's; lifts act out of the plane.
         """
         if not self.moves:
             return []
@@ -103,6 +84,7 @@ class Body:
         for point, force in forces:
             total += force
             moment += (point - center).cross(force)
+        # Newton and Euler about the center of mass; the pose is that of the frame's origin, which its arm carries.
         spin = moment / self.inertia
         back = self.arm.perp().scaled(spin) - self.arm.scaled(self.omega * self.omega)
         acceleration = total.scaled(1.0 / mass) + gravity - back
@@ -117,6 +99,7 @@ class Body:
         if not self.moves:
             return 0.0, 0.0
         mass, center = self.mass, self.velocity + self.arm.perp().scaled(self.omega)
+        # Koenig: the motion of the center of mass, and the turning about it.
         square = center.dot(center) + self.climb * self.climb
         kinetic = 0.5 * mass * square + 0.5 * self.inertia * self.omega**2
         weight = mass * gravity.dot(self.position + self.arm)

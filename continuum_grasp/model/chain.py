@@ -9,12 +9,10 @@ axes of the next link, which the appendix of the paper forgets.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
-import casadi as ca
-
-from continuum_grasp.model.link import Bias, Inertia, LoadedLink, Section
+from continuum_grasp.model.link import Bias, Inertia, LoadedLink, Section, is_end
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec
 
 
@@ -27,39 +25,23 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Force:
-    """A point force, in the base's axes or, where it follows, in the section's."""
+class Load:
+    """A point force, in the base's axes or, where it follows, in the section's; a couple, counter-clockwise."""
 
     place: Place
-    vector: Vec
+    force: Vec = ZERO
+    couple: Scalar = 0.0
     follows: bool = False
 
 
-@dataclass(frozen=True)
-class Moment:
-    """A point moment, positive counter-clockwise."""
-
-    place: Place
-    value: Scalar
-
-
-@dataclass(frozen=True)
-class _Wrench:
-    force: Vec
-    moment: Scalar
+_NONE: Scalar = 0.0
 
 
 class Chain:
-    """A chain of flexible links.
+    """A chain of flexible links, from base to tip.
 
-    Parameters
-    ----------
-    links : sequence of LoadedLink
-        From base to tip.
-    coordinates : sequence of tuple of int
-        Per link, the global coordinate of each of its local ones; neighbors may share one.
-    size : int
-        Number of global coordinates.
+    ``coordinates`` names per link the global coordinate of each of its local ones; neighbors may share one. ``size`` is
+    the number of global coordinates.
     """
 
     def __init__(self, links: Sequence[LoadedLink], coordinates: Sequence[tuple[int, ...]], size: int) -> None:
@@ -91,7 +73,7 @@ class Chain:
     def _section(self, place: Place) -> tuple[Section, Vec, tuple[Vec, ...]]:
         """Section of a link; its position and arms turned into the base's axes."""
         section = self.links[place.link].link.section(place.fraction)
-        if isinstance(place.fraction, float) and place.fraction == 1.0:
+        if is_end(place.fraction):
             return section, self.spans[place.link], self._end_arms[place.link]
         turn = self.rotations[place.link]
         return section, turn.apply(section.position), tuple(turn.apply(arm) for arm in section.arms)
@@ -105,7 +87,7 @@ class Chain:
 
     def rotation(self, place: Place) -> Rotation:
         """Rotation of a section."""
-        if isinstance(place.fraction, float) and place.fraction == 1.0:
+        if is_end(place.fraction):
             return self.rotations[place.link + 1]
         return self.rotations[place.link] @ self.links[place.link].link.section(place.fraction).rotation
 
@@ -115,13 +97,7 @@ class Chain:
         return omega
 
     def end_velocities(self, rates: Sequence[Scalar]) -> list[tuple[Vec, Scalar]]:
-        """Velocity and angular velocity of the end section of each link.
-
-        Parameters
-        ----------
-        rates : sequence of scalars
-            Rates of the global coordinates.
-        """
+        """Velocity and angular velocity of the end section of each link, of rates of the global coordinates."""
         found: list[tuple[Vec, Scalar]] = []
         moved = ZERO
         omega: Scalar = 0.0
@@ -131,6 +107,7 @@ class Chain:
             for arm, rate in zip(self._end_arms[k], local, strict=True):
                 moved += arm.scaled(rate)
             omega = self._spin_after(k, omega, local)
+            # Arms are stored before their right angle: one turn at the end does for all of them.
             found.append((moved.perp(), omega))
         return found
 
@@ -139,20 +116,11 @@ class Chain:
     @cached_property
     def _inertias(self) -> tuple[Inertia, ...]:
         """Mass integrals of each link about its start, in the base's axes."""
-        result = []
-        for turn, link in zip(self.rotations, self.links, strict=False):
-            local = link.inertia()
-            result.append(
-                Inertia(
-                    local.mass,
-                    turn.apply(local.first),
-                    local.second,
-                    tuple(turn.apply(arm) for arm in local.arms),
-                    local.swing,
-                    local.matrix,
-                )
-            )
-        return tuple(result)
+        # There is one rotation more than links, that of the tip.
+        own = zip(self.rotations, (link.inertia() for link in self.links), strict=False)
+        return tuple(
+            replace(k, first=turn.apply(k.first), arms=tuple(turn.apply(arm) for arm in k.arms)) for turn, k in own
+        )
 
     @cached_property
     def mass_matrix(self) -> list[list[Scalar]]:
@@ -185,6 +153,7 @@ class Chain:
                     inner = self.links[j].link.end.angles
                     for b, arm, angle in zip(self.coordinates[j], self._end_arms[j], inner, strict=True):
                         value = arm.dot(force) + angle * moment
+                        # A coordinate that neighbors share meets itself: both orders of the pair on the diagonal.
                         add(b, here[a], 2.0 * value if b == here[a] else value)
                     moment += self.spans[j].dot(force)
             second += 2.0 * span.dot(first) + mass * span.dot(span)
@@ -193,69 +162,44 @@ class Chain:
             mass += own.mass
         return matrix
 
-    def motion_forces(
-        self,
-        rates: Sequence[Scalar] | None,
-        gravity: Vec,
-        forces: Sequence[Force] = (),
-        moments: Sequence[Moment] = (),
-    ) -> list[Scalar]:
-        """Generalized forces that velocity products, weight and point loads exert on the coordinates.
+    def motion_forces(self, rates: Sequence[Scalar] | None, gravity: Vec, loads: Sequence[Load] = ()) -> list[Scalar]:
+        """Generalized forces that velocity products, weight and point loads exert on the global coordinates.
 
-        Parameters
-        ----------
-        rates : sequence or None
-            Rates of the global coordinates; None leaves the velocity products out.
-        gravity : Vec
-            Gravity [m/s2]; ``ZERO`` leaves the weight out.
-        forces, moments : sequences
-            Point loads.
-
-        Returns
-        -------
-        list
-            Per global coordinate; M qdd = this + other generalized forces.
+        M qdd = these + other generalized forces. ``rates`` of None leave the velocity products out, a gravity that is
+        ``ZERO`` the weight [m/s2].
         """
         weight = gravity is not ZERO
         biases, fields = self._forward(rates, gravity)
         total: list[Scalar] = [0.0] * self.size
-        wrench = _Wrench(ZERO, 0.0)
+        # Newton-Euler, inwards from the tip: force and moment that the part beyond the link hands to its end section.
+        force, moment = ZERO, _NONE
         for k in range(len(self.links) - 1, -1, -1):
             end, turn = self.links[k].link.end, self.rotations[k]
-            force, moment = wrench.force, wrench.moment
+            # What acts within the link: about its start, and on its own coordinates.
+            inner, inner_moment = ZERO, _NONE
             extra: list[Scalar] = [0.0] * len(end.arms)
-            inner = _Wrench(ZERO, 0.0)
-            for load in forces:
-                if load.place.link != k:
+            for load in (load for load in loads if load.place.link == k):
+                vector = self.rotation(load.place).apply(load.force) if load.follows else load.force
+                if is_end(load.place.fraction):
+                    force, moment = force + vector, moment + load.couple
                     continue
-                vector = self.rotation(load.place).apply(load.vector) if load.follows else load.vector
-                if isinstance(load.place.fraction, float) and load.place.fraction == 1.0:
-                    force += vector
-                else:
-                    _, at, arms = self._section(load.place)
-                    inner = _Wrench(inner.force + vector, inner.moment + at.cross(vector))
-                    extra = [q + arm.cross(vector) for q, arm in zip(extra, arms, strict=True)]
-            for couple in moments:
-                if couple.place.link != k:
-                    continue
-                if isinstance(couple.place.fraction, float) and couple.place.fraction == 1.0:
-                    moment += couple.value
-                else:
-                    section = self._section(couple.place)[0]
-                    inner = _Wrench(inner.force, inner.moment + couple.value)
-                    extra = [q + w * couple.value for q, w in zip(extra, section.angles, strict=True)]
+                section, at, arms = self._section(load.place)
+                inner, inner_moment = inner + vector, inner_moment + at.cross(vector) + load.couple
+                extra = [
+                    q + arm.cross(vector) + w * load.couple
+                    for q, arm, w in zip(extra, arms, section.angles, strict=True)
+                ]
             field, bias = fields[k], biases[k]
             if bias is not None:
-                inner = _Wrench(inner.force + turn.apply(bias.force), inner.moment + bias.moment)
+                inner, inner_moment = inner + turn.apply(bias.force), inner_moment + bias.moment
                 extra = [q + g for q, g in zip(extra, bias.generalized, strict=True)]
             if weight or bias is not None:
                 own = self._inertias[k]
-                inner = _Wrench(inner.force + field.scaled(own.mass), inner.moment + own.first.cross(field))
+                inner, inner_moment = inner + field.scaled(own.mass), inner_moment + own.first.cross(field)
                 extra = [q + arm.cross(field) for q, arm in zip(extra, own.arms, strict=True)]
             for a, arm, angle, q in zip(self.coordinates[k], self._end_arms[k], end.angles, extra, strict=True):
-                share = arm.cross(force) + angle * moment + q
-                total[a] += share
-            wrench = _Wrench(inner.force + force, inner.moment + moment + self.spans[k].cross(force))
+                total[a] += arm.cross(force) + angle * moment + q
+            force, moment = inner + force, inner_moment + moment + self.spans[k].cross(force)
         return total
 
     def _forward(self, rates: Sequence[Scalar] | None, gravity: Vec) -> tuple[list[Bias | None], list[Vec]]:
@@ -284,8 +228,3 @@ class Chain:
             first = first + self.spans[k].scaled(mass) + self._inertias[k].first
             mass += self._inertias[k].mass
         return mass, first
-
-
-def column(values: Sequence[Scalar]) -> ca.SX:
-    """CasADi column of scalars."""
-    return ca.vertcat(*[ca.SX(v) for v in values]) if values else ca.SX(0, 1)

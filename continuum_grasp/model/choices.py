@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from numbers import Integral, Real
+from operator import attrgetter
 from typing import Any, TypedDict
 
 import numpy as np
@@ -39,15 +40,7 @@ _IN_SCENE = {
 
 
 class Choices:
-    """Options of a model, completed from its scene.
-
-    Raises
-    ------
-    InputError
-        If ``given`` is neither a scene nor a finger.
-    TypeError
-        If an option is unknown.
-    """
+    """Options of a model, completed from its scene; each method raises InputError for what is of another kind."""
 
     def __init__(self, given: Scene | Finger, options: ModelOptions) -> None:
         unknown = sorted(options.keys() - ModelOptions.__annotations__.keys())
@@ -65,12 +58,8 @@ class Choices:
     def __getitem__(self, name: str) -> Any:
         """The option, that of the scene where not given, or None."""
         value = self._options.get(name)
-        if value is None and self.scene is not None:
-            path = _IN_SCENE.get(name, "")
-            if path.startswith("fidelity."):
-                value = getattr(self.scene.fidelity, name)
-            elif path:
-                value = getattr(self.scene, name)
+        if value is None and self.scene is not None and name in _IN_SCENE:
+            value = attrgetter(_IN_SCENE[name])(self.scene)
         return value
 
     def given(self, *names: str) -> bool:
@@ -86,24 +75,12 @@ class Choices:
         return InputError(error.message, key=_IN_SCENE.get(word, word) + error.key[len(word) :])
 
     def number(self, name: str) -> float | None:
-        """A finite number.
-
-        Raises
-        ------
-        InputError
-            If it is something else.
-        """
+        """A finite number."""
         value = self[name]
         return None if value is None else _number(name, value)
 
     def numbers(self, name: str, count: int | None = None) -> tuple[float, ...] | None:
-        """A list of finite numbers, of a given length.
-
-        Raises
-        ------
-        InputError
-            If it is something else.
-        """
+        """A list of finite numbers, of a given length."""
         value = self[name]
         if value is None:
             return None
@@ -114,13 +91,7 @@ class Choices:
         return tuple(_number(f"{name}[{k}]", entry) for k, entry in enumerate(entries))
 
     def elements(self) -> int | tuple[float, ...] | None:
-        """A number of elements, or their lengths.
-
-        Raises
-        ------
-        InputError
-            If it is something else.
-        """
+        """A number of elements, or their lengths."""
         value = self["elements"]
         if value is None or (isinstance(value, Integral) and not isinstance(value, bool)):
             return value if value is None else int(value)
@@ -129,26 +100,14 @@ class Choices:
         return self.numbers("elements")
 
     def word(self, name: str, allowed: Iterable[str]) -> str | None:
-        """One of some words.
-
-        Raises
-        ------
-        InputError
-            If it is something else.
-        """
+        """One of some words."""
         value = self[name]
         if value is not None and (not isinstance(value, str) or value not in allowed):
             raise InputError(f"unknown {name} {value!r:.60}: expected one of {', '.join(allowed)}", key=name)
         return value
 
     def words(self, name: str) -> tuple[str, ...]:
-        """A list of words.
-
-        Raises
-        ------
-        InputError
-            If it is something else.
-        """
+        """A list of words."""
         entries = _entries(name, [] if self[name] is None else self[name], "a list of names")
         for k, entry in enumerate(entries):
             if not isinstance(entry, str):
@@ -156,26 +115,14 @@ class Choices:
         return entries
 
     def switch(self, name: str) -> bool | None:
-        """True or false.
-
-        Raises
-        ------
-        InputError
-            If it is something else.
-        """
+        """True or false."""
         value = self[name]
         if value is not None and not isinstance(value, bool | np.bool_):
             raise InputError(f"expected True or False, got {value!r:.60}", key=name)
         return None if value is None else bool(value)
 
     def loads(self) -> tuple[Load, ...]:
-        """Point loads.
-
-        Raises
-        ------
-        InputError
-            If something else is among them.
-        """
+        """Point loads."""
         entries = _entries("loads", () if self["loads"] is None else self["loads"], "a list of loads")
         for k, entry in enumerate(entries):
             if not isinstance(entry, ForceLoad | MomentLoad):
@@ -192,6 +139,7 @@ def _entries(name: str, value: Any, wanted: str) -> tuple[Any, ...]:
 
 
 def _number(key: str, value: Any) -> float:
+    # bool is a Real, but True is no length; an integer may be too large for a double.
     try:
         number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
     except OverflowError:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from continuum_grasp.model.collocated import CollocatedLink
-from continuum_grasp.model.family import Array, Family, Pieces, Rod
+from continuum_grasp.model.family import Array, Family, Pieces, Rod, overlaps
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import node_count
@@ -50,9 +50,9 @@ class ClothoidFamily(Family):
 
     def __init__(self, elements: int, accuracy: float | None, jumps: Sequence[float] = ()) -> None:
         super().__init__(elements, accuracy, jumps)
+        # Added to the curvatures at both ends of each element [1/m]: half the jump after it, less half the one before.
         sides = zip((0.0, *(0.5 * j for j in self.jumps)), (*(-0.5 * j for j in self.jumps), 0.0), strict=True)
         self._steps = tuple(sides)
-        """What is added to the curvatures at both ends of each element [1/m]."""
 
     def shape(self, element: int, q: Sequence[Scalar]) -> list[Scalar]:
         return [q[element + k] + step for k, step in enumerate(self._steps[element])]
@@ -82,14 +82,14 @@ class ClothoidFamily(Family):
     def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
         links = []
         for k, (h, reach) in enumerate(zip(rod.lengths, rod.ranges, strict=True)):
-            masses = [(fraction, mass) for element, fraction, mass in rod.masses if element == k]
-            folds = isinstance(h, float) and isinstance(rod.linear_density, float)
-            folded = [mass for fraction, mass in masses if folds and fraction == 1.0 and isinstance(mass, float)]
-            carried = tuple(
-                (fraction, mass)
-                for fraction, mass in masses
-                if not (folds and fraction == 1.0 and isinstance(mass, float))
-            )
+            # A numeric mass at the end of a numeric element costs no instruction: it goes into the link's constants.
+            folds, folded = isinstance(h, float) and isinstance(rod.linear_density, float), 0.0
+            carried = []
+            for element, fraction, mass in rod.masses:
+                if element == k and folds and fraction == 1.0 and isinstance(mass, float):
+                    folded += mass
+                elif element == k:
+                    carried.append((fraction, mass))
             link = Clothoid(
                 self.shape(k, q),
                 h,
@@ -97,43 +97,40 @@ class ClothoidFamily(Family):
                 rod.rotary_inertia,
                 reach,
                 node_count(reach, self.accuracy or self.default_accuracy),
-                end_mass=sum(folded),
+                end_mass=folded,
             )
-            links.append(LoadedLink(link, carried))
+            links.append(LoadedLink(link, tuple(carried)))
         return links
 
     def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
         matrix: list[list[Scalar]] = [[0.0] * self.size for _ in range(self.size)]
         for k, h in enumerate(lengths):
+            # Integrals of the products of the shapes 1 - u and u.
             for i, j, weight in ((0, 0, 1 / 3), (0, 1, 1 / 6), (1, 0, 1 / 6), (1, 1, 1 / 3)):
                 matrix[k + i][k + j] += weight * h
         return matrix
 
     def rest(self, lengths: Sequence[float], pieces: Pieces) -> list[float]:
         result = [0.0] * self.size
-        start = 0.0
-        for k, h in enumerate(lengths):
-            for a, b, value in pieces:
-                lo, hi = max(start, a), min(start + h, b)
-                if hi > lo:
-                    rising = ((hi - start) ** 2 - (lo - start) ** 2) / (2 * h)
-                    result[k] += value * (hi - lo - rising)
-                    result[k + 1] += value * rising
-            left, right = self._steps[k]
+        for k, (h, (left, right), parts) in enumerate(
+            zip(lengths, self._steps, overlaps(lengths, pieces), strict=True)
+        ):
+            for start, low, high, value in parts:
+                # Integral of the shape that rises from 0 to 1 along the element.
+                rising = ((high - start) ** 2 - (low - start) ** 2) / (2 * h)
+                result[k] += value * (high - low - rising)
+                result[k + 1] += value * rising
             result[k] -= h * (left / 3 + right / 6)
             result[k + 1] -= h * (left / 6 + right / 3)
-            start += h
         return result
 
     def rest_energy(self, lengths: Sequence[float], pieces: Pieces) -> float:
-        energy, start = 0.0, 0.0
-        for h, (left, right) in zip(lengths, self._steps, strict=True):
-            for a, b, value in pieces:
-                lo, hi = max(start, a), min(start + h, b)
-                if hi > lo:
-                    first, last = (value - left - (right - left) * (at - start) / h for at in (lo, hi))
-                    energy += (hi - lo) * (first**2 + first * last + last**2) / 6
-            start += h
+        energy = 0.0
+        for h, (left, right), parts in zip(lengths, self._steps, overlaps(lengths, pieces), strict=True):
+            for start, low, high, value in parts:
+                first, last = (value - left - (right - left) * (at - start) / h for at in (low, high))
+                # Half the integral of the square of what is linear from first to last.
+                energy += (high - low) * (first**2 + first * last + last**2) / 6
         return energy
 
     def rest_uniform(self, lengths: Sequence[Scalar]) -> list[Scalar]:

@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.model.link import Bias, Inertia, Link, Section
+from continuum_grasp.model.link import Bias, Inertia, Link, Section, is_end
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, weighted_sum
 from continuum_grasp.model.quadrature import collocation
 from continuum_grasp.model.stumpff import rotation
@@ -32,33 +32,17 @@ from continuum_grasp.model.stumpff import rotation
 class _Nodes:
     """Directions along a link or the first part of it."""
 
-    tangents: list[Vec]
-    """At the nodes."""
-    turns: list[Rotation]
-    """From each node to the next."""
-    doubled: list[Rotation]
-    """From each node to the second next."""
-    end: Rotation
-    """Of the end section."""
+    tangents: list[Vec]  # at the nodes
+    turns: list[Rotation]  # from each node to the next
+    doubled: list[Rotation]  # from each node to the second next
+    end: Rotation  # of the end section
 
 
 class CollocatedLink(Link):
-    """A link of any smooth curvature.
+    """A link of any smooth curvature, which depends linearly on the ``local`` coordinates.
 
-    Parameters
-    ----------
-    local : sequence of scalars
-        Local coordinates, which the curvature depends on linearly.
-    length : float or casadi.SX
-        Length [m].
-    linear_density, rotary_inertia : float or casadi.SX
-        rho A [kg/m] and rho I [kg m].
-    angle_range : float
-        Greatest length times curvature [rad].
-    nodes : int
-        Number of collocation nodes.
-    end_mass : float
-        Point mass at the end [kg]; it is folded into the constants. Needs a numeric length and density.
+    Length [m], rho A [kg/m] and rho I [kg m] may be run-time numbers; ``angle_range`` is the greatest length times
+    curvature [rad]. An ``end_mass`` [kg] is folded into the constants, which needs a numeric length and density.
     """
 
     def __init__(
@@ -83,6 +67,7 @@ class CollocatedLink(Link):
         self._kernel_scale = self._first_scale * length
         self._kernel, self._mean = self._rule.kernel, self._rule.mean_weights
         if isinstance(length, float) and isinstance(self._mass, float):
+            # The end moves with the integral of all nodes' tangents: its kinetic energy is one more kernel, w w'.
             w = self._rule.weights
             self._kernel = self._kernel * self._kernel_scale + end_mass * length**2 * np.outer(w, w)
             self._mean = self._mean * self._first_scale + end_mass * length * w
@@ -128,7 +113,7 @@ class CollocatedLink(Link):
         return self._section(1.0, self._whole)
 
     def section(self, fraction: Scalar) -> Section:
-        if isinstance(fraction, float) and fraction == 1.0:
+        if is_end(fraction):
             return self.end
         return self._section(fraction, self._nodes_up_to(fraction))
 
@@ -151,8 +136,7 @@ class CollocatedLink(Link):
         )
 
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
-        whole = isinstance(fraction, float) and fraction == 1.0
-        nodes = self._whole if whole else self._nodes_up_to(fraction)
+        nodes = self._whole if is_end(fraction) else self._nodes_up_to(fraction)
         spins = [self._spin(fraction * float(u), omega, rates) for u in self._rule.nodes]
         return _weigh_products(self._rule.weights, spins, nodes.tangents, fraction * self._length)
 
@@ -182,6 +166,7 @@ class CollocatedLink(Link):
 
     def _form(self, f: NDArray[np.float64], g: NDArray[np.float64], scale: Scalar) -> Scalar:
         """sum_jk f_j K_jk g_k cos(phi_j - phi_k)."""
+        # cos is even: each pair of nodes once, with the weights of both orders; on the diagonal it is one.
         kernel = np.outer(f, g) * self._kernel
         kernel += kernel.T
         weights = [0.5 * float(np.trace(kernel)), *[float(kernel[pair]) for pair in self._differences]]
@@ -192,6 +177,7 @@ class CollocatedLink(Link):
         h, scale, shape, weights = self._length, self._kernel_scale, self._shape, self._rule.weights
         one = np.ones(len(weights))
         rotary = self._rotary_inertia * h
+        # Sections turn by the shapes of the bending angle: rho I times the integrals of these and of their products.
         rotary_swing = [float(f @ weights) * rotary * h for f in shape]
         rotary_matrix = [[float(f * weights @ g) * rotary * h * h for g in shape] for f in shape]
         tangents = self._whole.tangents
@@ -212,6 +198,7 @@ class CollocatedLink(Link):
         spins = [self._spin(float(u), omega, rates) for u in self._rule.nodes]
         loads: list[Scalar] = [0.0 for _ in nodes]
         for (j, k), turn in self._differences.items():
+            # sin is odd: what node k exerts on j, j exerts on k with the other sign.
             sine = float(self._kernel[j, k]) * turn.s
             loads[j] += sine * spins[k]
             loads[k] -= sine * spins[j]

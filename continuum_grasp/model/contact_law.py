@@ -32,19 +32,15 @@ _TINY = 1e-24
 
 
 def normal_force(law: ContactLaw, gap: Scalar, gap_rate: Scalar) -> Scalar:
-    """Normal force [N], zero or positive.
-
-    Parameters
-    ----------
-    law : ContactLaw
-    gap, gap_rate : scalars
-        Distance of the surfaces [m], negative where they overlap, and its rate [m/s].
-    """
+    """Normal force [N], zero or positive, of a gap [m], negative where the surfaces overlap, and its rate [m/s]."""
+    # The spring's slope rises smoothly, as 3 t^2 - 2 t^3, over a gap from +rounding to -rounding: derivatives for
+    # implicit steps and optimizers stay continuous.
     rounding = law.rounding
     t, beyond = _onset(law, gap)
     depth = 2.0 * rounding * t**3 * (1.0 - 0.5 * t) + beyond
     if law.dissipation == 0.0:
         return law.stiffness * depth
+    # Hunt and Crossley: dissipation in proportion to the depth, so no force jumps at the touch; no pull at the release.
     return law.stiffness * depth * ca.fmax(0.0, 1.0 - law.dissipation * gap_rate)
 
 
@@ -65,14 +61,9 @@ def _onset(law: ContactLaw, gap: Scalar) -> tuple[ca.SX, ca.SX]:
 def friction_share(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
     """Friction force per direction, as a share of the limit: a vector of size up to one that points with the slip.
 
-    Parameters
-    ----------
-    law : ContactLaw
-    z : sequence of scalars
-        Friction states, one per direction; none with a slip speed.
-    v : sequence of scalars
-        Velocities of slip [m/s].
+    Friction states ``z`` [1] and slip ``v`` [m/s] have an entry per direction; there are no states with a slip speed.
     """
+    # Without states: Coulomb's law rounded off at the slip speed, which creeps under any load.
     if law.displacement is None:
         size = ca.sqrt(_square(v) + (law.slip_speed**2 if law.slip_speed else 0.0))
         return [each / size for each in v]
@@ -80,6 +71,7 @@ def friction_share(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) ->
         return list(z)
     elastic = _elastic_velocity(law, z, v)
     damped = [each + law.dissipation * rate for each, rate in zip(z, elastic, strict=True)]
+    # The elastic displacement is damped by the coefficient of the normal direction; the sum must not leave the cone.
     size = ca.sqrt(ca.fmax(1.0, _square(damped)))
     return [each / size for each in damped]
 
@@ -98,6 +90,7 @@ def friction_rate(law: ContactLaw, gap: Scalar, z: Sequence[Scalar], v: Sequence
     near = ca.fmin(ca.fmax((0.5 / law.rounding) * (3.0 * law.rounding - gap), 0.0), 1.0)
     touching = near * near * (3.0 - 2.0 * near)
     fast, speed = _fast(law, v)
+    # One displacement of slip turns the state at any slow speed; a fast one takes at least the shortest time.
     pace = touching / (law.displacement + _SHORTEST * fast * speed)
     fade = (1.0 - touching) * _RELAXATION
     elastic = _elastic_velocity(law, z, v)
@@ -110,6 +103,7 @@ def _elastic_velocity(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar])
     t = ca.fmin(ca.fmax((_square(z) - low) / (1.0 - low), 0.0), 1.0)
     outward = sum(a * b for a, b in zip(z, v, strict=True))
     fast, speed = _fast(law, v)
+    # b(|z|) max(0, v.z): only slip that loads the contact further is lost.
     slow_loss = t * t * (3.0 - 2.0 * t) * ca.fmax(0.0, outward)
     lost = slow_loss + fast * (speed - slow_loss)
     return [b - lost * a for a, b in zip(z, v, strict=True)]
@@ -118,6 +112,7 @@ def _elastic_velocity(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar])
 def _fast(law: ContactLaw, v: Sequence[Scalar]) -> tuple[Scalar, Scalar]:
     """Whether a slip is fast, from 0 to 1, and its speed [m/s]."""
     square = _square(v)
+    # Fourth powers: a sharp but smooth switch that needs no root of the speed.
     limit = (_SLOW * (law.displacement or 0.0)) ** 4
     fourth = square * square
     return fourth / (fourth + limit), ca.sqrt(square + _TINY)

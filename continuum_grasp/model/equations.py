@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, reduce
 
 import casadi as ca
 
 from continuum_grasp.model.actuation import Drive, friction_factors
-from continuum_grasp.model.chain import Chain, Force, Moment, Place
+from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.family import Rod
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.link import Section
@@ -23,13 +23,7 @@ from continuum_grasp.scene.loads import ForceLoad
 
 
 class Equations:
-    """Symbols and expressions of a model; every property is built when it is first read.
-
-    Parameters
-    ----------
-    structure : Structure
-        Of the model.
-    """
+    """Symbols and expressions of a model; every property is built when it is first read."""
 
     def __init__(self, structure: Structure) -> None:
         self._structure = structure
@@ -66,6 +60,7 @@ class Equations:
         tendons = self._structure.finger.tendons
         if tendons is None or tendons.time_constant is None:
             return 0.0
+        # Second order, because a matched tip needs the moment's rate and acceleration; critically damped: no overshoot.
         pole = 1.0 / tendons.time_constant
         return pole**2 * (self.commanded.moment - self.lag[0]) - 2.0 * pole * self.lag[1]
 
@@ -82,6 +77,7 @@ class Equations:
         q: list[Scalar] = [self.q[k] for k in range(self._structure.n)]
         if not self._structure.matched:
             return q
+        # Nothing but moments acts at a free tip: kappa(L) = rest curvature + moment / EI.
         return [*q, self._per_stiffness(self.drive.moment + self.drive.couple) + self._tip_rest]
 
     @cached_property
@@ -92,6 +88,7 @@ class Equations:
 
     def _per_stiffness(self, moment: Scalar) -> Scalar:
         stiffness = self._par["bending_stiffness"]
+        # A product with a folded constant in place of a division, which takes several times as long.
         return 1.0 / stiffness * moment if isinstance(stiffness, float) else moment / stiffness
 
     @cached_property
@@ -120,6 +117,8 @@ class Equations:
     @cached_property
     def turn(self) -> Rotation:
         """From the chain's axes (X along the undeformed finger) to the world's."""
+        # The tangent of an undeformed finger at base angle psi is (-sin psi, cos psi): Y along the backbone, as in the
+        # paper. Sines of right angles that are 1e-17 become zero, and their products disappear from the code.
         if self._par.is_runtime("base_angle"):
             return Rotation(-ca.sin(self._par["base_angle"]), ca.cos(self._par["base_angle"]))
         angle = self._structure.finger.base.angle + math.pi / 2
@@ -141,6 +140,7 @@ class Equations:
         start: Scalar = 0.0
         turn, total, parts = IDENTITY, ZERO, []
         for link, h in zip(self.chain.links, self.lengths, strict=True):
+            # Elements before s whole, those after it of length zero: one expression for all s, without branches.
             section = link.link.section(ca.fmin(ca.fmax((self.s - start) / h, 0.0), 1.0))
             total += turn.apply(section.position)
             parts.append((turn, section, total))
@@ -162,24 +162,20 @@ class Equations:
         return angle
 
     @cached_property
-    def section_jacobian(self) -> list[Vec]:
-        """Per unknown, the derivative of the world position of the section at s."""
+    def section_jacobian(self) -> ca.SX:
+        """Derivative (2, n) of the world position of the section at s with respect to the unknowns."""
         tip = self._partial_chain[-1][2]
         arms = [ZERO] * self._family.size
         for (turn, section, end), local in zip(self._partial_chain, self.chain.coordinates, strict=True):
             beyond = tip - end
             for a, arm, angle in zip(local, section.arms, section.angles, strict=True):
                 arms[a] = arms[a] + turn.apply(arm) + beyond.scaled(angle)
-        return [self.turn.apply(arm.perp()) for arm in arms[: self._structure.n]]
+        return ca.horzcat(*[self.turn.apply(arm.perp()).column() for arm in arms[: self._structure.n]])
 
     @cached_property
     def joints(self) -> list[tuple[Vec, Scalar]]:
         """World position [m] and angle [rad] of the end section of each element."""
-        angle, found = self._par["base_angle"], []
-        for k, bend in enumerate(self.bends):
-            angle += bend
-            found.append((self.to_world(self.chain.position(Place(k))), angle))
-        return found
+        return [self.section_at(Place(k)) for k in range(len(self.lengths))]
 
     @cached_property
     def waypoints(self) -> list[Vec]:
@@ -223,13 +219,8 @@ class Equations:
     @cached_property
     def range_use(self) -> list[Scalar]:
         """Share of the declared bending range that each element uses."""
-        use: list[Scalar] = []
-        for bends, reach in zip(self.greatest_bends, self._structure.ranges, strict=True):
-            peak = ca.fabs(ca.SX(bends[0]))
-            for bend in bends[1:]:
-                peak = ca.fmax(peak, ca.fabs(ca.SX(bend)))
-            use.append(peak / reach)
-        return use
+        peaks = [reduce(ca.fmax, [ca.fabs(ca.SX(bend)) for bend in bends]) for bends in self.greatest_bends]
+        return [peak / reach for peak, reach in zip(peaks, self._structure.ranges, strict=True)]
 
     # -- forces --------------------------------------------------------------------------------------------------
 
@@ -238,32 +229,31 @@ class Equations:
         """Gravity in the chain's axes [m/s2]."""
         gx, gy = self._par.vector("gravity")
         if isinstance(gx, float) and isinstance(gy, float) and gx == 0.0 and gy == 0.0:
-            return ZERO
+            return ZERO  # this very object: the chain then leaves the weight out
         return self.turn.transposed().apply(Vec(gx, gy))
 
     @cached_property
-    def loads(self) -> tuple[list[Force], list[Moment]]:
-        """Point forces and moments of ``w``."""
+    def loads(self) -> list[Load]:
+        """Point forces and couples of ``w``, and of the contacts."""
         back, made = self.turn.transposed(), self._structure
-        forces, moments = [], []
-        places = [place_at(at, made.lengths) for at in made.contacts]
-        for k, place in enumerate([*places, made.tip] if made.tip_force else places):
-            forces.append(Force(place, back.apply(Vec(self.w[2 * k], self.w[2 * k + 1]))))
+        places = [place_at(at, made.lengths) for at in made.contacts] + [made.tip] * made.tip_force
+        loads = [Load(place, back.apply(Vec(self.w[2 * k], self.w[2 * k + 1]))) for k, place in enumerate(places)]
+        couples = []
         for load, (vector, start) in zip(made.loads, made.load_entries, strict=True):
             place = place_at(load.at, made.lengths)
             if isinstance(load, ForceLoad) and load.follows:
-                forces.append(Force(place, Vec(self.w[start + 1], -self.w[start]), follows=True))
+                # (across, along) the section; the chain's axes have X along it and -Y across.
+                loads.append(Load(place, Vec(self.w[start + 1], -self.w[start]), follows=True))
             elif isinstance(load, ForceLoad):
-                forces.append(Force(place, back.apply(Vec(self.w[start], self.w[start + 1]))))
-            elif vector == "w":
-                moments.append(Moment(place, self.w[start]))
-        touching = self.contact_loads
-        return forces + touching[0], moments + touching[1]
+                loads.append(Load(place, back.apply(Vec(self.w[start], self.w[start + 1]))))
+            elif vector == "w":  # those of u act on the tip, like the tip moment
+                couples.append(Load(place, couple=self.w[start]))
+        return loads + couples + self.contact_loads
 
     @property
-    def contact_loads(self) -> tuple[list[Force], list[Moment]]:
-        """Forces and moments that follow from the state; none on a finger alone."""
-        return [], []
+    def contact_loads(self) -> list[Load]:
+        """Forces and couples that follow from the state; none on a finger alone."""
+        return []
 
     @cached_property
     def rest(self) -> list[Scalar]:
@@ -283,9 +273,11 @@ class Equations:
     def damping(self) -> list[Scalar]:
         """Damping forces, positive against the motion."""
         rates, per_arc = self.full_rates, self._par["per_arc_damping"]
+        # Kelvin-Voigt: moment eta times the rate of curvature, so the matrix of the elasticity, whatever the elements.
         force = _product(self._family.stiffness(self.lengths), rates, self._par["material_damping"])
         if isinstance(per_arc, float) and per_arc == 0.0:
             return force
+        # Equation (39): a moment per arc against the rate of its bending angle.
         for k in range(len(self.lengths)):
             gradient = self._family.bend_gradient(k, self.lengths)
             moment = per_arc * _dot(gradient, rates)
@@ -298,11 +290,13 @@ class Equations:
         drive, count = self.drive, len(self.lengths)
         gradients = [self._family.bend_gradient(k, self.lengths) for k in range(count)]
         whole = [sum(column) for column in zip(*gradients, strict=True)]
+        # A moment at the tip turns with the tip's angle, the sum of all bends: its power is tau times their rates.
         if not self._structure.has_tendon_friction:
             return [g * (drive.moment + drive.couple) for g in whole]
         total = [g * drive.couple for g in whole]
         shares = [1.0 / self._structure.length * h for h in self.lengths]
         factors = friction_factors(self._par["tendon_friction"], self.bends, shares)
+        # The tension changes along the finger: each element is bent by that in its middle.
         for gradient, factor in zip(gradients, factors, strict=True):
             moment = factor * drive.moment
             total = [t + g * moment for t, g in zip(total, gradient, strict=True)]
@@ -317,7 +311,7 @@ class Equations:
 
     @cached_property
     def tip_inertia_force(self) -> list[Scalar]:
-        """Inertia of the matched tip's own motion: M_qN kappa_N''."""
+        """Inertia of the matched tip's own motion, M_qN kappa_N'': without it, ramps of the moment cost millimeters."""
         acceleration = self._per_stiffness(self.drive.acceleration) if self._structure.matched else 0.0
         return [row[-1] * acceleration for row in self.chain.mass_matrix[: self._structure.n]]
 
@@ -336,12 +330,12 @@ class Equations:
     @cached_property
     def external_force(self) -> list[Scalar]:
         """Generalized forces of ``w``; equation (41)."""
-        return self.chain.motion_forces(None, ZERO, *self.loads)[: self._structure.n]
+        return self.chain.motion_forces(None, ZERO, self.loads)[: self._structure.n]
 
     @cached_property
     def net_force(self) -> list[Scalar]:
         """M qdd."""
-        motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, *self.loads)
+        motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, self.loads)
         net = []
         for k in range(self._structure.n):
             internal = self.elastic[k] + self.damping[k]
@@ -372,6 +366,7 @@ class Equations:
         """Elastic energy above the rest shape and potential of the weight above the world's origin [J]."""
         stiffness, pieces = self._par["bending_stiffness"], self._structure.finger.curvature_pieces
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
+        # Half the integral of (kappa - rest)^2: the constant makes it vanish on the rest shape.
         if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
             constant = 0.5 * (sum(self.lengths) * self._tip_rest**2)
         else:
@@ -380,6 +375,7 @@ class Equations:
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
         x, y = self._structure.finger.base.position
+        # Potential of the weight: -g . integral of r dm, base included.
         weight = first.dot(self.gravity_vector) + mass * (gx * x + gy * y)
         return elastic - weight
 

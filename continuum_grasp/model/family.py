@@ -8,7 +8,7 @@ model but a function of its input.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, ClassVar
@@ -29,34 +29,23 @@ Pieces = Sequence[tuple[float, float, float]]
 class Rod:
     """What a family needs to know of the rod."""
 
-    lengths: tuple[Scalar, ...]
-    ranges: tuple[float, ...]
-    linear_density: Scalar
-    rotary_inertia: Scalar
-    masses: tuple[tuple[int, float, Scalar], ...]
-    """(element, fraction of its length, mass)."""
+    lengths: tuple[Scalar, ...]  # of the elements [m]
+    ranges: tuple[float, ...]  # greatest bends [rad]
+    linear_density: Scalar  # rho A [kg/m]
+    rotary_inertia: Scalar  # rho I [kg m]
+    masses: tuple[tuple[int, float, Scalar], ...]  # (element, fraction of its length, mass [kg])
 
 
 class Family(ABC):
-    """A curvature family on given elements.
+    """A curvature family on given elements, with the jump of the rest curvature at each inner boundary [1/m].
 
-    Parameters
-    ----------
-    elements : int
-    accuracy : float or None
-        Relative accuracy of the evaluation; None: ``default_accuracy``.
-    jumps : sequence of float, optional
-        Jump of the rest curvature at each inner boundary [1/m].
+    ``accuracy`` is that of the evaluation, relative; None: ``default_accuracy``.
     """
 
-    degree: ClassVar[int]
-    """Of the polynomial that the curvature is on each element."""
-    continuous: ClassVar[bool]
-    """Whether the curvature is continuous from element to element, but where the rest curvature jumps."""
-    order: ClassVar[int]
-    """Order in the elements' length with which the shape converges to that of the exact rod."""
-    force_unit: ClassVar[str] = "N m2"
-    """Of a generalized force: energy per coordinate."""
+    degree: ClassVar[int]  # of the polynomial that the curvature is on each element
+    continuous: ClassVar[bool]  # whether the curvature jumps between elements only where the rest curvature does
+    order: ClassVar[int]  # in the elements' length, with which the shape converges to that of the exact rod
+    force_unit: ClassVar[str] = "N m2"  # of a generalized force: energy per coordinate
 
     def __init__(self, elements: int, accuracy: float | None, jumps: Sequence[float] = ()) -> None:
         self.elements = elements
@@ -109,15 +98,7 @@ class Family(ABC):
 
     @abstractmethod
     def coordinates(self, bends: Array, curvatures: Array) -> Array:
-        """Full coordinates near a given shape.
-
-        Parameters
-        ----------
-        bends : (N,) ndarray
-            Bending angle of each element [rad].
-        curvatures : (N, degree + 1) ndarray
-            As ``curvature`` gives [1/m].
-        """
+        """Full coordinates near a shape of bends (N,) [rad] and curvatures (N, degree + 1) [1/m]."""
 
     @abstractmethod
     def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
@@ -143,18 +124,24 @@ class Family(ABC):
     def bend_gradient(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
         """Derivative of an element's bending angle with respect to the full coordinates; constant."""
 
-    def elements_bent_by(self, coordinate: int) -> list[int]:
-        """Elements that a full coordinate bends."""
-        return [k for k in range(self.elements) if coordinate in self.local(k)]
-
     def curvature_shapes(self, lengths: Sequence[float]) -> Array:
         """Derivative (N, degree + 1, size) of the curvature with respect to the full coordinates."""
-        straight = self._sampled([0.0] * self.size, lengths)
-        columns = [self._sampled(row, lengths) - straight for row in np.eye(self.size).tolist()]
-        return np.stack(columns, axis=-1)
 
-    def _sampled(self, q: list[float], lengths: Sequence[float]) -> Array:
-        return np.array([self.curvature(k, q, h) for k, h in enumerate(lengths)], dtype=float)
+        def sampled(q: list[float]) -> Array:
+            return np.array([self.curvature(k, q, h) for k, h in enumerate(lengths)], dtype=float)
+
+        # Affine, for jumps of the rest curvature: differences to the curvature at zero are exact derivatives.
+        straight = sampled([0.0] * self.size)
+        return np.stack([sampled(row) - straight for row in np.eye(self.size).tolist()], axis=-1)
+
+
+def overlaps(lengths: Sequence[float], pieces: Pieces) -> Iterator[list[tuple[float, float, float, float]]]:
+    """Per element its overlaps with pieces: start of the element, start and end of the overlap [m], value [1/m]."""
+    start = 0.0
+    for h in lengths:
+        spans = [(max(start, a), min(start + h, b), value) for a, b, value in pieces]
+        yield [(start, low, high, value) for low, high, value in spans if high > low]
+        start += h
 
 
 def family_class(name: str) -> type[Family]:

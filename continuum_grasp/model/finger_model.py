@@ -7,10 +7,10 @@ from typing import Unpack
 
 import casadi as ca
 
-from continuum_grasp.model.chain import column
 from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.equations import Equations
-from continuum_grasp.model.functions import Functions, function_names, matrix
+from continuum_grasp.model.functions import Functions, function_names, named
+from continuum_grasp.model.planar import column, matrix
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
@@ -149,139 +149,35 @@ class FingerModel(Functions):
         self.nu, self.nw, self.np = len(made.u_names), len(made.w_names), len(self.p_names)
         self._equations = Equations(made)
 
-    @cached_property
-    def inverse_dynamics(self) -> ca.Function:
-        """Generalized force that a motion asks for beyond what acts; zero on a motion of the finger."""
-        eq = self._equations
-        inertia = ca.mtimes(matrix(eq.mass_matrix), eq.qdd)
-        return self._function("inverse_dynamics", "q qd qdd u w p", Q=inertia - column(eq.net_force))
-
-    @cached_property
-    def mass_matrix(self) -> ca.Function:
-        """Mass matrix, equation (37)."""
-        return self._function("mass_matrix", "q u p", M=matrix(self._equations.mass_matrix))
-
-    @cached_property
-    def bias(self) -> ca.Function:
-        """Coriolis and centrifugal forces, equation (38)."""
-        return self._function("bias", "q qd u p", b=self._equations.bias)
-
-    @cached_property
-    def gravity(self) -> ca.Function:
-        """Gradient of the weight's potential, equation (29)."""
-        return self._function("gravity", "q u p", G=self._equations.gravity)
-
-    @cached_property
-    def elastic(self) -> ca.Function:
-        """Gradient of the elastic energy, equation (32)."""
-        return self._function("elastic", "q u p", K=self._equations.elastic[: self.n])
-
-    @cached_property
-    def damping(self) -> ca.Function:
-        """Material damping and the paper's friction, equation (39)."""
-        return self._function("damping", "q qd u p", D=self._equations.damping[: self.n])
-
-    @cached_property
-    def actuation(self) -> ca.Function:
-        """Generalized forces of the tip moment or the tendons, equation (42)."""
-        return self._function("actuation", "q u p", Q=self._equations.actuation[: self.n])
-
-    @cached_property
-    def external_force(self) -> ca.Function:
-        """Generalized forces of the point loads, equation (41)."""
-        return self._function("external_force", "q u w p", Q=self._equations.external_force)
-
-    @cached_property
-    def position(self) -> ca.Function:
-        """World position of a section [m]."""
-        return self._function("position", "q u s p", r=self._equations.section_position)
-
-    @cached_property
-    def orientation(self) -> ca.Function:
-        """Angle from the world's axes to a section's [rad]; its tangent is (-sin, cos) of it."""
-        return self._function("orientation", "q u s p", angle=self._equations.section_angle)
-
-    @cached_property
-    def jacobian(self) -> ca.Function:
-        """Derivative of a section's world position with respect to q."""
-        return self._function("jacobian", "q u s p", J=self._section_jacobian)
-
-    @cached_property
-    def jacobian_rate(self) -> ca.Function:
-        """Time derivative of the Jacobian at constant input."""
-        eq, jacobian = self._equations, self._section_jacobian
-        rate = ca.jtimes(ca.vec(jacobian), eq.q, eq.qd)
-        return self._function("jacobian_rate", "q qd u s p", Jd=ca.reshape(rate, 2, self.n))
-
-    @cached_property
-    def tip(self) -> ca.Function:
-        """World position of the tip [m]."""
-        return self._function("tip", "q u p", r=self._equations.tip_position)
-
-    @cached_property
-    def joints(self) -> ca.Function:
-        """World position [m] and angle [rad] of the elements' end sections."""
-        places = self._equations.joints
-        r = ca.horzcat(*[at.column() for at, _ in places])
-        return self._function("joints", "q u p", r=r, angle=[angle for _, angle in places])
-
-    @property
-    def waypoint_fractions(self) -> tuple[tuple[float, ...], ...]:
-        """Per element, the fractions of its length where ``waypoints`` are."""
-        return tuple(tuple(at for at, _ in link.link.waypoints) for link in self._equations.chain.links)
-
-    @cached_property
-    def waypoints(self) -> ca.Function:
-        """World positions inside the elements, where they cost least [m]."""
-        return self._function("waypoints", "q u p", r=ca.horzcat(*[at.column() for at in self._equations.waypoints]))
-
-    def probes(self, count: int) -> ca.Function:
-        """World positions (2, count * N) [m] at run-time fractions f (count, N) of the N elements' lengths.
-
-        Parameters
-        ----------
-        count : int
-            Places per element.
-
-        Returns
-        -------
-        casadi.Function
-            ``(q, u, f, p) -> r``.
-        """
-        eq = self._equations
-        f = ca.SX.sym("f", count, len(self.lengths))
-        r = ca.horzcat(*[at.column() for at in eq.inside(f)])
-        return ca.Function("probes", [eq.q, eq.u, f, eq.p], self._at_command([r]), ["q", "u", "f", "p"], ["r"])
-
-    def curvatures(self) -> ca.Function:
-        """Curvature and bends of the elements.
-
-        Returns
-        -------
-        casadi.Function
-            ``(q, u, p) -> kappa, at, bend``: curvature (size) [1/m] that belongs to each coordinate of the family, the
-            tip's included where it is none; curvature (degree + 1, N) [1/m] at the ``places`` of the N elements; the
-            same times the elements' lengths [rad].
-        """
-        eq = self._equations
-        at, bends = (matrix(list(zip(*rows, strict=True))) for rows in (eq.curvatures, eq.greatest_bends))
-        return self._function("curvatures", "q u p", kappa=eq.curvature, at=at, bend=bends)
-
-    @cached_property
-    def energy(self) -> ca.Function:
-        """Kinetic and potential energy [J]."""
-        eq = self._equations
-        return self._function("energy", "x u p", kinetic=eq.kinetic_energy, potential=eq.potential_energy)
-
-    @cached_property
-    def bending(self) -> ca.Function:
-        """Bending angle of each element [rad]."""
-        return self._function("bending", "q u p", bend=self._equations.bends)
-
-    @cached_property
-    def range_use(self) -> ca.Function:
-        """Share of the declared bending range that each element uses; above 1 the series lose their accuracy."""
-        return self._function("range_use", "q u p", use=self._equations.range_use)
+    # Equation numbers are those of the paper, doi:10.1155/2014/308283.
+    inverse_dynamics = named(
+        "q qd qdd u w p", Q=lambda eq: ca.mtimes(matrix(eq.mass_matrix), eq.qdd) - column(eq.net_force)
+    )
+    mass_matrix = named("q u p", M=lambda eq: matrix(eq.mass_matrix))  # (37)
+    bias = named("q qd u p", b=lambda eq: eq.bias)  # (38)
+    gravity = named("q u p", G=lambda eq: eq.gravity)  # (29)
+    elastic = named("q u p", K=lambda eq: eq.elastic[: eq.q.numel()])  # (32)
+    damping = named("q qd u p", D=lambda eq: eq.damping[: eq.q.numel()])  # (39), and of the material
+    actuation = named("q u p", Q=lambda eq: eq.actuation[: eq.q.numel()])  # (42)
+    external_force = named("q u w p", Q=lambda eq: eq.external_force)  # (41)
+    position = named("q u s p", r=lambda eq: eq.section_position)
+    orientation = named("q u s p", angle=lambda eq: eq.section_angle)
+    jacobian = named("q u s p", J=lambda eq: eq.section_jacobian)
+    # At constant input: what a moving matched tip adds is not a product with qd.
+    jacobian_rate = named(
+        "q qd u s p",
+        Jd=lambda eq: ca.reshape(ca.jtimes(ca.vec(eq.section_jacobian), eq.q, eq.qd), *eq.section_jacobian.shape),
+    )
+    tip = named("q u p", r=lambda eq: eq.tip_position)
+    joints = named(
+        "q u p",
+        r=lambda eq: ca.horzcat(*[at.column() for at, _ in eq.joints]),
+        angle=lambda eq: [angle for _, angle in eq.joints],
+    )
+    waypoints = named("q u p", r=lambda eq: ca.horzcat(*[at.column() for at in eq.waypoints]))
+    energy = named("x u p", kinetic=lambda eq: eq.kinetic_energy, potential=lambda eq: eq.potential_energy)
+    bending = named("q u p", bend=lambda eq: eq.bends)
+    range_use = named("q u p", use=lambda eq: eq.range_use)
 
     @cached_property
     def statics(self) -> ca.Function:
@@ -290,9 +186,27 @@ class FingerModel(Functions):
         missing = -column(eq.force_at_rest)
         return self._function("statics", "q u w p", Q=missing, K=ca.jacobian(missing, eq.q))
 
-    @cached_property
-    def _section_jacobian(self) -> ca.SX:
-        return ca.horzcat(*[vector.column() for vector in self._equations.section_jacobian])
+    @property
+    def waypoint_fractions(self) -> tuple[tuple[float, ...], ...]:
+        """Per element, the fractions of its length where ``waypoints`` are."""
+        return tuple(tuple(at for at, _ in link.link.waypoints) for link in self._equations.chain.links)
+
+    def probes(self, count: int) -> ca.Function:
+        """``(q, u, f, p) -> r``: world positions (2, count * N) [m] at fractions f (count, N) of the N elements."""
+        eq = self._equations
+        f = ca.SX.sym("f", count, len(self.lengths))
+        r = ca.horzcat(*[at.column() for at in eq.inside(f)])
+        return ca.Function("probes", [eq.q, eq.u, f, eq.p], self._at_command([r]), ["q", "u", "f", "p"], ["r"])
+
+    def curvatures(self) -> ca.Function:
+        """``(q, u, p) -> kappa, at, bend``: curvature and bends of the N elements.
+
+        kappa (size) [1/m] belongs to each coordinate of the family, the tip's included where it is none; at
+        (degree + 1, N) [1/m] are curvatures at the ``places`` of the elements; bend is the same times lengths [rad].
+        """
+        eq = self._equations
+        at, bends = (matrix(list(zip(*rows, strict=True))) for rows in (eq.curvatures, eq.greatest_bends))
+        return self._function("curvatures", "q u p", kappa=eq.curvature, at=at, bend=bends)
 
 
 FUNCTIONS = function_names(FingerModel)

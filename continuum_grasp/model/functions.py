@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.model.chain import column
 from continuum_grasp.model.equations import Equations
-from continuum_grasp.model.planar import Scalar, Vec
+from continuum_grasp.model.planar import Scalar, Vec, column
 from continuum_grasp.model.remade import Remade
+
+Output = ca.SX | Vec | Scalar | list[Scalar]
 
 MATRICES = frozenset(
     (
@@ -31,18 +33,31 @@ MATRICES = frozenset(
 """Outputs of finger models and systems that are matrices, whatever their size; all others are vectors."""
 
 
+def named(inputs: str, **outputs: Callable[[Any], Output]) -> cached_property[ca.Function]:
+    """An attribute that is a function of space-separated inputs; each output is read off the model's equations."""
+    # Built when it is first read: a model has some twenty functions, and most users need two.
+    found: cached_property[ca.Function] = cached_property(
+        lambda model: model._function(
+            found.attrname, inputs, **{name: of(model._equations) for name, of in outputs.items()}
+        )
+    )
+    found.__doc__ = f"({', '.join(inputs.split())}) -> {', '.join(outputs)}; the class describes them."
+    return found
+
+
 class Functions(Remade):
     """What a finger alone and a finger with an object have in common: functions with named inputs and outputs."""
 
     _equations: Equations
 
-    def _function(self, name: str, inputs: str, **outputs: ca.SX | Vec | Scalar | list[Scalar]) -> ca.Function:
+    def _function(self, name: str, inputs: str, **outputs: Output) -> ca.Function:
         """A function of space-separated inputs, which are symbols of the equations."""
         names = inputs.split()
         arguments = [getattr(self._equations, key) for key in names]
         expressions = [_dense(value) for value in outputs.values()]
         if "x" not in names:
             expressions = self._at_command(expressions)
+        # The recursions write common factors (turns, arms, velocities) more than once: cse computes each once.
         return ca.Function(name, arguments, ca.cse(expressions), names, list(outputs))
 
     def _at_command(self, expressions: list[ca.SX]) -> list[ca.SX]:
@@ -53,17 +68,12 @@ class Functions(Remade):
         commanded = ca.vertcat(ca.SX(eq.commanded.moment), 0.0)
         return list(ca.substitute(expressions, [eq.lag], [commanded]))
 
-    @cached_property
-    def forward_dynamics(self) -> ca.Function:
-        """State derivative."""
-        return self._function("forward_dynamics", "x u w p", xd=self._equations.state_rate)
-
-    @cached_property
-    def linearization(self) -> ca.Function:
-        """Jacobians of the state derivative with respect to state and input."""
-        eq = self._equations
-        rate = column(eq.state_rate)
-        return self._function("linearization", "x u w p", A=ca.jacobian(rate, eq.x), B=ca.jacobian(rate, eq.u))
+    forward_dynamics = named("x u w p", xd=lambda eq: eq.state_rate)
+    linearization = named(
+        "x u w p",
+        A=lambda eq: ca.jacobian(column(eq.state_rate), eq.x),
+        B=lambda eq: ca.jacobian(column(eq.state_rate), eq.u),
+    )
 
 
 def function_names(cls: type[Functions]) -> tuple[str, ...]:
@@ -72,12 +82,7 @@ def function_names(cls: type[Functions]) -> tuple[str, ...]:
     return tuple(n for n, value in found.items() if isinstance(value, cached_property) and not n.startswith("_"))
 
 
-def matrix(rows: Sequence[Sequence[Scalar]]) -> ca.SX:
-    """CasADi matrix of scalars."""
-    return ca.vertcat(*[ca.horzcat(*[ca.SX(v) for v in row]) for row in rows])
-
-
-def _dense(value: ca.SX | Vec | Scalar | list[Scalar]) -> ca.SX:
+def _dense(value: Output) -> ca.SX:
     if isinstance(value, Vec):
         return value.column()
     return ca.densify(column(value) if isinstance(value, list) else ca.SX(value))

@@ -17,13 +17,13 @@ DEFAULT_RANGE = 2 * math.pi / 3
 _SNAP = 1e-9
 """Distance per length of the finger up to which two positions are the same [1]: above the rounding of sums of
 lengths."""
-_SHORTEST = 0.02
+SHORTEST = 0.02
 """Shortest element that is made for a load, a mass or a jump of the rest curvature, per length of the finger [1]:
 shorter ones would raise the highest frequency, which sets the step of explicit integrators (see ``with_breaks``)."""
 _LEAST = 1e-6
 """Least length of an element, per length of the finger [1]: its inertia goes with the third power of its length, 1e-18
 of the finger's, which is below rounding."""
-_MOST = 64
+MOST_ELEMENTS = 64
 """Most elements [1]: four times as many as a tolerance ever chooses, and the expressions grow with the square."""
 _WIDEST = 20.0
 """Greatest bending range [rad]: the series for arcs are then off by 5e-9, by cancellation; at one turn by 4e-15."""
@@ -32,27 +32,9 @@ _WIDEST = 20.0
 def element_lengths(
     length: float, contacts: Sequence[float], elements: int | Sequence[float] | None
 ) -> tuple[float, ...]:
-    """Lengths of the elements, with a boundary at each contact.
+    """Lengths of the elements from base to tip [m], with a boundary at each contact [m].
 
-    Parameters
-    ----------
-    length : float
-        Length of the finger [m].
-    contacts : sequence of float
-        Positions of the contacts, increasing [m].
-    elements : int, sequence of float or None
-        Number of elements, or their lengths; None: two, or one per segment between contacts where that is more.
-
-    Returns
-    -------
-    tuple of float
-        Lengths from base to tip [m].
-
-    Raises
-    ------
-    InputError
-        If contacts are outside the finger, out of order, or not on a boundary of given lengths, or if there are
-        fewer elements than segments.
+    ``elements`` is their number, or their lengths; None: two, or one per segment between contacts where that is more.
     """
     edges = [0.0, *contacts, length]
     if any(not b > a for a, b in itertools.pairwise(edges)):
@@ -65,11 +47,12 @@ def element_lengths(
     if isinstance(elements, Sequence):
         return _given(length, contacts, list(elements))
     count = max(2, len(segments)) if elements is None else elements
-    if not 1 <= count <= _MOST:
-        raise InputError(f"expected a number of elements from 1 to {_MOST}, got {count}", key="elements")
+    if not 1 <= count <= MOST_ELEMENTS:
+        raise InputError(f"expected a number of elements from 1 to {MOST_ELEMENTS}, got {count}", key="elements")
     if count < len(segments):
         message = f"{len(contacts)} contacts need at least {len(segments)} elements, got {count}"
         raise InputError(message, key="elements")
+    # Even out: each further element goes to the segment whose elements are longest.
     shares = [1] * len(segments)
     for _ in range(count - len(segments)):
         longest = max(range(len(segments)), key=lambda k: segments[k] / shares[k])
@@ -82,37 +65,26 @@ def with_breaks(
 ) -> tuple[float, ...]:
     """Contacts, and where the curvature or its slope jumps: loads, masses, and jumps of the rest curvature.
 
-    Parameters
-    ----------
-    contacts : sequence of float
-        Positions of the contacts [m].
-    finger : Finger
-    loads : sequence of loads
-    continuous : bool
-        Whether the curvature is continuous from element to element. It then cannot jump at a couple, and rises within
-        a short element around it: a couple of 0.3 EI/L on 2 elements costs 1e-3 of the length, with such an element
-        3e-5 (with a boundary at the couple 2e-3), and the stiffest mode hardly changes.
-
-    Returns
-    -------
-    tuple of float
-        Increasing [m], without what is too near to another or to an end for an element.
+    Increasing [m], without what is too near to another or to an end for an element. A ``continuous`` curvature cannot
+    jump at a couple, and rises within a short element around it: a couple of 0.3 EI/L on 2 elements costs 1e-3 of the
+    length, with such an element 3e-5 (with a boundary at the couple 2e-3), and the stiffest mode hardly changes.
     """
     length, marks = finger.rod.length, list(contacts)
 
     def add(*places: float) -> None:
         near = any(
-            abs(at - other) < (1.0 - _SNAP) * _SHORTEST * length for at in places for other in (0.0, *marks, length)
+            abs(at - other) < (1.0 - _SNAP) * SHORTEST * length for at in places for other in (0.0, *marks, length)
         )
-        if not near and min(places) > 0.0 and max(places) < length and len(marks) + len(places) < _MOST:
+        if not near and min(places) > 0.0 and max(places) < length and len(marks) + len(places) < MOST_ELEMENTS:
             marks.extend(places)
 
+    # Where two are too near for an element, the first one stays: jumps of the curvature before those of its slope.
     for start, _, _ in finger.curvature_pieces[1:]:
         add(start)
     for load in loads:
         if isinstance(load, MomentLoad) and continuous:
             taken = any(abs(load.at - other) <= _SNAP * length for other in marks)
-            half = (1.0 if taken else 0.5) * _SHORTEST * length
+            half = (1.0 if taken else 0.5) * SHORTEST * length
             add(load.at - half, load.at + half)
         elif isinstance(load, MomentLoad):
             add(load.at)
@@ -128,8 +100,8 @@ def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tu
     if min(lengths, default=0.0) < _LEAST * length or abs(sum(lengths) - length) > _SNAP * length:
         message = f"element lengths must be positive and add up to {length} m, got {lengths}"
         raise InputError(message, key="elements")
-    if len(lengths) > _MOST:
-        raise InputError(f"expected the lengths of up to {_MOST} elements, got {len(lengths)}", key="elements")
+    if len(lengths) > MOST_ELEMENTS:
+        raise InputError(f"expected the lengths of up to {MOST_ELEMENTS} elements, got {len(lengths)}", key="elements")
     edges = [sum(lengths[: k + 1]) for k in range(len(lengths))]
     for k, at in enumerate(contacts):
         if min(abs(at - e) for e in edges) > _SNAP * length:
@@ -139,13 +111,7 @@ def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tu
 
 
 def element_ranges(lengths: Sequence[float], bending_range: float | None, curvature_limit: float) -> tuple[float, ...]:
-    """Bending range of each element [rad]: as declared, or the default, or less where the strain limit allows less.
-
-    Raises
-    ------
-    InputError
-        If the declared range is not positive, or beyond what series can follow.
-    """
+    """Bending range of each element [rad]: as declared, or the default, or less where the strain limit allows less."""
     if bending_range is not None:
         if not 0.0 < bending_range <= _WIDEST:
             message = f"expected a positive number of radians, up to {_WIDEST:g}, got {bending_range}"
@@ -155,13 +121,7 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, curvat
 
 
 def place_at(at: float, lengths: Sequence[float]) -> Place:
-    """The section at a position along the finger; at a boundary, the end of the element before it.
-
-    Raises
-    ------
-    InputError
-        If the position is not on the finger.
-    """
+    """The section at a position along the finger [m]; at a boundary, the end of the element before it."""
     total = sum(lengths)
     if not -_SNAP * total <= at <= total * (1 + _SNAP):
         raise InputError(f"position {at} m is not on the finger of {total} m")

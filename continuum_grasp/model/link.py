@@ -11,54 +11,47 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
 
 
+def is_end(fraction: Scalar) -> bool:
+    """Whether a fraction of a link's length is a number, and that of its end section."""
+    # A run-time fraction is an SX, whose comparison would be an expression.
+    return isinstance(fraction, float) and fraction == 1.0
+
+
 @dataclass(frozen=True)
 class Section:
-    """A cross-section of a link."""
+    """A cross-section of a link; tuples have an entry per local coordinate."""
 
-    position: Vec
-    """From the start of the link."""
-    rotation: Rotation
-    """From the section's axes to the link's."""
-    arms: tuple[Vec, ...]
-    """Per local coordinate; dr/dq = perp(arm)."""
-    angles: tuple[Scalar, ...]
-    """Per local coordinate: derivative of the bending angle."""
+    position: Vec  # from the start of the link
+    rotation: Rotation  # from the section's axes to the link's
+    arms: tuple[Vec, ...]  # dr/dq = perp(arm)
+    angles: tuple[Scalar, ...]  # derivative of the bending angle
 
 
 @dataclass(frozen=True)
 class Inertia:
-    """Mass integrals of a link about its start."""
+    """Mass integrals of a link about its start; tuples have an entry per local coordinate."""
 
     mass: Scalar
-    first: Vec
-    """Integral of r dm."""
-    second: Scalar
-    """Integral of |r|^2 dm, and rotary inertia."""
-    arms: tuple[Vec, ...]
-    """Per local coordinate: integral of arm dm."""
-    swing: tuple[Scalar, ...]
-    """Per local coordinate: integral of r . arm dm (= r x dr/dq), and rotary inertia."""
-    matrix: tuple[tuple[Scalar, ...], ...]
-    """Integrals of arm_a . arm_b dm, and rotary inertia."""
+    first: Vec  # integral of r dm
+    second: Scalar  # integral of |r|^2 dm, and rotary inertia
+    arms: tuple[Vec, ...]  # integral of arm dm
+    swing: tuple[Scalar, ...]  # integral of r . arm dm (= r x dr/dq), and rotary inertia
+    matrix: tuple[tuple[Scalar, ...], ...]  # integrals of arm_a . arm_b dm, and rotary inertia
 
 
 @dataclass(frozen=True)
 class Bias:
     """Integrals of a link's velocity-product acceleration, with the sign reversed (centripetal, towards the start)."""
 
-    end: Vec
-    """At the end section."""
-    force: Vec
-    """Integral over dm."""
-    moment: Scalar
-    """Integral of r x ( ) dm."""
-    generalized: tuple[Scalar, ...]
-    """Per local coordinate: integral of dr/dq . ( ) dm."""
+    end: Vec  # at the end section
+    force: Vec  # integral over dm
+    moment: Scalar  # integral of r x ( ) dm
+    generalized: tuple[Scalar, ...]  # per local coordinate: integral of dr/dq . ( ) dm
 
 
 class Link(ABC):
@@ -97,17 +90,26 @@ class Link(ABC):
 
 @dataclass(frozen=True)
 class LoadedLink:
-    """A link with the point masses that it carries."""
+    """A link with the point masses that it carries: (fraction of the length, mass [kg])."""
 
     link: Link
     masses: tuple[tuple[Scalar, Scalar], ...]
-    """(fraction of the length, mass)."""
 
     def inertia(self) -> Inertia:
         """Mass integrals with the point masses."""
         total = self.link.inertia
         for fraction, mass in self.masses:
-            total = _add_mass(total, self.link.section(fraction), mass)
+            section = self.link.section(fraction)
+            r, arms = section.position.scaled(mass), [arm.scaled(mass) for arm in section.arms]
+            pairs = range(len(arms))
+            total = Inertia(
+                mass=total.mass + mass,
+                first=total.first + r,
+                second=total.second + r.dot(section.position),
+                arms=tuple(a + b for a, b in zip(total.arms, arms, strict=True)),
+                swing=tuple(s + r.dot(arm) for s, arm in zip(total.swing, section.arms, strict=True)),
+                matrix=tuple(tuple(total.matrix[a][b] + arms[a].dot(section.arms[b]) for b in pairs) for a in pairs),
+            )
         return total
 
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
@@ -116,24 +118,11 @@ class LoadedLink:
         for fraction, mass in self.masses:
             section = self.link.section(fraction)
             force = self.link.section_bias(fraction, omega, rates).scaled(mass)
-            total = Bias(
-                end=total.end,
+            total = replace(
+                total,
                 force=total.force + force,
                 moment=total.moment + section.position.cross(force),
+                # perp(arm) . force = arm x force: why generalized forces are cross products of arms
                 generalized=tuple(q + arm.cross(force) for q, arm in zip(total.generalized, section.arms, strict=True)),
             )
         return total
-
-
-def _add_mass(inertia: Inertia, section: Section, mass: Scalar) -> Inertia:
-    r = section.position.scaled(mass)
-    arms = [arm.scaled(mass) for arm in section.arms]
-    pairs = range(len(arms))
-    return Inertia(
-        mass=inertia.mass + mass,
-        first=inertia.first + r,
-        second=inertia.second + r.dot(section.position),
-        arms=tuple(a + b for a, b in zip(inertia.arms, arms, strict=True)),
-        swing=tuple(s + r.dot(arm) for s, arm in zip(inertia.swing, section.arms, strict=True)),
-        matrix=tuple(tuple(inertia.matrix[a][b] + arms[a].dot(section.arms[b]) for b in pairs) for a in pairs),
-    )

@@ -28,30 +28,21 @@ _UNITS = {
 
 
 class Parameters:
-    """Values of the model's parameters.
-
-    Parameters
-    ----------
-    finger : Finger
-        Where the nominal values come from.
-    gravity : pair of float
-        World gravity [m/s2].
-    lengths : sequence of float
-        Element lengths [m].
-    names : sequence of str
-        Parameters that stay run-time arguments, in the order of the argument ``p``.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown or repeated, or does not fit the finger.
-    """
+    """Nominal values and, of those with ``names``, symbols: they stay run-time arguments, in this order in ``p``."""
 
     def __init__(
         self, finger: Finger, gravity: tuple[float, float], lengths: Sequence[float], names: Sequence[str]
     ) -> None:
         self._nominal = _nominal_values(finger, gravity, lengths)
-        _check(names, self._nominal)
+        for k, name in enumerate(names):
+            if name not in self._nominal:
+                near = difflib.get_close_matches(name, self._nominal, n=1)
+                hint = f"; did you mean {near[0]}?" if near else ""
+                message = f"unknown parameter {name!r:.60}{hint} (this finger has {', '.join(sorted(self._nominal))})"
+                raise InputError(message, key=f"parameters[{k}]")
+            if name in names[:k]:
+                message = f"parameter {name!r} is repeated: expected each once, got {list(names)}"
+                raise InputError(message, key=f"parameters[{k}]")
         self.names = tuple(names)
         self._symbols = {name: ca.SX.sym(name, len(self._nominal[name])) for name in names}
 
@@ -117,16 +108,5 @@ def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Seque
 
 def at_tip(at: float, length: float) -> bool:
     """Whether a position is the tip."""
+    # The tolerance of ``layout``: above the rounding of sums of lengths.
     return abs(at - length) <= 1e-9 * length
-
-
-def _check(names: Sequence[str], known: dict[str, list[float]]) -> None:
-    for k, name in enumerate(names):
-        key = f"parameters[{k}]"
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            message = f"unknown parameter {name!r:.60}{hint} (this finger has {', '.join(sorted(known))})"
-            raise InputError(message, key=key)
-        if name in names[:k]:
-            raise InputError(f"parameter {name!r} is repeated: expected each once, got {list(names)}", key=key)

@@ -7,29 +7,31 @@ Inside the model the X axis points along the undeformed backbone, so that the ta
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import TypeAlias
 
 import casadi as ca
 
+Scalar: TypeAlias = ca.SX | float
 
-def solve_ldl(matrix: Sequence[Sequence[Scalar]], right: Sequence[Scalar]) -> list[Scalar]:
-    """Solve ``matrix x = right`` by an L D L' factorization without pivoting.
 
-    Parameters
-    ----------
-    matrix : n x n scalars
-        Symmetric positive definite; the lower triangle is read.
-    right : n scalars
+def column(values: Sequence[Scalar]) -> ca.SX:
+    """CasADi column of scalars."""
+    return ca.vertcat(*[ca.SX(v) for v in values]) if values else ca.SX(0, 1)
 
-    Returns
-    -------
-    list of n scalars
-    """
+
+def matrix(rows: Sequence[Sequence[Scalar]]) -> ca.SX:
+    """CasADi matrix of scalars."""
+    return ca.vertcat(*[ca.horzcat(*[ca.SX(v) for v in row]) for row in rows])
+
+
+def solve_ldl(symmetric: Sequence[Sequence[Scalar]], right: Sequence[Scalar]) -> list[Scalar]:
+    """Solve ``symmetric x = right`` for a positive definite matrix, of which the lower triangle is read, as L D L'."""
     # Written out in scalars, since CasADi's own linear solvers cannot be expanded to SX and generated as straight code;
     # no pivots are needed for a mass matrix, which is positive definite, and the code then has no branches.
     n = len(right)
-    a = [list(row) for row in matrix]
+    a = [list(row) for row in symmetric]
     inverse: list[Scalar] = [0.0] * n
     factor: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
     y = list(right)
@@ -47,9 +49,6 @@ def solve_ldl(matrix: Sequence[Sequence[Scalar]], right: Sequence[Scalar]) -> li
         for k in range(i + 1, n):
             x[i] -= factor[k][i] * x[k]
     return x
-
-
-Scalar: TypeAlias = ca.SX | float
 
 
 def weighted_sum(weights: Iterable[float], values: Iterable[Scalar], scale: Scalar = 1.0) -> Scalar:
@@ -122,6 +121,11 @@ class Rotation:
     def transposed(self) -> Rotation:
         """The inverse rotation."""
         return Rotation(self.c, -self.s)
+
+
+def rotated(angle: float) -> Rotation:
+    """The rotation by an angle [rad]; by zero it costs no instruction."""
+    return Rotation(math.cos(angle), math.sin(angle)) if angle != 0.0 else IDENTITY
 
 
 ZERO = Vec(0.0, 0.0)

@@ -13,22 +13,19 @@ from continuum_grasp.errors import InputError
 
 @dataclass(frozen=True)
 class Collocation:
-    """Gauss-Legendre nodes on [0, 1] and what follows from interpolation at them."""
+    """Gauss-Legendre nodes u on [0, 1] and what follows from interpolation at them.
 
-    nodes: NDArray[np.float64]
-    """(m,) increasing."""
-    weights: NDArray[np.float64]
-    """(m,) integral over [0, 1]."""
-    mean_weights: NDArray[np.float64]
-    """(m,) integral of (1 - u) f(u), the mean of the running integral."""
-    steps: NDArray[np.float64]
-    """(m + 1,) from 0 to the first node, between the nodes, and from the last node to 1; symmetric to the last bit."""
-    offsets: NDArray[np.float64]
-    """(m + 1,) steps times the distance of their middles from 1/2; antisymmetric to the last bit."""
-    running: NDArray[np.float64]
-    """(m, m): int_0^{u_k} f du = sum_j running[k, j] f(u_j)."""
-    kernel: NDArray[np.float64]
-    """(m, m) symmetric: int_0^1 F G du = f' kernel g, with F, G the running integrals of the interpolated f, g."""
+    ``running`` integrates from 0 to each node. ``kernel``: the integral of F G is f' kernel g, with F, G the running
+    integrals of the interpolated f, g.
+    """
+
+    nodes: NDArray[np.float64]  # (m,) increasing
+    weights: NDArray[np.float64]  # (m,) integral over [0, 1]
+    mean_weights: NDArray[np.float64]  # (m,) integral of (1 - u) f(u), the mean of the running integral
+    steps: NDArray[np.float64]  # (m + 1,) from 0 to the first node, between nodes, from the last to 1
+    offsets: NDArray[np.float64]  # (m + 1,) steps times the distance of their middles from 1/2
+    running: NDArray[np.float64]  # (m, m)
+    kernel: NDArray[np.float64]  # (m, m) symmetric
 
 
 @cache
@@ -44,10 +41,12 @@ def collocation(count: int) -> Collocation:
     for n in range(1, count):
         running[n + 1] += 0.5 * coefficients[n] / (2 * n + 1)
         running[n - 1] -= 0.5 * coefficients[n] / (2 * n + 1)
+    # F and G have degree m: their product is integrated by the orthogonality of the Legendre polynomials.
     kernel = (running.T / (2 * np.arange(count + 1) + 1)) @ running
     stops = np.concatenate(([0.0], nodes, [1.0]))
     steps = np.diff(stops)
     offsets = steps * (0.5 * (stops[1:] + stops[:-1]) - 0.5)
+    # Symmetric to the last bit, so that CasADi recognizes equal factors of both halves as one.
     return Collocation(
         nodes,
         weights,
@@ -59,7 +58,7 @@ def collocation(count: int) -> Collocation:
     )
 
 
-_RANGES = (0.3, 0.6, 1.0, 1.5, 2.1, 3.15, 4.5, 6.3)
+RANGES = (0.3, 0.6, 1.0, 1.5, 2.1, 3.15, 4.5, 6.3)
 """Ranges of length times curvature [rad] of the columns of the table below, up to one turn."""
 _ERRORS: dict[int, tuple[float, ...]] = {
     3: (5.0e-2, 5.0e-2, 5.1e-2, 5.3e-2, 5.8e-2, 7.0e-2, 9.4e-2, 4.0e-1),
@@ -77,7 +76,7 @@ _ERRORS: dict[int, tuple[float, ...]] = {
     15: (1.0e-14, 1.0e-14, 1.0e-14, 1.0e-14, 1.0e-14, 1.0e-14, 1.0e-14, 1.0e-14),
 }
 """Largest error of mass matrix, bias, gravity and end point of one clothoid element, relative to the largest entry over
-all shapes, per number of nodes, for elements whose length times curvature stays below each of ``_RANGES`` (measured
+all shapes, per number of nodes, for elements whose length times curvature stays below each of ``RANGES`` (measured
 against 24 nodes over random and extreme shapes; a test measures it again). The bias of curvatures that change sign is
 the worst; the mass matrix is about ten times better."""
 
@@ -87,26 +86,11 @@ all shapes: shapes with a small bias then reach it too."""
 
 
 def node_count(angle_range: float, accuracy: float) -> int:
-    """Nodes that a clothoid element needs.
+    """Nodes (3 to 16) with which an element of a greatest length times curvature [rad] is as accurate as asked.
 
-    Parameters
-    ----------
-    angle_range : float
-        Greatest length times curvature of the element [rad].
-    accuracy : float
-        Error allowed in mass matrix, bias, gravity and position, relative to their largest entries.
-
-    Returns
-    -------
-    int
-        Between 3 and 16.
-
-    Raises
-    ------
-    InputError
-        If the range is beyond one turn.
+    ``accuracy`` is the error of mass matrix, bias, gravity and position, relative to their largest entries.
     """
-    column = next((k for k, reach in enumerate(_RANGES) if angle_range <= reach), None)
+    column = next((k for k, reach in enumerate(RANGES) if angle_range <= reach), None)
     if column is None:
         raise InputError(
             f"a clothoid element that bends by up to {angle_range:.3g} rad is beyond one turn: take more elements",

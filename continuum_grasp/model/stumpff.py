@@ -18,23 +18,13 @@ ROUNDING = 1.5e-16
 
 
 def horner_degree(angle_range: float, accuracy: float, top: int) -> int:
-    """Degree in x at which a series from c_top on may be cut.
+    """Degree n in x = theta^2 at which the series of c_top may be cut.
 
-    Parameters
-    ----------
-    angle_range : float
-        Greatest absolute angle [rad].
-    accuracy : float
-        Greatest error over the range, of c_top relative to its value at zero, and of what the downward recursion makes
-        of it, theta^top c_top.
-    top : int
-        Index of the series that is evaluated.
-
-    Returns
-    -------
-    int
-        Degree n; the first term left out stays below ``accuracy`` on both counts.
+    The error stays below ``accuracy`` up to ``angle_range`` [rad], relative to c_top at zero, 1 / top!, and in what the
+    downward recursion makes of it, theta^top c_top.
     """
+    # The series alternates and its terms soon fall, so the first one left out bounds the error. Logarithms, because
+    # factorials and powers overflow for wide ranges.
     span, limit = math.log(max(angle_range, 1e-300)), math.log(accuracy)
     degree = 0
     while True:
@@ -51,45 +41,23 @@ def _series(x: Scalar, k: int, degree: int) -> Scalar:
 
 
 def stumpff(theta: Scalar, angle_range: float, accuracy: float = ROUNDING, top: int = 7) -> list[Scalar]:
-    """The Stumpff functions c_0 ... c_top of theta^2.
+    """The Stumpff functions c_0 ... c_top (top >= 1) of the square of an angle [rad].
 
-    Parameters
-    ----------
-    theta : float or casadi.SX
-        Bending angle [rad].
-    angle_range : float
-        Greatest absolute value that ``theta`` takes; beyond it the error grows, smoothly.
-    accuracy : float
-        Truncation error allowed over the range.
-    top : int
-        Highest index, at least 1.
-
-    Returns
-    -------
-    list
-        c_0 ... c_top.
+    ``accuracy`` bounds the truncation error up to ``angle_range`` [rad]; beyond, the error grows smoothly.
     """
     x = theta * theta
     c: list[Scalar] = [0.0] * (top + 1)
     for k in (top, top - 1):
         c[k] = _series(x, k, horner_degree(angle_range, accuracy, k))
+    # Downward: upward would divide by x, which cancels all digits near the straight finger.
     for k in range(top - 2, -1, -1):
         c[k] = 1.0 / math.factorial(k) - x * c[k + 2]
     return c
 
 
 def rotation(angle: ca.SX, angle_range: float, accuracy: float = ROUNDING) -> Rotation:
-    """Cosine and sine of a bounded angle without a call of the mathematical library.
-
-    Parameters
-    ----------
-    angle : casadi.SX
-        Angle [rad].
-    angle_range : float
-        Greatest absolute value that it takes.
-    accuracy : float
-        Truncation error allowed over the range.
-    """
+    """Cosine and sine of an angle of at most ``angle_range`` [rad], without a call of the mathematical library."""
+    # Polynomials give the same bits on every platform, and a compiler can interleave them.
     x = angle * angle
     cosine, sine = (_series(x, k, horner_degree(angle_range, accuracy, k)) for k in (0, 1))
     return Rotation(cosine, angle * sine)

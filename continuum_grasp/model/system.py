@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Unpack
 
@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.chain import column
 from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.finger_model import FingerModel
-from continuum_grasp.model.functions import Functions, function_names, matrix
+from continuum_grasp.model.functions import Functions, function_names, named
 from continuum_grasp.model.layout import place_at
+from continuum_grasp.model.planar import Vec, column, matrix
 from continuum_grasp.model.system_equations import OBJECT_PARAMETERS, SystemEquations
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
@@ -216,85 +216,50 @@ class System(Functions):
         names = ["x", "u", "w", "p", "press"]
         return ca.Function("pressed_linearization", [getattr(eq, name) for name in names], [slope], names, ["A"])
 
-    @cached_property
-    def internal(self) -> ca.Function:
-        """Mass matrix M (n, n) of the finger, and its stiffness K and damping D (n, n), whose forces are linear."""
-        eq = self._equations
-        mass = matrix(eq.mass_matrix)
-        elastic, damping = (column(forces[: self.n]) for forces in (eq.elastic, eq.damping))
-        return self._function("internal", "x u p", M=mass, K=ca.jacobian(elastic, eq.q), D=ca.jacobian(damping, eq.qd))
-
-    @cached_property
-    def tip(self) -> ca.Function:
-        """World position of the tip [m]."""
-        return self._function("tip", "x u p", r=self._equations.tip_position)
+    internal = named(
+        "x u p",
+        M=lambda eq: matrix(eq.mass_matrix),
+        # Elastic and damping forces are linear: their slopes are the matrices K and D.
+        K=lambda eq: ca.jacobian(column(eq.elastic[: eq.q.numel()]), eq.q),
+        D=lambda eq: ca.jacobian(column(eq.damping[: eq.q.numel()]), eq.qd),
+    )
+    tip = named("x u p", r=lambda eq: eq.tip_position)
+    bending = named("x u p", bend=lambda eq: eq.bends)
+    curvature = named("x u p", kappa=lambda eq: eq.curvature)
+    range_use = named("x u p", use=lambda eq: eq.range_use)
 
     def sections(self, stations: Sequence[float]) -> ca.Function:
-        """World positions r (2, K) [m] and angles (K) [rad] of the sections at positions along the finger [m].
+        """``(x, u, p) -> r, angle``: world positions (2, K) [m] and angles (K) [rad] of sections.
 
-        Parameters
-        ----------
-        stations : sequence of float
-            K positions from the base [m]; with run-time element lengths they keep their share of an element.
-
-        Returns
-        -------
-        casadi.Function
-            ``(x, u, p) -> r, angle``; the tangent of a section is (-sin, cos) of its angle.
-
-        Raises
-        ------
-        InputError
-            If one is not on the finger.
+        Stations are K positions from the base [m], which must be on the finger; with run-time element lengths they keep
+        their share of an element. The tangent of a section is (-sin, cos) of its angle.
         """
         eq, lengths = self._equations, self.finger_model.lengths
         found = [eq.section_at(place_at(at, lengths)) for at in stations]
-        r = ca.horzcat(ca.SX(2, 0), *[at.column() for at, _ in found])
-        return self._function("sections", "x u p", r=r, angle=[angle for _, angle in found])
+        r, angles = _columns(at for at, _ in found), [angle for _, angle in found]
+        return self._function("sections", "x u p", r=r, angle=angles)
 
-    @cached_property
-    def bending(self) -> ca.Function:
-        """Bending angle of each element [rad]."""
-        return self._function("bending", "x u p", bend=self._equations.bends)
-
-    @cached_property
-    def curvature(self) -> ca.Function:
-        """Curvature [1/m] that belongs to each coordinate of the family: of each arc, or at the nodes of clothoids."""
-        return self._function("curvature", "x u p", kappa=self._equations.curvature)
-
-    @cached_property
-    def range_use(self) -> ca.Function:
-        """Share of the declared bending range that each element uses; above 1 the series lose their accuracy."""
-        return self._function("range_use", "x u p", use=self._equations.range_use)
-
-    @cached_property
-    def energy(self) -> ca.Function:
-        """Kinetic and potential energy [J], with those of the object and of the surfaces pressed in; the table at rest
-        at height zero.
-        """
-        eq = self._equations
-        kinetic, potential = ca.substitute([ca.SX(each) for each in eq.energies], [eq.w], [ca.SX.zeros(self.nw)])
-        return self._function("energy", "x u p", kinetic=kinetic, potential=potential)
-
-    @cached_property
-    def touch(self) -> ca.Function:
-        """Gaps [m] and forces [N] of the contacts."""
-        pairs = self._equations.pairs
-        return self._function(
-            "touch",
-            "x u w p",
-            gap=[pair.gap for pair in pairs],
-            normal_force=[pair.normal_force for pair in pairs],
-            friction=[pair.tangential for pair in pairs],
-            lift=[pair.lift for pair in pairs],
-            force=ca.horzcat(ca.SX(2, 0), *[pair.force.scaled(-1.0).column() for pair in pairs]),
-            point=ca.horzcat(ca.SX(2, 0), *[pair.point.column() for pair in pairs]),
-            normal=ca.horzcat(ca.SX(2, 0), *[pair.normal.column() for pair in pairs]),
-        )
+    energy = named("x u p", kinetic=lambda eq: eq.energies[0], potential=lambda eq: eq.energies[1])
+    touch = named(
+        "x u w p",
+        gap=lambda eq: [pair.gap for pair in eq.pairs],
+        normal_force=lambda eq: [pair.normal_force for pair in eq.pairs],
+        friction=lambda eq: [pair.tangential for pair in eq.pairs],
+        lift=lambda eq: [pair.lift for pair in eq.pairs],
+        # What touches the object bears ``pair.force``, the object its reaction.
+        force=lambda eq: _columns(pair.force.scaled(-1.0) for pair in eq.pairs),
+        point=lambda eq: _columns(pair.point for pair in eq.pairs),
+        normal=lambda eq: _columns(pair.normal for pair in eq.pairs),
+    )
 
 
 SYSTEM_FUNCTIONS = function_names(System)
 """Names of a system's functions."""
+
+
+def _columns(vectors: Iterable[Vec]) -> ca.SX:
+    """(2, K), also where there are none."""
+    return ca.horzcat(ca.SX(2, 0), *[v.column() for v in vectors])
 
 
 def _vector(name: str, value: ArrayLike | None, size: int) -> list[float]:

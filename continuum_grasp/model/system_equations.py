@@ -8,12 +8,12 @@ from functools import cached_property
 import casadi as ca
 
 from continuum_grasp.model.body import Body
-from continuum_grasp.model.chain import Force, Moment, Place
+from continuum_grasp.model.chain import Load, Place
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.touching import Pair, Station, TablePair, disc_pair, support_pairs, table_pair
+from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pair
 from continuum_grasp.scene.surroundings import Surroundings
 
 OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1", "object_x": "m", "object_y": "m"}
@@ -24,15 +24,8 @@ coefficients; where it is, if it is fixed."""
 class SystemEquations(Equations):
     """Equations of a finger and of its object, if there is one; its state follows that of the finger.
 
-    Parameters
-    ----------
-    structure : Structure
-        Of the finger's model.
-    surroundings : Surroundings or None
-    runtime : sequence of str
-        Which of ``OBJECT_PARAMETERS`` stay run-time arguments, at the end of ``p``.
-    pressed : bool
-        Whether the run-time numbers ``press`` [m], one per contact, make the gaps smaller.
+    Those of ``OBJECT_PARAMETERS`` that are ``runtime`` are at the end of ``p``. ``pressed``: run-time numbers ``press``
+    [m], one per contact, make the gaps smaller.
     """
 
     def __init__(
@@ -69,35 +62,35 @@ class SystemEquations(Equations):
         found = []
         for name, place in [*places, ("finger.tip", made.tip)]:
             center, (velocity, spin) = self.to_world(self.chain.position(place)), motions[place.link]
+            # Without the couple of its force, a matched tip must not turn in the slip either, or power would appear.
             rolls = not (made.matched and place is made.tip)
-            found.append((place, Station(name, center, self.turn.apply(velocity), spin if rolls else 0.0, radius)))
+            found.append((place, Station(name, center, radius, self.turn.apply(velocity), spin if rolls else 0.0)))
         return found
 
     @cached_property
-    def pairs(self) -> list[Pair | TablePair]:
+    def pairs(self) -> list[Pair]:
         """What can touch: stations of the finger first, then supports, then the table."""
         around, body = self._around, self.body
         if around is None or body is None or around.contact_law is None:
             return []
         law = around.contact_law
         stations = [disc_pair(body, law, station) for _, station in self._stations]
-        pairs: list[Pair | TablePair] = [*stations, *support_pairs(body, law, around.walls, around.pegs)]
+        pairs: list[Pair] = [*stations, *support_pairs(body, law, around.walls, around.pegs)]
         if around.table is not None:
             pairs.append(table_pair(body, law, around.table.friction))
         return [pair.pressed() for pair in pairs] if self._pressed else pairs
 
     @cached_property
-    def contact_loads(self) -> tuple[list[Force], list[Moment]]:
+    def contact_loads(self) -> list[Load]:
         """Contact forces on the finger, with their couples about the center line where the tip is free."""
-        if self.body is None:
-            return [], []
-        back = self.turn.transposed()
-        forces, moments = [], []
+        back, loads = self.turn.transposed(), []
+        # Stations come first among the pairs; supports and table do not touch the finger.
         for (place, station), pair in zip(self._stations, self.pairs, strict=False):
-            forces.append(Force(place, back.apply(pair.force)))
-            if not (self._structure.matched and place is self._structure.tip):
-                moments.append(Moment(place, (pair.point - station.center).cross(pair.force)))
-        return forces, moments
+            # A couple at a matched tip would set the curvature that it depends on.
+            free = not (self._structure.matched and place is self._structure.tip)
+            couple = (pair.point - station.center).cross(pair.force) if free else 0.0
+            loads.append(Load(place, back.apply(pair.force), couple))
+        return loads
 
     @cached_property
     def _world_gravity(self) -> Vec:
@@ -115,11 +108,13 @@ class SystemEquations(Equations):
 
     @cached_property
     def energies(self) -> tuple[Scalar, Scalar]:
-        """Kinetic and potential energy [J], with those of the object and of the surfaces pressed in."""
+        """Kinetic and potential energy [J], with those of the object and of the surfaces pressed in; without w."""
         kinetic, potential = self.kinetic_energy, self.potential_energy
         if self.body is not None:
             moving, weight = self.body.energy(self._world_gravity)
             kinetic, potential = kinetic + moving, potential + weight
             for pair in self.pairs:
                 potential += pair.stored_energy
+        # The table, whose height is in w, is at rest at height zero.
+        kinetic, potential = ca.substitute([ca.SX(kinetic), ca.SX(potential)], [self.w], [ca.SX.zeros(self.w.shape)])
         return kinetic, potential

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
 
 import casadi as ca
 
@@ -17,202 +16,126 @@ from continuum_grasp.scene.supports import Peg, Wall
 from continuum_grasp.scene.surroundings import ContactLaw
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Contact:
-    """What touches the object, as of a ``Pair``; subclasses have the normal force and the slip."""
+@dataclass(frozen=True)
+class Station:
+    """A disc of the finger: world center, radius [m], velocity of the center, and angular velocity."""
 
     name: str
-    gap: Scalar
-    point: Vec
-    velocity: Vec
-    climb: Scalar
-    friction: float
-    grip: Scalar
-    law: ContactLaw
-    z: ca.SX
-    press: ca.SX = field(default_factory=ca.SX)
+    center: Vec
+    radius: float
+    velocity: Vec = ZERO
+    spin: Scalar = 0.0
 
-    def pressed(self) -> Self:
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """A place of the object's surface and what may touch it there; vectors are the world's.
+
+    Friction acts along the normal turned by +90 degrees, then out of the plane where the object can slide so. On the
+    table the normal is out of the plane, and friction acts along world x and y.
+    """
+
+    name: str
+    gap: Scalar  # distance of the surfaces [m], negative where they overlap
+    gap_rate: Scalar  # [m/s]
+    normal: Vec  # outward normal of the object; zero on the table
+    point: Vec  # where the force acts [m]
+    slip: tuple[Scalar, ...]  # velocity of the object per direction of friction [m/s]
+    words: tuple[str, ...]  # for these directions
+    friction: float  # coefficient [1]
+    grip: Scalar  # factor of it [1]
+    law: ContactLaw
+    is_table: bool = False
+    press: ca.SX = field(default_factory=ca.SX)  # what the gap is made smaller by [m]; empty where it is what it is
+
+    def pressed(self) -> Pair:
         """The same with a gap that is smaller by a run-time number ``press``."""
         press = ca.SX.sym("press")
         return replace(self, gap=self.gap - press, press=press)
 
+    @cached_property
+    def z(self) -> ca.SX:
+        """Friction states, one per direction where the law has them."""
+        has_states = self.friction > 0.0 and self.law.displacement is not None
+        return ca.SX.sym(self.name, len(self.slip) if has_states else 0)
+
+    @property
+    def z_names(self) -> list[str]:
+        """Name and unit of each friction state."""
+        return [f"{self.name}.{word} [1]" for word in self.words[: self.z.numel()]]
+
     @property
     def z_rate(self) -> list[Scalar]:
         """Rates of the friction states [1/s]."""
-        return friction_rate(self.law, self.gap, self._states, self._slip) if self.z.numel() else []
+        return friction_rate(self.law, self.gap, ca.vertsplit(self.z), self.slip) if self.z.numel() else []
 
     @property
     def stored_energy(self) -> Scalar:
         """Of the normal spring [J]."""
         return stored_energy(self.law, self.gap)
 
-    @property
-    def _states(self) -> list[Scalar]:
-        return [self.z[k] for k in range(self.z.numel())]
-
-    @cached_property
-    def _slip(self) -> list[Scalar]:
-        """Velocity of the object along the directions of friction."""
-        raise NotImplementedError
-
-
-class TablePair(_Contact):
-    """The object's base on a table parallel to the plane; the attributes are those of a ``Pair``.
-
-    The normal force lifts the object; friction acts in the plane at the center of mass, along world x and y.
-    """
-
-    @property
-    def z_names(self) -> list[str]:
-        """Name and unit of each friction state."""
-        return [f"{self.name}.slide_{axis} [1]" for axis in "xy"[: self.z.numel()]]
-
-    @property
-    def normal(self) -> Vec:
-        """None in the plane."""
-        return Vec(0.0, 0.0)
-
     @cached_property
     def normal_force(self) -> Scalar:
         """[N]"""
-        return normal_force(self.law, self.gap, self.climb)
-
-    @property
-    def tangential(self) -> Scalar:
-        """Friction on the table along world x [N]; see ``force`` for both components."""
-        return self.force.x
-
-    @property
-    def lift(self) -> Scalar:
-        """Force out of the plane, on the object [N]."""
-        return self.normal_force
-
-    @cached_property
-    def force(self) -> Vec:
-        """Force on the table in the plane, world [N]; the object bears the opposite."""
-        if self.friction == 0.0:
-            return Vec(0.0, 0.0)
-        limit = self.grip * self.friction * self.normal_force
-        x, y = friction_share(self.law, self._states, self._slip)
-        return Vec(limit * x, limit * y)
-
-    @cached_property
-    def _slip(self) -> list[Scalar]:
-        return [self.velocity.x, self.velocity.y]
-
-
-def table_pair(body: Body, law: ContactLaw, friction: float) -> TablePair:
-    """The table under an object that can slide out of the plane; its height is a run-time number."""
-    center = body.position + body.arm
-    has_state = friction > 0.0 and law.displacement is not None
-    return TablePair(
-        name="table",
-        gap=body.pose[3] - body.wrench[3],
-        point=center,
-        velocity=body.velocity_at(center),
-        climb=body.climb,
-        friction=friction,
-        grip=body.grip,
-        law=law,
-        z=ca.SX.sym("table", 2 if has_state else 0),
-        press=ca.SX(0, 1),
-    )
-
-
-@dataclass(frozen=True)
-class Station:
-    """A disc of the finger: world center, its velocity, angular velocity, and radius [m]."""
-
-    name: str
-    center: Vec
-    velocity: Vec
-    spin: Scalar
-    radius: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Pair(_Contact):
-    """A place of the object's surface and what may touch it there.
-
-    Attributes
-    ----------
-    name : str
-    gap : scalar
-        Distance of the surfaces [m], negative where they overlap.
-    normal : Vec
-        Outward normal of the object, world.
-    point : Vec
-        Where the force acts, world [m].
-    velocity : Vec
-        Of the object against what touches it, at the point, world [m/s].
-    climb : scalar
-        The same out of the plane [m/s].
-    friction : float
-        Coefficient [1].
-    grip : scalar
-        Factor of it [1].
-    law : ContactLaw
-    z : casadi.SX
-        Friction states: along the normal turned by +90 degrees, then out of the plane, where the object can move so.
-    sinks : bool
-        Whether there is friction out of the plane.
-    press : casadi.SX
-        What the gap is made smaller by [m]; empty where it is what it is.
-    """
-
-    normal: Vec
-    sinks: bool
-
-    @property
-    def z_names(self) -> list[str]:
-        """Name and unit of each friction state."""
-        return [f"{self.name}.{word} [1]" for word in ("slide", "climb")[: self.z.numel()]]
-
-    @cached_property
-    def normal_force(self) -> Scalar:
-        """[N]"""
-        return normal_force(self.law, self.gap, -self.normal.dot(self.velocity))
-
-    @cached_property
-    def _slip(self) -> list[Scalar]:
-        """Velocity of the object along the surface, and out of the plane."""
-        along = self.normal.perp().dot(self.velocity)
-        return [along, self.climb] if self.sinks else [along]
+        return normal_force(self.law, self.gap, self.gap_rate)
 
     @cached_property
     def _friction(self) -> list[Scalar]:
-        """Forces against the slip, per direction [N]."""
+        """Forces against the slip, per direction [N]: Coulomb's limit times the share that the law gives."""
         if self.friction == 0.0:
-            return [0.0 for _ in self._slip]
+            return [0.0 for _ in self.slip]
         limit = self.grip * self.friction * self.normal_force
-        return [limit * share for share in friction_share(self.law, self._states, self._slip)]
+        return [limit * share for share in friction_share(self.law, ca.vertsplit(self.z), self.slip)]
 
     @property
     def tangential(self) -> Scalar:
-        """Friction on what touches the object, along the normal turned by +90 degrees [N]."""
+        """Friction on what touches the object, along the normal turned by +90 degrees, on the table along x [N]."""
         return self._friction[0]
 
     @property
     def lift(self) -> Scalar:
-        """Friction out of the plane, on the object [N]."""
-        return -self._friction[1] if self.sinks else 0.0
+        """Force out of the plane, on the object [N]."""
+        if self.is_table:
+            return self.normal_force
+        return -self._friction[1] if len(self.slip) > 1 else 0.0
 
     @cached_property
     def force(self) -> Vec:
-        """Force on what touches the object, world [N]; the object bears the opposite."""
+        """Force in the plane on what touches the object, world [N]; the object bears the opposite."""
+        if self.is_table:
+            return Vec(*self._friction)
         return self.normal.scaled(self.normal_force) + self.normal.perp().scaled(self.tangential)
+
+
+def table_pair(body: Body, law: ContactLaw, friction: float) -> Pair:
+    """The table under an object that can slide out of the plane; its height is a run-time number."""
+    center = body.position + body.arm
+    velocity = body.velocity_at(center)
+    return Pair(
+        name="table",
+        gap=body.pose[3] - body.wrench[3],
+        gap_rate=body.climb,
+        normal=Vec(0.0, 0.0),
+        # At the center of mass: the object never tilts, and where on its base the pressure is makes no difference.
+        point=center,
+        slip=(velocity.x, velocity.y),
+        words=("slide_x", "slide_y"),
+        friction=friction,
+        grip=body.grip,
+        law=law,
+        is_table=True,
+    )
 
 
 def disc_pair(body: Body, law: ContactLaw, disc: Station, friction: float | None = None) -> Pair:
     """A disc against the nearest part of the object."""
     found = nearest(body.object.parts, body.local(disc.center))
     normal = body.turn.apply(found.normal)
+    # The force acts on the disc's surface, where the turning of the disc moves it too.
     lever = normal.scaled(-disc.radius)
     point = disc.center + lever
     other = disc.velocity + lever.perp().scaled(disc.spin)
-    gap = found.distance - disc.radius
-    return _pair(disc.name, body, law, gap, normal, point, body.velocity_at(point) - other, friction)
+    return _pair(disc.name, body, law, friction, found.distance - disc.radius, normal, point, other)
 
 
 def support_pairs(body: Body, law: ContactLaw, walls: Sequence[Wall], pegs: Sequence[Peg]) -> list[Pair]:
@@ -230,17 +153,17 @@ def support_pairs(body: Body, law: ContactLaw, walls: Sequence[Wall], pegs: Sequ
             point = body.position + body.turn.apply(place)
             offset = point - Vec(*wall.point)
             gap = -down.dot(offset)
+            # Beyond an edge's ends there is no wall: the gap is that along the edge.
             if wall.half_length < float("inf"):
                 gap = ca.fmax(gap, ca.fabs(ca.SX(down.perp().dot(offset))) - wall.half_length)
             name = wall.name if len(points) == 1 else f"{wall.name}.{k + 1}"
-            pairs.append(_pair(name, body, law, gap, down, point, body.velocity_at(point), wall.friction))
+            pairs.append(_pair(name, body, law, wall.friction, gap, down, point))
         if wall.half_length < float("inf"):
             for word, end in zip(("end", "start"), wall.ends, strict=True):
-                disc = Station(f"{wall.name}.{word}", Vec(*end), ZERO, 0.0, 0.0)
+                disc = Station(f"{wall.name}.{word}", Vec(*end), 0.0)
                 pairs.append(disc_pair(body, law, disc, wall.friction))
     for peg in pegs:
-        disc = Station(peg.name, Vec(*peg.position), ZERO, 0.0, peg.radius)
-        pairs.append(disc_pair(body, law, disc, peg.friction))
+        pairs.append(disc_pair(body, law, Station(peg.name, Vec(*peg.position), peg.radius), peg.friction))
     return pairs
 
 
@@ -248,25 +171,23 @@ def _pair(
     name: str,
     body: Body,
     law: ContactLaw,
+    friction: float | None,
     gap: Scalar,
     normal: Vec,
     point: Vec,
-    velocity: Vec,
-    friction: float | None,
+    other: Vec = ZERO,
 ) -> Pair:
-    own = law.friction if friction is None else friction
-    has_state = own > 0.0 and law.displacement is not None
-    z = ca.SX.sym(name, (2 if body.sinks else 1) if has_state else 0)
+    velocity = body.velocity_at(point) - other
+    slip = normal.perp().dot(velocity)
     return Pair(
         name=name,
         gap=gap,
+        gap_rate=-normal.dot(velocity),  # the object's outward normal points at what it approaches
         normal=normal,
         point=point,
-        velocity=velocity,
-        climb=body.climb,
-        friction=own,
+        slip=(slip, body.climb) if body.sinks else (slip,),
+        words=("slide", "climb"),
+        friction=law.friction if friction is None else friction,
         grip=body.grip,
         law=law,
-        z=z,
-        sinks=body.sinks,
     )

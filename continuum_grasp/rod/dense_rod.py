@@ -39,18 +39,18 @@ def panel_edges(marks: ArrayLike, longest: float) -> Array:
 
 @lru_cache(maxsize=32)
 def _reference(count: int) -> tuple[Array, Array, Array, Array]:
-    """Nodes and weights on (-1, 1), the matrix from values to Legendre coefficients, and that of the integrals from -1.
-
-    The integral of P_k from -1 is (P_(k+1) - P_(k-1)) / (2 k + 1).
-    """
+    """Nodes and weights on (-1, 1), matrix from values to Legendre coefficients, matrix of the integrals from -1."""
     nodes, weights = legendre.leggauss(count)
     series = legendre.legvander(nodes, count)
     to_series = (np.arange(count)[:, None] + 0.5) * (series[:, :count] * weights[:, None]).T
-    integrals = np.empty((count, count))
-    integrals[:, 0] = nodes + 1.0
-    for k in range(1, count):
-        integrals[:, k] = (series[:, k + 1] - series[:, k - 1]) / (2 * k + 1)
-    return nodes, weights, to_series, integrals @ to_series
+    return nodes, weights, to_series, _integrals(nodes, count) @ to_series
+
+
+def _integrals(local: Array, count: int) -> Array:
+    """Integrals (..., count) of the Legendre polynomials from -1: (P_(k+1) - P_(k-1)) / (2 k + 1), and u + 1 of P_0."""
+    basis, degree = legendre.legvander(local, count), np.arange(1, count)
+    higher = (basis[..., 2:] - basis[..., :-2]) / (2 * degree + 1)
+    return np.concatenate([(local + 1.0)[..., None], higher], axis=-1)
 
 
 class Mesh:
@@ -59,14 +59,8 @@ class Mesh:
     On each panel a function is the polynomial through its values at the nodes, and integrals are those of the
     polynomial: collocation with the Gauss-Legendre Runge-Kutta method (E. Hairer, S. P. Norsett, G. Wanner, 1993,
     doi:10.1007/978-3-540-78862-1). Its integration matrix S obeys W S + S^T W = w w^T, so that integrating backwards is
-    the adjoint of integrating forwards and what is variational stays so.
-
-    Parameters
-    ----------
-    edges : (P + 1,) array_like
-        Ends of the panels, increasing.
-    count : int
-        Nodes per panel.
+    the adjoint of integrating forwards and what is variational stays so. There are P panels between P + 1 increasing
+    edges, with ``count`` nodes each.
     """
 
     def __init__(self, edges: ArrayLike, count: int) -> None:
@@ -87,7 +81,9 @@ class Mesh:
     @cached_property
     def forward(self) -> Array:
         """Matrix (N, N) of the integrals from the start to each node."""
-        matrix = self._whole_panels() * self.weights
+        # Whole panels before the node's by their weights, its own up to the node by the integrated polynomial.
+        panel = np.repeat(np.arange(self.panels), self.count)
+        matrix = (panel[None, :] < panel[:, None]) * self.weights
         for k, width in enumerate(self.widths):
             block = slice(k * self.count, (k + 1) * self.count)
             matrix[block, block] = 0.5 * width * self._within
@@ -97,11 +93,6 @@ class Mesh:
     def backward(self) -> Array:
         """Matrix (N, N) of the integrals from each node to the end."""
         return np.asarray(self.weights[None, :] - self.forward)
-
-    def _whole_panels(self) -> Array:
-        """One where the column's panel ends before the row's begins."""
-        panel = np.repeat(np.arange(self.panels), self.count)
-        return (panel[None, :] < panel[:, None]).astype(float)
 
     def to_edges(self, values: NDArray[np.inexact]) -> NDArray[np.inexact]:
         """Integrals (..., P + 1) of functions, given at the nodes (..., N), from the start to each edge."""
@@ -125,12 +116,7 @@ class Mesh:
     def integrate(self, values: NDArray[np.inexact], at: Array) -> NDArray[np.inexact]:
         """Integral from the start of a function given at the nodes."""
         panel, local = self._locate(at)
-        basis = legendre.legvander(local, self.count)
-        degree = np.arange(1, self.count)
-        rising = np.concatenate(
-            [(local + 1.0)[..., None], (basis[..., 2:] - basis[..., :-2]) / (2 * degree + 1)], axis=-1
-        )
-        part = 0.5 * self.widths[panel] * np.sum(rising * self.series(values)[panel], axis=-1)
+        part = 0.5 * self.widths[panel] * np.sum(_integrals(local, self.count) * self.series(values)[panel], axis=-1)
         return np.asarray(self.to_edges(values)[panel] + part)
 
     def _locate(self, at: Array) -> tuple[NDArray[np.intp], Array]:
@@ -146,16 +132,9 @@ class Mesh:
 def curvature_profile(shapes: Array, q: Array, tip_curvature: float) -> Array:
     """Compute the curvature (..., N, D) [1/m] at D places spread evenly along each element.
 
-    Between them it is the polynomial through these values; a single value holds for the whole element.
-
-    Parameters
-    ----------
-    shapes : ndarray, shape (N, D, M)
-        Curvature there per coordinate.
-    q : ndarray, shape (..., n)
-        Coordinates; all M, or all but the last, which is then the curvature at the tip.
-    tip_curvature : float
-        [1/m]
+    Between them it is the polynomial through these values; a single value holds for the whole element. ``shapes``
+    (N, D, M) is the curvature there per coordinate. ``q`` (..., n) are all M coordinates, or all but the last, which is
+    then the curvature at the tip [1/m].
     """
     if q.shape[-1] < shapes.shape[-1]:
         q = np.concatenate([q, np.full((*q.shape[:-1], 1), tip_curvature, dtype=q.dtype)], axis=-1)
@@ -168,20 +147,9 @@ class DenseRod:
     The elements are cut into short panels; joints and marks are panel edges. All shapes may have leading axes, one for
     each of several rods, and may be complex, for derivatives by complex steps.
 
-    Parameters
-    ----------
-    finger : Finger
-        Rod, masses, rest curvature.
-    lengths : array_like, shape (N,)
-        Element lengths [m].
-    panel : float, optional
-        Greatest panel length as a part of the finger's length.
-    base : sequence of float, optional
-        World x, y [m] and angle [rad] of the base; that of the finger where not given.
-    marks : sequence of float, optional
-        Further panel edges [m]; point masses and steps of the rest curvature where not given.
-    nodes : int, optional
-        Gauss points per panel.
+    ``lengths`` are those of the elements [m], ``panel`` the greatest length of a panel as a part of the finger's, with
+    ``nodes`` Gauss points. ``base`` is world x, y [m] and angle [rad], the finger's where not given; ``marks`` are
+    further panel edges [m], point masses and steps of the rest curvature where not given.
     """
 
     def __init__(
@@ -273,6 +241,7 @@ def _coefficients(profile: Array) -> Array:
 
 def _polynomials(count: int) -> Array:
     """Coefficients (D, D) of 1, u, u^2 ... on [0, 1], by value at the places spread evenly."""
+    # Curvatures have degree 0 to 2: powers are well conditioned.
     return np.asarray(np.linalg.inv(np.vander(np.linspace(0.0, 1.0, count), increasing=True)))
 
 

@@ -18,46 +18,21 @@ from continuum_grasp.scene.simulate import Scene
 class RodProblem:
     """A clamped rod and its loads; planar vectors are complex numbers x + i y in the world's axes.
 
-    Attributes
-    ----------
-    length : float
-        L [m].
-    stiffness : float
-        EI [N m2].
-    base : complex
-        World position of the clamp [m].
-    angle : float
-        World angle of the clamp [rad]; the tangent at the angle psi is i exp(i psi).
-    breaks : tuple of float
-        Places where something jumps, from 0 to 1.
-    weight : complex
-        Weight per length.
-    dead : tuple of (float, complex)
-        Places and values of forces whose direction is fixed, weights of point masses among them.
-    following : tuple of (float, complex)
-        Places and values (across + i along) of forces that turn with their section.
-    couples : tuple of (float, float)
-        Places and values of couples, without that of the actuation.
-    drive : float
-        Tip moment of the actuation.
-    friction : float
-        Capstan coefficient [1].
-    rest : tuple of (float, float, float)
-        Start, end and rest curvature of each piece.
+    Loads are (place, value), places from 0 to 1.
     """
 
-    length: float
-    stiffness: float
-    base: complex
-    angle: float
-    breaks: tuple[float, ...]
-    weight: complex
-    dead: tuple[tuple[float, complex], ...]
-    following: tuple[tuple[float, complex], ...]
-    couples: tuple[tuple[float, float], ...]
-    drive: float
-    friction: float
-    rest: tuple[tuple[float, float, float], ...]
+    length: float  # L [m]
+    stiffness: float  # EI [N m2]
+    base: complex  # world position of the clamp [m]
+    angle: float  # world angle of the clamp [rad]; the tangent at the angle psi is i exp(i psi)
+    breaks: tuple[float, ...]  # places where something jumps
+    weight: complex  # per length
+    dead: tuple[tuple[float, complex], ...]  # of a fixed direction, weights of point masses among them
+    following: tuple[tuple[float, complex], ...]  # that turn with their section: across + i along
+    couples: tuple[tuple[float, float], ...]  # without that of the actuation
+    drive: float  # tip moment of the actuation
+    friction: float  # capstan coefficient [1]
+    rest: tuple[tuple[float, float, float], ...]  # start, end and rest curvature of each piece
 
     @property
     def conservative(self) -> bool:
@@ -77,24 +52,10 @@ class RodProblem:
         tip_moment: float = 0.0,
         marks: Sequence[float] = (),
     ) -> RodProblem:
-        """The problem in dimensionless numbers.
+        """The problem in dimensionless numbers, of SI ones; weights of the finger's point masses are added.
 
-        Parameters
-        ----------
-        finger : Finger
-            Rod, masses, rest curvature, friction of the tendons.
-        gravity : complex
-            [m/s2]
-        base : (complex, float), optional
-            World position [m] and angle [rad] of the clamp; the finger's where not given.
-        dead, following : sequence of (float, complex)
-            Places [m] and forces [N]; weights of the finger's point masses are added.
-        couples : sequence of (float, float)
-            Places [m] and couples [N m].
-        tip_moment : float
-            Of the actuation [N m].
-        marks : sequence of float
-            Further places [m] at which panels are to end.
+        ``base`` is the world position [m] and angle [rad] of the clamp, the finger's where not given; ``marks`` are
+        further places [m] at which panels are to end.
         """
         rod, length = finger.rod, finger.rod.length
         force, moment = length**2 / rod.stiffness, length / rod.stiffness
@@ -104,6 +65,7 @@ class RodProblem:
         places = [*(at for at, _ in (*dead, *following, *couples)), *(a for a, _, _ in pieces), *marks]
         breaks = with_places((0.0, 1.0), sorted(at / length for at in places))
 
+        # Places that are nearly the same become the same number: loads are compared with nodes between them.
         def placed(at: float) -> float:
             return float(breaks[np.abs(breaks - at / length).argmin()])
 
@@ -125,24 +87,7 @@ class RodProblem:
 
 
 def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
-    """The rod of a scene with the values of loads and inputs at time zero.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its ``fidelity``, ``contacts``, ``parameters``, ``initial`` and ``time`` say nothing about the rod's statics.
-    extra_loads : sequence of loads
-        Loads that act besides the scene's.
-
-    Returns
-    -------
-    RodProblem
-
-    Raises
-    ------
-    InputError
-        If an extra load is beyond the tip.
-    """
+    """The rod of a scene with the values of loads and inputs at time zero, and further loads."""
     length = scene.finger.rod.length
     dead: list[tuple[float, complex]] = []
     following: list[tuple[float, complex]] = []

@@ -189,23 +189,8 @@ def solve_elastica(
 def deformed(problem: RodProblem, curvature: Callable[[Array], Array], *, tolerance: float = 1e-6) -> Elastica:
     """The equilibrium, stable or not, into which a shape deforms when the couples that hold it are taken away.
 
-    Parameters
-    ----------
-    problem : RodProblem
-        The rod and its loads.
-    curvature : callable
-        Curvature [1/m] of the shape at lengths (n,) [m].
-    tolerance : float
-        Greatest estimated error of position, per length.
-
-    Returns
-    -------
-    Elastica
-
-    Raises
-    ------
-    SolverError
-        If the way there ends at a fold or is lost, or the equilibrium is not as accurate as asked.
+    The curvature [1/m] of the shape is a function of lengths (n,) [m]; the tolerance is that of position, per length.
+    Raises SolverError where the way there ends at a fold or is lost.
     """
     equations = RodEquations(problem, _first_mesh(problem))
     start = problem.length * curvature(problem.length * equations.mesh.nodes)
@@ -218,6 +203,7 @@ def _first_mesh(problem: RodProblem) -> Mesh:
     forces = [problem.weight, *(value for _, value in (*problem.dead, *problem.following))]
     moments = [problem.drive, *(value for _, value in problem.couples)]
     curvature = sum(abs(m) for m in moments) + max(abs(k) for *_, k in problem.rest)
+    # Panels that bend by about a radian: forces turn the elastica over a length sqrt(EI / F), moments over EI / M.
     longest = min(0.5, 1.5 / math.sqrt(max(sum(abs(f) for f in forces), 1e-9)), 2.5 / max(curvature, 1e-9))
     edges = panel_edges(problem.breaks, max(longest, _COARSE / _MAX_NODES))
     if len(edges) * _COARSE > _MAX_NODES:
@@ -236,6 +222,7 @@ def _find(equations: RodEquations, guess: Guess | None, descends: bool, side: in
         except SolverError:
             return _follow(equations, start, loads=False)
         return start, iterations
+    # Along the loads from the rest shape; where that path is lost or ends unstable, down the energy.
     start, iterations = equations.rest, 0
     try:
         start, iterations = _follow(equations, start, loads=True)
@@ -267,6 +254,7 @@ def _guessed(equations: RodEquations, guess: Guess) -> Array:
         places = np.linspace(0.0, 1.0, max(angles.size, 2))
     if angles.shape != places.shape or not np.all(np.isfinite(angles)):
         raise InputError(f"guess: expected finite angles at two or more places, got an array of shape {angles.shape}")
+    # A guessed angle is rough: its mean slopes between the places, linear between their middles.
     middles = 0.5 * (places[:-1] + places[1:])
     return np.interp(equations.mesh.nodes, middles, np.diff(angles) / np.diff(places))
 
@@ -278,6 +266,7 @@ def _refine(equations: RodEquations, start: Array, iterations: int, tolerance: f
     for _ in range(_MAX_REFINEMENTS):
         mesh, problem = equations.mesh, equations.problem
         floor = _ROUNDING * (1.0 + np.abs(curvature).max())
+        # Halve what is not resolved; where all is, more nodes show that the error of the last mesh was small.
         marked = equations.unresolved(curvature) > max(tolerance, floor)
         finer = mesh.refined(marked, _FINE if mesh.count == _COARSE or marked.any() else mesh.count + 4)
         if finer.size > _MAX_NODES:
@@ -293,11 +282,23 @@ def _refine(equations: RodEquations, start: Array, iterations: int, tolerance: f
             iterations += more
         iterations += steps
         after = finer.to_edges(equations.tangents(curvature))[np.isin(finer.edges, mesh.edges)]
+        # Rounding of the moments moves the shape by its weakest stiffness: more, the nearer a critical load.
         weak = max(abs(margin), 1e-12) if problem.conservative else 1.0
         rounding = 2.0 * noise + _ROUNDING * (1.0 + float(np.abs(curvature).max()) / weak)
         error = float(np.abs(after - before).max()) + rounding
         if error <= tolerance:
-            return _result(equations, curvature, margin, error, iterations)
+            joule = problem.stiffness / problem.length
+            return Elastica(
+                energy=joule * (equations.energy(curvature) + equations.base_energy),
+                elastic_energy=joule * equations.elastic_energy(curvature),
+                stable=margin > 0.0 if problem.conservative else None,
+                margin=margin,
+                error=problem.length * error,
+                nodes=equations.mesh.size,
+                iterations=iterations,
+                equations=equations,
+                nodal_curvature=curvature,
+            )
         if rounding > tolerance:
             break
     raise SolverError(
@@ -305,22 +306,6 @@ def _refine(equations: RodEquations, start: Array, iterations: int, tolerance: f
         status="rounding" if rounding > tolerance else "refinement limit",
         violated=[f"estimated error of position: {error:.3g} L (tolerance {tolerance:.3g} L)"],
         advice="raise the tolerance, or move the loads away from a critical value",
-    )
-
-
-def _result(equations: RodEquations, curvature: Array, margin: float, error: float, iterations: int) -> Elastica:
-    problem = equations.problem
-    joule = problem.stiffness / problem.length
-    return Elastica(
-        energy=joule * (equations.energy(curvature) + equations.base_energy),
-        elastic_energy=joule * equations.elastic_energy(curvature),
-        stable=margin > 0.0 if problem.conservative else None,
-        margin=margin,
-        error=problem.length * error,
-        nodes=equations.mesh.size,
-        iterations=iterations,
-        equations=equations,
-        nodal_curvature=curvature,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,21 +20,11 @@ model does."""
 
 @dataclass(frozen=True)
 class Balance:
-    """What is missing for equilibrium.
+    """What is missing for equilibrium at the nodes."""
 
-    Attributes
-    ----------
-    missing : (N,) ndarray
-        Elastic moment less the share of the moment of the loads at the nodes.
-    slope : (N, N) ndarray
-        Its derivative with respect to the curvature.
-    per_share : (N,) ndarray
-        Its derivative with respect to the share of the loads.
-    """
-
-    missing: Array
-    slope: Array
-    per_share: Array
+    missing: Array  # (N,) elastic moment less the share of the moment of the loads
+    slope: Array  # (N, N) derivative with respect to the curvature
+    per_share: Array  # (N,) derivative with respect to the share of the loads
 
 
 class RodEquations:
@@ -47,14 +36,7 @@ class RodEquations:
     The derivative is one plus a compact operator: it is well conditioned on any mesh.
 
     Tendons lose tension by the capstan law; b(s) is the integral of |k| from the base, with |k| rounded off to
-    k^2 / sqrt(k^2 + (1e-3 rad / L)^2).
-
-    Parameters
-    ----------
-    problem : RodProblem
-        The rod and its loads.
-    mesh : Mesh
-        Panels between the problem's breaks.
+    k^2 / sqrt(k^2 + (1e-3 rad / L)^2). The mesh has panels between the problem's breaks.
     """
 
     def __init__(self, problem: RodProblem, mesh: Mesh) -> None:
@@ -71,13 +53,9 @@ class RodEquations:
             self.rest[(s > start) & (s < end)] = value
         self._has_friction = problem.friction > 0.0 and problem.drive != 0.0
 
-    def angles(self, curvature: Array) -> Array:
-        """World angles of the sections at the nodes [rad]."""
-        return np.asarray(self.problem.angle + self.mesh.forward @ curvature)
-
     def tangents(self, curvature: Array) -> Complex:
         """Unit tangents at the nodes."""
-        return np.asarray(1j * np.exp(1j * self.angles(curvature)))
+        return np.asarray(1j * np.exp(1j * (self.problem.angle + self.mesh.forward @ curvature)))
 
     def unresolved(self, curvature: Array) -> Array:
         """Turn [rad] per panel that its polynomials may miss: in curvature, tangent or the tendon's friction."""
@@ -107,6 +85,7 @@ class RodEquations:
             value = body * np.exp(1j * (problem.angle + row @ curvature))
             force[inside] += value
             turning.append((np.real(np.conj(tangent) * value) * inside, row))
+        # t x n = Im(conj(t) n); its derivative by the angle is -Re(conj(t) n), and n turns with a following force.
         moment = self._couple + mesh.backward @ np.imag(np.conj(tangent) * force)
         along = np.real(np.conj(tangent) * force)
         slope = (mesh.backward * along) @ mesh.forward
@@ -123,22 +102,12 @@ class RodEquations:
         slope.flat[:: mesh.size + 1] += 1.0
         return Balance(curvature - self.rest - share * moment, slope, -moment)
 
-    @cached_property
-    def _root(self) -> Array:
-        return np.sqrt(self.mesh.weights)
-
     def stiffness(self, slope: Array) -> Array:
         """Second variation of the energy in the metric of the integral of (change of curvature)^2; symmetric."""
-        scaled = self._root[:, None] * slope / self._root
+        # W^(1/2) slope W^(-1/2) is symmetric to rounding, since the mesh integrates by parts exactly.
+        root = np.sqrt(self.mesh.weights)
+        scaled = root[:, None] * slope / root
         return 0.5 * (scaled + scaled.T)
-
-    def scaled(self, values: Array) -> Array:
-        """Values at the nodes in the metric of ``stiffness``."""
-        return np.asarray(self._root * values)
-
-    def unscaled(self, values: Array) -> Array:
-        """The inverse of ``scaled``."""
-        return np.asarray(values / self._root)
 
     def elastic_energy(self, curvature: Array) -> float:
         """Energy of bending, per EI / L."""

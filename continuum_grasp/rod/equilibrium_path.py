@@ -28,28 +28,9 @@ _FARTHEST_BACK = 10.0
 
 
 def newton(equations: RodEquations, start: Array, *, limit: int = 40) -> tuple[Array, float, int]:
-    """Damped Newton's method for the full loads.
+    """Damped Newton's method for the full loads, from a curvature (N,) at the nodes.
 
-    Parameters
-    ----------
-    equations : RodEquations
-        The rod.
-    start : (N,) ndarray
-        Curvature to start from.
-    limit : int
-        Greatest number of steps.
-
-    Returns
-    -------
-    curvature : (N,) ndarray
-    noise : float
-        Turn [rad] of the last step, which is rounding.
-    steps : int
-
-    Raises
-    ------
-    SolverError
-        If it does not converge.
+    Returns the curvature, the turn [rad] of the last step, which is rounding, and the number of steps.
     """
     curvature = start
     balance = equations.balance(curvature)
@@ -64,6 +45,7 @@ def newton(equations: RodEquations, start: Array, *, limit: int = 40) -> tuple[A
             break
         if last:
             return curvature + change, turn, step
+        # No section turns by more than a radian at once, and the residual must fall: far away steps lead anywhere.
         share = min(1.0, 1.0 / max(turn, 1e-300))
         before = equations.norm(balance.missing)
         while True:
@@ -86,32 +68,19 @@ def newton(equations: RodEquations, start: Array, *, limit: int = 40) -> tuple[A
 
 
 def follow(equations: RodEquations, start: Array, *, loads: bool, folds: bool = True) -> tuple[Array, int]:
-    """The path of equilibria by pseudo-arclength (H. B. Keller, 1977), round folds, from a share 0 to 1.
+    """The path of equilibria by pseudo-arclength (H. B. Keller, 1977), from a share 0 to 1, round folds if wanted.
 
-    Parameters
-    ----------
-    equations : RodEquations
-        The rod.
-    start : (N,) ndarray
-        Curvature at the share 0.
-    loads : bool
-        True: a share of the loads acts, and the start is the unloaded shape; False: all act, and what balances the
-        start is taken away.
-    folds : bool
-        Whether the path goes on round folds, or is lost there.
-
-    Returns
-    -------
-    curvature : (N,) ndarray
-        Near the equilibrium under the full loads.
-    steps : int
-
-    Raises
-    ------
-    SolverError
-        If the path is lost or turns back.
+    ``loads``: a share of the loads acts, and the start is the unloaded shape. Otherwise all act, and what balances the
+    start is taken away. Returns a curvature near the equilibrium under the full loads, and the number of steps.
     """
-    at = _loads_path(equations) if loads else _guess_path(equations, start)
+    offset = np.zeros_like(start) if loads else equations.balance(start).missing
+
+    def at(x: Array, share: float) -> Balance:
+        if loads:
+            return equations.balance(x, share)
+        full = equations.balance(x)
+        return Balance(full.missing - (1.0 - share) * offset, full.slope, offset)
+
     weights = equations.mesh.weights
     x, share, size = start, 0.0, 0.3
     direction, rate = _tangent(at(x, share), weights, np.zeros_like(x), 1.0)
@@ -121,6 +90,7 @@ def follow(equations: RodEquations, start: Array, *, loads: bool, folds: bool = 
             if found is not None:
                 trial, reached, balance, corrections = found
                 ahead, ahead_rate = _tangent(balance, weights, direction, rate)
+                # A tangent that turns by more than 32 degrees (cosine 0.85) may be that of another branch.
                 if size < 1e-3 or weights @ (ahead * direction) + ahead_rate * rate > 0.85:
                     break
             size *= 0.5
@@ -129,6 +99,7 @@ def follow(equations: RodEquations, start: Array, *, loads: bool, folds: bool = 
         if abs(reached - 1.0) <= _NEAR:
             return trial, steps
         if reached > 1.0:
+            # Past the full loads: again from before, by the part of the step that is left, and Newton does the rest.
             size *= min(max((1.0 - share) / (reached - share), 0.1), 0.9)
             continue
         x, share, direction, rate = trial, reached, ahead, ahead_rate
@@ -151,21 +122,8 @@ def _lost(share: float, status: str, advice: str) -> SolverError:
     )
 
 
-def _loads_path(equations: RodEquations) -> Callable[[Array, float], Balance]:
-    return equations.balance
-
-
-def _guess_path(equations: RodEquations, start: Array) -> Callable[[Array, float], Balance]:
-    offset = equations.balance(start).missing
-
-    def at(x: Array, share: float) -> Balance:
-        full = equations.balance(x)
-        return Balance(full.missing - (1.0 - share) * offset, full.slope, offset)
-
-    return at
-
-
 def _bordered(balance: Balance, row: Array, corner: float, right: Array) -> Array:
+    """Solve for a change of curvature and of the share; regular at folds too, where the slope alone is singular."""
     n = len(row)
     matrix = np.empty((n + 1, n + 1))
     matrix[:n, :n], matrix[:n, n] = balance.slope, balance.per_share
@@ -211,57 +169,35 @@ def _correct(
 
 
 def weakest(equations: RodEquations, curvature: Array) -> float:
-    """Least eigenvalue of the second variation (of its symmetric part where loads have no potential), per EI.
-
-    Parameters
-    ----------
-    equations : RodEquations
-        The rod.
-    curvature : (N,) ndarray
-        Its equilibrium.
-    """
+    """Least eigenvalue at an equilibrium of the second variation (its symmetric part without a potential), per EI."""
     return float(np.linalg.eigvalsh(equations.stiffness(equations.balance(curvature).slope))[0])
 
 
 def descend(equations: RodEquations, start: Array, side: int) -> tuple[Array, int]:
     """Down the energy to a minimum, by Newton's method with eigenvalues of either sign taken as positive.
 
-    Parameters
-    ----------
-    equations : RodEquations
-        The rod, under loads with a potential.
-    start : (N,) ndarray
-        Curvature to start from.
-    side : {1, -1}
-        Side to which a saddle is left: the sense in which its weakest direction turns the tip.
-
-    Returns
-    -------
-    curvature : (N,) ndarray
-        Near a minimum.
-    steps : int
-
-    Raises
-    ------
-    SolverError
-        If none is reached.
+    ``side`` is that to which a saddle is left: the sense in which its weakest direction turns the tip. Returns a
+    curvature near a minimum, and the number of steps.
     """
     curvature, energy = start, equations.energy(start)
+    root = np.sqrt(equations.mesh.weights)  # into the metric of ``stiffness``, and back
     kicked = False
     for step in range(1, _MAX_DESCENT + 1):
         balance = equations.balance(curvature)
         values, vectors = np.linalg.eigh(equations.stiffness(balance.slope))
-        force = vectors.T @ equations.scaled(balance.missing)
-        change = equations.unscaled(vectors @ (-force / np.maximum(np.abs(values), 1e-6)))
+        force = vectors.T @ (root * balance.missing)
+        change: Array = vectors @ (-force / np.maximum(np.abs(values), 1e-6)) / root
         turn = equations.turn(change)
         if turn < 1e-6:
             if values[0] > 0.0:
                 return curvature, step
+            # On a saddle the force vanishes: leave it along the weakest direction, by a turn of 0.1 rad.
             if not kicked or values[0] < -1e-6:
-                kick = equations.unscaled(vectors[:, 0])
+                kick = vectors[:, 0] / root
                 tip = float(equations.mesh.weights @ kick)
                 change = kick * (side if tip >= 0.0 else -side) * (0.1 / equations.turn(kick))
                 turn, kicked = 0.1, True
+        # The quadratic model of the energy holds for turns below a radian.
         share = min(1.0, 0.7 / max(turn, 1e-300))
         for _ in range(30):
             trial = curvature + share * change

@@ -55,20 +55,17 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
         stiffness = 0.5 * (stiffness + stiffness.T)
     # 1 / omega^2 are well conditioned: the largest belong to the lowest modes.
     compliance = np.asarray(np.linalg.solve(stiffness, _mass(finger, equations, curvature)), dtype=float)
-    squares = 1.0 / _largest(compliance, count)
-    return np.sort(np.sqrt(squares.astype(complex)).real) / (2.0 * np.pi)
-
-
-def _largest(matrix: Array, count: int) -> NDArray[np.inexact]:
-    """Eigenvalues that matter: negative ones (instability) first, then the largest."""
-    values = np.linalg.eigvals(matrix)
+    values: NDArray[np.inexact] = np.linalg.eigvals(compliance)
+    # Negative ones (instability) first: they are lower than any frequency.
     order = np.argsort(np.where(values.real < 0.0, -np.inf, -np.abs(values)))
-    return values[order[:count]]
+    squares = 1.0 / values[order[:count]]
+    return np.sort(np.sqrt(squares.astype(complex)).real) / (2.0 * np.pi)
 
 
 def _mass(finger: Finger, equations: RodEquations, curvature: Array) -> Array:
     """Twice the kinetic energy of rates of curvature (per L) at the nodes."""
     mesh, rod, length = equations.mesh, finger.rod, equations.problem.length
+    # A change of curvature turns what lies beyond: tangents move by i t times the angle, points by its integral.
     turning = 1j * equations.tangents(curvature)[:, None] * mesh.forward
     moving, weights = mesh.forward @ turning, mesh.weights[:, None]
     mass = rod.mass_per_length * length**3 * (moving.conj().T @ (weights * moving)).real

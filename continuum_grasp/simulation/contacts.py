@@ -20,24 +20,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ContactForces:
-    """Gaps and forces of K contacts at T instants.
+    """Gaps and forces of C contacts at T instants, as ``STORED`` describes them.
 
-    Attributes
-    ----------
-    names : tuple of str
-        ``finger.1`` and so on, ``finger.tip``, then the supports.
-    gap : (T, C) ndarray
-        Distance of the surfaces [m], negative where they are pressed together.
-    normal_force : (T, C) ndarray
-        [N]
-    friction : (T, C) ndarray
-        In the plane, on what touches the object, along the object's outward normal turned by +90 degrees [N].
-    lift : (T, C) ndarray
-        Friction out of the plane, on the object [N].
-    force : (T, 2, C) ndarray
-        World force on the object in the plane [N].
-    point : (T, 2, C) ndarray
-        Where it acts, world [m].
+    Names are ``finger.1`` and so on, ``finger.tip``, then the supports.
     """
 
     names: tuple[str, ...]
@@ -80,17 +65,13 @@ class ContactForces:
         return found
 
 
+_FRICTION = "friction in the plane, on what touches the object, along its normal turned by +90 degrees"
 STORED = tuple(
     Stored(f"contact_{name}", shape, unit, meaning, f"contacts.{name}")
     for name, shape, unit, meaning in (
         ("gap", "(T, C)", "m", "distance of the surfaces, negative where they are pressed together"),
         ("normal_force", "(T, C)", "N", "normal force"),
-        (
-            "friction",
-            "(T, C)",
-            "N",
-            "friction in the plane, on what touches the object, along its normal turned by +90 degrees",
-        ),
+        ("friction", "(T, C)", "N", _FRICTION),
         ("lift", "(T, C)", "N", "friction out of the plane, on the object"),
         ("force", "(T, 2, C)", "N", "world force on the object in the plane"),
         ("point", "(T, 2, C)", "m", "where it acts, world"),
@@ -102,19 +83,13 @@ STORED = tuple(
 def overlaps(body: GraspObject, poses: Array, backbones: Array, half_thickness: float) -> Array:
     """Deepest overlap of a finger and an object at some instants (T,) [m]; zero where they are apart.
 
-    Parameters
-    ----------
-    poses : (T, 3) ndarray
-        Its pose: world x, y [m] and angle [rad].
-    backbones : (T, points, 2) ndarray
-        World [m].
-    half_thickness : float
-        Of the finger [m].
+    Poses (T, 3) are the object's x, y [m] and angle [rad], backbones (T, points, 2) the finger's [m], in the world.
     """
     c, s = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
     away = backbones - poses[:, None, :2]
     local = np.stack([c * away[..., 0] + s * away[..., 1], c * away[..., 1] - s * away[..., 0]], axis=-1)
     at = ca.SX.sym("at", 2)
+    # A function of one point takes all of them as columns.
     distance = ca.Function("distance", [at], [nearest(body.parts, Vec(at[0], at[1])).distance])
     found = np.array(distance(local.reshape(-1, 2).T)).reshape(local.shape[:2])
     return np.asarray(np.maximum(0.0, half_thickness - found.min(axis=1)))

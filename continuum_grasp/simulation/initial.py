@@ -62,11 +62,12 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         held = _statics_model(scene, model, loads=(*scene.loads, *initial.held_by))
         acting = Signals(scene, held)
         q = equilibrium_under(held, acting.u(0.0)[0], acting.w(0.0)[0]).q
-    elif initial.pose == "rest":
+    elif initial.pose == "rest":  # bent by its rest curvature alone
         bare = _statics_model(scene, model, loads=(), gravity=(0.0, 0.0))
         q = equilibrium_under(bare, np.zeros(bare.nu), np.zeros(bare.nw)).q
     if model.nx == 2 * n:
         return np.concatenate([q, qd])
+    # The lag has reached what the tensions command at time zero: nothing moves because of it.
     tendons = scene.finger.tendons
     moment = (u[0] - u[1]) * tendons.offset if tendons is not None else 0.0
     return np.concatenate([q, qd, [moment, 0.0]])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.core import Core
 from continuum_grasp.results.result import File, Result, Stored
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.spectrum import damping_matrix
+from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric
 from continuum_grasp.simulation.statics import Equilibrium, equilibrium
 
 Array = NDArray[np.float64]
@@ -74,9 +74,11 @@ def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -
     stiffness = core.statics(q, u, w, p)[1]
     damping = damping_matrix(core, q, u, p)
     values, right, left = _eigen(mass, stiffness)
+    # The root of a negative square is imaginary: its real part, zero, marks what is unstable.
     pulsations = np.sqrt(values.astype(complex)).real
     ratios = np.full(len(values), np.nan)
     moving = pulsations > 1e-9 * pulsations.max(initial=0.0)
+    # The diagonal of the damping in the modes: what couples them is left out.
     modal_damping = np.einsum("ki,ij,kj->k", left, damping, right).real
     ratios[moving] = modal_damping[moving] / (2.0 * pulsations[moving])
     pulsations[~moving] = 0.0
@@ -90,9 +92,8 @@ def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -
 
 def _eigen(mass: Array, stiffness: Array) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Squared pulsations, increasing, and right and left modes as rows, with left . M . right = 1."""
-    root = np.linalg.inv(np.linalg.cholesky(mass))
-    scaled = root @ stiffness @ root.T
-    if np.abs(scaled - scaled.T).max() <= 1e-9 * np.abs(scaled).max():
+    root, scaled, symmetric = in_mass_metric(mass, stiffness)
+    if symmetric:
         values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
         return values, (root.T @ vectors).T, (root.T @ vectors).T
     values, vectors = np.linalg.eig(scaled)

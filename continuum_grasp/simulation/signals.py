@@ -22,17 +22,7 @@ def interpolate(samples: Samples | VectorSamples, t: ArrayLike) -> tuple[Array, 
 
     ``smooth`` is a monotone piecewise quintic with continuous rate and acceleration, both zero at both ends; its slopes
     are the harmonic means of F. N. Fritsch and J. Butland (1984, doi:10.1137/0905021). ``linear`` has no acceleration.
-    Outside the samples the value is held.
-
-    Parameters
-    ----------
-    t : (T,) array_like
-        Instants [s].
-
-    Returns
-    -------
-    value, rate, acceleration : ndarray
-        (T,) or (T, 2).
+    Outside the samples the value is held. Instants are (T,) [s], values (T,) or (T, 2).
     """
     at, values = np.asarray(samples.times, dtype=float), np.asarray(samples.values, dtype=float)
     instants = np.asarray(t, dtype=float)
@@ -66,6 +56,7 @@ def _monotone_slopes(steps: Array, secants: Array) -> Array:
     slopes = np.zeros(len(secants) + 1)
     before, after = secants[:-1], secants[1:]
     monotone = before * after > 0.0
+    # Fritsch and Butland: the harmonic mean, weighted towards the shorter interval, keeps the interpolant monotone.
     weight = (steps[:-1] + 2.0 * steps[1:]) / (3.0 * (steps[:-1] + steps[1:]))
     blend = np.where(monotone, weight * after + (1.0 - weight) * before, 1.0)
     mean = np.where(monotone, before * after / blend, 0.0)
@@ -77,21 +68,9 @@ def _monotone_slopes(steps: Array, secants: Array) -> Array:
 class Signals:
     """Inputs ``u`` and forces ``w`` of a model in its scene.
 
-    Parameters
-    ----------
-    scene : Scene
-        Where actuation and values of loads come from.
-    model : FingerModel
-        Model of that scene.
-    loads : sequence of loads, optional
-        Values of the model's loads, one for each; the model's own where not given.
-    nw : int, optional
-        Size of ``w``, of which the model's is the beginning and the rest is zero; the model's where not given.
-
-    Raises
-    ------
-    InputError
-        If an input would move a matched tip with infinite acceleration.
+    ``loads`` are the values of the model's loads, one for each, its own where not given. ``nw`` is the size of ``w``,
+    which begins with the model's; the rest is zero. Raises InputError where an input would move a matched tip with
+    infinite acceleration.
     """
 
     def __init__(
@@ -125,6 +104,7 @@ class Signals:
 
     def instants(self, duration: float) -> list[float]:
         """Zero, and up to 15 more instants at which inputs and loads take their sampled values [s]."""
+        # Each costs the eigenvalues of some shapes, so not more than some 15 of them.
         times = {t for value in self._sampled for t in value.times}
         later = sorted(t for t in times if 0.0 < t <= duration)
         return [0.0, *later[:: max(1, math.ceil(len(later) / 15))]]
@@ -132,6 +112,7 @@ class Signals:
     def warnings(self, step: float, duration: float) -> tuple[str, ...]:
         """What the user must know of samples that change within less than a step, unless a slower lag takes them up."""
         tendons = self._model.finger.tendons
+        # The lag rounds off what the tensions do; a tenth of it resolves its exponential.
         lag = 0.0 if tendons is None else tendons.time_constant or 0.0
         drive = self._values[:2] if step <= 0.1 * lag else []
         felt = [value for value in self._sampled if not any(value is tension for tension in drive)]
@@ -149,7 +130,7 @@ class Signals:
 
     @property
     def _sampled(self) -> list[Samples | VectorSamples]:
-        values = [*self._values, *(_value(load) for load, _ in self._loads)]
+        values = [*self._values, *(value_of(load) for load, _ in self._loads)]
         return [value for value in values if isinstance(value, (Samples, VectorSamples))]
 
     def u(self, t: ArrayLike) -> Array:
@@ -170,7 +151,7 @@ class Signals:
         for load, (vector, start) in self._loads:
             if vector != "w":
                 continue
-            value = _value(load)
+            value = value_of(load)
             width = 2 if isinstance(load, ForceLoad) else 1
             if isinstance(value, (Samples, VectorSamples)):
                 rows[:, start : start + width] = interpolate(value, instants)[0].reshape(-1, width)
@@ -179,7 +160,8 @@ class Signals:
         return rows
 
 
-def _value(load: Load) -> float | tuple[float, float] | Samples | VectorSamples:
+def value_of(load: Load) -> float | tuple[float, float] | Samples | VectorSamples:
+    """Force or moment of a load."""
     return load.force if isinstance(load, ForceLoad) else load.moment
 
 

@@ -22,9 +22,9 @@ from continuum_grasp.simulation.spectrum import (
     TARGET_RADIUS,
     contact_frequency,
     pressed_radius,
+    representative_states,
     sample_shapes,
     spectral_radius,
-    telling_states,
 )
 from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
 from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings, overlap_text
@@ -105,7 +105,7 @@ class _Run:
         """The motion as far as it means something, with warnings and statistics, and what stopped it."""
         states = motion.states
         result = self._result(states)
-        use = self._range_use(result)
+        use: Array = np.asarray(result.core.batch("range_use", result.q, result.acting, None))
         lost = np.flatnonzero(np.any(use > LOST, axis=1))
         if lost.size:
             if lost[0] == 0:
@@ -113,9 +113,15 @@ class _Run:
                     f"the initial shape bends an element {use[0].max():.3g} times its range", key="initial"
                 )
             result, use = self._result(states[: lost[0]]), use[: lost[0]]
-            lost_error = self._lost_error(result, use)
-            lost_error.__cause__ = error
-            error = lost_error
+            k, last = int(np.argmax(use[-1])), result.x[-1]
+            beyond = NumericalError(
+                f"element {k + 1} is about to bend beyond {LOST:g} times its declared range of "
+                f"{self._model.ranges[k]:.3g} rad after t = {result.t[-1]:g} s (state {last.tolist()}), where the "
+                "model means nothing: raise fidelity.bending_range, or lower the loads",
+                time=float(result.t[-1]),
+                state=last,
+            )
+            beyond.__cause__, error = error, beyond
         statistics = {
             "method": used.method,
             "substeps": used.substeps,
@@ -130,7 +136,10 @@ class _Run:
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
         at_start, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
         inexact = self._error_warnings(used, motion)
-        warnings = (*at_start, *jumps, *inexact, *limits, *self._overlaps(result))
+        half, contacts = self._model.finger.thickness_radius, result.contacts
+        overlap = overlap_text(result.t, contacts, result.overlap, half) if contacts is not None else ""
+        through = f"between the stations that touch, the finger overlaps the object by {overlap}: add contacts"
+        warnings = (*at_start, *jumps, *inexact, *limits, *((through,) if overlap else ()))
         result = replace(result, status=status, warnings=warnings, statistics=statistics, time_error=motion.time_error)
         return result, error
 
@@ -139,9 +148,10 @@ class _Run:
         shapes = sample_shapes(self._model, x0[: self._model.n])
         bent = np.tile(x0, (4, 1))
         bent[1:, : self._model.n] = shapes[1:4]
-        radius = max(self._radius(shapes), self._contact_radius(bent))
+        radius = max(self._radius(shapes), self._of_contacts(pressed_radius, bent))
         asked = self._time.method
-        self._implicit_substeps = self._wanted(self._contact_frequency(bent))
+        # Implicit steps are stable whatever the finger does, but must resolve the springs of contacts to meet them.
+        self._implicit_substeps = self._wanted(self._of_contacts(contact_frequency, bent))
         if asked == "reference":
             return Plan(asked, 1, radius)
         wanted = self._wanted(radius)
@@ -162,12 +172,13 @@ class _Run:
             self._implicit_substeps = _FINER * plan.substeps
             finer = self._planned(plan.method, plan.radius) if self._implicit_substeps <= _MOST_IMPLICIT else None
             return finer, error
+        # The motion may have reached stiffer shapes than those about the start: look again where it was.
         shapes = states[:: max(1, len(states) // 12), : self._model.n]
         radius = max(plan.radius, self._radius(shapes))
         if self._system is not None:
             at = np.arange(len(states)) * self._time.step
-            looked = telling_states(self._core, states, self._signals.u(at), self._signals.w(at))
-            radius = max(radius, self._contact_radius(looked))
+            looked = representative_states(self._core, states, self._signals.u(at), self._signals.w(at))
+            radius = max(radius, self._of_contacts(pressed_radius, looked))
         wanted = self._wanted(radius)
         if error is None and radius * self._time.step / plan.substeps <= plan.stable:
             return None, None
@@ -195,11 +206,13 @@ class _Run:
     def _controlled(self, plan: Plan, final: bool = False) -> Plan:
         """The plan with longer steps to compare with and, where the tolerance is pursued, the error to give up at."""
         auto, steps = self._time.method == "auto", self._stepper.steps
+        # Steps of twice the length must fit into the motion, or nothing is compared.
         if auto and steps == 1 and plan.substeps % 2:
             plan = replace(plan, substeps=plan.substeps + 1)
         step = self._time.step / plan.substeps
         smooth = self._smooth(plan)
         tame = math.inf if plan.stable is None else _LONG_RADIUS / (plan.radius * step)
+        # One sub-step and smooth: comparing with steps of four times the length costs a quarter in place of a half.
         sparse = auto and smooth and plan.stable is not None and plan.substeps == 1
         halvings = 2 if sparse and min(steps, tame) >= 4 else 1
         observed = smooth and 2 ** (halvings + 1) <= min(tame, steps * plan.substeps)
@@ -216,6 +229,7 @@ class _Run:
         """Sub-steps that should keep the tolerance, or as many as are taken at the most."""
         reached = (len(motion.states) - 1) / self._stepper.steps
         excess = motion.time_error / (self._time.tolerance * reached)
+        # Error goes with step^order: so many more sub-steps; a multiple of four for steps of four times the length.
         factor = _MARGIN * excess ** (1.0 / _TARGET_ORDER if self._smooth(plan) else 1.0)
         least, most = _GROWTH
         wanted = 4 * math.ceil(0.25 * plan.substeps * float(np.clip(factor, least, most)))
@@ -245,6 +259,7 @@ class _Run:
     def _radius(self, shapes: Array) -> float:
         """Spectral radius over shapes, at time zero, and over the first of them whenever inputs or loads turn."""
         finite = shapes[np.all(np.isfinite(shapes), axis=1)]
+        # Of later instants the start, the straight finger and two random shapes: eigenvalues take their time.
         core, signals, radius = Core(self._model, compiled=False), self._signals, 0.0
         for k, t in enumerate(signals.instants(self._time.duration)):
             some = finite if k == 0 else finite[:4]
@@ -252,42 +267,13 @@ class _Run:
             radius = max(radius, spectral_radius(core, some, signals.u(t)[0], w, self._p))
         return radius
 
-    def _contact_radius(self, states: Array) -> float:
-        """Spectral radius of finger, object and contacts over some states; zero without an object."""
+    def _of_contacts(self, rate: Callable[[Core, Array, Array, Array, Array], float], states: Array) -> float:
+        """Spectral radius or frequency of finger, object and contacts over some states; zero without an object."""
         if self._system is None:
             return 0.0
         core = Core(self._system, compiled=False)
-        return pressed_radius(core, states, self._signals.u(0.0)[0], self._signals.w(0.0)[0], self._p)
-
-    def _contact_frequency(self, states: Array) -> float:
-        """What implicit steps must resolve of the contacts [rad/s]; zero without an object."""
-        if self._system is None:
-            return 0.0
-        core = Core(self._system, compiled=False)
-        return contact_frequency(core, states, self._signals.u(0.0)[0], self._signals.w(0.0)[0], self._p)
+        return rate(core, states, self._signals.u(0.0)[0], self._signals.w(0.0)[0], self._p)
 
     def _result(self, states: Array) -> Trajectory:
         t: Array = np.linspace(0.0, (len(states) - 1) * self._time.step, len(states))
         return Trajectory(t, states, self._signals.u(t), self._signals.w(t), self._model, self._scene, self._system)
-
-    def _overlaps(self, result: Trajectory) -> tuple[str, ...]:
-        if result.contacts is None:
-            return ()
-        found = overlap_text(result.t, result.contacts, result.overlap, self._model.finger.thickness_radius)
-        text = f"between the stations that touch, the finger overlaps the object by {found}: add contacts"
-        return (text,) if found else ()
-
-    def _range_use(self, result: Trajectory) -> Array:
-        """Share of the declared bending range that each element uses (T, elements)."""
-        return np.asarray(result.core.batch("range_use", result.q, result.acting, None))
-
-    def _lost_error(self, result: Trajectory, use: Array) -> NumericalError:
-        k = int(np.argmax(use[-1]))
-        reach, last = self._model.ranges[k], result.x[-1]
-        return NumericalError(
-            f"element {k + 1} is about to bend beyond {LOST:g} times its declared range of {reach:.3g} rad after "
-            f"t = {result.t[-1]:g} s (state {last.tolist()}), where the model means nothing: raise "
-            "fidelity.bending_range, or lower the loads",
-            time=float(result.t[-1]),
-            state=last,
-        )

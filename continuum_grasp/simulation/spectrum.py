@@ -19,20 +19,9 @@ _LOST = 2.0
 
 
 def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:
-    """Fastest oscillation that the springs of closed contacts would make by themselves [rad/s].
+    """Fastest oscillation [rad/s] that the springs of contacts would make by themselves: the largest over some states.
 
-    Parameters
-    ----------
-    core : Core
-        Of a system with contacts.
-    states : (count, nx) ndarray
-    u, w, p : ndarray
-        Input, forces and parameters.
-
-    Returns
-    -------
-    float
-        The largest over the states, all contacts closed; elastic forces of the finger are left out.
+    All contacts of the system are closed; elastic forces of the finger are left out. States are (count, nx).
     """
     system: System = core.model
     n, pose = system.n, system.object_states
@@ -44,6 +33,7 @@ def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -
         still = _at_rest(system, x)
         gap = core.touch(still, u, w, p)[0]
         closed, opened = gap + _full(system), -np.abs(gap) - 1.0
+        # Closed less open is what the contacts add: the finger's own stiffness cancels.
         slopes = [core.pressed_linearization(still, u, w, p, press) for press in (closed, opened)]
         springs = (slopes[0] - slopes[1])[np.ix_(accelerations, places)]
         if not np.all(np.isfinite(springs)):
@@ -53,21 +43,10 @@ def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -
 
 
 def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:
-    """Largest absolute eigenvalue of the linearized motion over some states [1/s].
+    """Largest absolute eigenvalue of the linearized motion of a system with contacts over some states [1/s].
 
-    Parameters
-    ----------
-    core : Core
-        Of a system with contacts.
-    states : (count, nx) ndarray
-    u, w, p : ndarray
-        Input, forces and parameters.
-
-    Returns
-    -------
-    float
-        The largest over the states as they are, and over these at rest with the open contacts closed; infinite where
-        the numbers are not finite.
+    Over the states (count, nx) as they are, and at rest with the open contacts closed, which may close within a step;
+    infinite where the numbers are not finite.
     """
     system: System = core.model
     largest = 0.0
@@ -83,16 +62,10 @@ def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> f
     return largest
 
 
-def telling_states(core: Core, states: Array, u: Array, w: Array) -> Array:
-    """Some states of a motion: evenly spread, and those of the greatest normal forces and of the fastest friction.
+def representative_states(core: Core, states: Array, u: Array, w: Array) -> Array:
+    """Some states (T, nx) of a motion of a system with contacts, under inputs and forces (T, size).
 
-    Parameters
-    ----------
-    core : Core
-        Of a system with contacts.
-    states : (T, nx) ndarray
-    u, w : ndarray
-        Inputs and forces (T, size).
+    Evenly spread, and those of the greatest normal forces and of the fastest friction, where it is stiffest.
     """
     system: System = core.model
     friction = system.friction_states
@@ -111,7 +84,7 @@ def telling_states(core: Core, states: Array, u: Array, w: Array) -> Array:
 def _full(system: System) -> float:
     """Depth from which on a contact has all of its stiffness [m]."""
     law = system.surroundings.contact_law if system.surroundings else None
-    return 1.001 * law.rounding if law else 0.0
+    return 1.001 * law.rounding if law else 0.0  # beyond the end of the rounded onset
 
 
 def _at_rest(system: System, x: Array) -> Array:
@@ -130,22 +103,9 @@ _POSES = 12
 
 
 def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float:
-    """Largest absolute eigenvalue of the linearized motion over some shapes [1/s].
+    """Largest absolute eigenvalue of the linearized motion over shapes (count, n), and of the tendons' lag [1/s].
 
-    Parameters
-    ----------
-    core : Core
-        The compiled model.
-    q : (count, n) ndarray
-        Shapes.
-    u, w, p : ndarray
-        Input, forces and parameters.
-
-    Returns
-    -------
-    float
-        The largest over the shapes, with that of the tendons' lag; infinite where the model's numbers are not finite.
-        Velocities are left out.
+    Infinite where the model's numbers are not finite. Velocities are left out.
     """
     model = core.model
     tendons = model.finger.tendons
@@ -156,14 +116,27 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float
         damping = damping_matrix(core, shape, u, p)
         if not all(np.all(np.isfinite(part)) for part in (mass, stiffness, damping)):
             return math.inf
-        lower = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
-        motion = np.vstack([np.hstack([np.zeros_like(mass), np.eye(model.n)]), lower])
-        largest = max(largest, float(np.abs(np.linalg.eigvals(motion)).max()))
+        largest = max(largest, float(np.abs(poles(mass, stiffness, damping)).max()))
     return largest
+
+
+def poles(mass: Array, stiffness: Array, damping: Array) -> NDArray[np.inexact]:
+    """Eigenvalues (2 n,) [1/s] of the linearized motion M qdd + D qd + K q = 0."""
+    lower = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
+    return np.linalg.eigvals(np.vstack([np.hstack([np.zeros_like(mass), np.eye(len(mass))]), lower]))
+
+
+def in_mass_metric(mass: Array, stiffness: Array) -> tuple[Array, Array, bool]:
+    """Root R with R M R' = 1, the stiffness R K R', and whether that is symmetric."""
+    root = np.linalg.inv(np.linalg.cholesky(mass))
+    scaled = root @ stiffness @ root.T
+    # Following loads and tendon friction make it unsymmetric, by far more than rounding.
+    return root, scaled, bool(np.abs(scaled - scaled.T).max() <= 1e-9 * np.abs(scaled).max())
 
 
 def damping_matrix(core: Core, q: Array, u: Array, p: Array) -> Array:
     """Damping forces per rate of the coordinates (n, n); they are linear in the rates."""
+    # At rest it is not zero where the tip's curvature moves with the input.
     at_rest = core.damping(q, np.zeros_like(q), u, p)
     return np.array([core.damping(q, e, u, p) - at_rest for e in np.eye(len(q))]).T
 
@@ -171,5 +144,6 @@ def damping_matrix(core: Core, q: Array, u: Array, p: Array) -> Array:
 def sample_shapes(model: FingerModel, start: Array) -> Array:
     """Shapes to estimate the spectral radius at: the start, straight, and some over the bending range."""
     reach = np.array(model.structure.coordinate_limits())
+    # Seeded: a scene always gets the same step.
     spread = np.random.default_rng(0).uniform(-0.5, 0.5, (_POSES, model.n)) * reach
     return np.vstack([start, np.zeros(model.n), spread])

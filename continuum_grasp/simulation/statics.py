@@ -15,7 +15,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.spectrum import damping_matrix
+from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric, poles
 from continuum_grasp.simulation.trajectory import LOST, limit_warnings
 
 Array = NDArray[np.float64]
@@ -51,8 +51,6 @@ class Equilibrium:
         Smallest eigenvalue of the stiffness in the metric of the mass matrix [rad2/s2]; negative when unstable.
     residual : float
         Largest missing generalized force, relative to the largest of those that balance.
-    iterations : int
-    model : FingerModel
     warnings : tuple of str
         Elements that are bent beyond their declared range or the strain limit; a buckling load that is near.
     """
@@ -100,7 +98,16 @@ class Search:
     def find(self, start: Array, stable: bool, side: int) -> Equilibrium:
         """Equilibrium from a start; see ``equilibrium``."""
         try:
-            return self._find(start, stable, side)
+            q, iterations = self._descend(start, 0)
+            margin, direction, steady = self._stability(q)
+            if stable and not steady:
+                # An eigenvector has no sign of its own: the largest component decides what the sides are.
+                kick = direction * side * (1.0 if direction[np.argmax(np.abs(direction))] > 0 else -1.0)
+                size = _IMPERFECTION * self._reach() / max(np.abs(kick).max(), 1e-300)
+                q, iterations = self._descend(q + size * kick, iterations)
+                margin, _, steady = self._stability(q)
+            warnings = (*self._checked(q), *self._buckling(q, margin))
+            missing = self._core.statics(q, self._u, self._w, self._p)[0]
         except np.linalg.LinAlgError as error:
             raise SolverError(
                 "no equilibrium found",
@@ -109,17 +116,7 @@ class Search:
                 advice="a bending stiffness or mass is so small or large that the matrices have no usable numbers, or "
                 "the start is far outside the bending range: check units, or give a guess nearer to the shape",
             ) from error
-
-    def _find(self, start: Array, stable: bool, side: int) -> Equilibrium:
-        q, iterations = self._descend(start, 0)
-        margin, direction, steady = self._stability(q)
-        if stable and not steady:
-            kick = direction * side * (1.0 if direction[np.argmax(np.abs(direction))] > 0 else -1.0)
-            size = _IMPERFECTION * self._reach() / max(np.abs(kick).max(), 1e-300)
-            q, iterations = self._descend(q + size * kick, iterations)
-            margin, _, steady = self._stability(q)
-        warnings = (*self._checked(q), *self._buckling(q, margin))
-        residual = self._residual(q)
+        residual = float(np.abs(missing).max() / self._scale(q))
         return Equilibrium(q, self._u, self._w, self._p, steady, margin, residual, iterations, self._model, warnings)
 
     def _checked(self, q: Array) -> tuple[str, ...]:
@@ -137,8 +134,8 @@ class Search:
 
     def _buckling(self, q: Array, margin: float) -> tuple[str, ...]:
         """What to know of a shape whose least stiffness the loads have nearly used up."""
-        root = np.linalg.inv(np.linalg.cholesky(self._core.mass_matrix(q, self._u, self._p)))
-        unloaded = float(np.linalg.eigvalsh(root @ self._elasticity()[1] @ root.T)[0])
+        mass = self._core.mass_matrix(q, self._u, self._p)
+        unloaded = float(np.linalg.eigvalsh(in_mass_metric(mass, self._elasticity()[1])[1])[0])
         coarse = self._model.structure.family.order <= 2
         arcs = _NEAR_BUCKLING_ARCS / len(self._model.lengths) ** 2 if coarse else 0.0
         if not abs(margin) < max(_NEAR_BUCKLING, arcs) * unloaded:
@@ -159,13 +156,15 @@ class Search:
         mass = self._core.mass_matrix(q, self._u, self._p)
         if not (np.all(np.isfinite(missing)) and np.all(np.isfinite(stiffness)) and np.all(np.isfinite(mass))):
             raise np.linalg.LinAlgError("not finite at the start")
-        rate = float(np.abs(np.linalg.eigvals(np.linalg.solve(mass, stiffness))).max())
-        shift = rate
-        weakest = float(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.min())
-        scale = self._scale(q)
+        # Pseudo-transient continuation (C. T. Kelley, D. E. Keyes, 1998, doi:10.1137/S0036142996304796): steps of a
+        # motion without inertia, K + shift M, whose shift falls with the residual, down to Newton's method.
+        squares = np.linalg.eigvals(np.linalg.solve(mass, stiffness))
+        rate, weakest = float(np.abs(squares).max()), float(squares.real.min())
+        shift, scale = rate, self._scale(q)
         for count in range(iterations, iterations + _MAX_ITERATIONS):
             if np.abs(missing).max() <= _TOLERANCE * scale and shift < 1e-3 * rate:
                 return q, count
+            # Directions that the loads make unstable are turned, so that the step still goes down the energy.
             limit = 0.25 * self._reach()
             change = np.linalg.solve(stiffness + (shift + 2.0 * max(0.0, -weakest)) * mass, -missing)
             change *= min(1.0, limit / max(np.abs(change).max(), 1e-300))
@@ -179,7 +178,7 @@ class Search:
             mass = self._core.mass_matrix(q, self._u, self._p)
             weakest = float(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.min())
             shift = float(np.clip(shift * min(0.5, after_size / max(before_size, 1e-300)), 1e-12 * rate, rate))
-            if after_size > 2.0 * before_size:
+            if after_size > 2.0 * before_size:  # too far: back towards the damped motion
                 shift = min(10.0 * max(shift, 1e-6 * rate), rate)
             scale = self._scale(q)
         raise SolverError(
@@ -200,32 +199,22 @@ class Search:
             core.actuation(q, u, p),
             core.external_force(q, u, w, p),
         ]
+        # Where nothing loads the finger: what a bend of a part in 1e9 of the range would ask for.
         floor = 1e-9 * np.abs(core.statics(q, u, w, p)[1]).max() * self._reach()
         return max(float(max(np.abs(part).max(initial=0.0) for part in parts)), float(floor))
-
-    def _residual(self, q: Array) -> float:
-        return float(np.abs(self._core.statics(q, self._u, self._w, self._p)[0]).max() / self._scale(q))
 
     def _stability(self, q: Array) -> tuple[float, Array, bool]:
         """Smallest stiffness eigenvalue in the metric of the mass matrix, its direction, and the verdict."""
         _, stiffness = self._core.statics(q, self._u, self._w, self._p)
         mass = self._core.mass_matrix(q, self._u, self._p)
-        root = np.linalg.inv(np.linalg.cholesky(mass))
-        scaled = root @ stiffness @ root.T
+        root, scaled, symmetric = in_mass_metric(mass, stiffness)
         values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
         margin, direction = float(values[0]), np.asarray(root.T @ vectors[:, 0])
-        if np.abs(scaled - scaled.T).max() <= 1e-9 * np.abs(scaled).max():
+        if symmetric:
             return margin, direction, margin > 0.0
-        damping = damping_matrix(self._core, q, self._u, self._p)
-        n = len(q)
-        motion = np.block(
-            [
-                [np.zeros((n, n)), np.eye(n)],
-                [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)],
-            ]
-        )
-        poles = np.linalg.eigvals(motion)
-        return margin, direction, bool(poles.real.max() <= 1e-9 * np.abs(poles).max())
+        # Without a potential the energy decides nothing: flutter shows in the motion alone (H. Ziegler, 1952).
+        found = poles(mass, stiffness, damping_matrix(self._core, q, self._u, self._p))
+        return margin, direction, bool(found.real.max() <= 1e-9 * np.abs(found).max())
 
 
 def equilibrium(

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import interrupt
 from continuum_grasp.core import Core
 from continuum_grasp.core.rollouts import signal
 from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.integrators import INTEGRATORS
 from continuum_grasp.scene.simulate import Timing
-from continuum_grasp.simulation.reference import integrate_reference
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.trajectory import acting_input
 
@@ -34,39 +36,23 @@ _LEAST_CHUNK, _LOOKS = 1_000, 16
 0.2 ms, as long as 500 sub-steps of two clothoids."""
 _COMPARED = 100
 """Instants of a chunk that are compared: positions cost as much as a sub-step."""
+_RELATIVE, _ABSOLUTE = 1e-11, 1e-12
+"""Tolerances of CVODES [1; units of the states]: motions of 0.2 s have errors below 1e-9 (test_simulation.py)."""
 _LOOSER = 100.0
 """Factor on the tolerances of the variable-step integrator with which its error is measured."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How to integrate.
+    """How to integrate."""
 
-    Attributes
-    ----------
-    method : str
-        Name in ``INTEGRATORS``, or ``reference``.
-    substeps : int
-        Steps of the method per output step.
-    radius : float
-        Spectral radius [1/s].
-    halvings : int
-        Binary logarithm of the length of the steps that are compared with, per that of the steps.
-    observed : bool
-        Whether steps of twice that length are taken too, to observe how the error shrinks.
-    tolerance : float
-        Error per length of the finger at which the motion is given up [1].
-    corrected : bool
-        Whether to remove the leading errors from the states (Richardson's extrapolation).
-    """
-
-    method: str
-    substeps: int
-    radius: float
-    halvings: int = 1
-    observed: bool = False
-    tolerance: float = math.inf
-    corrected: bool = False
+    method: str  # name in ``INTEGRATORS``, or ``reference``
+    substeps: int  # steps of the method per output step
+    radius: float  # spectral radius [1/s]
+    halvings: int = 1  # log2 of the length of the steps that are compared with, per that of the steps
+    observed: bool = False  # whether steps of twice that length are taken too, to observe how the error shrinks
+    tolerance: float = math.inf  # error per length of the finger at which the motion is given up [1]
+    corrected: bool = False  # whether to remove the leading errors from the states (Richardson's extrapolation)
 
     @property
     def order(self) -> int:
@@ -91,6 +77,7 @@ class Plan:
     @property
     def weights(self) -> Array:
         """Weights of the longer steps in the sum that is free of the leading powers of the step in the error."""
+        # The weights of all steps add up to one; those of the errors of order p, p + 1 to zero.
         ratios = np.array([1, *self.ratios], dtype=float)
         powers = np.array([0, *range(self.order, self.order + len(self.ratios))])
         return np.asarray(np.linalg.solve(ratios ** powers[:, None], powers == 0)[1:])
@@ -105,6 +92,7 @@ class Plan:
         shrink = _KNOWN_SHRINK
         if self.observed and differences[0] < differences[1]:
             quotient = differences[0] / differences[1]
+            # (1 - r^k) cancels in the quotient: r for one halving, r + r^2 for two.
             shrink = quotient if self.halvings == 1 else math.sqrt(0.25 + quotient) - 0.5
         elif self.observed:
             return differences[0]
@@ -127,25 +115,10 @@ class Motion:
 
 
 class Stepper:
-    """Integrates a scene from a state.
+    """Integrates a scene from a state; the core is that of the system, or of the finger without an object.
 
-    Parameters
-    ----------
-    system : System or None
-        The finger with its object.
-    core : Core
-        Of the system, or of the finger without an object.
-    signals : Signals
-        Inputs and forces.
-    progress : callable
-        Called with the share that is done.
-
-    Attributes
-    ----------
-    steps : int
-        Output steps.
-    taken : int
-        Steps of fixed-step methods so far, with longer ones and those of plans that were given up.
+    ``steps`` are output steps, ``taken`` those of fixed-step methods so far, with longer ones and those of plans that
+    were given up.
     """
 
     def __init__(
@@ -166,6 +139,7 @@ class Stepper:
 
     def prepare(self, plan: Plan) -> None:
         """Compile what a plan needs."""
+        # Before the motion is timed; the positions' function is compiled by its first call.
         self._ends(np.zeros((1, self._model.nx)), np.zeros((1, self._model.nu)))
         if plan.method != "reference":
             self._core.prepare_rollout(plan.method)
@@ -176,18 +150,19 @@ class Stepper:
         error: Stop | None
         try:
             error = self._advance(parts, found, plan)
-        except KeyboardInterrupt as interrupt:
-            if isinstance(interrupt, Interrupted):
-                parts.append(interrupt.result[1:])
+        except KeyboardInterrupt as stop:
+            if isinstance(stop, Interrupted):
+                parts.append(stop.result[1:])
             end = (sum(map(len, parts)) - 1) * self._time.step
             error = Interrupted(f"interrupted after t = {end:g} s of {self._time.duration:g} s")
-            error.__cause__ = interrupt
+            error.__cause__ = stop
         return Motion(np.concatenate(parts), error, found.estimate)
 
     def _advance(self, parts: list[Array], found: _Differences, plan: Plan) -> NumericalError | None:
         """Add the states after the last one and their differences, and say what stopped them."""
         substeps, h, start = plan.substeps, self._time.step, 0
         wanted = _CHUNK if math.isinf(plan.tolerance) else max(_LEAST_CHUNK, self.steps * substeps // _LOOKS)
+        # Chunks end where steps of all lengths do.
         chunk = plan.every * max(1, min(wanted, _CHUNK) // (substeps * plan.every))
         ends, looked = [parts[0][0]] * (1 + len(plan.ratios)), _COMPARED * (_LOOKS if math.isinf(plan.tolerance) else 1)
         while start < self.steps:
@@ -203,6 +178,7 @@ class Stepper:
                 levels[0] = shared
                 found.add(self._distances(levels, start * h, plan.every, looked))
                 ends = [level[-1] for level in levels]
+                # The corrected states are output only: the levels go on uncorrected, each with its own error.
                 if plan.corrected:
                     longer = zip(plan.weights, levels[1:], strict=True)
                     missed = sum((k * (level - shared) for k, level in longer), np.zeros_like(shared))
@@ -231,7 +207,7 @@ class Stepper:
 
     def _by_variable_steps(self, x: Array, u: Array, w: Array, looser: float) -> Array:
         try:
-            return integrate_reference(self._core.model, x, self._time.step, u, w, looser=looser)
+            return _integrate_reference(self._core.model, x, self._time.step, u, w, looser=looser)
         except NumericalError as error:
             self._failure = error
             return np.asarray(error.result)
@@ -262,6 +238,7 @@ class Stepper:
 
     def _distances(self, levels: list[Array], start: float, every: int, looked: int) -> list[float]:
         """Greatest distance of the elements' ends, and of the object's points, per length, from level to level [1]."""
+        # Backwards, so that the last instant, where errors are largest, is always among them.
         some = np.arange(len(levels[0]))[:: -max(1, len(levels[0]) // looked)]
         u = self._signals.u(start + some * (self._time.step * every))
         levels = [level[some] for level in levels]
@@ -271,6 +248,7 @@ class Stepper:
         if self._system is not None and around is not None and around.object is not None and around.object_moves:
             columns, size = self._system.object_states, around.object.size
             for k, (a, b) in enumerate(pairwise(levels)):
+                # No point of the object is off by more than its origin, and its angle (column 2) times its size.
                 moved = (a - b)[:, columns]
                 shifted = np.sqrt(np.sum(np.delete(moved, 2, axis=1) ** 2, axis=1))
                 found[k] = max(found[k], (shifted + np.abs(moved[:, 2]) * size).max())
@@ -282,24 +260,24 @@ class Stepper:
         return np.asarray(self._positions.batch("joints", q, acting_input(self._model, x, u), None)[0])
 
 
+@dataclass
 class _Differences:
     """Greatest differences so far between steps of several lengths, per length of the finger [1]."""
 
-    def __init__(self, plan: Plan) -> None:
-        self._plan = plan
-        self._greatest: list[float] = []
-        self.finite = True
+    plan: Plan
+    greatest: list[float] = field(default_factory=list)
+    finite: bool = True
 
     def add(self, found: list[float]) -> None:
         """Note those of some more instants."""
-        self._greatest = [max(pair) for pair in zip(self._greatest or found, found, strict=True)]
+        self.greatest = [max(pair) for pair in zip(self.greatest or found, found, strict=True)]
 
     @property
     def estimate(self) -> float:
         """The error; nan where nothing was compared."""
         if not self.finite:
             return math.inf
-        return self._plan.estimate(self._greatest) if self._greatest else math.nan
+        return self.plan.estimate(self.greatest) if self.greatest else math.nan
 
 
 def _between(rows: Array, every: int, count: int) -> Array:
@@ -308,3 +286,44 @@ def _between(rows: Array, every: int, count: int) -> Array:
         return rows
     at, known = np.arange(count), np.arange(len(rows)) * every
     return np.stack([np.interp(at, known, column) for column in rows.T], axis=1)
+
+
+def _integrate_reference(
+    model: FingerModel | System, x0: Array, step: float, u: Array, w: Array, *, looser: float = 1.0
+) -> Array:
+    """Integrate with CVODES (backward differentiation) to states (steps + 1, nx), a ``step`` [s] apart.
+
+    Inputs and forces (2 * steps + 1, size) are those at half steps, quadratic in between; ``looser`` is a factor on the
+    tolerances. NumericalError and Interrupted have the states so far as ``result``.
+    """
+    x, t = ca.MX.sym("x", model.nx), ca.MX.sym("t")
+    samples = ca.MX.sym("samples", 3 * (model.nu + model.nw))
+    blocks = ca.vertsplit(samples, [0, *np.cumsum([model.nu] * 3 + [model.nw] * 3).tolist()])
+    at = t / step
+    # Lagrange polynomials of start, middle and end of the step.
+    weights = ((1 - at) * (1 - 2 * at), 4 * at * (1 - at), at * (2 * at - 1))
+    now_u = sum((k * b for k, b in zip(weights, blocks[:3], strict=True)), ca.MX.zeros(model.nu))
+    now_w = sum((k * b for k, b in zip(weights, blocks[3:], strict=True)), ca.MX.zeros(model.nw))
+    rate = model.forward_dynamics(x, now_u, now_w, ca.DM(model.p_nominal))
+    problem: Any = {"x": x, "t": t, "p": samples, "ode": rate}
+    options: Any = {"max_num_steps": 200_000, "newton_scheme": "direct"}
+    options |= {"abstol": looser * _ABSOLUTE, "reltol": looser * _RELATIVE}
+    # One output step per call: CVODES starts anew there, where the piecewise quadratic inputs may have kinks.
+    one = ca.integrator("reference", "cvodes", problem, 0.0, step, options)
+    steps = (len(u) - 1) // 2
+    states = np.empty((steps + 1, model.nx))
+    states[0] = x0
+    with interrupt.held(quietly=True) as pressed:
+        for k in range(steps):
+            rows = np.concatenate([u[2 * k : 2 * k + 3].ravel(), w[2 * k : 2 * k + 3].ravel()])
+            reason = "the state is not finite"
+            try:
+                states[k + 1] = np.array(one(x0=states[k], p=rows)["xf"]).ravel()
+            except RuntimeError as error:
+                states[k + 1], reason = np.nan, f"the reference integrator failed: {str(error).splitlines()[-1]}"
+            if pressed():  # CasADi's integrators would report it as a failure of the motion
+                raise Interrupted("interrupted", result=states[: k + 1])
+            if not np.all(np.isfinite(states[k + 1])):
+                message = f"{reason} (after t = {k * step:g} s)"
+                raise NumericalError(message, time=k * step, state=states[k], result=states[: k + 1])
+    return states

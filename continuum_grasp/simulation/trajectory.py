@@ -184,28 +184,23 @@ class Trajectory(MotionResult):
 
         Contacts of the finger with an object act on the finger, supports on the object.
         """
-        places = [(at, "contact", 2 * k) for k, at in enumerate(self.model.contacts)]
-        if self.model.structure.tip_force:
-            places.append((self.length, "tip", 2 * len(places)))
-        found = []
         q, u, w = self.q[index], self.acting[index], self.w[index]
-        for at, kind, start in places:
-            found.append((self._point(q, u, at), w[start : start + 2], kind))
+        places = [(at, "contact", 2 * k, False) for k, at in enumerate(self.model.contacts)]
+        if self.model.structure.tip_force:
+            places.append((self.length, "tip", 2 * len(places), False))
         for load, (_, start) in zip(self.model.loads, self.model.load_entries, strict=True):
-            if not isinstance(load, ForceLoad):
-                continue
+            if isinstance(load, ForceLoad):
+                places.append((load.at, "load", start, load.follows))
+        found = [] if self.contacts is None else self.contacts.at(index)
+        own = []
+        for at, kind, start, follows in places:
             force = w[start : start + 2]
-            if load.follows:
-                angle = float(self.core.orientation(q, u, [load.at])[0])
+            if follows:  # across and along the section
+                angle = float(self.core.orientation(q, u, [at])[0])
                 c, s = np.cos(angle), np.sin(angle)
                 force = np.array([[c, -s], [s, c]]) @ force
-            found.append((self._point(q, u, load.at), force, "load"))
-        if self.contacts is not None:
-            found += self.contacts.at(index)
-        return [(at, force, kind) for at, force, kind in found if np.any(force != 0.0)]
-
-    def _point(self, q: Array, u: Array, at: float) -> Array:
-        return np.asarray(self.core.position(q, u, [at]))
+            own.append((np.asarray(self.core.position(q, u, [at])), force, kind))
+        return [(at, force, kind) for at, force, kind in own + found if np.any(force != 0.0)]
 
     def details(self) -> dict[str, Any]:
         """Error of the steps in time, and what the columns are."""
@@ -227,6 +222,7 @@ def acting_input(model: FingerModel, x: Array, u: Array) -> Array:
     if model.nx == 2 * model.n:
         return u
     tendons = model.finger.tendons
+    # Any tensions with the lagged moment give the same shape: all of it in the first.
     acting = u.copy()
     acting[:, 0] = x[:, 2 * model.n] / (tendons.offset if tendons else 1.0)
     acting[:, 1] = 0.0
@@ -244,12 +240,7 @@ _LOOKS = 50
 def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | None = None) -> tuple[str, ...]:
     """What the user must know of bends beyond the declared range and of strains beyond the limit.
 
-    Parameters
-    ----------
-    use : (T, elements) ndarray
-        Share of the bending range that each element uses.
-    t : (T,) array_like, optional
-        Instants [s], where the shapes are those of a motion.
+    ``use`` (T, elements) is the share of its bending range that each element uses, at instants (T,) [s] of a motion.
     """
     limit, found = model.finger.curvature_limit, []
 
@@ -281,14 +272,7 @@ def overlap_text(
 ) -> str:
     """By how much a finger is deeper in an object than its stations are pressed into it, and when; empty if it is not.
 
-    Parameters
-    ----------
-    t : (T,) ndarray
-        Instants [s].
-    overlap : callable
-        Deepest overlap at some of the instants, given by their indices [m].
-    half_thickness : float
-        Of the finger [m].
+    ``overlap`` gives the deepest overlap [m] at some of the instants, by their indices.
     """
     looked = np.unique(np.linspace(0, len(t) - 1, _LOOKS).astype(int))
     own = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]

@@ -10,7 +10,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.accuracy.motion import pace, reference_motion
-from continuum_grasp.accuracy.rows import Table
+from continuum_grasp.accuracy.report import Table
 from continuum_grasp.accuracy.truth import find_truth
 from tests.rods import NITINOL, order, rod_scene
 

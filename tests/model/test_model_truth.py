@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.chain import Chain, Place, column
+from continuum_grasp.model.chain import Chain, Place
 from continuum_grasp.model.clothoid import Clothoid
 from continuum_grasp.model.link import LoadedLink
-from continuum_grasp.model.planar import ZERO, Vec
-from continuum_grasp.model.quadrature import _ERRORS, _RANGES
+from continuum_grasp.model.planar import ZERO, Vec, column
+from continuum_grasp.model.quadrature import _ERRORS, RANGES
 from continuum_grasp.model.stumpff import ROUNDING, rotation, stumpff
 from continuum_grasp.scene import BasePose, Damping, PointMass, Tendons
 from tests.finger_cases import (
@@ -313,7 +313,7 @@ def test_the_table_of_node_counts_is_an_upper_bound(reach, what):
             value = element_values(function, q)
             scale = {"end": 1.0, "bias": largest}.get(what, np.abs(true[what]).max())
             error = np.abs(value[what] - true[what]).max() / scale
-            bound = stated[_RANGES.index(reach)]
+            bound = stated[RANGES.index(reach)]
             if error > 1.05 * bound:
                 exceeded.append(f"{nodes} nodes, shape {q}: {error:.1e} > {bound:.1e}")
     assert not exceeded, "\n".join(exceeded)

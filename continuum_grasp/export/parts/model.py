@@ -102,8 +102,7 @@ def kinematics(subject: Subject) -> Part:
             Field("dy", "m per unit of the coordinate", "derivative of y by each coordinate", shape=(n,)),
         ),
     )
-    arms = ca.horzcat(*[arm.column() for arm in eq.section_jacobian])
-    at_s = ca.vertcat(eq.section_position.column(), eq.section_angle, ca.vec(arms.T))
+    at_s = ca.vertcat(eq.section_position.column(), eq.section_angle, ca.vec(eq.section_jacobian.T))
     at_tip = ca.substitute(at_s, eq.s, ca.SX(sum(eq.lengths)))
     tip_kernel = Kernel("tip", subject.function("tip", "x u p", at=at_tip), "Section at the tip.")
     section_kernel = Kernel("section", subject.function("section", "x u s p", at=at_s), "Section at a position s.")

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
+import casadi as ca
+
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces.offset_polygon import PolygonSurface
 from continuum_grasp.model.surfaces.outline import Frame, Outline
 from continuum_grasp.model.surfaces.superellipse import SuperellipseSurface
-from continuum_grasp.model.surfaces.surface import Nearest, Surface, nearest_of
+from continuum_grasp.model.surfaces.surface import Nearest, Surface, chosen
 from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
 
 __all__ = ["nearest", "outline_of", "surface_of"]
@@ -45,4 +47,9 @@ def nearest(parts: Sequence[Part], at: Vec) -> Nearest:
     at : Vec
         The point [m].
     """
-    return nearest_of([surface_of(part).nearest(part, at) for part in parts])
+    found = [surface_of(part).nearest(part, at) for part in parts]
+    best = found[0]
+    for other in found[1:]:
+        own = ca.SX(best.distance) <= ca.SX(other.distance)
+        best = Nearest(ca.fmin(best.distance, other.distance), chosen(own, best.normal, other.normal))
+    return best

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 from itertools import pairwise
 from typing import Any
 
@@ -50,13 +51,7 @@ _SLOT = 1e-9
 
 @dataclass(frozen=True)
 class PolygonSurface(Surface[OffsetPolygon]):
-    """The surface of offset polygons with this many corners.
-
-    Attributes
-    ----------
-    corners : int
-        One for a disc, two for a stadium.
-    """
+    """The surface of offset polygons with this many corners: one for a disc, two for a stadium."""
 
     corners: int
 
@@ -86,6 +81,7 @@ class PolygonSurface(Surface[OffsetPolygon]):
             away = at - Vec(*core[0])
             size = length(away)
             return Nearest(size - part.radius, away.scaled(1.0 / size))
+        # A rectangle is symmetric: folded into one quadrant it takes fewer instructions than four edges.
         found = _from_rectangle(core, at) if _is_rectangle(core) else _from_polygon(core, at)
         return Nearest(found.distance - part.radius, found.normal)
 
@@ -100,8 +96,9 @@ class PolygonSurface(Surface[OffsetPolygon]):
         return SurfacePoint(a + place[0] * (b - a) + feature[4] * normal, normal, ca.SX(0, 1))
 
     def clearance(self, point: ca.SX, beta: ca.SX, numbers: ca.SX, near: ca.SX | None) -> ca.SX:
+        # From a disc the distance is smooth; of a polygon it is the greatest of heights, whose direction is an unknown.
         if not self.has_directions:
-            return ca.sqrt(ca.sumsqr(point - numbers[:2]) + 1e-24) - numbers[2]
+            return ca.sqrt(ca.sumsqr(point - numbers[:2]) + 1e-24) - numbers[2]  # 1e-12 units: differentiable at zero
         corners = numbers[: 2 * self.corners] if near is None else near
         return separation(point, beta, ca.reshape(corners, 2, corners.numel() // 2)) - numbers[-1]
 
@@ -119,6 +116,7 @@ class PolygonSurface(Surface[OffsetPolygon]):
 
     def features(self, part: OffsetPolygon) -> list[Feature]:
         core, r = part.vertices, part.radius
+        # Counter-clockwise, each corner before the face that begins there: its normal turns from the face before it.
         bend = 1.0 / max(r, SHARP)
         if len(core) == 1:
             return [Feature((*core[0], *core[0], r), (0.0, -math.inf), (0.0, math.inf), bend)]
@@ -174,9 +172,11 @@ class PolygonSurface(Surface[OffsetPolygon]):
         share = np.clip((off * edge).sum(axis=2) / size**2, 0.0, 1.0)
         arm = off - share[:, :, None] * edge
         reach = np.linalg.norm(arm, axis=2)
+        # Inside, the face of least depth; outside, the edge that is nearest.
         inside = (height < 0.0).all(axis=1) if count > 2 else np.zeros(len(points), dtype=bool)
         pick = np.where(inside, height.argmax(axis=1), reach.argmin(axis=1))
         far = reach[rows, pick]
+        # On an edge the way there has no direction: the face's normal stands for it.
         on = inside | (far < 1e-12)
         direction = np.where(on[:, None], normal[pick], arm[rows, pick] / np.maximum(far, 1e-300)[:, None])
         distance = np.where(inside, height[rows, pick], far)
@@ -197,6 +197,7 @@ class PolygonSurface(Surface[OffsetPolygon]):
 def _is_rectangle(core: Sequence[tuple[float, float]]) -> bool:
     if len(core) != 4:
         return False
+    # A parallelogram (its diagonals share their middle) whose diagonals are equally long.
     (ax, ay), (bx, by), (cx, cy), (dx, dy) = core
     size = math.dist(core[0], core[2])
     middles = math.dist((ax + cx, ay + cy), (bx + dx, by + dy))
@@ -221,9 +222,10 @@ def _from_rectangle(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
 
 def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     """By the nearest of the edges; two vertices are a segment, which has no inside."""
+    # All edges are compared at run time: a chain of selections, since branches have no derivative.
     edges = list(pairwise([*core, core[0]])) if len(core) > 2 else [(core[0], core[1])]
     heights: list[Scalar] = []
-    best: tuple[Scalar, Vec, Vec] | None = None
+    found: list[tuple[Scalar, Vec, Vec]] = []
     for (ax, ay), (bx, by) in edges:
         length = math.hypot(bx - ax, by - ay)
         along, normal = Vec((bx - ax) / length, (by - ay) / length), Vec((by - ay) / length, (ax - bx) / length)
@@ -232,23 +234,19 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
         over = s - ca.fmin(ca.fmax(s, 0.0), length)
         offset = along.scaled(over) + normal.scaled(height)
         heights.append(height)
-        square = over * over + height * height
-        if best is None:
-            best = (square, offset, normal)
-            continue
-        nearer = square < best[0]
-        best = (ca.fmin(square, best[0]), chosen(nearer, offset, best[1]), chosen(nearer, normal, best[2]))
-    if best is None:
-        raise ValueError("a polygon without edges")
-    size = ca.sqrt(best[0] + TINY)
-    outward = best[1].scaled(1.0 / size)
+        found.append((over * over + height * height, offset, normal))
+    square, away, face = found[0]
+    for other, offset, normal in found[1:]:
+        nearer = other < square
+        square, away, face = ca.fmin(other, square), chosen(nearer, offset, away), chosen(nearer, normal, face)
+    size = ca.sqrt(square + TINY)
+    outward = away.scaled(1.0 / size)
     if len(core) == 2:
         return Nearest(size, outward)
-    top = heights[0]
-    for height in heights[1:]:
-        top = ca.fmax(top, height)
+    # Inside, the nearest face is the one of least depth.
+    top = reduce(ca.fmax, heights)
     inside = top <= _SKIN
-    return Nearest(ca.if_else(inside, top, size), chosen(inside, best[2], outward))
+    return Nearest(ca.if_else(inside, top, size), chosen(inside, face, outward))
 
 
 class _PolygonOutline(Outline):
@@ -260,6 +258,7 @@ class _PolygonOutline(Outline):
         self.grown = radius + grown
         size = len(vertices)
         extent = float(np.abs(vertices - vertices.mean()).max()) if size > 1 else 0.0
+        # Meters of walk per radian of a corner: some length even where the corner is sharp and not grown.
         self._per_angle = self.grown + 0.2 * extent
         self._edges = np.roll(vertices, -1) - vertices if size > 1 else np.zeros(1, complex)
         self._lengths = np.abs(self._edges)
@@ -314,6 +313,7 @@ class _PolygonOutline(Outline):
         along, out = turned.real, -turned.imag
         beyond = along - np.clip(along, 0.0, self._lengths)
         square = beyond**2 + out**2
+        # A segment is two edges back to back: the side on which the point lies decides.
         if len(self.corners) == 2:
             square = square + np.where(out < 0.0, _SLOT * self.extent**2, 0.0)
         outside = np.argmin(square, axis=-1)

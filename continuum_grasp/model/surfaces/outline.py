@@ -15,22 +15,11 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Frame:
-    """A change of coordinates z -> turn * z + shift, or turn * conj(z) + shift where mirrored, times a scale.
+    """A change of coordinates z -> turn * scale * z + shift, with conj(z) in place of z where mirrored."""
 
-    Attributes
-    ----------
-    turn : complex
-        Of modulus one.
-    shift : complex
-        In the new coordinates.
-    scale : float
-        New lengths per old ones.
-    mirrored : bool
-    """
-
-    turn: complex = 1.0 + 0.0j
-    shift: complex = 0.0j
-    scale: float = 1.0
+    turn: complex = 1.0 + 0.0j  # of modulus one
+    shift: complex = 0.0j  # in the new coordinates
+    scale: float = 1.0  # new lengths per old ones
     mirrored: bool = False
 
     def point(self, z: Array | complex) -> Any:
@@ -54,21 +43,11 @@ class Frame:
 
 @dataclass(frozen=True)
 class Walk:
-    """Places on a grown outline.
+    """Places on a grown outline, and their derivatives with respect to w."""
 
-    Attributes
-    ----------
-    point : ndarray of complex
-        On the grown outline.
-    angle : ndarray
-        Of the outward normal [rad].
-    dpoint, dangle : ndarray
-        Derivatives with respect to w.
-    """
-
-    point: Array
-    angle: Array
-    dpoint: Array
+    point: Array  # complex
+    angle: Array  # of the outward normal [rad]
+    dpoint: Array  # complex
     dangle: Array
 
 
@@ -78,28 +57,14 @@ class Outline(ABC):
     Planar vectors are complex numbers x + i y. A walk is a number w that runs once round in [0, period): along faces
     it counts meters, on corners it turns the normal while the point stays (or runs along the rounding). So faces and
     corners are one smooth family of contacts.
-
-    Attributes
-    ----------
-    center : complex
-    extent : float
-        No point of the part is farther from the center.
-    grown : float
-        Distance of the outline from ``corners``, or from the part where there are none.
-    corners : ndarray of complex
-        Centers of the rounded corners; empty for a smooth part.
-    face_normals : tuple of float
-        Angles of the normals of flat faces [rad].
-    period : float
-        Of walks.
     """
 
     center: complex
-    extent: float
-    grown: float
-    corners: Array
-    face_normals: tuple[float, ...] = ()
-    period: float = math.tau
+    extent: float  # no point of the part is farther from the center
+    grown: float  # distance of the outline from ``corners``, or from the part where there are none
+    corners: Array  # complex centers of the rounded corners; empty for a smooth part
+    face_normals: tuple[float, ...] = ()  # angles of the normals of flat faces [rad]
+    period: float = math.tau  # of walks
 
     @property
     def is_round(self) -> bool:

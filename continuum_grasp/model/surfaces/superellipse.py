@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.model.planar import Rotation, Scalar, Vec
+from continuum_grasp.model.planar import Scalar, Vec, rotated
 from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
 from continuum_grasp.model.surfaces.surface import Feature, Nearest, Surface, SurfacePoint, length
 from continuum_grasp.scene.parts import SuperellipsePart
@@ -57,14 +57,14 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
     # -- contact in motion
 
     def nearest(self, part: SuperellipsePart, at: Vec) -> Nearest:
-        turn = _turn(part.angle)
+        turn = rotated(part.angle)
         local = turn.transposed().apply(at - Vec(*part.center))
         found = _from_superellipse(*part.semi_axes, part.exponent, local)
         return Nearest(found.distance, turn.apply(found.normal))
 
     def lowest_points(self, part: SuperellipsePart, direction: Vec) -> list[Vec]:
-        # The gradient of the support function, whose exponent is dual.
-        turn, (a, b) = _turn(part.angle), part.semi_axes
+        # The gradient of the support function, whose exponent q = p / (p - 1) is dual.
+        turn, (a, b) = rotated(part.angle), part.semi_axes
         n = turn.transposed().apply(direction)
         if part.exponent == 2.0:
             reach = ca.sqrt(a * a * n.x * n.x + b * b * n.y * n.y)
@@ -79,6 +79,7 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
 
     def point(self, place: ca.SX, feature: ca.SX) -> SurfacePoint:
         a, b, power, angle = feature[0], feature[1], feature[2], feature[5]
+        # |xi|^p as (xi^2)^(p / 2): even powers of a signed unknown, without its sign.
         square = place**2 + _TINY_PLACE
         slope = place * square ** (0.5 * power - 1.0) / ca.vertcat(a, b)
         turn = ca.vertcat(ca.horzcat(ca.cos(angle), -ca.sin(angle)), ca.horzcat(ca.sin(angle), ca.cos(angle)))
@@ -105,6 +106,7 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
 
     def features(self, part: SuperellipsePart) -> list[Feature]:
         numbers = (*part.semi_axes, part.exponent, *part.center, part.angle)
+        # |xi| <= 1 on the outline: these bounds are never active.
         return [Feature(numbers, (-1.5, -1.5), (1.5, 1.5))]
 
     def place(
@@ -145,15 +147,18 @@ def smooth_support(beta: ca.SX, shape: ca.SX) -> ca.SX:
 
 def _from_superellipse(a: float, b: float, power: float, at: Vec) -> Nearest:
     """Newton's method on the distance along r(t) (a cos t, b sin t), with (cos t, sin t) as the unknown."""
+    # The point's own direction, in which the superellipse is the unit one: exact on the axes and on the outline.
     way = Vec(at.x / a, at.y / b)
     way = way.scaled(1.0 / length(way))
     plain = power <= _PLAIN_EXPONENT and max(a / b, b / a) <= _PLAIN_ASPECT
     for _ in range(_FEWER_STEPS if plain else _STEPS):
         point, slope, normal, curvature = _on_superellipse(a, b, power, way)
         away = at - point
+        # Second derivative of half the squared distance, from below by 0.3: inside, past the center of curvature,
+        # it would change its sign and the step its direction.
         size = slope.dot(slope) * ca.fmax(1.0 + away.dot(normal) * curvature, 0.3)
         step = away.dot(slope) / size
-        step = step / ca.sqrt(1.0 + (step / _LONGEST) ** 2)
+        step = step / ca.sqrt(1.0 + (step / _LONGEST) ** 2)  # a smooth limit
         way = way + way.perp().scaled(step)
         way = way.scaled(1.0 / length(way))
     point, _, normal, _ = _on_superellipse(a, b, power, way)
@@ -182,10 +187,6 @@ def _on_superellipse(a: float, b: float, power: float, way: Vec) -> tuple[Vec, V
     return point, slope, gradient.scaled(1.0 / size), curvature
 
 
-def _turn(angle: float) -> Rotation:
-    return Rotation(math.cos(angle), math.sin(angle)) if angle != 0.0 else Rotation(1.0, 0.0)
-
-
 def _at(t: Array, a: float, b: float, power: float) -> tuple[Array, Array, Array]:
     """Point, normal and radius of curvature in the first quadrant at a parameter from 0 to pi/2."""
     c, s = np.cos(t), np.sin(t)
@@ -193,6 +194,7 @@ def _at(t: Array, a: float, b: float, power: float) -> tuple[Array, Array, Array
     xi, eta = c * norm, s * norm
     fx, fy = xi ** (power - 1.0) / a, eta ** (power - 1.0) / b
     size = np.hypot(fx, fy)
+    # Level line of f = xi^p + eta^p: radius |grad f|^3 / (fxx fy^2 + fyy fx^2); infinite on the axes where p > 2.
     with np.errstate(divide="ignore", invalid="ignore"):
         fxx = (power - 1.0) * xi ** (power - 2.0) / a**2
         fyy = (power - 1.0) * eta ** (power - 2.0) / b**2
@@ -209,7 +211,7 @@ def _nearest_parameter(points: Array, a: float, b: float, power: float) -> Array
     t = grid[((points[:, None, :] - foot) ** 2).sum(axis=2).argmin(axis=1)]
     for _ in range(8):
         at, normal, radius = _at(t, a, b, power)
-        step = 1e-6 * np.where(t > 0.7, -1.0, 1.0)
+        step = 1e-6 * np.where(t > 0.7, -1.0, 1.0)  # a difference that stays in the quadrant
         speed = np.linalg.norm(_at(t + step, a, b, power)[0] - at, axis=1) / np.abs(step)
         away = points - at
         along = away[:, 1] * normal[:, 0] - away[:, 0] * normal[:, 1]  # counter-clockwise, as t grows
@@ -234,6 +236,7 @@ class _SuperellipseOutline(Outline):
         self.center, self.angle, self.grown = center, angle, grown
         self.axes, self.exponent = semi_axes, exponent
         self.extent = math.hypot(*semi_axes)
+        # A table of places: even in the polar angle, and even in the normal's angle, which changes fast at corners.
         tilts = np.linspace(0.0, 0.5 * math.pi, 17)
         ratio = (semi_axes[1] / semi_axes[0]) * np.tan(tilts[1:-1])
         turns = np.arctan(ratio ** (1.0 / (exponent - 1.0)))
@@ -256,6 +259,7 @@ class _SuperellipseOutline(Outline):
 
     def walk(self, w: Array) -> Walk:
         w = np.mod(w, math.tau)
+        # By symmetry from the first quadrant.
         left, low = (w > 0.5 * math.pi) & (w <= 1.5 * math.pi), w > math.pi
         turn = np.where(left, np.where(low, w - math.pi, math.pi - w), np.where(low, math.tau - w, w))
         point, normal, speed, turning = self._quadrant(turn)
@@ -279,6 +283,7 @@ class _SuperellipseOutline(Outline):
         high = self._table[np.minimum(best + 1, len(self._table) - 1)]
         turn = self._table[best]
         out: Array = np.zeros(points.shape)
+        # Newton's method between the table's neighbors; a step that leaves the bracket is replaced by bisection.
         for _ in range(6):
             at, normal, speed, turning = self._quadrant(turn)
             off = (corner - at) * np.conj(normal)
@@ -302,6 +307,7 @@ class _SuperellipseOutline(Outline):
     def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:
         local = direction * np.exp(-1j * self.angle)
         (a, b), dual = self.axes, self.exponent / (self.exponent - 1.0)
+        # Gradient of the support function, the dual norm of (a u, b v).
         u, v = a * abs(local.real), b * abs(local.imag)
         norm = (u**dual + v**dual) ** (1.0 / self.exponent)
         x = math.copysign(a * u ** (dual - 1.0) / norm, local.real)

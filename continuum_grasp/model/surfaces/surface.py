@@ -7,7 +7,6 @@ compiled solver; the numbers of a part are handed in.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -39,11 +38,6 @@ class Nearest:
     distance: Scalar
     normal: Vec
 
-    def or_nearer(self, other: Nearest) -> Nearest:
-        """The one with the smaller distance."""
-        own = ca.SX(self.distance) <= ca.SX(other.distance)
-        return Nearest(ca.fmin(self.distance, other.distance), chosen(own, self.normal, other.normal))
-
 
 def length(v: Vec) -> ca.SX:
     """Length of a vector, with a finite derivative where it is zero."""
@@ -52,6 +46,7 @@ def length(v: Vec) -> ca.SX:
 
 def chosen(condition: ca.SX | bool, first: Vec, second: Vec) -> Vec:
     """The first vector where a condition holds, else the second."""
+    # One product in place of two if_else: the condition is 0 or 1, and both vectors are finite.
     return second + (first - second).scaled(ca.SX(condition))
 
 
@@ -60,42 +55,22 @@ def chosen(condition: ca.SX | bool, first: Vec, second: Vec) -> Vec:
 
 @dataclass(frozen=True)
 class SurfacePoint:
-    """A point on a part, as expressions in the object's frame.
+    """A point on a part, as expressions in the object's frame."""
 
-    Attributes
-    ----------
-    point, normal : casadi.SX
-        (2, 1) each.
-    on_surface : casadi.SX
-        Zero on the surface; empty where that is so by construction.
-    curvature : casadi.SX or None
-        Of the surface; None where it is a number of the feature.
-    """
-
-    point: ca.SX
-    normal: ca.SX
-    on_surface: ca.SX
-    curvature: ca.SX | None = None
+    point: ca.SX  # (2, 1)
+    normal: ca.SX  # (2, 1) outward
+    on_surface: ca.SX  # zero on the surface; empty where that is so by construction
+    curvature: ca.SX | None = None  # of the surface; None where it is a number of the feature
 
 
 @dataclass(frozen=True)
 class Feature:
-    """A face, a corner, or a whole smooth part: numbers and bounds of a contact on it.
+    """A face, a corner, or a whole smooth part: numbers and bounds of a contact on it."""
 
-    Attributes
-    ----------
-    numbers : tuple of float
-        Of `Surface.point`; lengths in m.
-    lower, upper : (float, float)
-        Bounds of the two unknowns of the contact's place.
-    curvature : float
-        Of the surface [1/m]: 0 on a face, a large number on a sharp corner; 0 where it depends on the place.
-    """
-
-    numbers: tuple[float, ...]
-    lower: tuple[float, float]
+    numbers: tuple[float, ...]  # of `Surface.point`; lengths in m
+    lower: tuple[float, float]  # bounds of the two unknowns of the contact's place
     upper: tuple[float, float]
-    curvature: float = 0.0
+    curvature: float = 0.0  # [1/m]: 0 on a face or where it depends on the place, large on a sharp corner
 
 
 class Surface(ABC, Generic[P]):
@@ -104,24 +79,13 @@ class Surface(ABC, Generic[P]):
     In the expressions of the grasp problem, ``place`` are the two unknowns of a contact, ``feature`` the numbers of the
     feature that it sits on, ``numbers`` those of the part, and ``beta`` is the angle of a separating line's normal
     [rad], empty where the surface has no such directions.
-
-    Attributes
-    ----------
-    number_count, feature_count : int
-        Numbers of a part, and of a feature.
-    is_smooth : bool
-        Whether it is one feature, of which each place has its own normal.
-    has_directions : bool
-        Whether a place that must stay clear needs the angle of a separating line as an unknown.
-    looks_at_corners : bool
-        Whether a place must stay clear of the nearest corners alone.
     """
 
-    number_count: int
-    feature_count: int
-    is_smooth = False
-    has_directions = True
-    looks_at_corners = False
+    number_count: int  # of a part
+    feature_count: int  # numbers of a feature
+    is_smooth = False  # whether it is one feature, of which each place has its own normal
+    has_directions = True  # whether a place that must stay clear needs a separating line's angle as an unknown
+    looks_at_corners = False  # whether a place must stay clear of the nearest corners alone
 
     @classmethod
     @abstractmethod
@@ -205,11 +169,3 @@ def separation(point: ca.SX, beta: ca.SX, corners: ca.SX) -> ca.SX:
     """
     normal = ca.vertcat(ca.cos(beta), ca.sin(beta))
     return ca.vertcat(*(ca.dot(normal, point - corners[:, k]) for k in range(corners.shape[1])))
-
-
-def nearest_of(candidates: Sequence[Nearest]) -> Nearest:
-    """The one with the smallest distance."""
-    best = candidates[0]
-    for other in candidates[1:]:
-        best = best.or_nearer(other)
-    return best
