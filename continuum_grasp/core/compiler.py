@@ -17,6 +17,7 @@ from pathlib import Path
 
 from continuum_grasp.errors import ContinuumGraspError
 
+# gnu11 for vector types, -march=native for the widest lanes (libraries stay on this machine), -w: generated C warns.
 _COMMON = ("-std=gnu11", "-march=native", "-fPIC", "-w")
 _USUAL = ("cc", "gcc", "clang")
 _LONG = 20_000
@@ -64,13 +65,7 @@ class Compiler:
         return "\0".join((*self.command, self.version, self.machine, *parts))
 
     def build(self, source: Path, library: Path) -> None:
-        """Compile a source file to a shared library; long functions apart, as many at a time as there are processors.
-
-        Raises
-        ------
-        CompileError
-            With the first lines that the compiler said.
-        """
+        """Compile a source file to a shared library; long functions apart, on all processors."""
         units = translation_units(source.read_text(), _LONG)
         if len(units) == 1:
             self._run([*self.flags(units[0]), "-shared", str(source), "-o", str(library), "-lm"])
@@ -94,6 +89,7 @@ class Compiler:
         except (OSError, subprocess.TimeoutExpired) as error:
             raise CompileError(f"{shlex.join(self.command)}: {error}") from error
         if done.returncode != 0:
+            # A full disk is no fault of the source: callers fall back after a CompileError, and report an OSError.
             if os.strerror(errno.ENOSPC) in done.stderr:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "the compiler's files")
             said = " | ".join(done.stderr.strip().splitlines()[:3]) or f"exit status {done.returncode}"
@@ -176,21 +172,11 @@ def longest_function(source: str) -> int:
 
 
 def translation_units(source: str, limit: int) -> list[str]:
-    """Split a source into units that are compiled separately and linked.
+    """Split a source into units that are compiled separately and linked: functions longer than ``limit`` lines apart.
 
-    Parameters
-    ----------
-    source : str
-        One translation unit, as the generators of this package write it: a function ends with a brace in the first
-        column, and variables outside of functions are constants.
-    limit : int
-        Functions of more lines than this get units of their own.
-
-    Returns
-    -------
-    list of str
-        The source with declarations in the place of its long functions; then a unit per long function, with what
-        stands before it in the source. Only names that the source itself exports are exported.
+    The source is one unit as the generators of this package write it: a function ends with a brace in the first column,
+    and variables outside of functions are constants. Of the result the first has declarations in the place of the long
+    functions, each other one long function with what stands before it. Only what the source exports is exported.
     """
     units, whole, before = [], "", ""
     for piece in _END.split(source):

@@ -141,13 +141,7 @@ def worst_of(errors: Mapping[str, tuple[OutputError, ...]]) -> dict[str, float]:
 
 
 def check_errors(real: Real, errors: Mapping[str, float], asked: float) -> None:
-    """Whether the functions are as accurate as asked.
-
-    Raises
-    ------
-    InputError
-        If one is not.
-    """
+    """Whether the functions are as accurate as asked."""
     if not errors:
         return
     worst = max(errors, key=lambda name: errors[name])

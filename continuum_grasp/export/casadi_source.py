@@ -119,13 +119,7 @@ def _interface(function: ca.Function) -> dict[str, Any]:
 
 
 def _generated(prefix: str, functions: Any) -> tuple[str, str]:
-    """Source and header.
-
-    Raises
-    ------
-    OSError
-        The files are not whole: CasADi writes to files alone, and reports nothing where the disk is full.
-    """
+    """Source and header."""
     options = {"with_header": True, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator(f"{prefix}.c", options)
     for function in functions:

@@ -56,13 +56,7 @@ class Real:
         return float(self.dtype(value))
 
     def literal(self, value: float) -> str:
-        """C that means exactly ``rounded(value)``, in parentheses where negative.
-
-        Raises
-        ------
-        InputError
-            If it is outside the range of single precision.
-        """
+        """C that means exactly ``rounded(value)``, in parentheses where negative."""
         text = literal(float(value), self.name, str(self.dtype(value)))
         return f"({text})" if text.startswith("-") else text
 
@@ -78,13 +72,7 @@ REALS = {
 
 
 def real_of(name: Any) -> Real:
-    """The type of a name.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """The type of a name."""
     return REALS[precision_of(name)]
 
 

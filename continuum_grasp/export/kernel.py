@@ -93,11 +93,6 @@ class Kernel:
     ----------
     inputs, outputs : dict of str to int
         Sizes by name; inputs that the function does not read are left out.
-
-    Raises
-    ------
-    InputError
-        If the function needs an operation that has no strict C here.
     """
 
     def __init__(self, name: str, function: ca.Function, text: str) -> None:
@@ -138,13 +133,7 @@ class Kernel:
         return f"{prefix}_kernel_{self.name}({given});"
 
     def c_source(self, prefix: str, real: Real) -> str:
-        """The C definition.
-
-        Raises
-        ------
-        InputError
-            If a constant is outside the range of single precision.
-        """
+        """The C definition."""
         return "\n".join([f"/* {self.text} */", self.prototype(prefix), *self._body(f"{prefix}_real", real, _C), ""])
 
     def lane_source(self, real: Real) -> str:

@@ -155,13 +155,7 @@ def internal_header(subject: Subject, parts: Sequence[Part], words: dict[str, st
 
 
 def kernels_source(subject: Subject, parts: Sequence[Part], words: dict[str, str]) -> str:
-    """All kernels.
-
-    Raises
-    ------
-    InputError
-        If a constant is outside the range of single precision.
-    """
+    """All kernels."""
     kernels, prefix = kernels_of(parts), subject.prefix
     strict = c_source(set().union(*(kernel.calls for kernel in kernels)), subject.real, prefix)
     texts = [f"{kernel.c_source(prefix, subject.real)}" for kernel in kernels]

@@ -132,13 +132,7 @@ MANIFEST = "MANIFEST.json"
 
 
 def write_package(folder: Path, files: Mapping[str, str]) -> None:
-    """Every file whole, the manifest last; files of an earlier package that are of no more use are removed.
-
-    Raises
-    ------
-    InputError
-        If a file of that name is there that no export wrote, or that was changed since; nothing is written then.
-    """
+    """Every file whole, the manifest last; files of an earlier package that are of no more use are removed."""
     from continuum_grasp.results import kind_of_run, write_text
 
     kind = kind_of_run(folder)

@@ -34,12 +34,6 @@ def parameter_fields(model: FingerModel, given: Mapping[str, Sequence[float]]) -
     model : FingerModel
     given : mapping
         Ranges by the name of an entry, least and greatest.
-
-    Raises
-    ------
-    InputError
-        If a range is none, goes below zero where the parameter cannot, leaves out the nominal value, is for no
-        parameter, or is missing where the nominal value of zero tells nothing.
     """
     found = []
     for field, nominal in zip(_fields(model, model.p_names), model.p_nominal, strict=True):

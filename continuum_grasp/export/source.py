@@ -57,13 +57,6 @@ def source_of(given: Given, real: Real) -> Source:
 
     In single precision the series of arcs are cut where rounding would hide what is left, unless the scene says
     otherwise.
-
-    Raises
-    ------
-    InputError
-        If it is nothing that can be exported.
-    SolverError
-        If no model keeps the scene's tolerance.
     """
     if isinstance(given, FingerModel):
         return Source(_of_precision(given, real), "a continuum finger", "a FingerModel", None, None)
@@ -136,13 +129,7 @@ _TAKEN = {*keyword.kwlist, *" ".join((_WORDS, _HEADERS, _LIBRARIES, _TARGETS, _O
 
 
 def prefix_of(given: Any) -> str:
-    """A prefix that C takes.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
+    """A prefix that C takes."""
     if not isinstance(given, str) or not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", given) or given in _TAKEN:
         raise InputError(
             "expected a free C identifier of small letters, digits and single underscores between them, that is no "
@@ -153,39 +140,21 @@ def prefix_of(given: Any) -> str:
 
 
 def count_of(given: Any) -> int:
-    """A number of sub-steps.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
+    """A number of sub-steps."""
     if type(given) is not int or not 1 <= given <= MOST_SUBSTEPS:
         raise InputError(f"expected a whole number from 1 to {MOST_SUBSTEPS}, got {given!r:.60}", key="substeps")
     return given
 
 
 def positive(given: float | None, key: str) -> float | None:
-    """A number above zero, or None.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
+    """A number above zero, or None."""
     if given is not None and not (isinstance(given, (int, float)) and 0.0 < given < math.inf):
         raise InputError(f"expected a number above zero, got {given!r:.60}", key=key)
     return given
 
 
 def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
-    """Names of the parts of a package, in their order; by default those that suit what is exported.
-
-    Raises
-    ------
-    InputError
-        If they are none.
-    """
+    """Names of the parts of a package, in their order; by default those that suit what is exported."""
     if what is None:
         loop = source.loop
         without = () if loop is None or loop.estimator is not None else ("estimator",)

@@ -65,13 +65,7 @@ class Subject:
         step: float | None,
         substeps: int,
     ) -> Subject:
-        """Everything that the parts need to know of a model.
-
-        Raises
-        ------
-        InputError
-            If single precision cannot carry the model, a range is wrong, or the step is too long for the sub-steps.
-        """
+        """Everything that the parts need to know of a model."""
         if real.name == "float":
             check_solvable(model)
         parameters, forces = parameter_fields(model, ranges), force_fields(model)
@@ -220,11 +214,6 @@ def _greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Se
 
     Taken at rest, without input and forces, over shapes within the bending range and the corners of the ranges of the
     parameters (some of them where they are many).
-
-    Raises
-    ------
-    NumericalError
-        If it is not finite.
     """
     rng = np.random.default_rng(0)
     u, w = np.zeros(model.nu), np.zeros(model.nw)
@@ -244,13 +233,7 @@ def _greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Se
 
 
 def _check_step(step: float, substeps: int, radius: float) -> None:
-    """Whether a step of so many sub-steps is stable.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
+    """Whether a step of so many sub-steps is stable."""
     if step * radius <= STABLE * substeps:
         return
     needed = math.ceil(step * radius / STABLE)

@@ -30,13 +30,7 @@ class Target:
     """Argument of ``examples/baremetal/run.sh``."""
 
     def real(self, given: Any) -> str:
-        """The type that is asked for, or the usual one.
-
-        Raises
-        ------
-        InputError
-            If the hardware does not compute in it.
-        """
+        """The type that is asked for, or the usual one."""
         if given is None:
             return self.reals[0]
         if given in ("float", "double") and given not in self.reals:
@@ -59,13 +53,7 @@ TARGETS = {
 
 
 def target_of(name: Any) -> Target:
-    """The target of a name.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """The target of a name."""
     if not isinstance(name, str) or name not in TARGETS:
         raise InputError(f"expected one of {', '.join(TARGETS)}, got {name!r:.60}", key="target")
     return TARGETS[name]
@@ -81,15 +69,7 @@ _SIZE = re.compile(r"^\s*(\d+)\s+(\d+)\s+(\d+)\s+\d+\s+\w+\s+(\w+)\.o$", re.MULT
 
 
 def measure(files: Mapping[str, str], prefix: str, target: Target) -> dict[str, Any]:
-    """Build a package for its board, run the vectors there, and read off what it says.
-
-    Raises
-    ------
-    InputError
-        If the target has no emulated board, or a tool is missing.
-    SolverError
-        If the package does not build or a vector fails.
-    """
+    """Build a package for its board, run the vectors there, and read off what it says."""
     if target.core is None:
         raise InputError(f"{target.name} has no emulated board: take cortex-m4f or cortex-m7", key="target")
     missing = [tool for tool in TOOLS if shutil.which(tool) is None]

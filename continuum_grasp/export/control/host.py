@@ -44,11 +44,6 @@ class Host:
     ----------
     sizes : dict of str to int
         Bytes by type.
-
-    Raises
-    ------
-    InputError
-        If there is no C compiler, or it refuses the sources.
     """
 
     def __init__(

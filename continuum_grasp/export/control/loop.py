@@ -87,13 +87,7 @@ class Loop:
 
     @staticmethod
     def of(scene: ControlScene, real: Real, parts: Sequence[str]) -> Loop:
-        """A scene's loop for a package that computes in a type.
-
-        Raises
-        ------
-        InputError
-            If the pieces of the scene do not fit together.
-        """
+        """A scene's loop for a package that computes in a type."""
         model = Prediction(scene)
         stages = stages_of(scene, model)
         if scene.controller.step > stages.stage * (1.0 + 1e-9):

@@ -19,13 +19,7 @@ _Maker = Callable[[Loop, Real, Host, str], Vectors]
 
 
 def estimator(subject: Subject) -> Part:
-    """The estimator of a subject's loop.
-
-    Raises
-    ------
-    InputError
-        If it has none.
-    """
+    """The estimator of a subject's loop."""
     loop = _loop(subject, "estimator")
     if loop.estimation is None:
         raise InputError("this scene has no estimator: leave the part out", key="what")
@@ -50,13 +44,7 @@ def estimator(subject: Subject) -> Part:
 
 
 def mpc(subject: Subject) -> Part:
-    """The controller of a subject's loop.
-
-    Raises
-    ------
-    InputError
-        If it has none.
-    """
+    """The controller of a subject's loop."""
     loop = _loop(subject, "mpc")
     structs = [loop.measurement, loop.reference, loop.command, loop.start, loop.settings]
     codes = (
