@@ -27,13 +27,10 @@ _SIGNED = ("base_angle", "gravity", "rest_curvature")
 
 
 def parameter_fields(model: FingerModel, given: Mapping[str, Sequence[float]]) -> tuple[Field, ...]:
-    """Entries of the parameters.
+    """Entries of the parameters, in ranges (least, greatest) that are given by name, or in usual ones.
 
-    Parameters
-    ----------
-    model : FingerModel
-    given : mapping
-        Ranges by the name of an entry, least and greatest.
+    InputError if a range is none, goes below zero where the parameter cannot, leaves out the nominal value, is for no
+    parameter, or is missing where the nominal value of zero gives no scale.
     """
     found = []
     for field, nominal in zip(_fields(model, model.p_names), model.p_nominal, strict=True):
@@ -173,9 +170,9 @@ class TipRange:
 
     def bounded(self, fields: tuple[Field, ...]) -> tuple[Field, ...]:
         """Entries of a struct, with the range of the number that sets the curvature."""
-        limits = self.limits
         return tuple(
-            replace(f, low=limits[f.name][0], high=limits[f.name][1]) if f.name in limits else f for f in fields
+            replace(f, low=self.limits[f.name][0], high=self.limits[f.name][1]) if f.name in self.limits else f
+            for f in fields
         )
 
 

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from continuum_grasp.export.accuracy import OutputError
-from continuum_grasp.export.layer import calls_of, codes_of_package, kernels_of, stateful_of, structs_of
-from continuum_grasp.export.part import Part
+from continuum_grasp.export.layer import Contents
+from continuum_grasp.export.part import Call, Stateful
 from continuum_grasp.export.parts.model import moment_note
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.template import fill
-from continuum_grasp.scene.controller import Controller
 
 
 def readme(
-    subject: Subject,
-    parts: Sequence[Part],
+    contents: Contents,
     *,
-    words: Mapping[str, str],
     errors: Mapping[str, tuple[OutputError, ...]],
     vectors: Mapping[str, int],
     measured: Mapping[str, Any] | None,
@@ -28,20 +25,18 @@ def readme(
     touching: bool,
 ) -> str:
     """The text."""
-    prefix, model = subject.prefix, subject.model
-    calls = calls_of(parts)
+    subject, calls, stateful = contents.subject, contents.calls, contents.stateful
+    prefix, model, note = subject.prefix, subject.model, moment_note(subject)
+    both: list[Call | Stateful] = [*calls, *stateful]
     functions = _table(
         ("function", "gives", "test cases"),
-        [
-            (f"`{prefix}_{name}`", text.removesuffix(moment_note(subject)).rstrip(), str(vectors[name]))
-            for name, text in [(f.name, f.text) for f in calls] + [(f.name, f.text) for f in stateful_of(parts)]
-        ],
+        [(f"`{prefix}_{f.name}`", f.text.removesuffix(note).rstrip(), str(vectors[f.name])) for f in both],
     )
     structs = _table(
         ("struct", "field", "unit", "range"),
         [
-            (f"`{prefix}_{s.name}`", f"`{f.name}{''.join(f'[{n}]' for n in f.shape)}`", f.unit, _range(f.low, f.high))
-            for s in structs_of(subject, parts)
+            (f"`{prefix}_{s.name}`", f"`{f.name}{''.join(f'[{n}]' for n in f.shape)}`", f.unit, f.limits or "finite")
+            for s in contents.structs
             for f in s.fields
         ],
     )
@@ -49,33 +44,34 @@ def readme(
         ("kernel", "computes", "+ and -", "*", "/", "other"),
         [
             (k.name, k.text, str(o["+"] + o["-"]), str(o["*"]), str(o["/"]), _other(o))
-            for k in kernels_of(parts)
+            for k in contents.kernels
             for o in [k.operations]
         ],
     )
-    codes = _table(("code", "name", "meaning"), [(str(int(c)), c.name, c.text) for c in codes_of_package(parts)])
-    more = {
-        "source": source,
-        "family": model.family,
-        "elements": " + ".join(f"{h:g}" for h in model.lengths),
-        "ranges": ", ".join(f"{r:.4g}" for r in model.ranges),
-        "functions": functions,
-        "structs": structs,
-        "operations": operations,
-        "codes": codes,
-        "measured": _measured(measured),
-        "error_note": _error_note(subject, parts, errors),
-        "loops": "Loops have bounded counts." if stateful_of(parts) else "Loops have fixed counts.",
-        "expected": _expected(parts),
-        "promise": _CHECKED if calls else "",
-        "stateful": _stateful(subject, parts, words) if stateful_of(parts) else "",
-        "examples": _examples(prefix, {part.name for part in parts}),
-        "stability": (_stability(subject) + _moment(subject) if calls else "")
-        + (_OBJECT if calls and touching else ""),
-        "wasm": _WASM if wasm else "",
-        "cases": str(sum(vectors.values())),
-    }
-    return fill("README.md", {**words, **more})
+    model_notes = ""
+    if calls:
+        model_notes = _stability(subject) + (f"\n\n{textwrap.fill(note, 118)}" if note else "") + _OBJECT * touching
+    return contents.fill(
+        "README.md",
+        source=source,
+        family=model.family,
+        elements=" + ".join(f"{h:g}" for h in model.lengths),
+        ranges=", ".join(f"{r:.4g}" for r in model.ranges),
+        functions=functions,
+        structs=structs,
+        operations=operations,
+        codes=_table(("code", "name", "meaning"), [(str(int(c)), c.name, c.text) for c in contents.codes]),
+        measured=_measured(measured),
+        error_note=_error_note(contents, errors),
+        loops="Loops have bounded counts." if stateful else "Loops have fixed counts.",
+        expected=_expected(contents),
+        promise=_CHECKED if calls else "",
+        stateful=_stateful(contents),
+        examples=_examples(prefix, {part.name for part in contents.parts}),
+        stability=model_notes,
+        wasm=_WASM if wasm else "",
+        cases=str(sum(vectors.values())),
+    )
 
 
 _CHECKED = """\
@@ -117,17 +113,11 @@ def _stability(subject: Subject) -> str:
     )
 
 
-def _moment(subject: Subject) -> str:
-    """What a caller must know of a tip moment that changes."""
-    note = moment_note(subject)
-    return "\n\n" + textwrap.fill(note, 118) if note else ""
-
-
-def _expected(parts: Sequence[Part]) -> str:
+def _expected(contents: Contents) -> str:
     """Where the expected numbers of the vectors come from."""
-    if not calls_of(parts):
+    if not contents.calls:
         return "; the expected numbers are those of a build on\n  the machine that made the package."
-    if stateful_of(parts):
+    if contents.stateful:
         return (
             "; the expected numbers of estimator and\n  controller are those of a build on the machine that made "
             "the package, the others were not\n  computed by this code."
@@ -135,32 +125,27 @@ def _expected(parts: Sequence[Part]) -> str:
     return ", of which the expected numbers were not computed by this code."
 
 
-def _stateful(subject: Subject, parts: Sequence[Part], words: Mapping[str, str]) -> str:
+def _stateful(contents: Contents) -> str:
     """What estimator and controller need, and what they do."""
-    loop = subject.loop
-    if loop is None:
+    loop, words = contents.subject.loop, contents.words
+    if loop is None or not contents.stateful:
         return ""
-    owners = [name for function in stateful_of(parts) for name in function.types]
-    rows = [(f"`{subject.prefix}_{name}`", words[f"{name}_bytes"]) for name in owners]
+    owners = [name for function in contents.stateful for name in function.types]
+    rows = [(f"`{contents.subject.prefix}_{name}`", words[f"{name}_bytes"]) for name in owners]
+    limits = loop.scene.controller
+    usual, first = _times(limits.sqp_iterations), _times(limits.start_iterations)
     more = {
-        **words,
         "period": f"{loop.period:g}",
         "memory": _table(("memory", "bytes"), rows),
         "n": str(loop.stages.stages),
         "stage": f"{loop.stages.stage:g}",
-        "iterations": _iterations(loop.scene.controller),
-        "interior": str(loop.scene.controller.iterations),
+        "iterations": f"{usual} at the last plan, or {first} where there is none: at first, and after blindness",
+        "interior": str(limits.iterations),
         "safe": loop.safe,
     }
-    controlled = fill("control/controlled.md", more) if "mpc" in loop.parts else ""
-    observed = fill("control/observed.md", more) if loop.estimation is not None else ""
-    return fill("control/README.md", {**more, "controlled": controlled, "observed": observed})
-
-
-def _iterations(controller: Controller) -> str:
-    """How often a call linearizes the problem."""
-    usual, first = controller.sqp_iterations, controller.start_iterations
-    return f"{_times(usual)} at the last plan, or {_times(first)} where there is none: at first, and after blindness"
+    controlled = contents.fill("control/controlled.md", **more) if "mpc" in loop.parts else ""
+    observed = contents.fill("control/observed.md", **more) if loop.estimation is not None else ""
+    return contents.fill("control/README.md", **more, controlled=controlled, observed=observed)
 
 
 def _times(count: int) -> str:
@@ -172,42 +157,39 @@ WebAssembly, with clang and lld alone: `sh wasm/build.sh`, then `node wasm/test.
 """
 
 
-def _error_note(subject: Subject, parts: Sequence[Part], errors: Mapping[str, tuple[OutputError, ...]]) -> str:
+def _error_note(contents: Contents, errors: Mapping[str, tuple[OutputError, ...]]) -> str:
     """What is known of rounding."""
+    subject = contents.subject
     if subject.real.name == "double":
         return "They compute what the Python core computes, to the rounding of double precision."
-    texts, calls = [], calls_of(parts)
-    if calls:
+
+    def table(functions: Sequence[Call | Stateful], what: str) -> str:
         rows = [
-            (f"`{subject.prefix}_{call.name}`", f"`{one.name}`", one.unit, f"{one.bound:.2g}", f"{one.greatest:.2g}")
-            for call in calls
-            for one in errors[call.name]
+            (f"`{subject.prefix}_{f.name}`", f"`{one.name}`", one.unit, f"{one.bound:.2g}", f"{one.greatest:.2g}")
+            for f in functions
+            for one in errors[f.name]
         ]
+        return _table(("function", "output", "unit", what, "greatest value"), rows)
+
+    texts = []
+    if contents.calls:
         usual = ", ".join(
             f"{field.name} {field.scale:.2g} {field.unit}"
             for struct in (subject.state, subject.input, *([subject.forces] if subject.forces else []))
             for field in struct.fields
-            if not -float("inf") < field.low <= field.high < float("inf")
+            if not (math.isfinite(field.low) and math.isfinite(field.high))
         )
         where = f" and, where there is no range, up to these sizes: {usual}" if usual else ""
         texts.append(
             "Rounding of single precision, per output: no result without WARN_LEFT_RANGE differs by more from double "
             f"precision{where}. Each bound is twice the greatest difference of some ten thousand rows that cover the "
-            "ranges and their corners.\n\n"
-            + _table(("function", "output", "unit", "error at most", "greatest value"), rows)
+            f"ranges and their corners.\n\n{table(contents.calls, 'error at most')}"
         )
-    stateful = stateful_of(parts)
-    if stateful:
-        rows = [
-            (f"`{subject.prefix}_{f.name}`", f"`{one.name}`", one.unit, f"{one.bound:.2g}", f"{one.greatest:.2g}")
-            for f in stateful
-            for one in errors[f.name]
-        ]
+    if contents.stateful:
         texts.append(
             "Of estimator and controller there is no bound: where rounding decides whether a measurement is left out, "
             "or which bounds hold in a plan, results jump. The greatest differences from double precision over the "
-            "usual rows of their vectors:\n\n"
-            + _table(("function", "output", "unit", "difference", "greatest value"), rows)
+            f"usual rows of their vectors:\n\n{table(contents.stateful, 'difference')}"
         )
     return "\n\n".join(texts)
 
@@ -236,12 +218,6 @@ def _measured(measured: Mapping[str, Any] | None) -> str:
 def _other(operations: Mapping[str, int]) -> str:
     rest = {name: count for name, count in sorted(operations.items()) if name not in "+-*/"}
     return ", ".join(f"{count} {name}" for name, count in rest.items()) or "none"
-
-
-def _range(low: float, high: float) -> str:
-    if low == float("-inf") and high == float("inf"):
-        return "finite"
-    return f"{low:.6g} to {high:.6g}" if high < float("inf") else f"{low:.6g} or more"
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

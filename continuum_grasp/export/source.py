@@ -56,7 +56,7 @@ def source_of(given: Given, real: Real) -> Source:
     """The model to export.
 
     In single precision the series of arcs are cut where rounding would hide what is left, unless the scene says
-    otherwise.
+    otherwise. SolverError if no model keeps the scene's tolerance.
     """
     if isinstance(given, FingerModel):
         return Source(_of_precision(given, real), "a continuum finger", "a FingerModel", None, None)
@@ -147,7 +147,7 @@ def count_of(given: Any) -> int:
 
 
 def positive(given: float | None, key: str) -> float | None:
-    """A number above zero, or None."""
+    """A number above zero, or None; InputError for anything else."""
     if given is not None and not (isinstance(given, (int, float)) and 0.0 < given < math.inf):
         raise InputError(f"expected a number above zero, got {given!r:.60}", key=key)
     return given

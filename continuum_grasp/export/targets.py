@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from continuum_grasp.core.source import filled
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.fields import Real
-from continuum_grasp.export.part import Part
+from continuum_grasp.export.layer import Contents
+from continuum_grasp.export.manifest import write_files
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 
@@ -76,10 +77,7 @@ def measure(files: Mapping[str, str], prefix: str, target: Target) -> dict[str, 
     if missing:
         raise InputError(f"measuring needs {', '.join(missing)} (Debian: gcc-arm-none-eabi, qemu-system-arm)")
     with tempfile.TemporaryDirectory() as work:
-        for name, text in files.items():
-            path = Path(work) / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
+        write_files(Path(work), files)
         line = ["sh", f"{work}/examples/baremetal/run.sh", target.core]
         done = subprocess.run(line, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
     said = done.stdout + done.stderr
@@ -113,44 +111,68 @@ _SHARE = 0.25
 """Of the usual input, that the example takes."""
 
 
-def example_files(subject: Subject, parts: Sequence[Part], target: Target, words: dict[str, str]) -> dict[str, str]:
+def example_files(contents: Contents, target: Target) -> dict[str, str]:
     """Examples by path; those that step in time, and those that control, only where the package does."""
-    words = {**words, "core": target.core or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")}
-    found = {f"examples/baremetal/{name}": fill(f"examples/baremetal/{name}", words) for name in _BARE_METAL}
-    names = {part.name for part in parts}
+    subject, names = contents.subject, {part.name for part in contents.parts}
+    core = target.core or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")
+    sources = {f"examples/baremetal/{name}": f"examples/baremetal/{name}" for name in _BARE_METAL}
+    found = {path: contents.fill(name, core=core) for path, name in sources.items()}
     if "step" in names:
-        found |= _of_steps(subject, {**words, **_words(subject)})
+        sources = {
+            **{name: name for name in ("examples/loop.c", "tests/batch.c", "examples/cuda/batch.cu")},
+            f"examples/simulink/sfun_{subject.prefix}.c": "examples/simulink/sfun.c",
+            **{f"examples/ros2/{name}": f"examples/ros2/{name}" for name in (*_NODE, "src/node.cpp")},
+        }
+        words = _step_words(subject)
+        found |= {path: contents.fill(name, **words) for path, name in sources.items()}
     if "mpc" in names and subject.loop is not None:
-        found |= control_examples(subject.loop, subject.prefix, subject.real, words)
+        sources = {
+            "examples/control_loop.c": "examples/control/loop.c",
+            f"examples/simulink/sfun_{subject.prefix}_control.c": "examples/control/sfun.c",
+            "examples/ros2_control/src/node.cpp": "examples/control/node.cpp",
+            **{f"examples/ros2_control/{name}": f"examples/ros2/{name}" for name in _NODE},
+        }
+        words = _control_words(subject, subject.loop, contents.words["sources"].split())
+        found |= {path: contents.fill(name, **words) for path, name in sources.items()}
     return found
 
 
-def _of_steps(subject: Subject, words: dict[str, str]) -> dict[str, str]:
-    found = {}
-    found["examples/loop.c"] = fill("examples/loop.c", words)
-    found["tests/batch.c"] = fill("tests/batch.c", words)
-    found["examples/cuda/batch.cu"] = fill("examples/cuda/batch.cu", words)
-    found[f"examples/simulink/sfun_{subject.prefix}.c"] = fill("examples/simulink/sfun.c", words)
-    node = {**words, "node": f"{subject.prefix}_node"}
-    for name in ("package.xml", "CMakeLists.txt", "src/node.cpp"):
-        found[f"examples/ros2/{name}"] = fill(f"examples/ros2/{name}", node)
-    return found
-
-
+_NODE = ("package.xml", "CMakeLists.txt")
+"""Files that nodes of both kinds have in common."""
 _SFUN_READS = """
-  <{p}>_real numbers[PARAMETER_COUNT];
+  <<p>>_real numbers[PARAMETER_COUNT];
   size_t k;
   if (mxGetNumberOfElements(PARAMETERS(S)) == 0) return code;
-  for (k = 0; k < PARAMETER_COUNT; ++k) numbers[k] = ({p}_real)mxGetPr(PARAMETERS(S))[k];
-  memcpy(&model->parameters, numbers, sizeof model->parameters);""".replace("<{p}>", "{p}")
+  for (k = 0; k < PARAMETER_COUNT; ++k) numbers[k] = (<<p>>_real)mxGetPr(PARAMETERS(S))[k];
+  memcpy(&model->parameters, numbers, sizeof model->parameters);"""
 
 
-def _words(subject: Subject) -> dict[str, str]:
-    prefix, real, forced = subject.prefix, subject.real, subject.forces is not None
+def _step_words(subject: Subject) -> dict[str, str]:
+    prefix, real = subject.prefix, subject.real
     constant = subject.model.structure.moment_is_constant
     state, first = subject.state.fields, subject.input.fields[0]
-    parameters = subject.parameters.fields if subject.parameters is not None else ()
+    parameters = [f.name for f in subject.parameters.fields] if subject.parameters is not None else []
+    forces = {
+        "array": f"\n  static const {prefix}_forces forces[MOST];",
+        "heap": f"\n  {prefix}_forces *forces = calloc((size_t)count, sizeof *forces);",
+        "free": "\n  free(forces);",
+        "free_more": "\n    free(forces);",
+        "none": " || !forces",
+        "first": "forces, ",
+        "each": "&forces[k], ",
+        "declared": f"\n  {prefix}_forces forces;",
+        "zero": "\n  memset(&forces, 0, sizeof forces);",
+        "passed": ", &forces",
+        "member": ", &forces_",
+        "of_node": f"\n  {prefix}_forces forces_{{}};",
+        "port": f", forces ({subject.model.nw})",
+        "width": f"\n  ssSetInputPortWidth(S, 1, {prefix.upper()}_NW);",
+        "read": f"\n  read_port(S, 1, {prefix.upper()}_NW, numbers);\n  memcpy(&forces, numbers, sizeof forces);",
+        "cuda": f"\n  {prefix}_forces forces = {{}};",
+    }
     return {
+        **{f"forces_{name}": text if subject.forces is not None else "" for name, text in forces.items()},
+        "node": f"{prefix}_node",
         "h": real.literal(subject.accurate_step),
         "h_plain": repr(subject.accurate_step),
         "level": real.literal(_SHARE * first.scale),
@@ -159,80 +181,40 @@ def _words(subject: Subject) -> dict[str, str]:
         "first_input": first.name,
         "first_state": state[0].name,
         "reach": real.literal(0.5 * state[0].high),
-        "forces_array": f"\n  static const {prefix}_forces forces[MOST];" if forced else "",
-        "forces_heap": f"\n  {prefix}_forces *forces = calloc((size_t)count, sizeof *forces);" if forced else "",
-        "forces_free": "\n  free(forces);" if forced else "",
-        "forces_free_more": "\n    free(forces);" if forced else "",
-        "forces_none": " || !forces" if forced else "",
-        "forces_first": "forces, " if forced else "",
-        "forces_each": "&forces[k], " if forced else "",
         "nx": str(subject.nx),
         "nu": str(subject.input.size),
-        "ports": "2" if forced else "1",
+        "ports": "1" if subject.forces is None else "2",
         "most_port": str(max(subject.nx, subject.input.size, subject.model.nw)),
         "csv_head": "".join(f",{f.name} [{f.unit}]" for f in state),
-        "csv_format": ",%.9g" * len(state),
+        "csv_format": ",%.9g" * len(state),  # 9 digits say a float exactly
         "csv_values": "".join(f",\n           (double)state.{f.name}" for f in state),
         "np": str(subject.model.np),
-        "node_declares": declared_parameters([f.name for f in parameters], "model_.parameters"),
-        "node_reads": read_parameters(prefix, [f.name for f in parameters], "model_.parameters"),
-        "sfun_reads": _SFUN_READS.format(p=prefix) if parameters else "",
-        "forces_declared": f"\n  {prefix}_forces forces;" if forced else "",
-        "forces_zero": "\n  memset(&forces, 0, sizeof forces);" if forced else "",
-        "forces_passed": ", &forces" if forced else "",
-        "forces_member": ", &forces_" if forced else "",
-        "forces_of_node": f"\n  {prefix}_forces forces_{{}};" if forced else "",
-        "forces_port": f", forces ({subject.model.nw})" if forced else "",
-        "forces_width": f"\n  ssSetInputPortWidth(S, 1, {prefix.upper()}_NW);" if forced else "",
-        "forces_read": f"\n  read_port(S, 1, {prefix.upper()}_NW, numbers);\n  memcpy(&forces, numbers, sizeof forces);"
-        if forced
-        else "",
-        "cuda_forces": f"\n  {prefix}_forces forces = {{}};" if forced else "",
+        "node_declares": _declared_parameters(parameters, "model_.parameters"),
+        "node_reads": _read_parameters(prefix, {"model_.parameters": parameters}),
+        "sfun_reads": filled(_SFUN_READS, {"p": prefix}) if parameters else "",
     }
 
 
-def declared_parameters(names: Sequence[str], struct: str) -> str:
+def _declared_parameters(names: Sequence[str], struct: str) -> str:
     """C++ that declares members of a struct as parameters of a node, at their present values."""
     return "".join(f'\n    declare_parameter("{name}", static_cast<double>({struct}.{name}));' for name in names)
 
 
-def read_parameters(prefix: str, names: Sequence[str], struct: str) -> str:
-    """C++ that reads them again; the library checks their ranges."""
-    if not names:
-        return ""
+def _read_parameters(prefix: str, structs: Mapping[str, Sequence[str]]) -> str:
+    """C++ that reads them again, members by struct; the library checks their ranges."""
     lines = [
         f'    if (get_parameter("{name}", value)) {struct}.{name} = static_cast<{prefix}_real>(value);'
+        for struct, names in structs.items()
         for name in names
     ]
-    return "\n".join(["    double value = 0;", *lines, ""])
+    return "\n".join(["    double value = 0;", *lines, ""]) if lines else ""
 
 
-def _sfun_reads(prefix: str, loop: Loop) -> str:
-    """C that takes settings, and what is known, from the block's parameters."""
-    structs = [("settings", loop.settings)] + ([("known", loop.known)] if loop.known is not None else [])
-    blocks = [
-        f"""\
-  {{
-    {prefix}_real values[{struct.size}];
-    memcpy(values, &controller->{name}, sizeof values);
-    if (!read_parameter(S, {k}, {struct.size}, values)) {{
-      ssSetErrorStatus(S, "{name}: {struct.size} numbers, or []");
-      return;
-    }}
-    memcpy(&controller->{name}, values, sizeof values);
-  }}
-"""
-        for k, (name, struct) in enumerate(structs)
-    ]
-    return "".join(blocks)
-
-
-def control_examples(loop: Loop, prefix: str, real: Real, words: Mapping[str, str]) -> dict[str, str]:
-    """Examples by path."""
-    s = loop.stages
-    known = [f.name for f in loop.known.fields] if loop.known is not None else []
-    words = {
-        **words,
+def _control_words(subject: Subject, loop: Loop, sources: Sequence[str]) -> dict[str, str]:
+    s, prefix = loop.stages, subject.prefix
+    structs = {"settings": loop.settings} | ({"known": loop.known} if loop.known is not None else {})
+    members = {f"controller_.{name}": [f.name for f in struct.fields] for name, struct in structs.items()}
+    return {
         "node": f"{prefix}_control_node",
         "period": f"{loop.period:.12g}",
         "nm": str(loop.measurement.size),
@@ -240,22 +222,17 @@ def control_examples(loop: Loop, prefix: str, real: Real, words: Mapping[str, st
         "nu": str(s.nu),
         "nodes": str(s.stages + 1),
         "measured": ", ".join(loop.measurement_names),
-        "wanted": ", ".join(real.literal(float(v)) for v in loop.wanted),
+        "wanted": ", ".join(subject.real.literal(float(v)) for v in loop.wanted),
         "wanted_names": ", ".join(s.r_names),
         "ns": str(loop.settings.size),
         "known_parameter": f", known ({loop.known.size}, [] as well)" if loop.known is not None else "",
-        "block_parameters": str(1 + (loop.known is not None)),
-        "node_declares": declared_parameters([f.name for f in loop.settings.fields], "controller_.settings")
-        + declared_parameters(known, "controller_.known"),
-        "node_reads": read_parameters(prefix, [f.name for f in loop.settings.fields], "controller_.settings")
-        + read_parameters(prefix, known, "controller_.known").replace("    double value = 0;\n", ""),
-        "sfun_reads": _sfun_reads(prefix, loop),
+        "block_parameters": str(len(structs)),
+        "node_declares": "".join(_declared_parameters(names, struct) for struct, names in members.items()),
+        "node_reads": _read_parameters(prefix, members),
+        "sfun_reads": "".join(
+            fill("examples/control/read.c", {"p": prefix, "k": k, "size": struct.size, "name": name})
+            for k, (name, struct) in enumerate(structs.items())
+        ),
         "command_head": ",".join(s.u_names),
-        "mex_sources": "".join(f" ../../src/{name}.c" for name in words["sources"].split()),
+        "mex_sources": "".join(f" ../../src/{name}.c" for name in sources),
     }
-    found = {"examples/control_loop.c": fill("examples/control/loop.c", words)}
-    found[f"examples/simulink/sfun_{prefix}_control.c"] = fill("examples/control/sfun.c", words)
-    found["examples/ros2_control/src/node.cpp"] = fill("examples/control/node.cpp", words)
-    for name in ("package.xml", "CMakeLists.txt"):
-        found[f"examples/ros2_control/{name}"] = fill(f"examples/ros2/{name}", words)
-    return found

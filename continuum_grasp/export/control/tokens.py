@@ -24,23 +24,9 @@ _PROTOTYPE = re.compile(
 
 
 def renamed(source: str, prefix: str, real: str, functions: Collection[str] = ()) -> str:
-    """C whose names begin with a package's prefix, and whose type and literals are those of a package.
+    """C of ``control/c`` with the names, in comments too, the type and the literals of a package, and without includes.
 
-    Parameters
-    ----------
-    source : str
-        C of ``control/c``.
-    prefix : str
-        Of the package.
-    real : {"double", "float"}
-        What the package computes in.
-    functions : collection of str
-        Names of what calls the kernels, which get ``call_`` behind the prefix.
-
-    Returns
-    -------
-    str
-        Includes of the other files are left out; names in comments are changed too.
+    ``functions`` are the names of what calls the kernels, which get ``call_`` behind the prefix.
     """
 
     def of_package(match: re.Match[str]) -> str:
