@@ -52,7 +52,7 @@ class Compiler:
         With ``CONTINUUM_GRASP_QUICK_COMPILE=1`` in the environment long functions are not optimized: the controller and
         plant of ``configs/mpc/steady_tip.yaml`` compile in 3 s instead of 29 s; its loop takes 2.7 s instead of 1.5 s.
         """
-        if quick_compile():
+        if os.environ.get("CONTINUUM_GRASP_QUICK_COMPILE", "0") not in ("", "0"):
             return (*_COMMON, "-O1" if longest_function(unit) <= _QUICK else "-O0")
         level = "-O3" if longest_function(unit) <= _LONG else "-O1"
         is_gcc = "clang" not in self.version.lower()
@@ -94,11 +94,6 @@ class Compiler:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "the compiler's files")
             said = " | ".join(done.stderr.strip().splitlines()[:3]) or f"exit status {done.returncode}"
             raise CompileError(f"{shlex.join(self.command)}: {said}")
-
-
-def quick_compile() -> bool:
-    """Whether the environment asks for code that is compiled quickly rather than runs fast."""
-    return os.environ.get("CONTINUUM_GRASP_QUICK_COMPILE", "0") not in ("", "0")
 
 
 def find_compiler() -> Compiler | None:

@@ -6,24 +6,27 @@ instructions and writes them for the vector types that gcc and clang share.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import casadi as ca
 
 from continuum_grasp.core.precision import literal
 from continuum_grasp.errors import InputError
 
-_BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
+_FORMS = {
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
+    ca.OP_DIV: "{0} / {1}",
+    ca.OP_NEG: "-{0}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "{0} + {0}",
+    ca.OP_INV: "(cg_real)1 / {0}",
+    ca.OP_ASSIGN: "{0}",
+}
+"""C by operation, of scalars and vectors alike."""
 _NAMES = "sqrt exp fabs sin cos fmin fmax pow log lt le eq ne and or not sign"
 _CALLS = {getattr(ca, f"OP_{name.upper()}"): f"cg_{name}" for name in _NAMES.split()}
 _CALLS |= {ca.OP_CONSTPOW: "cg_pow", ca.OP_IF_ELSE_ZERO: "cg_if"}
-_UNARY: dict[int, Callable[[str], str]] = {
-    ca.OP_NEG: lambda a: f"-{a}",
-    ca.OP_SQ: lambda a: f"{a} * {a}",
-    ca.OP_TWICE: lambda a: f"{a} + {a}",
-    ca.OP_INV: lambda a: f"(cg_real)1 / {a}",
-    ca.OP_ASSIGN: lambda a: a,
-}
+"""Functions of ``templates/lanes.h`` by operation."""
 
 
 def lane_function(function: ca.Function, real: str = "double") -> str:
@@ -69,14 +72,11 @@ def lane_function(function: ca.Function, real: str = "double") -> str:
 
 
 def _expression(operation: int, operands: list[str], fixed: list[bool]) -> str:
-    if operation in _BINARY:
-        return f"{operands[0]} {_BINARY[operation]} {operands[1]}"
-    if operation in _UNARY:
-        return _UNARY[operation](operands[0])
-    if operation in _CALLS:
-        vectors = [
-            f"(cg_lanes){{0}} + {operand}" if constant else operand
-            for operand, constant in zip(operands, fixed, strict=True)
-        ]
-        return f"{_CALLS[operation]}({', '.join(vectors)})"
-    raise InputError(f"no vector code for CasADi operation {operation}")
+    if operation in _FORMS:
+        return _FORMS[operation].format(*operands)
+    if operation not in _CALLS:
+        raise InputError(f"no vector code for CasADi operation {operation}")
+    pairs = zip(operands, fixed, strict=True)
+    return (
+        f"{_CALLS[operation]}({', '.join(f'(cg_lanes){{0}} + {one}' if is_fixed else one for one, is_fixed in pairs)})"
+    )

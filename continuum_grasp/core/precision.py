@@ -19,12 +19,12 @@ _GREATEST = float(np.finfo(np.float32).max)
 _LEAST = float(np.finfo(np.float32).tiny)
 _ROUNDING = 0.5 * float(np.finfo(np.float32).eps)  # unit roundoff 2^-24
 
-_TOKEN = re.compile(
-    r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'|[A-Za-z_]\w*"
-    r"|(?P<real>(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?P<suffix>[fFlL]?)|\d\w*",
+TOKEN = re.compile(
+    r"(?P<comment>/\*.*?\*/|//[^\n]*)|(?P<text>\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*')|(?P<name>[A-Za-z_]\w*)"
+    r"|(?P<number>(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])|\d\w*",
     re.DOTALL,
 )
-"""C tokens in which digits may stand: comments, texts, names, real numbers, whole numbers."""
+"""C tokens in which digits may stand: comments, texts, names, real numbers without a suffix, all other numbers."""
 
 
 def precision_of(given: Any) -> str:
@@ -39,7 +39,7 @@ def single(source: str) -> str:
 
     Setting ``casadi_real`` alone would leave every literal and every call of the library in double precision.
     """
-    tokens = _TOKEN.sub(lambda m: literal(float(m["real"]), "float", m["real"]) if m["real"] else m[0], source)
+    tokens = TOKEN.sub(lambda m: literal(float(m["number"]), "float", m["number"]) if m["number"] else m[0], source)
     return "#define casadi_real float\n" + tokens.replace("#include <math.h>", "#include <tgmath.h>")
 
 

@@ -197,11 +197,17 @@ def wasm_files(contents: Contents) -> dict[str, str]:
     names += [name for function in stateful for name in (function.name, f"{function.types[0]}_init_abi")]
     used = [_use_of_call(contents, call) for call in calls[:1]]
     used += [contents.fill("wasm/use_stateful.mjs", owner=f.types[0], output=f.output) for f in stateful]
+    if calls:
+        example = f"const {{ code, {calls[0].output.name} }} = finger.{calls[0].name}({_arguments(calls[0])});"
+    else:
+        last, owner = stateful[-1], stateful[-1].types[0]
+        example = f"const {owner} = finger.new_{owner}();\n//   const {{ code, {last.output} }} = {owner}.step("
+        example += f"{', '.join(last.inputs)});"
     more = {
         "exports": " ".join(f"-Wl,--export={prefix}_{name}" for name in names),
         "interface": json.dumps(_interface(contents)),
         "use": "".join(used).rstrip("\n"),
-        "example": _example_of_call(calls[0]) if calls else _example_of_stateful(stateful[-1]),
+        "example": example,
     }
     found = {f"wasm/{name}": contents.fill(f"wasm/{name}", **more) for name in _WASM}
     return {**found, f"wasm/{prefix}.mjs": contents.fill("wasm/wrapper.mjs", **more)}
@@ -212,16 +218,6 @@ _WASM = ("build.sh", "test.mjs", "string.h", "string.c", "vectors.c")
 
 def _arguments(call: Call) -> str:
     return ", ".join("{}" if a.is_struct else repr(0.5 * a.fields[0].high) for a in call.inputs)
-
-
-def _example_of_call(call: Call) -> str:
-    return f"const {{ code, {call.output.name} }} = finger.{call.name}({_arguments(call)});"
-
-
-def _example_of_stateful(function: Stateful) -> str:
-    owner = function.types[0]
-    given = ", ".join(function.inputs)
-    return f"const {owner} = finger.new_{owner}();\n//   const {{ code, {function.output} }} = {owner}.step({given});"
 
 
 def _use_of_call(contents: Contents, call: Call) -> str:

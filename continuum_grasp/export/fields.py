@@ -175,12 +175,6 @@ def outside(struct: Struct, rows: NDArray[Any]) -> NDArray[np.bool_]:
     return np.asarray(((rows < low) | (rows > high)).any(axis=1))
 
 
-def fields_of(labels: Sequence[str]) -> tuple[Field, ...]:
-    """Entries of a model's vector, from its labels ``name [unit]``."""
-    pairs = (label.removesuffix("]").split(" [", 1) for label in labels)
-    return tuple(Field(name, unit) for name, unit in pairs)
-
-
 def _comment(field: Field) -> str:
     limits = f", {field.limits}" if field.limits else ""
     text = f"; {field.text}" if field.text else ""

@@ -78,21 +78,11 @@ _SHOWN = {"SQ": "*", "MUL": "*", "ADD": "+", "SUB": "-", "TWICE": "+", "DIV": "/
 
 
 class Kernel:
-    """A CasADi function as C without a library.
+    """A CasADi function as C without a library: an SX function with named inputs and outputs.
 
-    Parameters
-    ----------
-    name : str
-        Name in C, behind the prefix of the package.
-    function : casadi.Function
-        An SX function with named inputs and outputs.
-    text : str
-        What it computes, in one line.
-
-    Attributes
-    ----------
-    inputs, outputs : dict of str to int
-        Sizes by name; inputs that the function does not read are left out.
+    ``name`` stands behind the prefix of the package, ``text`` is what it computes, in one line. ``inputs`` and
+    ``outputs`` are sizes by name; inputs that the function does not read are left out. InputError where an operation
+    has no strict C here.
     """
 
     def __init__(self, name: str, function: ca.Function, text: str) -> None:
@@ -157,10 +147,11 @@ class Kernel:
     def _body(self, kind: str, real: Real, expressions: dict[int, str]) -> list[str]:
         """C between the braces, in single assignments of the type ``kind``."""
         f, lanes = self._function, kind == "lanes"
+        # By places of CasADi's work vector, which are used again: each holds the name that was written to it last.
+        values: dict[int, str] = {}
+        constants: set[int] = set()  # places of literals, which functions of lanes take as vectors
         loads: dict[tuple[int, int], str] = {}
         lines: list[str] = []
-        values: dict[int, str] = {}
-        constants: set[int] = set()
         words = {"zero": real.literal(0.0), "one": real.literal(1.0)}
         for k, operation in enumerate(self._operations):
             arguments, results = f.instruction_input(k), f.instruction_output(k)
@@ -189,20 +180,7 @@ class Kernel:
         return ["{", *inputs, *lines, "}"]
 
     def evaluate(self, real: Real, **rows: Array) -> dict[str, Array]:
-        """What the C computes, to the last bit, for many rows of inputs.
-
-        Parameters
-        ----------
-        real : Real
-            What to compute in.
-        **rows : (count, size) ndarray
-            Inputs by name; more than it reads may be given.
-
-        Returns
-        -------
-        dict of str to ndarray
-            (count, size) by name.
-        """
+        """What the C computes, to the last bit, for rows (count, size) of inputs by name; outputs of the same form."""
         f, t = self._function, real.dtype
         columns = {name: np.asarray(rows[name], dtype=t) for name in self.inputs}
         count = len(next(iter(rows.values())))

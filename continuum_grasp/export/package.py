@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp import __version__, interrupt
-from continuum_grasp.core.precision import precision_of
 from continuum_grasp.export.accuracy import OutputError, check_errors, error_bounds
 from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.control.loop import Loop
@@ -24,7 +23,7 @@ from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.readme import readme
 from continuum_grasp.export.source import Given, count_of, parts_of, positive, prefix_of, source_of
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.targets import Target, example_files, measure, target_of
+from continuum_grasp.export.targets import example_files, measure, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 
 _ASKED_ERROR = 1e-2
@@ -117,11 +116,11 @@ def export_c(
     ['src/finger.c', 'src/finger_internal.h', 'src/finger_kernels.c']
     """
     asked = positive(error, "error")
-    aim = target_of(target)
-    kind = REALS[precision_of(aim.real(real))]
+    target, computed_in = target_of(target, real)
+    kind = REALS[computed_in]
     source = source_of(given, kind)
     names = parts_of(what, source)
-    longest = positive(step, "step") if step is not None else source.step
+    longest = source.step if step is None else positive(step, "step")
     if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
         longest = None
     subject = Subject.of(source.model, prefix_of(prefix), kind, ranges or {}, longest, count_of(substeps))
@@ -145,21 +144,21 @@ def export_c(
         vectors += added
         errors |= more
         files = library_files(contents)  # again: now with the bytes of the memory
-    files |= _further_files(contents, aim, vectors)
+    files |= _further_files(contents, target, vectors)
     counts = {v.name: v.count for v in vectors}
-    found = measure(files, prefix, aim) if measured else None
+    found = measure(files, target) if measured else None
     files["README.md"] = readme(
         contents,
         errors=errors,
         vectors=counts,
         measured=found,
         source=source.name,
-        wasm=aim.name == "wasm",
+        wasm=target == "wasm",
         touching=source.touching,
     )
     values = manifest(
         contents,
-        target=aim.name,
+        target=target,
         files=files,
         errors=errors,
         vectors=counts,
@@ -171,7 +170,7 @@ def export_c(
     return Package(Path(folder), tuple(sorted(files)), values)
 
 
-def _further_files(contents: Contents, target: Target, vectors: Sequence[Vectors]) -> dict[str, str]:
+def _further_files(contents: Contents, target: str, vectors: Sequence[Vectors]) -> dict[str, str]:
     """Tests, examples, and what builds and finds the library."""
     prefix = contents.subject.prefix
     files = {
@@ -182,7 +181,7 @@ def _further_files(contents: Contents, target: Target, vectors: Sequence[Vectors
         **{name: contents.fill(name) for name in _AS_THEY_ARE},
         **example_files(contents, target),
     }
-    return files | (wasm_files(contents) if target.name == "wasm" else {})
+    return files | (wasm_files(contents) if target == "wasm" else {})
 
 
 _AS_THEY_ARE = (

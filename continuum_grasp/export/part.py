@@ -119,6 +119,11 @@ class Argument:
         return self.kind.fields if isinstance(self.kind, Struct) else (self.kind,)
 
     @property
+    def numbers(self) -> list[Field]:
+        """The field of each of its numbers."""
+        return [field for field in self.fields for _ in range(field.size)]
+
+    @property
     def size(self) -> int:
         """Count of numbers."""
         return self.kind.size
@@ -181,7 +186,6 @@ class Part:
     """One entry of ``--what``."""
 
     name: str
-    text: str
     kernels: tuple[Kernel, ...]
     calls: tuple[Call, ...]
     constants: Mapping[str, str] = field(default_factory=dict)

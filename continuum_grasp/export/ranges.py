@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.fields import Field, fields_of
+from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
@@ -87,7 +87,9 @@ def force_fields(model: FingerModel) -> tuple[Field, ...]:
 
 
 def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:
-    return [replace(field, text=describe(model, field.name)) for field in fields_of(labels)]
+    """Entries of a model's vector, from its labels ``name [unit]``."""
+    pairs = (label.removesuffix("]").split(" [", 1) for label in labels)
+    return [Field(name, unit, _description(model, name)) for name, unit in pairs]
 
 
 def _reach(model: FingerModel, parameters: Sequence[Field]) -> list[float]:
@@ -128,21 +130,14 @@ def _usual(name: str, nominal: float, model: FingerModel) -> tuple[float, float]
 
 @dataclass(frozen=True)
 class TipRange:
-    """What keeps the tip's curvature in its range.
-
-    Attributes
-    ----------
-    guard : Kernel or None
-        (x, u, p) -> use, the share of its range that it takes; None where a range of one number says the same.
-    limits : dict of str to tuple of float
-        That range, by the name of the number.
-    notes : dict of str to str
-        The condition as a sentence with the numbers of nominal parameters, by the struct that it is of, state or input.
-    """
+    """What keeps the tip's curvature in its range."""
 
     guard: Kernel | None = None
+    """(x, u, p) -> use, the share of its range that it takes; None where a range of one number says the same."""
     limits: dict[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
+    """That range, by the name of the number."""
     notes: dict[str, str] = dataclasses.field(default_factory=dict)
+    """The condition as a sentence with the numbers of nominal parameters, by the struct (state, input) it is of."""
 
     @staticmethod
     def of(model: FingerModel, equations: Equations) -> TipRange:
@@ -155,6 +150,7 @@ class TipRange:
         zero = np.zeros(given.numel())
         slope, rest = (np.array(value).ravel() for value in slopes(zero, model.p_nominal))
         names = [label.split(" ")[0] for label in (*model.x_names, *model.u_names)]
+        # The curvature is linear in state and input: its range is that of one number, or a half-space condition.
         acting = np.flatnonzero(slope)
         if len(acting) == 1 and not ca.depends_on(use, equations.p):
             at = acting[0]
@@ -207,7 +203,7 @@ _PATTERNS = (
 )
 
 
-def describe(model: FingerModel, name: str) -> str:
+def _description(model: FingerModel, name: str) -> str:
     """What a number is; empty where its name says it."""
     contact = re.fullmatch(r"contact_(\d+)_[xy]", name)
     if contact:
@@ -220,8 +216,3 @@ def describe(model: FingerModel, name: str) -> str:
         if match:
             return text.format(*(group or "" for group in match.groups()))
     return ""
-
-
-def rate_unit(unit: str) -> str:
-    """Unit of the rate of something."""
-    return unit[:-2] + "/s2" if unit.endswith("/s") else f"{unit}/s"

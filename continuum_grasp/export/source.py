@@ -6,7 +6,7 @@ import keyword
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -108,23 +108,18 @@ def _names(scene: Scene | ControlScene) -> tuple[str, str]:
     return title or "a continuum finger", f"the scene '{title}'" if title else "a scene without a name"
 
 
+# Words of C; headers of its library and of the system, in whose place one of that name would be found; libraries that
+# are linked by such names; targets of CMake; first words of other names in a package, and its further headers.
 _WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long main register
 restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
-"""
-"""Of C."""
-_HEADERS = """
 assert complex ctype errno fenv float inttypes iso646 limits locale math pthread setjmp signal stdarg stdbool stddef
 stdint stdio stdlib string tgmath time wchar wctype
+c gcc m rt dl
+all clean help install package test
+accept check read run vectors write
 """
-"""Of its library, and of the system: a header of that name would be found in their place."""
-_LIBRARIES = "c gcc m rt dl"
-"""That are linked by such names."""
-_TARGETS = "all clean help install package test"
-"""Of CMake."""
-_OWN = "accept check read run vectors write"
-"""First words of other names in a package, and its further headers."""
-_TAKEN = {*keyword.kwlist, *" ".join((_WORDS, _HEADERS, _LIBRARIES, _TARGETS, _OWN)).split()}
+_TAKEN = {*keyword.kwlist, *_WORDS.split()}
 """Words that cannot be the prefix."""
 
 
@@ -159,10 +154,16 @@ def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
         loop = source.loop
         without = () if loop is None or loop.estimator is not None else ("estimator",)
         what = [name for name in PARTS if (name in OF_LOOPS) == (loop is not None) and name not in without]
-    names = [what] if isinstance(what, str) else list(what)
-    for name in names:
-        if name not in PARTS:
-            raise InputError(f"expected some of {', '.join(PARTS)}, got {name!r:.60}", key="what")
-    if not names or len(set(names)) < len(names):
-        raise InputError(f"expected one part or more, each once, got {names}", key="what")
+    names = chosen([what] if isinstance(what, str) else what, PARTS, "part", "what")
     return [name for name in PARTS if name in names]
+
+
+def chosen(given: Sequence[str], known: Collection[str], kind: str, key: str) -> list[str]:
+    """Names of things of a kind, each known and given once, one at least; InputError otherwise."""
+    names = list(given)
+    for name in names:
+        if name not in known:
+            raise InputError(f"expected some of {', '.join(known)}, got {name!r:.60}", key=key)
+    if not names or len(set(names)) < len(names):
+        raise InputError(f"expected one {kind} or more, each once, got {names}", key=key)
+    return names

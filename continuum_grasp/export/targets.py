@@ -7,10 +7,10 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from continuum_grasp.core.precision import precision_of
 from continuum_grasp.core.source import filled
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.export.control.loop import Loop
@@ -19,45 +19,31 @@ from continuum_grasp.export.manifest import write_files
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 
-
-@dataclass(frozen=True)
-class Target:
-    """A machine, with the real types that its hardware computes in."""
-
-    name: str
-    reals: tuple[str, ...]
-    """The usual one first."""
-    core: str | None = None
-    """Argument of ``examples/baremetal/run.sh``."""
-
-    def real(self, given: Any) -> str:
-        """The type that is asked for, or the usual one."""
-        if given is None:
-            return self.reals[0]
-        if given in ("float", "double") and given not in self.reals:
-            raise InputError(
-                f"{self.name} computes {given} in software, 22 to 35 times slower: expected {self.reals[0]}",
-                key="real",
-            )
-        return str(given)
-
-
 TARGETS = {
-    target.name: target
-    for target in (
-        Target("host", ("double", "float")),
-        Target("cortex-m4f", ("float",), "cortex-m4f"),
-        Target("cortex-m7", ("double", "float"), "cortex-m7"),
-        Target("wasm", ("double", "float")),
-    )
+    "host": ("double", "float"),
+    "cortex-m4f": ("float",),
+    "cortex-m7": ("double", "float"),
+    "wasm": ("double", "float"),
 }
+"""Machines with the real types that their hardware computes in, the usual one first."""
 
 
-def target_of(name: Any) -> Target:
-    """The target of a name."""
+def target_of(name: Any, real: Any) -> tuple[str, str]:
+    """A target and the real type that is asked for, or its usual one."""
     if not isinstance(name, str) or name not in TARGETS:
         raise InputError(f"expected one of {', '.join(TARGETS)}, got {name!r:.60}", key="target")
-    return TARGETS[name]
+    if real is None:
+        return name, TARGETS[name][0]
+    if real in ("float", "double") and real not in TARGETS[name]:
+        raise InputError(
+            f"{name} computes {real} in software, 22 to 35 times slower: expected {TARGETS[name][0]}", key="real"
+        )
+    return name, precision_of(real)
+
+
+def _core(target: str) -> str | None:
+    """Argument of ``examples/baremetal/run.sh``; None where the target is no board."""
+    return target if target.startswith("cortex") else None
 
 
 TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")
@@ -69,23 +55,24 @@ _COUNTED = ("least_instructions", "mean_instructions", "most_instructions", "sta
 _SIZE = re.compile(r"^\s*(\d+)\s+(\d+)\s+(\d+)\s+\d+\s+\w+\s+(\w+)\.o$", re.MULTILINE)
 
 
-def measure(files: Mapping[str, str], prefix: str, target: Target) -> dict[str, Any]:
+def measure(files: Mapping[str, str], target: str) -> dict[str, Any]:
     """Build a package for its board, run the vectors there, and read off what it says."""
-    if target.core is None:
-        raise InputError(f"{target.name} has no emulated board: take cortex-m4f or cortex-m7", key="target")
+    core = _core(target)
+    if core is None:
+        raise InputError(f"{target} has no emulated board: take cortex-m4f or cortex-m7", key="target")
     missing = [tool for tool in TOOLS if shutil.which(tool) is None]
     if missing:
         raise InputError(f"measuring needs {', '.join(missing)} (Debian: gcc-arm-none-eabi, qemu-system-arm)")
     with tempfile.TemporaryDirectory() as work:
         write_files(Path(work), files)
-        line = ["sh", f"{work}/examples/baremetal/run.sh", target.core]
+        line = ["sh", f"{work}/examples/baremetal/run.sh", core]
         done = subprocess.run(line, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
     said = done.stdout + done.stderr
     if done.returncode != 0:
-        raise SolverError(f"the package failed on {target.core}", status="failed", advice=said[-2000:])
+        raise SolverError(f"the package failed on {core}", status="failed", advice=said[-2000:])
     failures = re.search(r"^(\d+) failures$", said, re.MULTILINE)
     return {
-        "core": target.core,
+        "core": core,
         "compiler": _version("arm-none-eabi-gcc"),
         "emulator": _version("qemu-system-arm"),
         "failures": int(failures[1]) if failures else -1,
@@ -111,10 +98,10 @@ _SHARE = 0.25
 """Of the usual input, that the example takes."""
 
 
-def example_files(contents: Contents, target: Target) -> dict[str, str]:
+def example_files(contents: Contents, target: str) -> dict[str, str]:
     """Examples by path; those that step in time, and those that control, only where the package does."""
     subject, names = contents.subject, {part.name for part in contents.parts}
-    core = target.core or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")
+    core = _core(target) or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")
     sources = {f"examples/baremetal/{name}": f"examples/baremetal/{name}" for name in _BARE_METAL}
     found = {path: contents.fill(name, core=core) for path, name in sources.items()}
     if "step" in names:

@@ -47,7 +47,7 @@ def vectors_of(subject: Subject, calls: Sequence[Call]) -> list[Vectors]:
 def _vectors(subject: Subject, call: Call, seed: int, count: int) -> Vectors:
     """Vectors of a function: at rest, at tiny bends, overflowing, at limits, over the whole range, and bad ones."""
     arguments = subject.passed_to(call)
-    rows = sample(subject, arguments, seed, _DRAWN).astype(subject.real.dtype)
+    rows = _sample(subject, arguments, seed).astype(subject.real.dtype)
     outputs, codes = call.reference(split(rows, arguments))
     good, refused = np.flatnonzero(codes >= 0), np.flatnonzero(codes < 0)
     chosen = np.sort(np.concatenate([good[: count - min(_REFUSED, len(refused))], refused[:_REFUSED]]))
@@ -60,7 +60,7 @@ def _vectors(subject: Subject, call: Call, seed: int, count: int) -> Vectors:
 
 def reach_of(arguments: Sequence[Argument]) -> tuple[Array, Array]:
     """Least and greatest value of every number: of its range, and of usual values where it has none."""
-    fields = [field for a in arguments for field in a.fields for _ in range(field.size)]
+    fields = [field for a in arguments for field in a.numbers]
     low = np.array([f.low if f.low > -np.inf else -f.scale for f in fields])
     high = np.array([f.high if f.high < np.inf else f.scale for f in fields])
     return low, high
@@ -77,18 +77,18 @@ def split(rows: Array, arguments: list[Argument]) -> dict[str, Array]:
     return found
 
 
-def sample(subject: Subject, arguments: list[Argument], seed: int, count: int) -> Array:
+def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
     """Rows at rest, at tiny bends, overflowing, hard driven, at limits, and over the whole ranges."""
     rng = np.random.default_rng(seed)
-    fields = [field for a in arguments for field in a.fields for _ in range(field.size)]
+    fields = [field for a in arguments for field in a.numbers]
     low, high = reach_of(arguments)
     most = np.array([f.scale for f in fields])
     low, high = np.maximum(low, -most), np.minimum(high, most)
-    rows = rng.uniform(low, high, (count, len(fields)))
+    rows = rng.uniform(low, high, (_DRAWN, len(fields)))
     first = 0 if subject.parameters is None else subject.parameters.size
     nominal, at_rest = np.array(subject.model.p_nominal), np.clip(np.zeros(len(fields)), low, high)
     state = slice(first, first + subject.nx)
-    sides = rows[5 : 5 + _SIDES].copy()
+    sides = rows[5 : 5 + _SIDES]
     bends = slice(first, first + subject.n)
     sides[:, bends] = np.where(rng.integers(0, 2, (_SIDES, subject.n)) == 1, high[bends], low[bends])
     for k, bend in enumerate(_TINY):
@@ -96,6 +96,7 @@ def sample(subject: Subject, arguments: list[Argument], seed: int, count: int) -
         rows[k, state][: subject.n] = bend
         rows[k, -1] = high[-1] if not arguments[-1].is_struct else rows[k, -1]
     rows[: len(_TINY), :first] = nominal
+    # Rates whose squares overflow: the function must refuse its own result.
     rows[3, state][subject.n : 2 * subject.n] = 0.5 * subject.real.greatest
     driven = slice(first + 2 * subject.n, first + subject.nx + subject.model.nu)
     limits = np.array([f.high for f in fields])
@@ -103,7 +104,6 @@ def sample(subject: Subject, arguments: list[Argument], seed: int, count: int) -
     if any(argument.drawn for argument in arguments):
         beyond = rows[5 + _SIDES : 5 + 2 * _SIDES]
         beyond[:, state] *= rng.uniform(1.0, _DRAWN_BEYOND, (len(beyond), subject.nx))
-    rows[5 : 5 + len(sides)] = sides
     return rows
 
 

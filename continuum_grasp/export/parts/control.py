@@ -82,15 +82,14 @@ def _loop(subject: Subject, name: str) -> Loop:
 def _part(subject: Subject, name: str, structs: list[Struct], codes: tuple[Code, ...], function: Stateful) -> Part:
     loop = _loop(subject, name)
     files, declared = control_sources(loop, subject.prefix, subject.real)
-    kernels, text = loop.estimator_kernels, "state and disturbances from measurements"
+    kernels = loop.estimator_kernels
     constants = {"PERIOD": f"{subject.real.literal(loop.period)} /* s, from one call to the next */"}
     if name == "mpc":
-        kernels, text = (*loop.problem_kernels, *kernels), "predictive control"
+        kernels = (*loop.problem_kernels, *kernels)
         nodes = f"of a reference: from now on, one each {loop.stages.stage:g} s"
         constants["NODES"] = f"{loop.stages.stages + 1} /* {nodes} */"
     return Part(
         name,
-        text,
         kernels,
         (),
         constants,

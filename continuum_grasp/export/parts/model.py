@@ -11,7 +11,6 @@ import numpy as np
 from continuum_grasp.export.fields import Field, Struct, outside
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Reference, Rows
-from continuum_grasp.export.ranges import rate_unit
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
@@ -40,7 +39,10 @@ def _refusing(subject: Subject, kernel: Kernel) -> Reference:
 def dynamics(subject: Subject) -> Part:
     """Rate of change of the state."""
     kernel = _dynamics_kernel(subject)
-    rates = tuple(Field(f.name, rate_unit(f.unit)) for f in subject.state.fields)
+    rates = tuple(
+        Field(f.name, f"{f.unit.removesuffix('/s')}/s2" if f.unit.endswith("/s") else f"{f.unit}/s")
+        for f in subject.state.fields
+    )
     rate = Struct("rate", "Rate of change of each entry of the state.", rates)
     call = Call(
         "dynamics",
@@ -51,7 +53,7 @@ def dynamics(subject: Subject) -> Part:
         _refusing(subject, kernel),
         subject.guard_source,
     )
-    return Part("dynamics", "rate of change of the state", (kernel, *subject.kernels), (call,))
+    return Part("dynamics", (kernel, *subject.kernels), (call,))
 
 
 def statics(subject: Subject) -> Part:
@@ -81,7 +83,7 @@ def statics(subject: Subject) -> Part:
         _refusing(subject, kernel),
         subject.guard_source,
     )
-    return Part("statics", "equilibrium residual and tangent stiffness", (kernel, *subject.kernels), (call,))
+    return Part("statics", (kernel, *subject.kernels), (call,))
 
 
 def kinematics(subject: Subject) -> Part:
@@ -129,7 +131,7 @@ def kinematics(subject: Subject) -> Part:
         ),
     )
     kernels = (tip_kernel, section_kernel, *subject.kernels)
-    return Part("kinematics", "position, angle and Jacobian of any section", kernels, calls)
+    return Part("kinematics", kernels, calls)
 
 
 def _position(subject: Subject) -> Field:
@@ -204,17 +206,13 @@ def step(subject: Subject) -> Part:
                 x = x + sixth * total
         return x
 
+    numbers = {"zero": 0.0, "half": 0.5, "one": 1.0, "two": 2.0, "six": 6.0}
+    numbers |= {"substeps": subject.substeps, "accurate": coarse}
     words = {
         "p": subject.prefix,
         "P": subject.prefix.upper(),
         "dynamics": kernel.call(subject.prefix, x="point", u="u", w="w", p="p", xd="rate"),
-        "zero": real.literal(0.0),
-        "one": real.literal(1.0),
-        "two": real.literal(2.0),
-        "six": real.literal(6.0),
-        "half": real.literal(0.5),
-        "substeps": real.literal(subject.substeps),
-        "accurate": real.literal(coarse),
+        **{name: real.literal(value) for name, value in numbers.items()},
         "left_range": subject.left_range("result"),
         "forces_declared": f"const {subject.prefix}_forces *forces, " if subject.forces else "",
         "forces_missing": " || !forces" if subject.forces else "",
@@ -237,7 +235,6 @@ def step(subject: Subject) -> Part:
     }
     return Part(
         "step",
-        "one step in time",
         (kernel, *subject.kernels),
         (call,),
         constants,
