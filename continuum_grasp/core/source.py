@@ -16,6 +16,7 @@ from continuum_grasp.core.lanes import lane_function
 from continuum_grasp.core.precision import single
 
 _PLACE = re.compile(r"<<(\w+)>>")
+_BLOCK = re.compile(r"<<if (\w+)>>(.*?)<<end>>", re.DOTALL)
 
 _DOUBLE_INPUTS = """
       arg[1] = u; arg[2] = u + us; arg[3] = u + 2 * us;
@@ -35,7 +36,8 @@ _FLOAT_LOCALS = """
 
 
 def filled(text: str, words: Mapping[str, object]) -> str:
-    """Text with every place ``<<word>>`` filled; KeyError where a word is missing."""
+    """Fill a text: ``<<word>>``, and ``<<if word>>...<<end>>`` where the word is true; KeyError where one is missing."""
+    text = _BLOCK.sub(lambda match: match[2] if words[match[1]] else "", text)
     return _PLACE.sub(lambda match: str(words[match[1]]), text)
 
 

@@ -75,7 +75,7 @@ class Contents:
         """Files that parts bring, by path."""
         return {path: text for part in self.parts for path, text in part.sources.items()}
 
-    def fill(self, template: str, **words: str) -> str:
+    def fill(self, template: str, **words: object) -> str:
         """A template with the shared words and further ones."""
         return fill(template, {**self.words, **words})
 
@@ -132,12 +132,7 @@ def _header(contents: Contents) -> str:
         f"  {big}_{code.name:<{width}} = {int(code):2d}{comma} /* {code.text} */"
         for code, comma in zip(codes, commas, strict=True)
     )
-    if calls:
-        member = "" if subject.parameters is None else f"\n  {prefix}_parameters parameters;"
-        use, taken = contents.fill("use_model.h"), contents.fill("model.h", model_parameters=member)
-    else:
-        last = contents.stateful[-1]
-        use, taken = contents.fill("use_loop.h", owner=last.types[0], step=last.name), ""
+    last = contents.stateful[-1] if contents.stateful else None
     documented = [_documented(call, prefix) for call in calls]
     declared = [filled(part.declarations, contents.words) for part in contents.parts if part.declarations]
     return contents.fill(
@@ -145,8 +140,11 @@ def _header(contents: Contents) -> str:
         dimensions="\n".join(lines),
         codes=table,
         structs="\n".join(struct.declaration(prefix) for struct in contents.structs),
-        use=use,
-        model=taken,
+        modeled=calls,
+        replayed=not calls,
+        owner=last.types[0] if last else "",
+        step=last.name if last else "",
+        parameters=f"\n  {prefix}_parameters parameters;" if subject.parameters else "",
         functions="\n".join(documented + declared),
     )
 
@@ -163,7 +161,7 @@ def _internal_header(contents: Contents) -> str:
     prefix, real = contents.subject.prefix, contents.subject.real
     declared = "\n".join(f"{prefix.upper()}_API {kernel.prototype(prefix)};" for kernel in contents.kernels)
     return contents.fill(
-        "internal.h", kernels=declared, width=str(real.width), exponent=real.bit_pattern(real.exponent_mask)
+        "internal.h", kernels=declared, width=real.width, exponent=real.bit_pattern(real.exponent_mask)
     )
 
 
@@ -244,7 +242,7 @@ def _function(contents: Contents, call: Call) -> str:
         accept="\n".join(_accept(contents.subject, call)),
         prototype=_prototype(call, prefix),
         arrays=", ".join(f"{a.array}[{a.size}]" for a in arrays),
-        size=str(call.output.size),
+        size=call.output.size,
         output=call.output.name,
         given=", ".join(["model", *(a.name for a in call.inputs), *(a.array for a in arrays)]),
         body=call.body.rstrip(),

@@ -11,7 +11,6 @@ from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import Call, Stateful
 from continuum_grasp.export.parts.model import moment_note
-from continuum_grasp.export.subject import Subject
 
 
 def readme(
@@ -48,9 +47,7 @@ def readme(
             for o in [k.operations]
         ],
     )
-    model_notes = ""
-    if calls:
-        model_notes = _stability(subject) + (f"\n\n{textwrap.fill(note, 118)}" if note else "") + _OBJECT * touching
+    names = {part.name for part in contents.parts}
     return contents.fill(
         "README.md",
         source=source,
@@ -64,65 +61,22 @@ def readme(
         measured=_measured(measured),
         error_note=_error_note(contents, errors),
         loops="Loops have bounded counts." if stateful else "Loops have fixed counts.",
-        expected=_expected(contents),
-        promise=_CHECKED if calls else "",
+        calls=calls,
+        replayed=not calls,
+        mixed=calls and stateful,
+        modeled=not stateful,
         stateful=_stateful(contents),
-        examples=_examples(prefix, {part.name for part in contents.parts}),
-        stability=model_notes,
-        wasm=_WASM if wasm else "",
-        cases=str(sum(vectors.values())),
+        step="step" in names,
+        mpc="mpc" in names,
+        skeletons={"step", "mpc"} & names,
+        radius=f"{subject.radius:.4g}",
+        longest=f"{subject.longest_step:g}",
+        accurate=f"{subject.accurate_step:g}",
+        note=f"\n\n{textwrap.fill(note, 118)}" if note else "",
+        touching=calls and touching,
+        wasm=wasm,
+        cases=sum(vectors.values()),
     )
-
-
-_CHECKED = """\
-- Every number that comes in is checked for NaN, infinity and range, every one that goes out for NaN and infinity, by
-  its bits, so that `-ffast-math` does not drop the check. On an error outputs are left alone. Nothing is clamped.
-"""
-_OBJECT = """
-
-The object of the scene is no part of the functions that take the model: what it presses with is given to them as
-forces.
-"""
-_PYTHON = "- `examples/python/{p}.py`: the library by ctypes.\n"
-_STEPPING = """\
-- `examples/loop.c`: a plain loop that writes CSV; `examples/cuda/batch.cu`: many fingers on a GPU.
-- `examples/ros2`: a node that simulates the finger; `examples/simulink/sfun_{p}.c`: the same as an S-function. Run-time
-  parameters are parameters of node and block.
-"""
-_CONTROLLING = """\
-- `examples/control_loop.c`: measurements come in line by line, commands go out as CSV.
-- `examples/ros2_control`: the controller as a node; `examples/simulink/sfun_{p}_control.c`: the same as an S-function.
-  Settings, and what is known of the finger, are parameters of node and block.
-"""
-_SKELETONS = """\
-- `package.xml`, here and of the nodes: side by side in a workspace, colcon builds the library first.
-- Nodes and S-functions are skeletons: they were compiled against stand-ins of ROS 2 and Simulink, not run in them.
-"""
-
-
-def _examples(prefix: str, names: set[str]) -> str:
-    found = _PYTHON + _STEPPING * ("step" in names) + _CONTROLLING * ("mpc" in names)
-    return (found + _SKELETONS * bool({"step", "mpc"} & names)).format(p=prefix)
-
-
-def _stability(subject: Subject) -> str:
-    return (
-        f" The fastest motion within these ranges\n(and those of the parameters) changes at {subject.radius:.4g} 1/s: "
-        f"steps up to {subject.longest_step:g} s are stable, up to {subject.accurate_step:g} s accurate (a\n"
-        "warning says when they are not). Velocities and forces are left out of that estimate."
-    )
-
-
-def _expected(contents: Contents) -> str:
-    """Where the expected numbers of the vectors come from."""
-    if not contents.calls:
-        return "; the expected numbers are those of a build on\n  the machine that made the package."
-    if contents.stateful:
-        return (
-            "; the expected numbers of estimator and\n  controller are those of a build on the machine that made "
-            "the package, the others were not\n  computed by this code."
-        )
-    return ", of which the expected numbers were not computed by this code."
 
 
 def _stateful(contents: Contents) -> str:
@@ -134,27 +88,22 @@ def _stateful(contents: Contents) -> str:
     rows = [(f"`{contents.subject.prefix}_{name}`", words[f"{name}_bytes"]) for name in owners]
     limits = loop.scene.controller
     usual, first = _times(limits.sqp_iterations), _times(limits.start_iterations)
-    more = {
-        "period": f"{loop.period:g}",
-        "memory": _table(("memory", "bytes"), rows),
-        "n": str(loop.stages.stages),
-        "stage": f"{loop.stages.stage:g}",
-        "iterations": f"{usual} at the last plan, or {first} where there is none: at first, and after blindness",
-        "interior": str(limits.iterations),
-        "safe": loop.safe,
-    }
-    controlled = contents.fill("control/controlled.md", **more) if "mpc" in loop.parts else ""
-    observed = contents.fill("control/observed.md", **more) if loop.estimation is not None else ""
-    return contents.fill("control/README.md", **more, controlled=controlled, observed=observed)
+    return contents.fill(
+        "control/README.md",
+        period=f"{loop.period:g}",
+        memory=_table(("memory", "bytes"), rows),
+        n=loop.stages.stages,
+        stage=f"{loop.stages.stage:g}",
+        iterations=f"{usual} at the last plan, or {first} where there is none: at first, and after blindness",
+        interior=limits.iterations,
+        safe=loop.safe,
+        mpc="mpc" in loop.parts,
+        observed=loop.estimation is not None,
+    )
 
 
 def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
-
-
-_WASM = """
-WebAssembly, with clang and lld alone: `sh wasm/build.sh`, then `node wasm/test.mjs` runs the vectors and the wrapper.
-"""
 
 
 def _error_note(contents: Contents, errors: Mapping[str, tuple[OutputError, ...]]) -> str:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp.core.precision import precision_of
-from continuum_grasp.core.source import filled
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.layer import Contents
@@ -126,39 +125,16 @@ def example_files(contents: Contents, target: str) -> dict[str, str]:
 
 _NODE = ("package.xml", "CMakeLists.txt")
 """Files that nodes of both kinds have in common."""
-_SFUN_READS = """
-  <<p>>_real numbers[PARAMETER_COUNT];
-  size_t k;
-  if (mxGetNumberOfElements(PARAMETERS(S)) == 0) return code;
-  for (k = 0; k < PARAMETER_COUNT; ++k) numbers[k] = (<<p>>_real)mxGetPr(PARAMETERS(S))[k];
-  memcpy(&model->parameters, numbers, sizeof model->parameters);"""
 
 
-def _step_words(subject: Subject) -> dict[str, str]:
+def _step_words(subject: Subject) -> dict[str, object]:
     prefix, real = subject.prefix, subject.real
     constant = subject.model.structure.moment_is_constant
     state, first = subject.state.fields, subject.input.fields[0]
     parameters = [f.name for f in subject.parameters.fields] if subject.parameters is not None else []
-    forces = {
-        "array": f"\n  static const {prefix}_forces forces[MOST];",
-        "heap": f"\n  {prefix}_forces *forces = calloc((size_t)count, sizeof *forces);",
-        "free": "\n  free(forces);",
-        "free_more": "\n    free(forces);",
-        "none": " || !forces",
-        "first": "forces, ",
-        "each": "&forces[k], ",
-        "declared": f"\n  {prefix}_forces forces;",
-        "zero": "\n  memset(&forces, 0, sizeof forces);",
-        "passed": ", &forces",
-        "member": ", &forces_",
-        "of_node": f"\n  {prefix}_forces forces_{{}};",
-        "port": f", forces ({subject.model.nw})",
-        "width": f"\n  ssSetInputPortWidth(S, 1, {prefix.upper()}_NW);",
-        "read": f"\n  read_port(S, 1, {prefix.upper()}_NW, numbers);\n  memcpy(&forces, numbers, sizeof forces);",
-        "cuda": f"\n  {prefix}_forces forces = {{}};",
-    }
     return {
-        **{f"forces_{name}": text if subject.forces is not None else "" for name, text in forces.items()},
+        "forces": subject.forces is not None,
+        "nw": subject.model.nw,
         "node": f"{prefix}_node",
         "h": real.literal(subject.accurate_step),
         "h_plain": repr(subject.accurate_step),
@@ -168,17 +144,16 @@ def _step_words(subject: Subject) -> dict[str, str]:
         "first_input": first.name,
         "first_state": state[0].name,
         "reach": real.literal(0.5 * state[0].high),
-        "nx": str(subject.nx),
-        "nu": str(subject.input.size),
+        "nx": subject.nx,
+        "nu": subject.input.size,
         "ports": "1" if subject.forces is None else "2",
-        "most_port": str(max(subject.nx, subject.input.size, subject.model.nw)),
+        "most_port": max(subject.nx, subject.input.size, subject.model.nw),
         "csv_head": "".join(f",{f.name} [{f.unit}]" for f in state),
         "csv_format": ",%.9g" * len(state),  # 9 digits say a float exactly
         "csv_values": "".join(f",\n           (double)state.{f.name}" for f in state),
-        "np": str(subject.model.np),
+        "np": subject.model.np,
         "node_declares": _declared_parameters(parameters, "model_.parameters"),
         "node_reads": _read_parameters(prefix, {"model_.parameters": parameters}),
-        "sfun_reads": filled(_SFUN_READS, {"p": prefix}) if parameters else "",
     }
 
 
@@ -197,23 +172,23 @@ def _read_parameters(prefix: str, structs: Mapping[str, Sequence[str]]) -> str:
     return "\n".join(["    double value = 0;", *lines, ""]) if lines else ""
 
 
-def _control_words(subject: Subject, loop: Loop, sources: Sequence[str]) -> dict[str, str]:
+def _control_words(subject: Subject, loop: Loop, sources: Sequence[str]) -> dict[str, object]:
     s, prefix = loop.stages, subject.prefix
     structs = {"settings": loop.settings} | ({"known": loop.known} if loop.known is not None else {})
     members = {f"controller_.{name}": [f.name for f in struct.fields] for name, struct in structs.items()}
     return {
         "node": f"{prefix}_control_node",
         "period": f"{loop.period:.12g}",
-        "nm": str(loop.measurement.size),
-        "nr": str(s.nr),
-        "nu": str(s.nu),
-        "nodes": str(s.stages + 1),
+        "nm": loop.measurement.size,
+        "nr": s.nr,
+        "nu": s.nu,
+        "nodes": s.stages + 1,
         "measured": ", ".join(loop.measurement_names),
         "wanted": ", ".join(subject.real.literal(float(v)) for v in loop.wanted),
         "wanted_names": ", ".join(s.r_names),
-        "ns": str(loop.settings.size),
-        "known_parameter": f", known ({loop.known.size}, [] as well)" if loop.known is not None else "",
-        "block_parameters": str(len(structs)),
+        "ns": loop.settings.size,
+        "known": loop.known.size if loop.known is not None else 0,
+        "block_parameters": len(structs),
         "node_declares": "".join(_declared_parameters(names, struct) for struct, names in members.items()),
         "node_reads": _read_parameters(prefix, members),
         "sfun_reads": "".join(

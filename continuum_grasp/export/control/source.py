@@ -87,7 +87,7 @@ class _Writer:
         found += ["ekf.h"] if self.filter else []
         return [*found, "supervisor.h", "controller.h"] if self.mpc else found
 
-    def memory(self, words: dict[str, str]) -> str:
+    def memory(self, words: dict[str, object]) -> str:
         p = self.prefix
         types = [self.renamed("\n".join(without_prototypes(template(name))[0] for name in self.headers()))]
         if "estimator" in self.loop.parts:
@@ -169,8 +169,9 @@ class _Writer:
         inside = ", ".join(self.braced(entry, whole) for entry in values)
         return f"{{{inside or self.real.literal(0.0)}}}"  # C99 takes no empty braces
 
-    def words(self, common: dict[str, str]) -> dict[str, str]:
+    def words(self, common: dict[str, object]) -> dict[str, object]:
         loop, p, big = self.loop, self.prefix, self.prefix.upper()
+        known = loop.known.size if loop.known is not None else 0
         start, nx, nz = loop.start, loop.prediction.nx, loop.start.size
         taken, at = [], 0
         for member in CHANGEABLE:
@@ -186,14 +187,14 @@ class _Writer:
         return {
             **common,
             "period": f"{loop.period:g}",
-            "n": str(loop.stages.stages),
+            "n": loop.stages.stages,
             "stage": f"{loop.stages.stage:g}",
             "start": start.name,
-            "nz": str(nz),
-            "nu": str(loop.command.size),
-            "nm": str(loop.measurement.size),
-            "ns": str(loop.settings.size),
-            "np_size": str(max(loop.stages.np, 1)),
+            "nz": nz,
+            "nu": loop.command.size,
+            "nm": loop.measurement.size,
+            "ns": loop.settings.size,
+            "np_size": max(loop.stages.np, 1),
             "take": "\n".join(taken),
             "read_reference": "\n".join(
                 f"    work->reference[k][{j}] = reference->{name}[k];" for j, name in enumerate(names)
@@ -205,7 +206,7 @@ class _Writer:
                 f"  {f'{p}_real' if kind == 'real' else kind} {name}; /* {text} */" for kind, name, text in DIAGNOSIS
             ),
             "applied_range": ", ".join(f"{f.name} {f.low:.6g} to {f.high:.6g} {f.unit}" for f in loop.applied.fields),
-            "width": str(self.real.width),
+            "width": self.real.width,
             "missing": self.real.bit_pattern(quiet_nan),
             "estimated": "\n".join(estimated),
             "what_is_measured": "a measurement" if self.filter else "the state",
@@ -216,7 +217,9 @@ class _Writer:
             "indent_mpc": " " * len(f"int {p}_mpc("),
             "indent_step": " " * len(f"int {p}_estimator_step("),
             "estimator_settings": "loop_settings.ekf" if self.mpc else "ekf_settings",
-            **self.known_words(),
+            "known": known,
+            "known_nominal": "known_nominal" if known else "0",
+            "known_or_null": "p" if known else "0",
             **{name: f"<<{name}>>" for name in SIZES},
             "anomalies": "\n".join(
                 f"  {big}_ANOMALY_{name} = {2**k}{',' if k < last else ' '} /* {text} */"
@@ -224,23 +227,7 @@ class _Writer:
             ),
         }
 
-    def known_words(self) -> dict[str, str]:
-        """Words about what is known of the finger, most of them empty where that is nothing."""
-        count = self.loop.known.size if self.loop.known is not None else 0
-        words = {
-            "known_member": f"\n  {self.prefix}_known known; /* may be changed between calls */",
-            "known_nominal_estimator": "\n  write_known(known_nominal, &estimator->known);",
-            "known_nominal_controller": "\n  write_known(known_nominal, &controller->known);",
-            "known_read_estimator": "\n  read_known(&estimator->known, p);\n"
-            f"  if ((code = check(p, known_low, known_high, {count})) < 0) return code;",
-            "known_array": f", p[{count}]",
-            "known_read_controller": "\n  read_known(&controller->known, p);",
-        }
-        nominal, read = ("known_nominal", "p") if count else ("0", "0")
-        empty = {} if count else dict.fromkeys(words, "")
-        return {**words, **empty, "known_nominal": nominal, "known_or_null": read}
-
-    def source(self, words: dict[str, str]) -> str:
+    def source(self, words: dict[str, object]) -> str:
         loop, p = self.loop, self.prefix
         settings, known = ([loop.settings] if self.mpc else []), ([loop.known] if loop.known else [])
         inputs = [loop.command, loop.measurement, loop.start, *known, *settings]

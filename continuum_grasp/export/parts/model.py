@@ -208,15 +208,13 @@ def step(subject: Subject) -> Part:
 
     numbers = {"zero": 0.0, "half": 0.5, "one": 1.0, "two": 2.0, "six": 6.0}
     numbers |= {"substeps": subject.substeps, "accurate": coarse}
-    words = {
+    words: dict[str, object] = {
         "p": subject.prefix,
         "P": subject.prefix.upper(),
         "dynamics": kernel.call(subject.prefix, x="point", u="u", w="w", p="p", xd="rate"),
         **{name: real.literal(value) for name, value in numbers.items()},
         "left_range": subject.left_range("result"),
-        "forces_declared": f"const {subject.prefix}_forces *forces, " if subject.forces else "",
-        "forces_missing": " || !forces" if subject.forces else "",
-        "forces_at": "&forces[at], " if subject.forces else "",
+        "forces": subject.forces is not None,
     }
     call = Call(
         "step",
@@ -243,7 +241,7 @@ def step(subject: Subject) -> Part:
     )
 
 
-def _batch(subject: Subject, kernel: Kernel, words: dict[str, str]) -> str:
+def _batch(subject: Subject, kernel: Kernel, words: dict[str, object]) -> str:
     """Many steps at once."""
     fields = {"x": subject.state, "u": subject.input, "w": subject.forces, "p": subject.parameters}
     held = {name: struct.size for name, struct in fields.items() if struct is not None}
