@@ -36,7 +36,7 @@ _FLOAT_LOCALS = """
 
 
 def filled(text: str, words: Mapping[str, object]) -> str:
-    """Fill a text: ``<<word>>``, and ``<<if word>>...<<end>>`` where the word is true; KeyError where one is missing."""
+    """Text with its words for ``<<word>>``, and ``<<if word>>...<<end>>`` left out where the word is false or empty."""
     text = _BLOCK.sub(lambda match: match[2] if words[match[1]] else "", text)
     return _PLACE.sub(lambda match: str(words[match[1]]), text)
 

@@ -87,38 +87,24 @@ def python_binding(contents: Contents) -> str:
     """A module with the structs and functions."""
     subject, calls, stateful = contents.subject, contents.calls, contents.stateful
     begun = _beginnings(subject) if stateful else {}
-    structs = [_python_struct(struct, begun.get(struct.name)) for struct in contents.structs]
-    if _has_diagnosis(contents):
-        structs.append(_PYTHON_DIAGNOSIS)
-    if calls:
-        parameters = "" if subject.parameters is None else ', ("parameters", Parameters)'
-        structs.append(f'class Model(_Struct):\n    _fields_ = [("abi", ctypes.c_uint32){parameters}]\n\n')
-    anomalies = "".join(f'    {2**k}: "{text}",\n' for k, text in enumerate(ANOMALIES.values()))
     return contents.fill(
         "examples/python/binding.py.txt",
-        structs="\n".join(structs),
-        model=_PYTHON_MODEL if calls else "",
+        calls=calls,
+        replayed=not calls,
+        stateful_count=len(stateful),
+        controlled=_has_diagnosis(contents),
+        structs="\n".join(_python_struct(struct, begun.get(struct.name)) for struct in contents.structs),
+        diagnosis="".join(f'        ("{name}", {_PYTHON_KINDS[kind]}),  # {text}\n' for kind, name, text in DIAGNOSIS),
+        parameters="" if subject.parameters is None else ', ("parameters", Parameters)',
         methods="".join(_python_call(call) for call in calls),
         stateful="".join(_python_stateful(contents, function) for function in stateful),
-        use=f"print(f.tip({subject.prefix}.State(), {subject.prefix}.Input()))" if calls else "print(f)",
         abi_python=contents.words["abi"][:-1],
-        anomalies=f"ANOMALIES = {{\n{anomalies}}}\n" if stateful else "",
+        anomalies="".join(f'    {2**k}: "{text}",\n' for k, text in enumerate(ANOMALIES.values())),
     )
 
 
 _NAN = "float('nan')"
 _PYTHON_KINDS = {"uint32_t": "ctypes.c_uint32", "int": "ctypes.c_int", "real": "Real"}
-_PYTHON_MODEL = """
-        self.model = Model()
-        \"\"\"Its parameters may be changed at any time.\"\"\"
-        self.code = self._call("init_abi", ctypes.byref(self.model), ctypes.c_uint32(ABI))
-        \"\"\"What the last call returned; positive codes warn.\"\"\"\
-"""
-_PYTHON_DIAGNOSIS = (
-    'class Diagnosis(_Struct):\n    """What is known of the last call of a controller."""\n\n    _fields_ = [\n'
-    + "".join(f'        ("{name}", {_PYTHON_KINDS[kind]}),  # {text}\n' for kind, name, text in DIAGNOSIS)
-    + "    ]\n\n"
-)
 
 
 def _python_stateful(contents: Contents, function: Stateful) -> str:

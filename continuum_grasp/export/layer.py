@@ -117,8 +117,8 @@ def _header(contents: Contents) -> str:
     subject, calls, codes = contents.subject, contents.calls, contents.codes
     prefix, big, model = subject.prefix, subject.prefix.upper(), subject.model
     dimensions = {
-        "N": (subject.n, "bending coordinates"),
-        "NX": (subject.nx, "states"),
+        "N": (subject.model.n, "bending coordinates"),
+        "NX": (subject.model.nx, "states"),
         "NU": (model.nu, "inputs"),
         "NW": (model.nw, "force components"),
         "NP": (model.np, "run-time parameters"),
@@ -190,20 +190,18 @@ def _layer_source(contents: Contents) -> str:
     functions = [subject.guard_function] if subject.guard else []
     functions += [_function(contents, call) for call in calls]
     functions += [part.definitions for part in contents.parts if part.definitions]
-    model = (
-        ""
-        if not calls
-        else contents.fill(
-            "layer_model.c",
-            bounds="\n".join(_bounds(subject, struct) for struct in checked),
-            readers="\n".join(struct.reader(prefix) for struct in checked),
-            writers="\n".join(struct.writer(prefix) for struct in outputs),
-            check=contents.fill("check_numbers.c"),
-            functions="\n".join(functions),
-            nominal="".join(f"\n  model->parameters.{f.name} = {subject.real.literal(value)};" for f, value in nominal),
-        )
+    return contents.fill(
+        "layer.c",
+        sizes="\n".join(sizes),
+        codes="\n".join(codes),
+        modeled=calls,
+        bounds="\n".join(_bounds(subject, struct) for struct in checked),
+        readers="\n".join(struct.reader(prefix) for struct in checked),
+        writers="\n".join(struct.writer(prefix) for struct in outputs),
+        check=contents.fill("check_numbers.c"),
+        functions="\n".join(functions),
+        nominal="".join(f"\n  model->parameters.{f.name} = {subject.real.literal(value)};" for f, value in nominal),
     )
-    return contents.fill("layer.c", sizes="\n".join(sizes), model=model, codes="\n".join(codes))
 
 
 def library_files(contents: Contents) -> dict[str, str]:

@@ -48,7 +48,7 @@ def manifest(
         "parts": [part.name for part in contents.parts],
         "model": model_description(model),
         "flags": FLAGS,
-        "dimensions": {"n": subject.n, "nx": subject.nx, "nu": model.nu, "nw": model.nw, "np": model.np},
+        "dimensions": {"n": subject.model.n, "nx": subject.model.nx, "nu": model.nu, "nw": model.nw, "np": model.np},
         "structs": {s.name: [_entry(field) for field in s.fields] for s in contents.structs},
         "nominal_parameters": dict(
             zip((label.split(" ")[0] for label in model.p_names), map(float, model.p_nominal), strict=True)

@@ -18,7 +18,7 @@ from continuum_grasp.export.control.source import SIZES, UNKNOWN
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.layer import Contents, abi_of, library_files
 from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
-from continuum_grasp.export.part import Part, Stateful, Vectors
+from continuum_grasp.export.part import Part, Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.readme import readme
 from continuum_grasp.export.source import Given, count_of, parts_of, positive, prefix_of, source_of
@@ -215,52 +215,7 @@ def _contents(subject: Subject, parts: Sequence[Part], title: str) -> Contents:
             # Of fast builds: -ffast-math reorders sums, and rounding adds up along the calls of an episode.
             "adds_up": "10" if single else "1000",
             "tolerance": "2e-3" if single else "1e-11",
-            "usage": _usage(contents),
         }
     )
     contents.words["abi"] = abi_of(contents)
     return contents
-
-
-def _usage(contents: Contents) -> str:
-    """C of a first call, for the README."""
-    subject, prefix = contents.subject, contents.subject.prefix
-    if not contents.calls:
-        return _usage_of_stateful(prefix, contents.stateful[-1])
-    call = next((c for c in contents.calls if c.name == "step"), contents.calls[0])
-    lines = [f"{prefix}_model model;"]
-    lines += [f"{prefix}_{a.kind.name} {a.name} = {{0}};" for a in call.inputs if a.is_struct]
-    if call.output.kind.name != "state":
-        lines.append(f"{prefix}_{call.output.kind.name} {call.output.name};")
-    numbers = [f"&{a.name}" if a.is_struct else f"{subject.accurate_step:g}" for a in call.inputs]
-    last = "&state" if call.output.kind.name == "state" else f"&{call.output.name}"
-    lines += [
-        f"int code = {prefix}_init(&model);",
-        f"code = {prefix}_{call.name}({', '.join(['&model', *numbers, last])});",
-        f"if (code < 0) report({prefix}_strerror(code));",
-    ]
-    return "\n".join(lines)
-
-
-_BEGIN_NOTES = {
-    "measurement": "nothing measured: NaN",
-    "reference": "the setpoints of the scene, at all nodes",
-    "command": "what was applied before",
-}
-
-
-def _usage_of_stateful(prefix: str, function: Stateful) -> str:
-    owner, names = function.types[0], (*function.types, *function.inputs, function.output)
-    begin = [
-        f"if (code >= 0) code = {prefix}_{name}_init(&{name}); /* {_BEGIN_NOTES[name]} */" for name in function.inputs
-    ]
-    return "\n".join(
-        [
-            *(f"static {prefix}_{name} {name};" for name in names),
-            f"int code = {prefix}_{owner}_init(&{owner});",
-            *begin,
-            "/* every period: write what was measured into the measurement, leave the rest NaN; then */",
-            f"if (code >= 0) code = {prefix}_{function.name}({', '.join(f'&{name}' for name in names)});",
-            f"if (code < 0) report({prefix}_strerror(code)); /* above zero: a warning, see the table of codes */",
-        ]
-    )

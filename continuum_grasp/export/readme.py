@@ -60,6 +60,7 @@ def readme(
         codes=_table(("code", "name", "meaning"), [(str(int(c)), c.name, c.text) for c in contents.codes]),
         measured=_measured(measured),
         error_note=_error_note(contents, errors),
+        **_usage(contents),
         loops="Loops have bounded counts." if stateful else "Loops have fixed counts.",
         calls=calls,
         replayed=not calls,
@@ -77,6 +78,38 @@ def readme(
         wasm=wasm,
         cases=sum(vectors.values()),
     )
+
+
+_BEGIN_NOTES = {
+    "measurement": "nothing measured: NaN",
+    "reference": "the setpoints of the scene, at all nodes",
+    "command": "what was applied before",
+}
+
+
+def _usage(contents: Contents) -> dict[str, object]:
+    """Words of a first call: of the step, else of any function of the model, else of the last one with memory."""
+    prefix = contents.subject.prefix
+    if contents.calls:
+        call = next((c for c in contents.calls if c.name == "step"), contents.calls[0])
+        inputs = [a for a in call.inputs if a.is_struct]
+        # A state is stepped in place; numbers are steps and positions, of which an accurate step will do.
+        output = "state" if call.output.kind.name == "state" else call.output.name
+        declared = [f"{prefix}_{a.kind.name} {a.name} = {{0}};" for a in inputs]
+        declared += [f"{prefix}_{call.output.kind.name} {output};"] if output != "state" else []
+        passed = [f"&{a.name}" if a.is_struct else f"{contents.subject.accurate_step:g}" for a in call.inputs]
+        words = {"name": call.name, "passed": ", ".join([*passed, f"&{output}"])}
+    else:
+        function = contents.stateful[-1]
+        names = (*function.types, *function.inputs, function.output)
+        declared = [f"static {prefix}_{name} {name};" for name in names]
+        begun = [
+            f"if (code >= 0) code = {prefix}_{name}_init(&{name}); /* {_BEGIN_NOTES[name]} */"
+            for name in function.inputs
+        ]
+        words = {"name": function.name, "passed": ", ".join(f"&{name}" for name in names)}
+        words |= {"owner": function.types[0], "begun": "\n".join(begun)}
+    return {"use_declared": "\n".join(declared), **{f"use_{key}": value for key, value in words.items()}}
 
 
 def _stateful(contents: Contents) -> str:

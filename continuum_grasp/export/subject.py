@@ -99,16 +99,6 @@ class Subject:
         """Longest step without a warning [s]."""
         return self.real.rounded(_floor(_ACCURATE * self.substeps / self.radius))
 
-    @property
-    def nx(self) -> int:
-        """Count of states."""
-        return self.model.nx
-
-    @property
-    def n(self) -> int:
-        """Count of bending coordinates."""
-        return self.model.n
-
     def function(self, name: str, inputs: str, **outputs: ca.SX) -> ca.Function:
         """A function of space-separated inputs of the equations: x, u, w, s, p."""
         names = inputs.split()

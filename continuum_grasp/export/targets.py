@@ -144,10 +144,10 @@ def _step_words(subject: Subject) -> dict[str, object]:
         "first_input": first.name,
         "first_state": state[0].name,
         "reach": real.literal(0.5 * state[0].high),
-        "nx": subject.nx,
+        "nx": subject.model.nx,
         "nu": subject.input.size,
         "ports": "1" if subject.forces is None else "2",
-        "most_port": max(subject.nx, subject.input.size, subject.model.nw),
+        "most_port": max(subject.model.nx, subject.input.size, subject.model.nw),
         "csv_head": "".join(f",{f.name} [{f.unit}]" for f in state),
         "csv_format": ",%.9g" * len(state),  # 9 digits say a float exactly
         "csv_values": "".join(f",\n           (double)state.{f.name}" for f in state),

@@ -87,23 +87,23 @@ def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
     rows = rng.uniform(low, high, (_DRAWN, len(fields)))
     first = 0 if subject.parameters is None else subject.parameters.size
     nominal, at_rest = np.array(subject.model.p_nominal), np.clip(np.zeros(len(fields)), low, high)
-    state = slice(first, first + subject.nx)
+    state = slice(first, first + subject.model.nx)
     sides = rows[5 : 5 + _SIDES]
-    bends = slice(first, first + subject.n)
-    sides[:, bends] = np.where(rng.integers(0, 2, (_SIDES, subject.n)) == 1, high[bends], low[bends])
+    bends = slice(first, first + subject.model.n)
+    sides[:, bends] = np.where(rng.integers(0, 2, (_SIDES, subject.model.n)) == 1, high[bends], low[bends])
     for k, bend in enumerate(_TINY):
         rows[k] = at_rest
-        rows[k, state][: subject.n] = bend
+        rows[k, state][: subject.model.n] = bend
         rows[k, -1] = high[-1] if not arguments[-1].is_struct else rows[k, -1]
     rows[: len(_TINY), :first] = nominal
     # Rates whose squares overflow: the function must refuse its own result.
-    rows[3, state][subject.n : 2 * subject.n] = 0.5 * subject.real.greatest
-    driven = slice(first + 2 * subject.n, first + subject.nx + subject.model.nu)
+    rows[3, state][subject.model.n : 2 * subject.model.n] = 0.5 * subject.real.greatest
+    driven = slice(first + 2 * subject.model.n, first + subject.model.nx + subject.model.nu)
     limits = np.array([f.high for f in fields])
     rows[4, driven] = np.minimum(_HARD * most, limits)[driven]
     if any(argument.drawn for argument in arguments):
         beyond = rows[5 + _SIDES : 5 + 2 * _SIDES]
-        beyond[:, state] *= rng.uniform(1.0, _DRAWN_BEYOND, (len(beyond), subject.nx))
+        beyond[:, state] *= rng.uniform(1.0, _DRAWN_BEYOND, (len(beyond), subject.model.nx))
     return rows
 
 

@@ -58,7 +58,7 @@ def dynamics(subject: Subject) -> Part:
 
 def statics(subject: Subject) -> Part:
     """Residual of equilibrium and its tangent stiffness."""
-    n, unit = subject.n, subject.model.structure.family.force_unit
+    n, unit = subject.model.n, subject.model.structure.family.force_unit
     balance = Struct(
         "balance",
         "Balance of the finger at rest: what is missing for equilibrium.",
@@ -68,7 +68,7 @@ def statics(subject: Subject) -> Part:
         ),
     )
     u, w, p = (subject.model.statics.sx_in(k) for k in range(1, 4))
-    x = ca.SX.sym("x", subject.nx)
+    x = ca.SX.sym("x", subject.model.nx)
     missing, stiffness = subject.model.statics(x[:n], u, w, p)
     both = ca.vertcat(missing, ca.vec(stiffness.T))
     kernel = Kernel(
@@ -88,7 +88,7 @@ def statics(subject: Subject) -> Part:
 
 def kinematics(subject: Subject) -> Part:
     """Position, angle and derivatives of the tip and of any section."""
-    eq, n = subject.equations, subject.n
+    eq, n = subject.equations, subject.model.n
     section = Struct(
         "section",
         "A section of the finger in the world.",
@@ -105,6 +105,10 @@ def kinematics(subject: Subject) -> Part:
     at_tip = ca.substitute(at_s, eq.s, ca.SX(sum(eq.lengths)))
     tip_kernel = Kernel("tip", subject.function("tip", "x u p", at=at_tip), "Section at the tip.")
     section_kernel = Kernel("section", subject.function("section", "x u s p", at=at_s), "Section at a position s.")
+    fields = () if subject.parameters is None else subject.parameters.fields
+    longest = sum(field.high for field in fields if field.name.startswith("element_lengths"))
+    length = max(longest, subject.model.finger.rod.length)  # of the longest finger that the parameters may make
+    position = Field("s", "m", "position along the finger", 0.0, length, length)
     acting, output = subject.acting(forces=False, drawn=True), Argument("section", section, "result")
     prefix, codes = subject.prefix, (Code.WARN_LEFT_RANGE,)
     beyond = f"check(u, input_low, input_high, {prefix.upper()}_NU) < 0 || {subject.left_range('x')}"
@@ -123,7 +127,7 @@ def kinematics(subject: Subject) -> Part:
         Call(
             "section_at",
             f"The section at a position s along the finger, from the base.{drawn}",
-            (*acting, Argument("s", _position(subject), "s")),
+            (*acting, Argument("s", position, "s")),
             output,
             f"  {section_kernel.call(prefix, x='x', u='u', s='&s', p='p', at='result')}\n{warning}",
             _drawing(subject, section_kernel),
@@ -132,13 +136,6 @@ def kinematics(subject: Subject) -> Part:
     )
     kernels = (tip_kernel, section_kernel, *subject.kernels)
     return Part("kinematics", kernels, calls)
-
-
-def _position(subject: Subject) -> Field:
-    fields = () if subject.parameters is None else subject.parameters.fields
-    longest = sum(field.high for field in fields if field.name.startswith("element_lengths"))
-    length = max(longest, subject.model.finger.rod.length)
-    return Field("s", "m", "position along the finger", 0.0, length, length)
 
 
 def _drawing(subject: Subject, kernel: Kernel) -> Reference:
