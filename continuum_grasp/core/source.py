@@ -18,22 +18,6 @@ from continuum_grasp.core.precision import single
 _PLACE = re.compile(r"<<(\w+)>>")
 _BLOCK = re.compile(r"<<if (\w+)>>(.*?)<<end>>", re.DOTALL)
 
-_DOUBLE_INPUTS = """
-      arg[1] = u; arg[2] = u + us; arg[3] = u + 2 * us;
-      arg[4] = w; arg[5] = w + ws; arg[6] = w + 2 * ws;
-      arg[7] = p; arg[8] = &h;"""
-_FLOAT_INPUTS = """
-      for (int a = 0; a < 3; ++a) {
-        for (int j = 0; j < <<nu>>; ++j) vu[a][j] = (float)u[a * us + j];
-        for (int j = 0; j < <<nw>>; ++j) vw[a][j] = (float)w[a * ws + j];
-        arg[1 + a] = vu[a]; arg[4 + a] = vw[a];
-      }
-      arg[7] = vp; arg[8] = &vh;"""
-_FLOAT_LOCALS = """
-  float vu[3][<<nu1>>], vw[3][<<nw1>>], vp[<<np1>>];
-  const float vh = (float)h;
-  for (int j = 0; j < <<np>>; ++j) vp[j] = (float)p[j];"""
-
 
 def filled(text: str, words: Mapping[str, object]) -> str:
     """Text with its words for ``<<word>>``, and ``<<if word>>...<<end>>`` left out where the word is false or empty."""
@@ -146,11 +130,9 @@ def rollout_source(step: ca.Function, real: str = "double") -> str:
     ``real`` from step to step. ``NAME_levels`` does the same with steps of several lengths: ``ratio`` times h, the
     longer ones stored at every ``every``-th instant only.
     """
-    code, words = generated(step.name(), step), _step_words(step)
-    inputs, before = _DOUBLE_INPUTS, ""
-    if real == "float":
-        code, inputs, before = single(code), filled(_FLOAT_INPUTS, words), filled(_FLOAT_LOCALS, words)
-    return f"{code}\n" + _fill("rollout.c", **words, real=real, inputs=inputs, before=before)
+    code = generated(step.name(), step)
+    words = {"real": real, "single": real == "float", "double": real == "double"}
+    return f"{single(code) if real == 'float' else code}\n" + _fill("rollout.c", **_step_words(step), **words)
 
 
 def rollouts_source(step: ca.Function, real: str = "double") -> str:

@@ -154,7 +154,7 @@ def export_c(
         measured=found,
         source=source.name,
         wasm=target == "wasm",
-        touching=source.touching,
+        touching=(source.configuration or {}).get("object") is not None,
     )
     values = manifest(
         contents,

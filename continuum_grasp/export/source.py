@@ -46,11 +46,6 @@ class Source:
     loop: ControlScene | None = None
     """The closed loop, where it is one."""
 
-    @property
-    def touching(self) -> bool:
-        """Whether the scene has an object, which is no part of the model."""
-        return self.configuration is not None and self.configuration.get("object") is not None
-
 
 def source_of(given: Given, real: Real) -> Source:
     """The model to export.

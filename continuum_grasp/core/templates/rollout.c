@@ -4,11 +4,23 @@ long long <<name>>_rollout(long long keep, long long sub, double h, const double
 {
   <<real>> x[<<nx>>], next[<<nx>>];
   const <<real>> *arg[<<sz_arg>>];
-  <<real>> *res[<<sz_res>>];<<before>>
+  <<real>> *res[<<sz_res>>];<<if single>>
+  float vu[3][<<nu1>>], vw[3][<<nw1>>], vp[<<np1>>];
+  const float vh = (float)h;
+  for (int j = 0; j < <<np>>; ++j) vp[j] = (float)p[j];<<end>>
   for (int j = 0; j < <<nx>>; ++j) X[j] = (double)(x[j] = (<<real>>)x0[j]);
   for (long long k = 0; k < keep; ++k) {
     for (long long i = 0; i < sub; ++i) {
-      arg[0] = x;<<inputs>>
+      arg[0] = x;<<if double>>
+      arg[1] = u; arg[2] = u + us; arg[3] = u + 2 * us;
+      arg[4] = w; arg[5] = w + ws; arg[6] = w + 2 * ws;
+      arg[7] = p; arg[8] = &h;<<end>><<if single>>
+      for (int a = 0; a < 3; ++a) {
+        for (int j = 0; j < <<nu>>; ++j) vu[a][j] = (float)u[a * us + j];
+        for (int j = 0; j < <<nw>>; ++j) vw[a][j] = (float)w[a * ws + j];
+        arg[1 + a] = vu[a]; arg[4 + a] = vw[a];
+      }
+      arg[7] = vp; arg[8] = &vh;<<end>>
       res[0] = next;
       if (<<name>>(arg, res, iw, (<<real>> *)work, 0)) return k;
       for (int j = 0; j < <<nx>>; ++j) x[j] = next[j];

@@ -88,32 +88,29 @@ class _Writer:
         return [*found, "supervisor.h", "controller.h"] if self.mpc else found
 
     def memory(self, words: dict[str, object]) -> str:
-        p = self.prefix
-        types = [self.renamed("\n".join(without_prototypes(template(name))[0] for name in self.headers()))]
-        if "estimator" in self.loop.parts:
-            types.append(f"typedef struct {{\n  {p}_ekf_state state;\n  uint32_t anomalies;\n}} {p}_estimator_memory;")
-        if self.mpc:
-            members = f"  {p}_loop_state state;\n  {p}_loop_output last;\n  int late;\n  {p}_real elapsed;\n"
-            types.append(f"typedef struct {{\n{members}}} {p}_controller_memory;")
-        return fill("control/memory.h", {**words, "dimensions": self.macros(), "types": "\n".join(types)})
+        types = self.renamed("\n".join(without_prototypes(template(name))[0] for name in self.headers()))
+        more = {
+            "dimensions": self.macros(),
+            "types": types,
+            "mpc": self.mpc,
+            "estimator": "estimator" in self.loop.parts,
+        }
+        return fill("control/memory.h", {**words, **more})
 
     # -- the source ---------------------------------------------------------------------------------------------------
 
     def adapters(self) -> str:
         loop, s, e = self.loop, self.loop.stages, self.loop.estimation
-        pairs: list[tuple[ca.Function, tuple[Kernel, ...]]] = []
-        if self.mpc:
-            pairs += [(f, loop.problem_kernels) for f in (s.step, s.cost, s.terminal)]
+        functions = [s.step, s.cost, s.terminal] if self.mpc else []
         if e is not None:
-            own = (e.step, e.outputs, e.parameters) if self.mpc else (e.step, e.outputs)
-            pairs += [(f, loop.estimator_kernels) for f in own]
-            if loop.periods:
-                pairs.append((e.flow, loop.estimator_kernels))
-        return "\n".join(self.adapter(function, kernels) for function, kernels in pairs)
+            functions += [e.step, e.outputs, *([e.parameters] if self.mpc else []), *([e.flow] if loop.periods else [])]
+        own = (*(loop.problem_kernels if self.mpc else ()), *loop.estimator_kernels)
+        kernels = {kernel.name: kernel for kernel in own}
+        return "\n".join(self.adapter(function, kernels.get(function.name())) for function in functions)
 
-    def adapter(self, function: ca.Function, kernels: tuple[Kernel, ...]) -> str:
+    def adapter(self, function: ca.Function, kernel: Kernel | None) -> str:
+        """CasADi's calling convention, as ``control/c`` has it, around a kernel; around nothing where there is none."""
         p, name = self.prefix, function.name()
-        kernel = next((k for k in kernels if k.name == name), None)
         further = "" if name in _STUBS else f", int *iw, {p}_real *w, int mem"
         call, unused = "", ["iw", "w", "mem"] if further else []
         if kernel is None:
