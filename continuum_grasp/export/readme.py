@@ -58,8 +58,10 @@ def readme(
         structs=structs,
         operations=operations,
         codes=_table(("code", "name", "meaning"), [(str(int(c)), c.name, c.text) for c in contents.codes]),
-        measured=_measured(measured),
-        error_note=_error_note(contents, errors),
+        measured=measured is not None,
+        unmeasured=measured is None,
+        **(_measured(measured) if measured is not None else {}),
+        **_rounding(contents, errors),
         **_usage(contents),
         loops="Loops have bounded counts." if stateful else "Loops have fixed counts.",
         calls=calls,
@@ -139,11 +141,10 @@ def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-def _error_note(contents: Contents, errors: Mapping[str, tuple[OutputError, ...]]) -> str:
-    """What is known of rounding."""
+def _rounding(contents: Contents, errors: Mapping[str, tuple[OutputError, ...]]) -> dict[str, object]:
+    """Words of what is known of rounding: bounds of functions of the model, differences seen of those with memory."""
     subject = contents.subject
-    if subject.real.name == "double":
-        return "They compute what the Python core computes, to the rounding of double precision."
+    single = subject.real.name == "float"
 
     def table(functions: Sequence[Call | Stateful], what: str) -> str:
         rows = [
@@ -153,48 +154,33 @@ def _error_note(contents: Contents, errors: Mapping[str, tuple[OutputError, ...]
         ]
         return _table(("function", "output", "unit", what, "greatest value"), rows)
 
-    texts = []
-    if contents.calls:
-        usual = ", ".join(
-            f"{field.name} {field.scale:.2g} {field.unit}"
-            for struct in (subject.state, subject.input, *([subject.forces] if subject.forces else []))
-            for field in struct.fields
-            if not (math.isfinite(field.low) and math.isfinite(field.high))
-        )
-        where = f" and, where there is no range, up to these sizes: {usual}" if usual else ""
-        texts.append(
-            "Rounding of single precision, per output: no result without WARN_LEFT_RANGE differs by more from double "
-            f"precision{where}. Each bound is twice the greatest difference of some ten thousand rows that cover the "
-            f"ranges and their corners.\n\n{table(contents.calls, 'error at most')}"
-        )
-    if contents.stateful:
-        texts.append(
-            "Of estimator and controller there is no bound: where rounding decides whether a measurement is left out, "
-            "or which bounds hold in a plan, results jump. The greatest differences from double precision over the "
-            f"usual rows of their vectors:\n\n{table(contents.stateful, 'difference')}"
-        )
-    return "\n\n".join(texts)
+    usual = ", ".join(
+        f"{field.name} {field.scale:.2g} {field.unit}"
+        for struct in (subject.state, subject.input, *([subject.forces] if subject.forces else []))
+        for field in struct.fields
+        if not (math.isfinite(field.low) and math.isfinite(field.high))
+    )
+    return {
+        "exact": not single,
+        "bounds": table(contents.calls, "error at most") if single and contents.calls else "",
+        "differences": table(contents.stateful, "difference") if single and contents.stateful else "",
+        "both_errors": single and contents.calls and contents.stateful,
+        "unbounded": f" and, where there is no range, up to these sizes: {usual}" if usual else "",
+    }
 
 
-def _measured(measured: Mapping[str, Any] | None) -> str:
-    if measured is None:
-        return (
-            "Not measured for this package. `sh examples/baremetal/run.sh` prints the size of the code and, per "
-            "function, the least, mean and most instructions over the test vectors and the bytes of stack; "
-            "`continuum-grasp export-c --measure` puts them here."
-        )
+def _measured(measured: Mapping[str, Any]) -> dict[str, object]:
+    """Words of what an emulated board counted."""
     rows = [
         (name, *(str(v[f"{which}_instructions"]) for which in ("least", "mean", "most")), str(v["stack_bytes"]))
         for name, v in measured["functions"].items()
     ]
-    table = _table(("function", "least instructions", "mean", "most", "stack [bytes]"), rows)
-    sizes = _table(
-        ("object", "code and constants [bytes]", "data", "bss"),
-        [(name, str(v["text"]), str(v["data"]), str(v["bss"])) for name, v in measured["sizes"].items()],
-    )
-    where = f"On an emulated {measured['core']} ({measured['compiler']}; {measured['emulator']})"
-    note = "Instructions are counted, not cycles: neither flash wait states nor caches are emulated."
-    return f"{where}, {measured['failures']} vectors failed:\n\n{table}\n\n{sizes}\n\n{note}"
+    sizes = [(name, str(v["text"]), str(v["data"]), str(v["bss"])) for name, v in measured["sizes"].items()]
+    return {
+        **{name: measured[name] for name in ("core", "compiler", "emulator", "failures")},
+        "instructions": _table(("function", "least instructions", "mean", "most", "stack [bytes]"), rows),
+        "sizes": _table(("object", "code and constants [bytes]", "data", "bss"), sizes),
+    }
 
 
 def _other(operations: Mapping[str, int]) -> str:
