@@ -93,7 +93,7 @@ def _is_left(build: Path) -> bool:
     if fcntl is None:
         return False
     with open(build / _LOCK, "rb") as file:  # a folder so young that it has none yet raises
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # raises while the process that builds there lives
     return True
 
 

@@ -151,10 +151,13 @@ def _machine() -> str:
     return "\n".join([platform.system(), platform.machine(), platform.processor(), *seen])
 
 
+# Generated C: a function ends with a brace in the first column, or is one short line.
 _END = re.compile(r"(?<=\n\}\n)")
 _HEAD = re.compile(r"^(static )?(?:inline )?(\w[\w ]*?[ *]\w+\([^;{}#]*\))\s*\{\n", re.MULTILINE)
 _SHORT_EXPORTED = re.compile(r"^(?!static )(\w[\w ]*?[ *]\w+\([^;{}#\n]*\)) *\{.*\}$", re.MULTILINE)
+# A static function of a unit of its own is called from the others, but still by nobody outside of the library.
 _HIDDEN = '__attribute__((visibility("hidden"))) '
+# Lines of CasADi's straight-line code: a variable of its work vector, its assignment, declarations, a result.
 _VARIABLE = re.compile(r"\ba\d+\b")
 _ASSIGNMENT = re.compile(r"  (a\d+)=(.*;)")
 _DECLARATION = re.compile(r"  casadi_real a\d+(, a\d+)*;")
@@ -184,6 +187,7 @@ def translation_units(source: str, limit: int) -> list[str]:
         before += _SHORT_EXPORTED.sub(r"\1;", lead)
         if piece.count("\n") <= limit:
             whole += piece
+            # Short static functions are defined anew in each unit, where the compiler can inline them.
             before += piece[head.start() :] if is_static else f"{signature};\n"
             continue
         declared = f"{_HIDDEN if is_static else ''}{signature}"

@@ -137,7 +137,7 @@ class Core(Remade):
         return self._compiler is not None
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        if name.startswith("_"):
+        if name.startswith("_"):  # copy and pickle ask for private names before there are any functions
             raise AttributeError(name)
         if name not in self._names:
             raise AttributeError(f"a core has no {name!r}; its functions are {', '.join(self._names)}")
@@ -331,7 +331,7 @@ class Core(Remade):
             if self.precision == "float":
                 raise _no_single_precision(f"compiling failed ({error})") from error
             _warn(f"compiling failed ({error})")
-            self._compiler = None
+            self._compiler = None  # what failed once would fail, and take its time, with every function
             return None
 
 
@@ -348,5 +348,5 @@ def _warn(why: str) -> None:
         warnings.warn(
             f"{why}: running on CasADi's virtual machine, which gives the same numbers 20 to 50 times slower",
             RuntimeWarning,
-            stacklevel=4,
+            stacklevel=4,  # the line of the user that made the core
         )

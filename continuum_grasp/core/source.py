@@ -82,6 +82,7 @@ def _names(function: ca.Function) -> dict[str, object]:
 
 def generated(name: str, *functions: ca.Function) -> str:
     """CasADi's C of functions, which are its symbols; ``name`` stands before those of its own help functions."""
+    # static_aux: CasADi's help functions are static, so that several generated sources link.
     options = {"with_header": False, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator(f"{name}.c", options)
     for function in functions:

@@ -65,6 +65,7 @@ def error_bounds(subject: Subject, narrow: Call, wide: Call, seed: int) -> tuple
     for k in range(_UNIFORM + _ENDS + _CLIMBS):
         rows = chunks[k] if k < len(chunks) else _around([row for held in best for _, row in held], low, high, rng)
         rows = rows.astype(subject.real.dtype)
+        # The rows themselves are in single precision: the error is that of the function, not of its inputs.
         off, size = _differences(narrow, wide, rows, arguments)
         greatest = np.maximum(greatest, size.max(axis=0))
         for j, held in enumerate(best):

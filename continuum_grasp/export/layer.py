@@ -170,6 +170,7 @@ def _kernels_source(contents: Contents) -> str:
     strict = c_source(set().union(*(kernel.calls for kernel in kernels)), real, prefix)
     texts = [kernel.c_source(prefix, real) for kernel in kernels]
     body = "\n".join([strict, *texts] if strict else texts)
+    # The mark of the header, by which CUDA compiles the kernels for the device.
     return contents.fill("kernels.c", body=body.replace("\nvoid ", f"\n{prefix.upper()}_API void "))
 
 

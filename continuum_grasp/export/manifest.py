@@ -75,6 +75,7 @@ def manifest(
         "codes": {code.name: {"value": int(code), "text": code.text} for code in contents.codes},
         "operations": {kernel.name: dict(sorted(kernel.operations.items())) for kernel in contents.kernels},
         "stability": {
+            # Rounded: the last digits of eigenvalues differ from one LAPACK to the next.
             "greatest_rate_1_per_s": float(f"{subject.radius:.6g}"),
             "substeps": subject.substeps,
             "longest_step_s": subject.longest_step,

@@ -114,7 +114,7 @@ def _given(name: str, pair: Sequence[float]) -> tuple[float, float]:
 def _usual(name: str, nominal: float, model: FingerModel) -> tuple[float, float]:
     if name == "base_angle":
         return -2.0 * math.pi, 2.0 * math.pi
-    if name.startswith("gravity"):
+    if name.startswith("gravity"):  # twice the earth's, either way
         return -max(20.0, 2.0 * abs(nominal)), max(20.0, 2.0 * abs(nominal))
     if name == "tendon_friction":
         return 0.0, max(0.5, _SPREAD * nominal)

@@ -176,7 +176,8 @@ def _floor(value: float) -> float:
 
 
 STABLE = 2.5
-"""Greatest product of step and spectral radius that is taken; the method is stable up to about 2.7."""
+"""Greatest product of step and spectral radius that is taken; the method is stable up to about 2.7, and the radius of
+shapes between those that are looked at may be some percent greater."""
 _ACCURATE = 1.0
 """The same up to which the motion is followed as well as it is resolved."""
 MOST_SUBSTEPS = 1000

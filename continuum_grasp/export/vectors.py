@@ -98,6 +98,7 @@ def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
     rows[: len(_TINY), :first] = nominal
     # Rates whose squares overflow: the function must refuse its own result.
     rows[3, state][subject.model.n : 2 * subject.model.n] = 0.5 * subject.real.greatest
+    # Moments and inputs that throw a matched tip out of its range, though each is in its own.
     driven = slice(first + 2 * subject.model.n, first + subject.model.nx + subject.model.nu)
     limits = np.array([f.high for f in fields])
     rows[4, driven] = np.minimum(_HARD * most, limits)[driven]
@@ -132,7 +133,7 @@ def bad_entries(real: Real, fields: Sequence[Field], row: int, first: int, code:
 
 def _beyond(real: Real, limit: float, side: float) -> float:
     """The next number beyond a limit; beyond zero the next that is normal, since fast flags drop those below."""
-    if limit == 0.0:
+    if limit == 0.0:  # -ffast-math flushes subnormal numbers to zero
         return side * real.least_normal
     return float(np.nextafter(real.dtype(limit), real.dtype(side * np.inf)))
 

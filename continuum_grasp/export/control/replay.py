@@ -152,6 +152,7 @@ class _Finger:
 def _spoilt(loop: Loop, y: Array, episode: int, k: int, rng: np.random.Generator) -> Array:
     """What arrives of a measurement: now and then an entry is missing or infinite, later on all are, or far off."""
     y = y.copy()
+    # Periods without a common divisor (here and of the calls below), so that faults meet in ever new combinations.
     patience = round(loop.stages.stages * loop.stages.stage / loop.period)
     if k % 17 == 9:
         y[rng.integers(len(y))] = np.nan
@@ -159,6 +160,7 @@ def _spoilt(loop: Loop, y: Array, episode: int, k: int, rng: np.random.Generator
         y[rng.integers(len(y))] = np.inf if k % 2 else -np.inf
     if episode and k % 19 == 13:
         at = rng.integers(len(y))
+        # An outlier: in its range, far from what the filter expects.
         y[at] += 0.4 * (loop.measurement.bounded[at][1] - y[at])
     # Blind for longer than a plan lasts, late enough for something to be known before.
     start = _EPISODE - 2 * patience - 4 if 2 * patience + 4 < _EPISODE else _EPISODE - 4

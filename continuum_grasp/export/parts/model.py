@@ -70,7 +70,7 @@ def statics(subject: Subject) -> Part:
     u, w, p = (subject.model.statics.sx_in(k) for k in range(1, 4))
     x = ca.SX.sym("x", subject.model.nx)
     missing, stiffness = subject.model.statics(x[:n], u, w, p)
-    both = ca.vertcat(missing, ca.vec(stiffness.T))
+    both = ca.vertcat(missing, ca.vec(stiffness.T))  # CasADi is column-major, arrays of C are row-major
     kernel = Kernel(
         "statics", ca.Function("statics", [x, u, w, p], [both], ["x", "u", "w", "p"], ["balance"]), "Statics."
     )
@@ -102,6 +102,7 @@ def kinematics(subject: Subject) -> Part:
     )
     arms = ca.horzcat(*[arm.column() for arm in eq.section_jacobian])
     at_s = ca.vertcat(eq.section_position.column(), eq.section_angle, ca.vec(arms.T))
+    # The tip is the section at the sum of the lengths, which may be run-time parameters.
     at_tip = ca.substitute(at_s, eq.s, ca.SX(sum(eq.lengths)))
     tip_kernel = Kernel("tip", subject.function("tip", "x u p", at=at_tip), "Section at the tip.")
     section_kernel = Kernel("section", subject.function("section", "x u s p", at=at_s), "Section at a position s.")
