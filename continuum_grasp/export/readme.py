@@ -67,7 +67,7 @@ def readme(
         calls=calls,
         replayed=not calls,
         mixed=calls and stateful,
-        modeled=not stateful,
+        independent=not stateful,
         stateful=_stateful(contents),
         step="step" in names,
         mpc="mpc" in names,
