@@ -53,6 +53,11 @@ class Rollouts:
                 library = ctypes.CDLL(str(library_for(rollout_source(step), compiler)))
         return cls(step, library, True)
 
+    @property
+    def compiled(self) -> bool:
+        """Whether the code is compiled."""
+        return self._code is not None
+
     def __call__(
         self, x0: Array, keep: int, sub: int, h: float, u: Signal, w: Signal, p: Array
     ) -> tuple[Array, NDArray[np.int64]]:

@@ -7,6 +7,7 @@
 #endif
 #define CG_LANES (CG_BYTES / (int)sizeof(cg_real))
 typedef cg_real cg_lanes __attribute__((vector_size(CG_BYTES)));
+/* A loop over the lanes of one vector, which compilers turn into vector instructions where there are any. */
 #define CG_EACH(name, call) \
   static inline cg_lanes name(cg_lanes a) { \
     for (int l = 0; l < CG_LANES; ++l) a[l] = call(a[l]); \

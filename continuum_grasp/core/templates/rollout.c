@@ -27,7 +27,7 @@ long long <<name>>_rollout(long long keep, long long sub, double h, const double
       u += 2 * us;
       w += 2 * ws;
     }
-    for (int j = 0; j < <<nx>>; ++j) if (!(x[j] - x[j] == 0)) return k;
+    for (int j = 0; j < <<nx>>; ++j) if (!(x[j] - x[j] == 0)) return k; /* NaN or infinite */
     for (int j = 0; j < <<nx>>; ++j) X[(k + 1) * <<nx>> + j] = (double)x[j];
   }
   return keep;
@@ -37,7 +37,7 @@ void <<name>>_levels(long long levels, const long long *ratio, long long every, 
     long long *iw, double *work, double *const *X, long long *valid)
 {
   for (long long l = 0; l < levels; ++l) {
-    const long long r = ratio[l], e = r == 1 ? 1 : every;
+    const long long r = ratio[l], e = r == 1 ? 1 : every; /* the finest level alone is stored at every state */
     valid[l] = <<name>>_rollout(keep / e, sub * e / r, h * (double)r, x0 + l * <<nx>>, u, us * r, w, ws * r, p,
         iw, work, X[l]);
   }

@@ -7,7 +7,7 @@ int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi)
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   memset(controller, 0, sizeof *controller);
   controller->abi = abi;
-  controller->memory.elapsed = -1;
+  controller->memory.elapsed = -1; /* unknown: the call rate is not judged */
   write_settings(settings_nominal, &controller->settings);<<if known>>
   write_known(known_nominal, &controller->known);<<end>>
   <<p>>_loop_start(&controller->memory.state, &loop_settings, first_state, first_command, <<known_nominal>>);
