@@ -155,7 +155,7 @@ def _machine() -> str:
 _END = re.compile(r"(?<=\n\}\n)")
 _HEAD = re.compile(r"^(static )?(?:inline )?(\w[\w ]*?[ *]\w+\([^;{}#]*\))\s*\{\n", re.MULTILINE)
 _SHORT_EXPORTED = re.compile(r"^(?!static )(\w[\w ]*?[ *]\w+\([^;{}#\n]*\)) *\{.*\}$", re.MULTILINE)
-# A static function of a unit of its own is called from the others, but still by nobody outside of the library.
+# A static function of a unit of its own is called from the others, and still not from outside of the library.
 _HIDDEN = '__attribute__((visibility("hidden"))) '
 # Lines of CasADi's straight-line code: a variable of its work vector, its assignment, declarations, a result.
 _VARIABLE = re.compile(r"\ba\d+\b")

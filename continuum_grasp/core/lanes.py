@@ -40,8 +40,8 @@ def lane_function(function: ca.Function, real: str = "double") -> str:
         f"  for (int k = 0; k < {function.nnz_out(i)}; ++k) out[{i}][k] = (cg_lanes){{0}};"
         for i in range(function.n_out())
     ]
-    # CasADi's instructions name work-vector places, which are used again: what a place holds changes on the way. Places
-    # in ``constants`` hold scalars, which C's vector arithmetic spreads over the lanes, but function calls do not.
+    # CasADi's instructions name places of a work vector, each of which holds what was written to it last. Those in
+    # ``constants`` hold scalars, which C's vector arithmetic spreads over the lanes, but function calls do not.
     values: dict[int, str] = {}
     constants: set[int] = set()
     for k in range(function.n_instructions()):

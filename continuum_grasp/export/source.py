@@ -154,7 +154,7 @@ def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
 
 
 def chosen(given: Sequence[str], known: Collection[str], kind: str, key: str) -> list[str]:
-    """Names of things of a kind, each known and given once, one at least; InputError otherwise."""
+    """Names of a kind, each known and given once, one at least; InputError otherwise."""
     names = list(given)
     for name in names:
         if name not in known:
