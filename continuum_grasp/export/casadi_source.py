@@ -95,6 +95,7 @@ def export_casadi(
 
 
 def _renamed(function: ca.Function, name: str) -> ca.Function:
+    # An SX function stays one: called with MX symbols its C would be a wrapper around another function.
     symbols: Any = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
     return ca.Function(name, symbols, function.call(symbols), function.name_in(), function.name_out())
 

@@ -88,6 +88,7 @@ class Kernel:
     def __init__(self, name: str, function: ca.Function, text: str) -> None:
         self.name, self.text = name, text
         symbols = function.sx_in()
+        # Structural zeros too are written: outputs are arrays and structs, of which C must fill every entry.
         dense = [ca.densify(value) for value in function.call(symbols)]
         self._function = f = ca.Function(name, symbols, dense, function.name_in(), function.name_out())
         self._operations = [f.instruction_id(k) for k in range(f.n_instructions())]
@@ -176,6 +177,7 @@ class Kernel:
             lines.append(f"  const {kind} a{k} = {text};")
             values[results[0]] = f"a{k}"
             constants.discard(results[0])
+        # All inputs are read before the first output is written, so that outputs may be the inputs themselves.
         inputs = [f"  const {kind} {name} = {f.name_in(i)}[{j}];" for (i, j), name in sorted(loads.items())]
         return ["{", *inputs, *lines, "}"]
 

@@ -167,6 +167,7 @@ def _internal_header(contents: Contents) -> str:
 
 def _kernels_source(contents: Contents) -> str:
     kernels, prefix, real = contents.kernels, contents.subject.prefix, contents.subject.real
+    # Copies of sin and the like are static in each file that calls them: no further symbols, and the compiler inlines.
     strict = c_source(set().union(*(kernel.calls for kernel in kernels)), real, prefix)
     texts = [kernel.c_source(prefix, real) for kernel in kernels]
     body = "\n".join([strict, *texts] if strict else texts)

@@ -127,6 +127,7 @@ def export_c(
     if source.loop is not None:
         subject = replace(subject, loop=Loop.of(source.loop, kind, [name for name in names if name in OF_LOOPS]))
     parts = [PARTS[name](subject) for name in names]
+    # The same in double: the truth for the errors of single precision.
     wide = [PARTS[name](replace(subject, real=REALS["double"])) for name in names]
     contents = _contents(subject, parts, source.title)
     errors: dict[str, tuple[OutputError, ...]] = {}

@@ -52,6 +52,7 @@ def state_fields(model: FingerModel, parameters: Sequence[Field]) -> tuple[Field
     """Entries of the state: bends within the declared range, rates of any size."""
     reach = _reach(model, parameters)
     stiffness = _greatest(parameters, "bending_stiffness", model.finger.rod.stiffness)
+    # E I / L times an angle is the moment that bends the whole rod by it.
     usual_moment = stiffness * max(model.ranges) / model.finger.rod.length
     found = []
     for k, field in enumerate(_fields(model, model.x_names)):
@@ -153,7 +154,7 @@ class TipRange:
         # The curvature is linear in state and input: its range is that of one number, or a half-space condition.
         acting = np.flatnonzero(slope)
         if len(acting) == 1 and not ca.depends_on(use, equations.p):
-            at = acting[0]
+            at = acting[0]  # -1 <= rest + slope x <= 1, solved for x
             low, high = sorted(((-1.0 - rest[0]) / slope[at], (1.0 - rest[0]) / slope[at]))
             return TipRange(limits={names[at]: (float(low), float(high))})
         function = ca.Function("tip_use", [equations.x, equations.u, equations.p], [use], ["x", "u", "p"], ["use"])

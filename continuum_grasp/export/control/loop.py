@@ -194,6 +194,7 @@ class Loop:
                 if member in _LIMITS:
                     low, high = float(s.u_min[k]), float(s.u_max[k])
                 elif member in _WEIGHTS:
+                    # A weight times a squared error is a number per second, or a number.
                     unit = f"1/{unit}2" if unit.isalpha() else f"1/({unit})2"
                 elif member in ("c_min", "c_max"):
                     low = -np.inf
