@@ -69,6 +69,7 @@ class Rollouts:
         valid = np.zeros(len(x0), dtype=np.int64)
         if self._code is None:
             for r, start in enumerate(x0):
+                # One signal for all rollouts, or one each.
                 own = u.rows[r % len(u.rows)], w.rows[r % len(w.rows)]
                 valid[r] = self._on_virtual_machine(states[r], start, keep, sub, h, *own, p)
             return states, valid

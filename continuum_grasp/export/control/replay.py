@@ -293,7 +293,7 @@ def _replayed(loop: Loop, vectors: Vectors, host: _Host) -> tuple[Array, Array]:
 
     Limits of the input, which rounding may have moved out of range, are those of the loop again.
     """
-    rows = vectors.inputs.astype(float)
+    rows = vectors.inputs.astype(float)  # the same numbers, so that the difference is that of the arithmetic
     for limit in (*loop.stages.u_min, *loop.stages.u_max):
         rows[vectors.inputs == vectors.inputs.dtype.type(limit)] = limit
     codes, outputs = zip(*(host.run(vectors.name, row, vectors.outputs.shape[1]) for row in rows), strict=True)
